@@ -1,0 +1,125 @@
+//! Ray-scene intersection behind one small trait, batched from the ground up.
+//!
+//! Two backends implement [`Intersect`]: Intel Embree 4 (feature `embree`) and a pure-Rust BVH.
+//! They are interchangeable at run time, so each cross-checks the other.
+
+use glam::Vec3;
+
+pub mod bvh;
+#[cfg(feature = "embree")]
+pub mod embree;
+
+/// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.
+///
+/// `direction` need not have unit length; distances are in units of its length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Ray {
+    /// Start point, scene units.
+    pub origin: Vec3,
+    /// Hits at or before this distance may be ignored.
+    pub t_near: f32,
+    /// Direction; any finite, nonzero length.
+    pub direction: Vec3,
+    /// Hits at or beyond this distance may be ignored.
+    pub t_far: f32,
+}
+
+impl Ray {
+    /// An unbounded ray from `origin`.
+    pub const fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, t_near: 0.0, direction, t_far: f32::INFINITY }
+    }
+
+    /// The open segment between two points, parametrized by `t` in (0, 1).
+    pub fn segment(from: Vec3, to: Vec3) -> Self {
+        Self { origin: from, t_near: 0.0, direction: to - from, t_far: 1.0 }
+    }
+}
+
+/// The closest intersection of a ray, or [`Hit::MISS`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Hit {
+    /// Distance in units of the ray direction's length; infinite for a miss.
+    pub t: f32,
+    /// Barycentric weight of the triangle's second vertex.
+    pub u: f32,
+    /// Barycentric weight of the triangle's third vertex.
+    pub v: f32,
+    /// Index of the mesh, in the order in which meshes were added; `u32::MAX` for a miss.
+    pub mesh: u32,
+    /// Index of the triangle within its mesh.
+    pub triangle: u32,
+}
+
+impl Hit {
+    /// What a ray that hits nothing returns.
+    pub const MISS: Self =
+        Self { t: f32::INFINITY, u: 0.0, v: 0.0, mesh: u32::MAX, triangle: u32::MAX };
+
+    /// Whether the ray hit nothing.
+    pub const fn is_miss(&self) -> bool {
+        self.mesh == u32::MAX
+    }
+}
+
+/// What the caller knows about neighboring rays of a batch; a hint that never changes results.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coherence {
+    /// Neighbors start close together and point the same way (camera rays, shadow rays to one point).
+    Coherent,
+    /// Neighbors are unrelated (diffuse bounces).
+    Incoherent,
+}
+
+/// Closest-hit and occlusion queries on an immutable set of triangle meshes.
+///
+/// Queries never fail and may run from any number of threads at once. Triangles are hit from both
+/// sides. The two edges of the open interval `(t_near, t_far)` are unspecified to within rounding.
+pub trait Intersect: Send + Sync {
+    /// Writes the closest hit of each ray, or [`Hit::MISS`], to the same place in `hits`.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence);
+
+    /// Writes for each ray whether anything lies in its interval.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence);
+
+    /// The closest hit of a single ray, or [`Hit::MISS`].
+    fn closest_hit(&self, ray: &Ray) -> Hit;
+
+    /// Whether anything lies in the interval of a single ray.
+    fn is_occluded(&self, ray: &Ray) -> bool;
+
+    /// What the backend says of itself, for `bdpm info`.
+    fn describe(&self) -> AccelInfo;
+}
+
+/// Facts about a built acceleration structure.
+#[derive(Clone, Debug)]
+pub struct AccelInfo {
+    /// Name of the backend, with its version and instruction set where it has them.
+    pub name: String,
+    /// Rays per packet of the batched queries; 1 if they loop over single rays.
+    pub packet_size: usize,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Bytes of the structure and its copy of the geometry.
+    pub bytes: usize,
+    /// Wall-clock time of the build.
+    pub build_time: std::time::Duration,
+}
+
+/// A triangle mesh as a backend sees it; the backend copies it.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleMesh<'a> {
+    /// Vertex positions, scene units.
+    pub positions: &'a [Vec3],
+    /// Three vertex indices per triangle.
+    pub triangles: &'a [[u32; 3]],
+}

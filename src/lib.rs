@@ -1,0 +1,3 @@
+//! Bidirectional photon mapping that knows its own noise.
+
+pub mod accel;
