@@ -1,0 +1,120 @@
+//! The one error type: what is wrong, where, and what to do about it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A problem that the user can act on. Shown as
+///
+/// ```text
+/// scenes/a.toml:7: unknown key `albdo`
+///   7 | albdo = 0.5
+/// help: use one of `albedo`, `emission`
+/// ```
+#[derive(Debug, thiserror::Error)]
+pub struct Error {
+    problem: String,
+    advice: String,
+    place: Option<Box<Place>>,
+    source: Option<Box<dyn std::error::Error + Send + Sync>>,
+}
+
+/// Where in a file a problem is.
+#[derive(Debug)]
+struct Place {
+    path: PathBuf,
+    /// One-based line number and the line's text.
+    line: Option<(usize, String)>,
+}
+
+impl Error {
+    /// A problem in one sentence without a full stop, and what to do about it.
+    pub fn new(problem: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self { problem: problem.into(), advice: advice.into(), place: None, source: None }
+    }
+
+    /// A failed operation on a file: `action` completes "cannot ...".
+    pub fn io(action: &str, path: &Path, source: std::io::Error) -> Self {
+        let advice = match source.kind() {
+            std::io::ErrorKind::NotFound => "check the path",
+            std::io::ErrorKind::PermissionDenied => "check the permissions",
+            std::io::ErrorKind::StorageFull => "free some disk space",
+            _ => "check the file and its folder",
+        };
+        Self {
+            problem: format!("cannot {action}: {source}"),
+            source: Some(Box::new(source)),
+            ..Self::new("", advice).at(path)
+        }
+    }
+
+    /// Names the file.
+    #[must_use]
+    pub fn at(mut self, path: impl Into<PathBuf>) -> Self {
+        self.place = Some(Box::new(Place { path: path.into(), line: None }));
+        self
+    }
+
+    /// Names the one-based line and shows its text; needs [`Self::at`] first.
+    #[must_use]
+    pub fn line(mut self, number: usize, text: impl Into<String>) -> Self {
+        if let Some(place) = &mut self.place {
+            place.line = Some((number, text.into()));
+        }
+        self
+    }
+
+    /// Names the line that holds the byte `offset` of `text`; needs [`Self::at`] first.
+    #[must_use]
+    pub fn at_offset(self, text: &str, offset: usize) -> Self {
+        let mut offset = offset.min(text.len());
+        while !text.is_char_boundary(offset) {
+            offset -= 1;
+        }
+        let number = text[..offset].matches('\n').count();
+        let line = text.lines().nth(number).unwrap_or_default();
+        self.line(number + 1, line.trim_end())
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(place) = &self.place {
+            write!(f, "{}", place.path.display())?;
+            if let Some((number, _)) = place.line {
+                write!(f, ":{number}")?;
+            }
+            write!(f, ": ")?;
+        }
+        write!(f, "{}", self.problem)?;
+        if let Some((number, text)) = self.place.as_ref().and_then(|place| place.line.as_ref()) {
+            // A minified file may be one long line: show its beginning only.
+            let shown: String = text.chars().take(120).collect();
+            write!(f, "\n  {number} | {shown}")?;
+        }
+        write!(f, "\nhelp: {}", self.advice)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_file_line_text_and_advice() {
+        let text = "a = 1\nalbdo = 0.5\r\nb = 2\n";
+        let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
+        let shown = error.at_offset(text, 8).to_string();
+        assert_eq!(shown, "x.toml:2: unknown key `albdo`\n  2 | albdo = 0.5\nhelp: use `albedo`");
+    }
+
+    #[test]
+    fn offsets_past_the_end_or_inside_a_character_are_harmless() {
+        for offset in 0..20 {
+            let shown = Error::new("p", "a").at("f").at_offset("é\né", offset).to_string();
+            assert!(shown.starts_with("f:"), "{shown}");
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Frames, sampling warps with their densities, and small vector helpers.
+
+use glam::Vec3;
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
+
+/// Linear Rec. 709 color: radiance, flux, albedo or throughput per channel.
+pub type Rgb = Vec3;
+
+/// Luminance Y of a linear Rec. 709 color; the scalar of all noise statistics.
+#[inline]
+pub fn luminance(color: Rgb) -> f32 {
+    0.2126 * color.x + 0.7152 * color.y + 0.0722 * color.z
+}
+
+/// An axis-aligned box; empty until a point is added.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The smallest box that also holds `point`.
+    #[must_use]
+    pub fn with(self, point: Vec3) -> Self {
+        Self { min: self.min.min(point), max: self.max.max(point) }
+    }
+
+    /// Longest side, scene units: the *scene size*; 0 for an empty box.
+    pub fn longest_side(&self) -> f32 {
+        (self.max - self.min).max_element().max(0.0)
+    }
+
+    /// Midpoint of the box.
+    pub fn center(&self) -> Vec3 {
+        0.5 * (self.min + self.max)
+    }
+}
+
+/// Uniform direction on the unit sphere; pdf in solid angle `1/(4 pi)`.
+#[inline]
+pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * u;
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    let (sin, cos) = (TAU * v).sin_cos();
+    Vec3::new(r * cos, r * sin, z)
+}
+
+/// Direction around the unit normal `n` with pdf in solid angle `cos(theta)/pi`.
+#[inline]
+pub fn cosine_hemisphere(n: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+    let (tangent, bitangent) = n.any_orthonormal_pair();
+    let r = u.sqrt();
+    let (sin, cos) = (TAU * v).sin_cos();
+    // 1 - u is exact for u in [0, 1) and never 0, so the direction never grazes the surface.
+    tangent * (r * cos) + bitangent * (r * sin) + n * (1.0 - u).sqrt()
+}
+
+/// Density of [`cosine_hemisphere`] in solid angle, 1/sr; 0 below the surface.
+#[inline]
+pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
+    cos_theta.max(0.0) * FRAC_1_PI
+}
+
+/// Barycentric weights of the second and third vertex, uniform over a triangle's area.
+#[inline]
+pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
+    let s = u.sqrt();
+    [s * (1.0 - v), s * v]
+}
+
+/// Area of the disc of the merge kernel, scene units squared.
+#[inline]
+pub fn disc_area(radius: f32) -> f32 {
+    PI * radius * radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, StreamKey};
+
+    const N: u64 = 400_000;
+
+    /// Mean of `f` over uniform pairs, with its standard error.
+    fn mean(f: impl Fn([f32; 2]) -> f64) -> (f64, f64) {
+        let mut rng = StreamKey::new(7, Stream::Test, 0).rng(0);
+        let (mut sum, mut square) = (0.0, 0.0);
+        for _ in 0..N {
+            let x = f(rng.next_2d());
+            sum += x;
+            square += x * x;
+        }
+        let n = N as f64;
+        (sum / n, ((square / n - (sum / n).powi(2)) / n).sqrt())
+    }
+
+    #[track_caller]
+    fn assert_close((mean, error): (f64, f64), expected: f64) {
+        assert!((mean - expected).abs() < 4.0 * error + 1e-7, "{mean} +- {error}, not {expected}");
+    }
+
+    #[test]
+    fn sphere_moments() {
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+            assert_close(mean(|u| f64::from(uniform_sphere(u).dot(axis))), 0.0);
+            assert_close(mean(|u| f64::from(uniform_sphere(u).dot(axis)).powi(2)), 1.0 / 3.0);
+        }
+    }
+
+    #[test]
+    fn cosine_hemisphere_moments_match_its_pdf() {
+        for n in [Vec3::X, -Vec3::Z, Vec3::new(0.6, 0.0, -0.8), Vec3::ONE.normalize()] {
+            let cos = |u| f64::from(cosine_hemisphere(n, u).dot(n));
+            assert_close(mean(cos), 2.0 / 3.0);
+            assert_close(mean(|u| cos(u).powi(2)), 0.5);
+            let side = n.any_orthonormal_vector();
+            assert_close(mean(|u| f64::from(cosine_hemisphere(n, u).dot(side))), 0.0);
+            // The mean of 1/pdf over directions is the solid angle where the pdf is positive; its
+            // variance is infinite at the horizon, so stop at cos = 0.1, which leaves 2 pi 0.9.
+            let inverse = |u| {
+                let c = cos(u);
+                if c < 0.1 { 0.0 } else { 1.0 / f64::from(cosine_hemisphere_pdf_w(c as f32)) }
+            };
+            assert_close(mean(inverse), 0.9 * std::f64::consts::TAU);
+        }
+    }
+
+    #[test]
+    fn triangle_moments() {
+        assert_close(mean(|u| f64::from(uniform_triangle(u)[0])), 1.0 / 3.0);
+        assert_close(mean(|u| f64::from(uniform_triangle(u)[1])), 1.0 / 3.0);
+        let product = mean(|u| f64::from(uniform_triangle(u)[0] * uniform_triangle(u)[1]));
+        assert_close(product, 1.0 / 12.0);
+    }
+
+    #[test]
+    fn extreme_random_numbers_give_unit_vectors() {
+        let largest = 1.0 - f32::EPSILON / 2.0;
+        for u in [0.0, largest, 0.5] {
+            for v in [0.0, largest, 0.5] {
+                assert!((uniform_sphere([u, v]).length() - 1.0).abs() < 1e-6);
+                let d = cosine_hemisphere(Vec3::Y, [u, v]);
+                assert!((d.length() - 1.0).abs() < 1e-6 && d.y > 0.0);
+            }
+        }
+    }
+}

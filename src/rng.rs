@@ -1,0 +1,124 @@
+//! Keyed random streams: path `index` of `iteration` draws the same numbers on any thread.
+
+use rand_core::{Rng as _, SeedableRng};
+use rand_xoshiro::Xoshiro128PlusPlus;
+
+/// Which part of the renderer draws; streams of different parts never coincide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// One stream per light path, indexed by its id.
+    LightPath = 1,
+    /// One stream per camera path, indexed by [`camera_path_index`].
+    CameraPath = 2,
+    /// For tests and benches.
+    Test = 3,
+}
+
+/// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].
+#[inline]
+pub fn camera_path_index(pixel: u32, path: u32) -> u64 {
+    u64::from(pixel) << 32 | u64::from(path)
+}
+
+/// The streams of one part of the renderer in one iteration.
+#[derive(Clone, Copy, Debug)]
+pub struct StreamKey(u64);
+
+impl StreamKey {
+    /// The key of `(seed, stream, iteration)`.
+    pub fn new(seed: u64, stream: Stream, iteration: u64) -> Self {
+        let key = mix(seed.wrapping_add(GOLDEN));
+        let key = mix(key ^ (stream as u64).wrapping_mul(GOLDEN));
+        Self(mix(key ^ iteration.wrapping_mul(GOLDEN)))
+    }
+
+    /// The stream of path `index`.
+    #[inline]
+    pub fn rng(self, index: u64) -> Rng {
+        // For one key, index -> a is a bijection: no two paths share a state.
+        let a = mix(self.0.wrapping_add(index.wrapping_mul(GOLDEN)));
+        let b = mix(a ^ self.0.rotate_left(32));
+        let mut state = [0; 16];
+        state[..8].copy_from_slice(&a.to_le_bytes());
+        state[8..].copy_from_slice(&b.to_le_bytes());
+        Rng(Xoshiro128PlusPlus::from_seed(state))
+    }
+}
+
+/// The random numbers of one path: 16 bytes of state.
+#[derive(Clone, Debug)]
+pub struct Rng(Xoshiro128PlusPlus);
+
+impl Rng {
+    /// Uniform in [0, 1), a multiple of 2^-24.
+    #[inline]
+    pub fn next_1d(&mut self) -> f32 {
+        (self.0.next_u32() >> 8) as f32 * (1.0 / (1 << 24) as f32)
+    }
+
+    /// Two independent uniform numbers in [0, 1).
+    #[inline]
+    pub fn next_2d(&mut self) -> [f32; 2] {
+        [self.next_1d(), self.next_1d()]
+    }
+}
+
+/// 2^64 divided by the golden ratio, odd: spreads consecutive integers over all bits.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A bijection on 64 bits in which each input bit flips each output bit with probability near 1/2
+/// (the finalizer of SplitMix64: Steele, Lea, Flood 2014; constants by Stafford).
+#[inline]
+fn mix(mut x: u64) -> u64 {
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_key_gives_the_same_numbers_and_another_key_others() {
+        let draw = |seed, stream, iteration, index| {
+            let mut rng = StreamKey::new(seed, stream, iteration).rng(index);
+            [rng.next_2d(), rng.next_2d()]
+        };
+        let base = draw(1, Stream::LightPath, 2, 3);
+        assert_eq!(base, draw(1, Stream::LightPath, 2, 3));
+        assert_ne!(base, draw(2, Stream::LightPath, 2, 3));
+        assert_ne!(base, draw(1, Stream::CameraPath, 2, 3));
+        assert_ne!(base, draw(1, Stream::LightPath, 3, 3));
+        assert_ne!(base, draw(1, Stream::LightPath, 2, 4));
+    }
+
+    #[test]
+    fn neighboring_streams_are_uniform_and_uncorrelated() {
+        // First draws over (index, iteration), and their products between neighbors in each.
+        let n = 1000;
+        let first = |iteration: u64, index: u64| {
+            f64::from(StreamKey::new(0, Stream::CameraPath, iteration).rng(index).next_1d()) - 0.5
+        };
+        let (mut mean, mut by_index, mut by_iteration) = (0.0, 0.0, 0.0);
+        for iteration in 0..n {
+            for index in 0..n {
+                let x = first(iteration, index);
+                mean += x;
+                by_index += x * first(iteration, index + 1);
+                by_iteration += x * first(iteration + 1, index);
+            }
+        }
+        // Standard deviation of the sum of n^2 uniform deviates (1/12), of their products (1/144).
+        let count = (n * n) as f64;
+        assert!(mean.abs() < 4.0 * (count / 12.0).sqrt(), "{mean}");
+        assert!(by_index.abs() < 4.0 * (count / 144.0).sqrt(), "{by_index}");
+        assert!(by_iteration.abs() < 4.0 * (count / 144.0).sqrt(), "{by_iteration}");
+    }
+
+    #[test]
+    fn numbers_stay_below_one() {
+        let mut rng = StreamKey::new(0, Stream::Test, 0).rng(0);
+        assert!((0..1_000_000).map(|_| rng.next_1d()).all(|x| (0.0..1.0).contains(&x)));
+    }
+}

@@ -1,0 +1,175 @@
+//! A scene: meshes, materials, lights and a camera, immutable once built.
+
+pub mod camera;
+pub mod light;
+pub mod material;
+
+pub use camera::{Camera, FieldOfView, View};
+pub use light::{Emission, Emitter, LightSample, Lights};
+pub use material::{Bsdf, BsdfSample, Material};
+
+use crate::accel::{Hit, TriangleMesh};
+use crate::math::Bounds;
+use glam::Vec3;
+
+/// A triangle mesh of one material, in world space.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Name as in its file.
+    pub name: String,
+    /// Vertex positions, scene units.
+    pub positions: Vec<Vec3>,
+    /// Three vertex indices per triangle, counterclockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+impl Mesh {
+    /// The geometry alone.
+    pub fn as_triangles(&self) -> TriangleMesh<'_> {
+        TriangleMesh { positions: &self.positions, triangles: &self.triangles }
+    }
+}
+
+/// A triangle as shading needs it: one cache line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(64))]
+pub struct Triangle {
+    /// First vertex.
+    pub origin: Vec3,
+    /// From the first vertex to the second.
+    pub edge1: Vec3,
+    /// From the first vertex to the third.
+    pub edge2: Vec3,
+    /// Unit normal of the front side.
+    pub normal: Vec3,
+    /// Distance off the surface at which rays start, past the rounding of points on it.
+    pub offset: f32,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+impl Triangle {
+    fn new([a, b, c]: [Vec3; 3], material: u32) -> Self {
+        let (edge1, edge2) = (b - a, c - a);
+        let normal = edge1.as_dvec3().cross(edge2.as_dvec3()).normalize_or_zero().as_vec3();
+        // An interpolated point is off its plane by a few units in the last place of the largest
+        // vertex coordinate.
+        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
+        let offset = largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+        Self { origin: a, edge1, edge2, normal, offset, material }
+    }
+
+    /// Area, scene units squared.
+    pub fn area(&self) -> f32 {
+        0.5 * self.edge1.cross(self.edge2).length()
+    }
+
+    /// The point with barycentric weights `u`, `v` of the second and third vertex.
+    #[inline]
+    pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
+        self.origin + u * self.edge1 + v * self.edge2
+    }
+}
+
+/// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
+/// image's width and height, origin top left, so that it survives another resolution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Name on the command line.
+    pub name: String,
+    /// `[x0, y0, x1, y1]` each.
+    pub rectangles: Vec<[f64; 4]>,
+}
+
+impl Region {
+    /// Whether the center of pixel `(x, y)` lies in it.
+    pub fn contains(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
+        let u = (f64::from(x) + 0.5) / f64::from(width);
+        let v = (f64::from(y) + 0.5) / f64::from(height);
+        self.rectangles.iter().any(|&[x0, y0, x1, y1]| x0 <= u && u < x1 && y0 <= v && v < y1)
+    }
+}
+
+/// Everything that light meets.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name of the scene file or folder.
+    pub name: String,
+    /// All meshes; their order is the mesh index of [`Hit`].
+    pub meshes: Vec<Mesh>,
+    /// All materials.
+    pub materials: Vec<Material>,
+    /// Point lights and emissive triangles.
+    pub lights: Lights,
+    /// Where the image is taken from.
+    pub camera: Camera,
+    /// Named parts of the image.
+    pub regions: Vec<Region>,
+    /// Box around all meshes.
+    pub bounds: Bounds,
+    /// All triangles, mesh after mesh.
+    triangles: Vec<Triangle>,
+    /// Index in `triangles` of each mesh's first.
+    first_triangle: Vec<u32>,
+}
+
+impl Scene {
+    /// Puts a scene together; `point_lights` come on top of the emissive triangles.
+    ///
+    /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
+    /// zero area, fewer than 2^32 triangles in all ([`load`](crate::scene) sees to it).
+    pub fn new(
+        name: String,
+        meshes: Vec<Mesh>,
+        materials: Vec<Material>,
+        point_lights: Vec<Emitter>,
+        camera: Camera,
+        regions: Vec<Region>,
+    ) -> Self {
+        let mut bounds = Bounds::EMPTY;
+        let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());
+        let mut first_triangle = Vec::with_capacity(meshes.len());
+        let mut emitters = point_lights;
+        for mesh in &meshes {
+            first_triangle.push(triangles.len() as u32);
+            let radiance = materials[mesh.material as usize].emission;
+            for corners in &mesh.triangles {
+                let corners = corners.map(|index| mesh.positions[index as usize]);
+                bounds = corners.into_iter().fold(bounds, Bounds::with);
+                let shape = Triangle::new(corners, mesh.material);
+                if radiance.max_element() > 0.0 {
+                    emitters.push(Emitter::Triangle { shape, radiance });
+                }
+                triangles.push(shape);
+            }
+        }
+        let lights = Lights::new(emitters);
+        Self { name, meshes, materials, lights, camera, regions, bounds, triangles, first_triangle }
+    }
+
+    /// The meshes as an intersection backend takes them.
+    pub fn triangle_meshes(&self) -> Vec<TriangleMesh<'_>> {
+        self.meshes.iter().map(Mesh::as_triangles).collect()
+    }
+
+    /// Number of triangles.
+    pub fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// Longest side of the bounding box, scene units.
+    pub fn size(&self) -> f32 {
+        self.bounds.longest_side()
+    }
+
+    /// The triangle of a hit.
+    ///
+    /// # Panics
+    /// If the ray missed.
+    #[inline]
+    pub fn triangle(&self, hit: &Hit) -> &Triangle {
+        &self.triangles[(self.first_triangle[hit.mesh as usize] + hit.triangle) as usize]
+    }
+}
