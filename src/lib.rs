@@ -1,12 +1,20 @@
 //! Bidirectional photon mapping that knows its own noise.
 
 pub mod accel;
+pub mod camera_paths;
 pub mod error;
+pub mod film;
+pub mod light_paths;
 pub mod math;
+pub mod merge;
+pub mod photon_map;
+mod pool;
+pub mod render;
 pub mod rng;
 pub mod scene;
 pub mod settings;
 
 pub use error::{Error, Result};
+pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

@@ -66,6 +66,12 @@ impl Triangle {
         0.5 * self.edge1.cross(self.edge2).length()
     }
 
+    /// The unit normal on the side that `direction` points to.
+    #[inline]
+    pub fn normal_toward(&self, direction: Vec3) -> Vec3 {
+        if self.normal.dot(direction) < 0.0 { -self.normal } else { self.normal }
+    }
+
     /// The point with barycentric weights `u`, `v` of the second and third vertex.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {

@@ -1,0 +1,195 @@
+//! The image so far: sums per pixel over iterations, stored tile by tile.
+
+use crate::math::Rgb;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Side of a tile, pixels.
+const TILE: u32 = 16;
+
+/// A rectangle of pixels that one thread works on at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Tile {
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Tile {
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        (self.width * self.height) as usize
+    }
+
+    /// Never: tiles hold at least one pixel.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Column and row in the image of the tile's pixel `index`.
+    #[inline]
+    pub fn pixel(&self, index: u32) -> (u32, u32) {
+        (self.x + index % self.width, self.y + index / self.width)
+    }
+}
+
+/// Sums over iterations of a pixel's value `L_iter`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PixelSums {
+    /// Sum of `L_iter`, W/(m^2 sr).
+    pub radiance: DVec3,
+    /// Sum of the square of its luminance.
+    pub luminance2: f64,
+}
+
+impl PixelSums {
+    /// Adds an iteration's value.
+    #[inline]
+    pub fn add(&mut self, radiance: DVec3) {
+        self.radiance += radiance;
+        self.luminance2 += luminance(radiance).powi(2);
+    }
+}
+
+/// Luminance Y in f64.
+#[inline]
+pub fn luminance(radiance: DVec3) -> f64 {
+    radiance.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// Per-pixel sums of a whole image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Film {
+    width: u32,
+    height: u32,
+    /// Tile after tile, rows within a tile.
+    sums: Vec<PixelSums>,
+    /// Iterations added.
+    pub iterations: u64,
+}
+
+impl Film {
+    /// A black image.
+    pub fn new(width: u32, height: u32) -> Self {
+        let pixels = width as usize * height as usize;
+        Self { width, height, sums: vec![PixelSums::default(); pixels], iterations: 0 }
+    }
+
+    /// Width and height, pixels.
+    pub fn resolution(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Whether the sums fit the resolution (they may come from a file).
+    pub fn is_consistent(&self) -> bool {
+        self.sums.len() == self.width as usize * self.height as usize
+    }
+
+    /// All tiles, row by row.
+    pub fn tiles(&self) -> impl Iterator<Item = Tile> + use<> {
+        let (image_width, image_height) = (self.width, self.height);
+        (0..image_height).step_by(TILE as usize).flat_map(move |y| {
+            (0..image_width).step_by(TILE as usize).map(move |x| {
+                let (width, height) = (TILE.min(image_width - x), TILE.min(image_height - y));
+                Tile { x, y, width, height }
+            })
+        })
+    }
+
+    /// All tiles with their pixels' sums.
+    pub fn tiles_mut(&mut self) -> Vec<(Tile, &mut [PixelSums])> {
+        let tiles = self.tiles();
+        let mut rest = &mut self.sums[..];
+        tiles
+            .map(|tile| {
+                let (sums, others) = std::mem::take(&mut rest).split_at_mut(tile.len());
+                rest = others;
+                (tile, sums)
+            })
+            .collect()
+    }
+
+    /// Calls `visit` with the column, row and sums of every pixel.
+    pub fn for_each_pixel(&self, mut visit: impl FnMut(u32, u32, &PixelSums)) {
+        let mut sums = self.sums.iter();
+        for tile in self.tiles() {
+            for index in 0..tile.len() as u32 {
+                let (x, y) = tile.pixel(index);
+                visit(x, y, sums.next().expect("tiles cover the image"));
+            }
+        }
+    }
+
+    /// The mean over iterations, row by row; black before the first.
+    pub fn mean(&self) -> Vec<Rgb> {
+        let mut image = vec![Rgb::ZERO; self.sums.len()];
+        let scale = 1.0 / self.iterations.max(1) as f64;
+        self.for_each_pixel(|x, y, sums| {
+            image[(y * self.width + x) as usize] = (sums.radiance * scale).as_vec3();
+        });
+        image
+    }
+
+    /// Mean luminance of the image, W/(m^2 sr).
+    pub fn mean_luminance(&self) -> f64 {
+        let sum: f64 = self.sums.iter().map(|sums| luminance(sums.radiance)).sum();
+        sum / (self.iterations.max(1) as f64 * self.sums.len() as f64)
+    }
+
+    /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`
+    /// before the second iteration.
+    pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
+        let n = self.iterations as f64;
+        (self.iterations >= 2).then(|| {
+            let mut variance = vec![0.0; self.sums.len()];
+            self.for_each_pixel(|x, y, sums| {
+                let mean = luminance(sums.radiance) / n;
+                let within = (sums.luminance2 / n - mean * mean).max(0.0);
+                variance[(y * self.width + x) as usize] = within / (n - 1.0);
+            });
+            variance
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_every_pixel_once() {
+        for (width, height) in [(1, 1), (16, 16), (17, 15), (100, 37)] {
+            let mut film = Film::new(width, height);
+            let mut seen = vec![0; (width * height) as usize];
+            for (tile, sums) in film.tiles_mut() {
+                assert_eq!(tile.len(), sums.len());
+                for index in 0..tile.len() as u32 {
+                    let (x, y) = tile.pixel(index);
+                    seen[(y * width + x) as usize] += 1;
+                    sums[index as usize].add(DVec3::new(f64::from(x), f64::from(y), 0.0));
+                }
+            }
+            assert!(seen.iter().all(|&count| count == 1), "{width}x{height}");
+            film.iterations = 1;
+            for (i, value) in film.mean().iter().enumerate() {
+                let (x, y) = (i as u32 % width, i as u32 / width);
+                assert_eq!(*value, Rgb::new(x as f32, y as f32, 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn variance_of_the_mean_is_the_textbook_one() {
+        let mut film = Film::new(1, 1);
+        assert!(film.variance_of_mean().is_none());
+        for value in [1.0, 2.0, 4.0, 7.0] {
+            film.tiles_mut()[0].1[0].add(DVec3::splat(value));
+            film.iterations += 1;
+        }
+        // Sample variance (6.25 + 2.25 + 0.25 + 12.25) / 3 = 7, over 4 iterations.
+        let variance = film.variance_of_mean().unwrap()[0];
+        assert!((variance - 7.0 / 4.0).abs() < 1e-12, "{variance}");
+        assert!((film.mean_luminance() - 3.5).abs() < 1e-12);
+    }
+}

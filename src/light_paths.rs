@@ -1,0 +1,251 @@
+//! Light phase: traces light paths breadth-first and stores their photons in path order.
+
+use crate::accel::{Coherence, Hit, Intersect, Ray};
+use crate::math::Rgb;
+use crate::rng::{Rng, Stream, StreamKey};
+use crate::scene::Scene;
+use crate::settings::{Direct, Roulette, Settings};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+
+/// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
+/// to fill ray packets, few enough for a batch to stay in the second-level cache.
+const BATCH: u32 = 1024;
+
+/// With [`Roulette::Weight`], paths whose weight fell below this share play roulette.
+const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
+
+/// Largest survival probability: paths end even between perfectly white walls.
+const MAX_SURVIVAL: f32 = 0.995;
+
+/// A light path's arrival at a surface: 32 bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Photon {
+    /// Where it arrived, scene units.
+    pub position: Vec3,
+    /// Id of its light path, `0..N_F`.
+    pub path: u32,
+    /// Flux it carries, W: its share of the light is `flux / N_F`.
+    pub flux: Rgb,
+    /// Surface normal on the side it arrived from, each coordinate in 1/127.
+    normal: [i8; 3],
+    class: PhotonClass,
+}
+
+/// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum PhotonClass {
+    /// No diffuse bounce since the light: merged at every vertex `1..=k`.
+    EveryVertex,
+    /// At least one diffuse bounce: merged at vertex `k` only.
+    LastVertex,
+}
+
+impl Photon {
+    /// `normal` is the unit normal on the side of arrival.
+    pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
+        let normal = (normal * 127.0).round();
+        let normal = [normal.x as i8, normal.y as i8, normal.z as i8];
+        Self { position, path, flux, normal, class }
+    }
+
+    /// Whether it arrived on the side of a surface that `normal` points to: a positive dot product
+    /// of the two normals.
+    #[inline]
+    pub fn faces(&self, normal: Vec3) -> bool {
+        let [x, y, z] = self.normal.map(f32::from);
+        Vec3::new(x, y, z).dot(normal) > 0.0
+    }
+
+    /// Where it is merged.
+    #[inline]
+    pub fn class(&self) -> PhotonClass {
+        self.class
+    }
+}
+
+/// The photons of one iteration; buffers are reused by the next.
+#[derive(Debug, Default)]
+pub struct LightPaths {
+    batches: Vec<Batch>,
+}
+
+impl LightPaths {
+    /// Traces `settings.light_paths` paths of `iteration`.
+    ///
+    /// # Panics
+    /// If the scene has no lights.
+    pub fn trace(
+        &mut self,
+        scene: &Scene,
+        accel: &dyn Intersect,
+        settings: &Settings,
+        iteration: u64,
+    ) {
+        let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
+        let count = settings.light_paths.div_ceil(BATCH);
+        self.batches.resize_with(count as usize, Batch::default);
+        self.batches.par_iter_mut().zip(0..count).for_each(|(batch, index)| {
+            let first = index * BATCH;
+            let last = settings.light_paths.min(first + BATCH);
+            batch.trace(scene, accel, settings, key, first..last);
+        });
+    }
+
+    /// All photons: slices in path order, photons of a path in the order of its vertices.
+    pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
+        self.batches.iter().map(|batch| &batch.photons[..])
+    }
+
+    /// Number of photons.
+    pub fn len(&self) -> usize {
+        self.photons().map(<[_]>::len).sum()
+    }
+
+    /// Whether no path left a photon.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Time that all threads together spent on tracing.
+    pub fn busy_time(&self) -> Duration {
+        self.batches.iter().map(|batch| batch.busy).sum()
+    }
+
+    /// Number of rays traced.
+    pub fn rays(&self) -> u64 {
+        self.batches.iter().map(|batch| batch.rays).sum()
+    }
+}
+
+/// A path under way.
+#[derive(Clone, Debug)]
+struct Walk {
+    rng: Rng,
+    flux: Rgb,
+    /// Reciprocal of the largest channel of the emitted flux.
+    inverse_emitted: f32,
+    path: u32,
+    class: Option<PhotonClass>,
+}
+
+/// Consecutive paths that are traced together.
+#[derive(Debug, Default)]
+struct Batch {
+    /// The result, in path order.
+    photons: Vec<Photon>,
+    /// Photons as they arrive, bounce by bounce.
+    arrivals: Vec<Photon>,
+    rays_in_flight: Vec<Ray>,
+    walks: Vec<Walk>,
+    hits: Vec<Hit>,
+    rays: u64,
+    busy: Duration,
+}
+
+impl Batch {
+    fn trace(
+        &mut self,
+        scene: &Scene,
+        accel: &dyn Intersect,
+        settings: &Settings,
+        key: StreamKey,
+        paths: std::ops::Range<u32>,
+    ) {
+        let start = Instant::now();
+        self.emit(scene, settings, key, paths.clone());
+        while !self.walks.is_empty() {
+            self.rays += self.walks.len() as u64;
+            self.hits.resize(self.walks.len(), Hit::MISS);
+            accel.closest_hits(&self.rays_in_flight, &mut self.hits, Coherence::Incoherent);
+            self.bounce(scene, settings.light_roulette);
+        }
+        self.sort_by_path(paths);
+        self.busy = start.elapsed();
+    }
+
+    fn emit(
+        &mut self,
+        scene: &Scene,
+        settings: &Settings,
+        key: StreamKey,
+        paths: std::ops::Range<u32>,
+    ) {
+        self.rays = 0;
+        self.arrivals.clear();
+        self.rays_in_flight.clear();
+        self.walks.clear();
+        // Photons straight from a light are replaced by connections, or merged at every vertex.
+        let class = match settings.direct {
+            Direct::Connect => None,
+            Direct::PhotonMap => Some(PhotonClass::EveryVertex),
+        };
+        for path in paths {
+            let mut rng = key.rng(u64::from(path));
+            let emission = scene.lights.emit(&mut rng);
+            let flux = emission.flux;
+            let inverse_emitted = flux.max_element().recip();
+            self.rays_in_flight.push(Ray::new(emission.origin, emission.direction));
+            self.walks.push(Walk { rng, flux, inverse_emitted, path, class });
+        }
+    }
+
+    /// Stores a photon at each hit and scatters the path; paths that end are squeezed out.
+    fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
+        let mut alive = 0;
+        for i in 0..self.walks.len() {
+            let hit = self.hits[i];
+            if hit.is_miss() {
+                continue;
+            }
+            let mut walk = self.walks[i].clone();
+            let triangle = scene.triangle(&hit);
+            let position = triangle.point([hit.u, hit.v]);
+            let normal = triangle.normal_toward(-self.rays_in_flight[i].direction);
+            if let Some(class) = walk.class {
+                self.arrivals.push(Photon::new(position, walk.path, walk.flux, normal, class));
+            }
+            walk.class = Some(PhotonClass::LastVertex);
+            let bsdf = &scene.materials[triangle.material as usize].bsdf;
+            let sample = bsdf.sample(normal, walk.rng.next_2d());
+            let survival = match roulette {
+                Roulette::Albedo => sample.weight.max_element().min(MAX_SURVIVAL),
+                Roulette::Weight => {
+                    let weight = (walk.flux * sample.weight).max_element() * walk.inverse_emitted;
+                    (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
+                }
+            };
+            if walk.rng.next_1d() >= survival {
+                continue;
+            }
+            walk.flux *= sample.weight / survival;
+            let origin = position + normal * triangle.offset;
+            self.rays_in_flight[alive] = Ray::new(origin, sample.wi);
+            self.walks[alive] = walk;
+            alive += 1;
+        }
+        self.rays_in_flight.truncate(alive);
+        self.walks.truncate(alive);
+    }
+
+    /// Counting sort of the arrivals; stable, so a path's vertices keep their order.
+    fn sort_by_path(&mut self, paths: std::ops::Range<u32>) {
+        let mut next = [0u32; BATCH as usize + 1];
+        for photon in &self.arrivals {
+            next[(photon.path - paths.start) as usize + 1] += 1;
+        }
+        for i in 1..next.len() {
+            next[i] += next[i - 1];
+        }
+        self.photons.clear();
+        self.photons.extend_from_slice(&self.arrivals);
+        for photon in &self.arrivals {
+            let slot = &mut next[(photon.path - paths.start) as usize];
+            self.photons[*slot as usize] = *photon;
+            *slot += 1;
+        }
+    }
+}

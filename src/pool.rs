@@ -1,0 +1,52 @@
+//! Reusable workspaces, one per thread at work.
+
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, PoisonError};
+
+/// Workspaces that outlive a parallel loop, so that the loop allocates nothing.
+///
+/// A lease is taken once per run of consecutive tiles that rayon gives to a thread, not per tile.
+#[derive(Debug, Default)]
+pub struct Pool<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Pool<T> {
+    /// A workspace that nobody else uses; it returns to the pool when dropped.
+    pub fn lease(&self) -> Lease<'_, T> {
+        // A panic elsewhere leaves whole workspaces behind: each is reset where it is used.
+        let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        Lease { pool: self, workspace: free.unwrap_or_default() }
+    }
+
+    /// All workspaces that are not leased; with no lease out, all there are.
+    pub fn free_mut(&mut self) -> &mut [T] {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A workspace on loan.
+#[derive(Debug)]
+pub struct Lease<'a, T: Default> {
+    pool: &'a Pool<T>,
+    workspace: T,
+}
+
+impl<T: Default> Deref for Lease<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.workspace
+    }
+}
+
+impl<T: Default> DerefMut for Lease<'_, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.workspace
+    }
+}
+
+impl<T: Default> Drop for Lease<'_, T> {
+    fn drop(&mut self) {
+        let workspace = std::mem::take(&mut self.workspace);
+        self.pool.0.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+    }
+}

@@ -1,0 +1,254 @@
+//! The iteration loop: light phase, photon map, camera and merge phases tile by tile.
+
+use crate::accel::Intersect;
+use crate::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use crate::error::{Error, Result};
+use crate::film::{Film, PixelSums, Tile};
+use crate::light_paths::{LightPaths, Photon};
+use crate::merge::Merge;
+use crate::photon_map::PhotonMap;
+use crate::pool::Pool;
+use crate::rng::{Stream, StreamKey};
+use crate::scene::{Scene, View};
+use crate::settings::Settings;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+
+/// Camera paths traced together: enough to fill ray packets, few enough to stay in the
+/// second-level cache.
+const BATCH: u64 = 2048;
+
+/// Renders one scene, iteration after iteration.
+pub struct Renderer<'a> {
+    scene: &'a Scene,
+    accel: &'a dyn Intersect,
+    settings: Settings,
+    view: View,
+    film: Film,
+    light_paths: LightPaths,
+    photon_map: PhotonMap,
+    workers: Pool<Worker>,
+}
+
+/// What one iteration did.
+#[derive(Clone, Debug, Default)]
+pub struct IterationReport {
+    /// Time of each phase.
+    pub times: PhaseTimes,
+    /// Rays traced in the light and camera phases.
+    pub rays: u64,
+    /// Photons in the map.
+    pub photons: usize,
+    /// Pixels whose value was not finite and was left out: column and row, in image order.
+    pub non_finite: Vec<(u32, u32)>,
+}
+
+/// Busy time of the phases, summed over threads, and wall-clock time of the whole iteration.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PhaseTimes {
+    /// Tracing light paths and building the photon map.
+    pub light: Duration,
+    /// Tracing camera paths with their direct light.
+    pub camera: Duration,
+    /// Look-ups, merging and statistics.
+    pub merge: Duration,
+    /// Wall-clock time from beginning to end.
+    pub wall: Duration,
+}
+
+impl std::ops::AddAssign for PhaseTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.light += other.light;
+        self.camera += other.camera;
+        self.merge += other.merge;
+        self.wall += other.wall;
+    }
+}
+
+impl<'a> Renderer<'a> {
+    /// Prepares to render from the first iteration.
+    ///
+    /// # Errors
+    /// If the settings are invalid, the scene has no light, or the memory does not suffice.
+    pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+        settings.validate()?;
+        check_memory(scene, &settings)?;
+        if scene.lights.emitters().is_empty() {
+            return Err(Error::new(
+                "the scene has no light",
+                "add a [[light]], or give a material some emission",
+            ));
+        }
+        let view = scene.camera.view(settings.width, settings.height);
+        let film = Film::new(settings.width, settings.height);
+        Ok(Self {
+            scene,
+            accel,
+            settings,
+            view,
+            film,
+            light_paths: LightPaths::default(),
+            photon_map: PhotonMap::default(),
+            workers: Pool::default(),
+        })
+    }
+
+    /// Goes on after the iterations that `film` holds.
+    ///
+    /// # Errors
+    /// If the film's resolution is not that of the settings.
+    pub fn resume(&mut self, film: Film) -> Result<()> {
+        if film.resolution() != self.film.resolution() || !film.is_consistent() {
+            let (width, height) = film.resolution();
+            return Err(Error::new(
+                format!("the image to go on with has {width}x{height} pixels"),
+                format!("render at --resolution {width}x{height}"),
+            ));
+        }
+        self.film = film;
+        Ok(())
+    }
+
+    /// The image so far.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Renders one iteration on the threads of the current rayon pool.
+    pub fn iterate(&mut self) -> IterationReport {
+        let start = Instant::now();
+        let Self { scene, accel, settings, film, .. } = self;
+        let iteration = film.iterations;
+
+        self.light_paths.trace(scene, *accel, settings, iteration);
+        let build = Instant::now();
+        self.photon_map.build(&self.light_paths, settings.radius);
+        let build_time = build.elapsed();
+
+        let pass = CameraPass {
+            scene,
+            view: self.view,
+            accel: *accel,
+            settings,
+            key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
+            gather_early: self.photon_map.any_at_every_vertex(),
+        };
+        let merge = Merge::new(&self.photon_map, settings.merge_vertex);
+        film.tiles_mut().into_par_iter().for_each_init(
+            || self.workers.lease(),
+            |worker, (tile, sums)| worker.render(&pass, &merge, tile, sums),
+        );
+        film.iterations += 1;
+
+        let mut report = IterationReport {
+            rays: self.light_paths.rays(),
+            photons: self.photon_map.len(),
+            ..IterationReport::default()
+        };
+        report.times.light = self.light_paths.busy_time() + build_time;
+        for worker in self.workers.free_mut() {
+            worker.report_to(&mut report);
+        }
+        report.non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
+        report.times.wall = start.elapsed();
+        report
+    }
+}
+
+/// One thread's workspace.
+#[derive(Debug, Default)]
+struct Worker {
+    paths: CameraPaths,
+    /// Sum over camera paths of each pixel of the tile.
+    values: Vec<DVec3>,
+    camera: Duration,
+    merge: Duration,
+    non_finite: Vec<(u32, u32)>,
+}
+
+impl Worker {
+    /// Adds one iteration of a tile to its pixels' sums.
+    fn render(&mut self, pass: &CameraPass, merge: &Merge, tile: Tile, sums: &mut [PixelSums]) {
+        let per_pixel = u64::from(pass.settings.camera_paths);
+        let per_light_path = f64::from(pass.settings.light_paths).recip();
+        self.values.clear();
+        self.values.resize(tile.len(), DVec3::ZERO);
+        let all = tile.len() as u64 * per_pixel;
+        for first in (0..all).step_by(BATCH as usize) {
+            let start = Instant::now();
+            let ids = (first..all.min(first + BATCH)).map(|path| {
+                let (x, y) = tile.pixel((path / per_pixel) as u32);
+                CameraPathId { x, y, index: (path % per_pixel) as u32 }
+            });
+            self.paths.trace(pass, ids);
+            let traced = Instant::now();
+            merge.sums(&self.paths, |path, gathered| {
+                let pixel = (first + path as u64) / per_pixel;
+                self.values[pixel as usize] +=
+                    self.paths.direct[path].as_dvec3() + gathered.as_dvec3() * per_light_path;
+            });
+            self.camera += traced - start;
+            self.merge += traced.elapsed();
+        }
+        for (index, (sums, value)) in sums.iter_mut().zip(&self.values).enumerate() {
+            if value.is_finite() {
+                sums.add(value / per_pixel as f64);
+            } else {
+                self.non_finite.push(tile.pixel(index as u32));
+            }
+        }
+    }
+
+    /// Moves what it counted into `report`.
+    fn report_to(&mut self, report: &mut IterationReport) {
+        report.times.camera += std::mem::take(&mut self.camera);
+        report.times.merge += std::mem::take(&mut self.merge);
+        report.rays += std::mem::take(&mut self.paths.rays);
+        report.non_finite.append(&mut self.non_finite);
+    }
+}
+
+/// Refuses counts that cannot fit, before anything is allocated.
+fn check_memory(scene: &Scene, settings: &Settings) -> Result<()> {
+    // A light path leaves on average at most 1/(1 - albedo) photons, held twice while sorting
+    // besides their buckets. Films are held thrice: sums, image and what is being written.
+    let albedo = scene.materials.iter().map(|m| m.bsdf.albedo().max_element()).fold(0.0, f32::max);
+    let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
+    let per_photon = (3 * size_of::<Photon>() + 16) as f64;
+    let light = f64::from(settings.light_paths) * photons_per_path * per_photon;
+    let film = settings.pixels() as f64 * (3 * size_of::<PixelSums>()) as f64;
+    let needed = light + film;
+    match available_memory() {
+        Some(available) if needed > available => Err(Error::new(
+            format!(
+                "about {:.1} GiB of memory are needed, {:.1} GiB for {} light paths and {:.1} GiB \
+                 for {}x{} pixels, but {:.1} GiB are available",
+                needed / GIB,
+                light / GIB,
+                settings.light_paths,
+                film / GIB,
+                settings.width,
+                settings.height,
+                available / GIB,
+            ),
+            "lower --light-paths or --resolution; more iterations make up for fewer light paths",
+        )),
+        _ => Ok(()),
+    }
+}
+
+const GIB: f64 = (1u64 << 30) as f64;
+
+/// Memory that can still be had, bytes, where the system tells (Linux).
+fn available_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024.0)
+}
