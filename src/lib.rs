@@ -7,12 +7,14 @@ pub mod film;
 pub mod light_paths;
 pub mod math;
 pub mod merge;
+pub mod noise;
 pub mod photon_map;
 mod pool;
 pub mod render;
 pub mod rng;
 pub mod scene;
 pub mod settings;
+mod worker;
 
 pub use error::{Error, Result};
 pub use render::Renderer;

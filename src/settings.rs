@@ -61,6 +61,11 @@ impl Settings {
         self.width as usize * self.height as usize
     }
 
+    /// Whether noise coefficients can be measured: that takes two paths of each kind.
+    pub fn can_measure(&self) -> bool {
+        self.light_paths >= 2 && self.camera_paths >= 2
+    }
+
     /// Refuses what cannot be rendered.
     ///
     /// # Errors
