@@ -112,6 +112,22 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
+    /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.
+    ///
+    /// # Panics
+    /// If something was measured before.
+    #[must_use]
+    pub fn with_batches(mut self, grain: BatchGrain) -> Self {
+        assert!(self.noise.is_none(), "batches change only before the first measurement");
+        self.grain = grain;
+        self
+    }
+
+    /// What was measured so far.
+    pub fn noise(&self) -> Option<&NoiseFilm> {
+        self.noise.as_ref()
+    }
+
     /// The image so far.
     pub fn film(&self) -> &Film {
         &self.film

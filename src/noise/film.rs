@@ -163,12 +163,6 @@ impl NoiseFilm {
     pub fn batches(&self) -> impl Iterator<Item = &[BatchSums]> {
         self.batches.chunks_exact(BATCHES)
     }
-
-    /// Number of iterations in batch `batch`.
-    pub fn batch_iterations(&self, batch: usize) -> u64 {
-        let batches = BATCHES as u64;
-        self.iterations / batches + u64::from((batch as u64) < self.iterations % batches)
-    }
 }
 
 impl NoiseTile<'_> {

@@ -14,6 +14,7 @@
 
 pub mod film;
 pub mod halves;
+pub mod image;
 pub mod pair_table;
 pub mod pairs;
 
