@@ -225,24 +225,6 @@ fn emission_is_seen_once_from_the_front_only() {
     }
 }
 
-/// A closed box with a block in it, lit by a point and a small panel.
-fn furnished_box() -> Scene {
-    let mut meshes = Vec::new();
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-        meshes.push(square(axis, -axis, 1.0, 0));
-        meshes.push(square(-axis, axis, 1.0, 0));
-        for side in [axis, -axis] {
-            let center = Vec3::new(0.2, -0.1, -0.7);
-            meshes.push(square(center + 0.3 * side, side, 0.3, 1));
-        }
-    }
-    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.2, 2));
-    let materials = vec![gray(0.5, 0.0), gray(0.7, 0.0), gray(0.0, 4.0)];
-    let lights = vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)];
-    let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, -0.5), 80.0);
-    scene(meshes, materials, lights, camera)
-}
-
 #[test]
 fn every_strategy_gives_the_same_image_up_to_a_bias_that_shrinks_with_the_radius() {
     let scene = furnished_box();

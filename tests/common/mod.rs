@@ -110,6 +110,24 @@ pub fn scene(
     Scene::new("test".into(), meshes, materials, lights, camera, Vec::new())
 }
 
+/// A closed box with a block in it, lit by a point and a small panel.
+pub fn furnished_box() -> Scene {
+    let mut meshes = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+        for side in [axis, -axis] {
+            let center = Vec3::new(0.2, -0.1, -0.7);
+            meshes.push(square(center + 0.3 * side, side, 0.3, 1));
+        }
+    }
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.2, 2));
+    let materials = vec![gray(0.5, 0.0), gray(0.7, 0.0), gray(0.0, 4.0)];
+    let lights = vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)];
+    let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, -0.5), 80.0);
+    scene(meshes, materials, lights, camera)
+}
+
 /// Settings to start from.
 pub fn settings(width: u32, height: u32) -> Settings {
     Settings {
