@@ -77,7 +77,6 @@ fn the_scene_that_is_broken_below_is_good() {
 fn missing_files() {
     let folder = TempDir::new().unwrap();
     for name in ["no.toml", "no.obj", "no"] {
-        Files(TempDir::new().unwrap(), PathBuf::new());
         let error = load(&folder.path().join(name)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains("help: check the path"), "{error}");
     }
@@ -246,7 +245,7 @@ fn values_out_of_range() {
     for (line, problem, advice) in [
         ("resolution = [0, 512]", "the resolution is 0x512 pixels", "such as 512x512"),
         ("resolution = [512, 70000]", "the resolution is 512x70000", "65536"),
-        ("light_paths = 0", "0 light paths", "at least 1|between 1"),
+        ("light_paths = 0", "0 light paths", "between 1"),
         ("camera_paths = 0", "0 camera paths", "at least 1"),
         ("radius = 0", "the merge radius is 0", "0.8%"),
         ("radius = \"big\"", "`big` is not a length", "0.8%"),
@@ -254,7 +253,6 @@ fn values_out_of_range() {
         ("seed = -1", "wrong value: integer `-1`", "help: give "),
     ] {
         let place = format!("s.toml:14: {problem}");
-        let advice = advice.rsplit('|').next().unwrap();
         toml(&format!("{SCENE}[render]\n{line}\n")).refused(&[&place, line, advice]);
     }
     for value in ["1.5", "-0.1", "nan", "[0.5, 0.5, 2]"] {

@@ -156,7 +156,9 @@ fn the_documented_example_loads() {
     let settings =
         Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
     assert_eq!((settings.width, settings.height, settings.light_paths), (640, 480, 50_000));
-    assert!((settings.radius - 0.016).abs() < 1e-7);
+    // The floor's left side is the scene's, and the turned block's right corner.
+    let size = 1.0 + 0.5 + 0.5 * (cos + sin);
+    assert!((settings.radius - 0.008 * size).abs() < 1e-6, "{}", settings.radius);
 }
 
 #[test]

@@ -286,7 +286,10 @@ impl Read for Records {
         while self.taken == self.ready.len() {
             self.ready.clear();
             self.taken = 0;
-            let more = self.error.is_none().then(|| self.lines.advance()).unwrap_or(Ok(false));
+            if self.error.is_some() {
+                return Ok(0);
+            }
+            let more = self.lines.advance();
             match more.and_then(|more| if more { self.record().map(|()| true) } else { Ok(false) })
             {
                 Ok(true) => {}
