@@ -2,6 +2,7 @@
 
 pub mod accel;
 pub mod camera_paths;
+pub mod checkpoint;
 pub mod compare;
 pub mod error;
 pub mod film;
