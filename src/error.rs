@@ -50,6 +50,16 @@ impl Error {
         }
     }
 
+    /// What is wrong, without file and line.
+    pub fn problem(&self) -> &str {
+        &self.problem
+    }
+
+    /// What to do about it.
+    pub fn advice(&self) -> &str {
+        &self.advice
+    }
+
     /// Names the file.
     #[must_use]
     pub fn at(mut self, path: impl Into<PathBuf>) -> Self {
@@ -91,7 +101,9 @@ impl fmt::Display for Error {
         write!(f, "{}", self.problem)?;
         if let Some((number, text)) = self.place.as_ref().and_then(|place| place.line.as_ref()) {
             // A minified file may be one long line: show its beginning only.
-            let shown: String = text.chars().take(120).collect();
+            // Control characters would let a file write to the terminal.
+            let visible = |c: char| if c.is_control() && c != '\t' { '\u{fffd}' } else { c };
+            let shown: String = text.chars().take(120).map(visible).collect();
             write!(f, "\n  {number} | {shown}")?;
         }
         write!(f, "\nhelp: {}", self.advice)
@@ -108,6 +120,13 @@ mod tests {
         let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
         let shown = error.at_offset(text, 8).to_string();
         assert_eq!(shown, "x.toml:2: unknown key `albdo`\n  2 | albdo = 0.5\nhelp: use `albedo`");
+    }
+
+    #[test]
+    fn the_shown_line_is_short_and_harmless() {
+        let text = format!("\x1b[2J{}", "x".repeat(1000));
+        let shown = Error::new("p", "a").at("f").line(1, text).to_string();
+        assert!(shown.len() < 160 && !shown.contains('\x1b'), "{shown}");
     }
 
     #[test]

@@ -3,15 +3,22 @@
 pub mod camera;
 mod fingerprint;
 pub mod light;
+pub mod load;
 pub mod material;
+mod mtl;
+mod obj;
+mod scene_file;
+mod text;
+mod transform;
 
 pub use camera::{Camera, FieldOfView, View};
 pub use light::{Emission, Emitter, LightSample, Lights};
+pub use load::{Loaded, load};
 pub use material::{Bsdf, BsdfSample, Material};
 
 use crate::accel::{Hit, TriangleMesh};
 use crate::math::Bounds;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A triangle mesh of one material, in world space.
 #[derive(Clone, Debug)]
@@ -49,22 +56,36 @@ pub struct Triangle {
     pub offset: f32,
     /// Index into [`Scene::materials`].
     pub material: u32,
+    area: f32,
+}
+
+/// Normal of a triangle, twice its area long. In f64 neither overflow nor underflow is possible for
+/// f32 corners of up to 1e15.
+fn long_normal([a, b, c]: [Vec3; 3]) -> DVec3 {
+    (b - a).as_dvec3().cross((c - a).as_dvec3())
+}
+
+/// Area of a triangle, scene units squared; 0 where it is too small for a normal number.
+pub(crate) fn triangle_area(corners: [Vec3; 3]) -> f32 {
+    let area = (0.5 * long_normal(corners).length()) as f32;
+    if area < f32::MIN_POSITIVE { 0.0 } else { area }
 }
 
 impl Triangle {
-    fn new([a, b, c]: [Vec3; 3], material: u32) -> Self {
+    fn new(corners: [Vec3; 3], material: u32) -> Self {
+        let [a, b, c] = corners;
         let (edge1, edge2) = (b - a, c - a);
-        let normal = edge1.as_dvec3().cross(edge2.as_dvec3()).normalize_or_zero().as_vec3();
+        let normal = long_normal(corners).normalize_or_zero().as_vec3();
         // An interpolated point is off its plane by a few units in the last place of the largest
         // vertex coordinate.
         let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         let offset = largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE;
-        Self { origin: a, edge1, edge2, normal, offset, material }
+        Self { origin: a, edge1, edge2, normal, offset, material, area: triangle_area(corners) }
     }
 
     /// Area, scene units squared.
     pub fn area(&self) -> f32 {
-        0.5 * self.edge1.cross(self.edge2).length()
+        self.area
     }
 
     /// The unit normal on the side that `direction` points to.
@@ -126,7 +147,7 @@ impl Scene {
     /// Puts a scene together; `point_lights` come on top of the emissive triangles.
     ///
     /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
-    /// zero area, fewer than 2^32 triangles in all ([`load`](crate::scene) sees to it).
+    /// zero area, fewer than 2^32 triangles in all ([`load`] sees to it).
     pub fn new(
         name: String,
         meshes: Vec<Mesh>,
@@ -159,6 +180,11 @@ impl Scene {
     /// The meshes as an intersection backend takes them.
     pub fn triangle_meshes(&self) -> Vec<TriangleMesh<'_>> {
         self.meshes.iter().map(Mesh::as_triangles).collect()
+    }
+
+    /// All triangles, mesh after mesh.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
     }
 
     /// Number of triangles.

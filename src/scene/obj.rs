@@ -1,0 +1,381 @@
+//! Wavefront OBJ: positions, faces, groups and the names of materials.
+//!
+//! `tobj` triangulates and groups, but its errors have neither file nor line, and it lets through
+//! numbers that are not finite. So each line is checked on its way to `tobj`, which sees records
+//! that cannot fail only.
+
+use crate::error::{Error, Result};
+use crate::scene::Material;
+use crate::scene::mtl;
+use crate::scene::text::{Lines, list, split_keyword};
+use crate::scene::transform::MAX_COORDINATE;
+use glam::Vec3;
+use std::collections::{BTreeMap, HashMap};
+use std::io::{BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// The triangles of one object or group that share a material.
+#[derive(Clone, Debug)]
+pub(super) struct ObjMesh {
+    /// Name of the object or group.
+    pub name: String,
+    /// As named by `usemtl`.
+    pub material: Option<String>,
+    /// Finite, at most [`MAX_COORDINATE`].
+    pub positions: Vec<Vec3>,
+    /// Indices into `positions`, in range.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// What an OBJ file and its material libraries hold.
+#[derive(Clone, Debug)]
+pub(super) struct ObjFile {
+    /// In the order in which they begin in the file; none is empty.
+    pub meshes: Vec<ObjMesh>,
+    /// By name.
+    pub materials: BTreeMap<String, Material>,
+    /// What was ignored.
+    pub notes: Vec<String>,
+}
+
+/// Reads an OBJ file with its material libraries.
+///
+/// # Errors
+/// If a file cannot be read, or names the line that is malformed.
+pub(super) fn load(path: &Path) -> Result<ObjFile> {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut records = Records::new(Lines::open(path)?, stem);
+    let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
+    let read = tobj::load_obj_buf(&mut BufReader::new(&mut records), &options, |_| {
+        Err(tobj::LoadError::GenericFailure) // never asked: `mtllib` is not passed on
+    });
+    if let Some(error) = records.error {
+        return Err(error);
+    }
+    let (models, _) = read.map_err(|e| {
+        Error::new(format!("not a valid OBJ file: {e}"), "export the model again").at(path)
+    })?;
+
+    let mut notes = Vec::new();
+    if records.ignored_elements > 0 {
+        let count = records.ignored_elements;
+        notes.push(format!("{}: ignored {count} points, lines or curves", path.display()));
+    }
+    if !records.unknown.is_empty() {
+        let known = records.unknown.iter().map(|(word, line)| format!("{word} (line {line})"));
+        let words: Vec<_> = known.collect();
+        let words = list(words.iter().map(String::as_str));
+        notes.push(format!("{}: ignored unknown records {words}", path.display()));
+    }
+    let mut materials = BTreeMap::new();
+    for library in &records.libraries {
+        library.load(path, &mut materials, &mut notes)?;
+    }
+    Ok(ObjFile { meshes: group(models, &records.parts), materials, notes })
+}
+
+/// Joins the models of equal name and material, which a file may switch between at will.
+fn group(models: Vec<tobj::Model>, parts: &[(String, Option<String>)]) -> Vec<ObjMesh> {
+    let mut meshes: Vec<ObjMesh> = Vec::new();
+    let mut index_of = HashMap::new();
+    for model in models {
+        // The name is the number under which `Records` announced the part.
+        let Some(part) = model.name.parse().ok().and_then(|index: usize| parts.get(index)) else {
+            continue;
+        };
+        if model.mesh.indices.is_empty() {
+            continue;
+        }
+        let index = *index_of.entry(part).or_insert_with(|| {
+            let (name, material) = part.clone();
+            meshes.push(ObjMesh { name, material, positions: Vec::new(), triangles: Vec::new() });
+            meshes.len() - 1
+        });
+        let mesh = &mut meshes[index];
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(Vec3::from_slice));
+        let triangles = model.mesh.indices.chunks_exact(3);
+        mesh.triangles.extend(triangles.map(|t| [t[0] + first, t[1] + first, t[2] + first]));
+    }
+    meshes
+}
+
+/// A mention of a material library.
+struct Library {
+    names: String,
+    line: usize,
+}
+
+impl Library {
+    /// Names may hold spaces, and one line may name several libraries: try the whole first.
+    fn load(
+        &self,
+        obj: &Path,
+        materials: &mut BTreeMap<String, Material>,
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
+        let folder = obj.parent().unwrap_or(Path::new(""));
+        let find = |name: &str| -> Option<PathBuf> {
+            let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
+            candidates.into_iter().find(|path| path.exists())
+        };
+        if let Some(path) = find(&self.names) {
+            return mtl::load(&path, materials, notes);
+        }
+        let mut missing = Vec::new();
+        let several: Vec<_> =
+            self.names.split_whitespace().map(|name| (name, find(name))).collect();
+        if several.iter().all(|(_, path)| path.is_none()) {
+            missing.push(self.names.as_str());
+        }
+        for (name, path) in &several {
+            match path {
+                Some(path) => mtl::load(path, materials, notes)?,
+                None if missing.is_empty() => missing.push(name),
+                None => {}
+            }
+        }
+        if !missing.is_empty() {
+            let names = list(missing);
+            notes.push(format!(
+                "{}:{}: the material library {names} does not exist",
+                obj.display(),
+                self.line
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Checks an OBJ file line by line, and is read by `tobj` as the plainest file of the same content:
+/// positions, faces by position index, and an object number per name and material.
+struct Records {
+    lines: Lines,
+    /// What is to be read next.
+    ready: Vec<u8>,
+    taken: usize,
+    /// Why reading stopped, if it did before the end.
+    error: Option<Error>,
+    positions: u32,
+    triangles: u32,
+    name: String,
+    material: Option<String>,
+    /// Name and material of each announced object.
+    parts: Vec<(String, Option<String>)>,
+    libraries: Vec<Library>,
+    ignored_elements: u64,
+    /// Unknown keywords and where they first appeared.
+    unknown: BTreeMap<String, usize>,
+}
+
+impl Records {
+    fn new(lines: Lines, name: String) -> Self {
+        Self {
+            lines,
+            ready: Vec::new(),
+            taken: 0,
+            error: None,
+            positions: 0,
+            triangles: 0,
+            name,
+            material: None,
+            parts: Vec::new(),
+            libraries: Vec::new(),
+            ignored_elements: 0,
+            unknown: BTreeMap::new(),
+        }
+    }
+
+    /// Checks the current line and adds to `ready` what `tobj` needs of it.
+    fn record(&mut self) -> Result<()> {
+        let (keyword, rest) = split_keyword(self.lines.line());
+        match keyword {
+            "v" => {
+                let words = position(&self.lines, rest)?;
+                let advice = "split the model into several files";
+                self.positions = self.positions.checked_add(1).ok_or_else(|| {
+                    self.lines.error("the file has more than 4294967295 vertices", advice)
+                })?;
+                write_record(&mut self.ready, "v", words);
+            }
+            "f" => self.face()?,
+            "o" | "g" => {
+                let name = rest.to_owned();
+                if !name.is_empty() && name != self.name {
+                    self.name = name;
+                }
+            }
+            "usemtl" => {
+                if rest.is_empty() {
+                    let advice = "write the name of a material after `usemtl`";
+                    return Err(self.lines.error("the material has no name", advice));
+                }
+                if self.material.as_deref() != Some(rest) {
+                    self.material = Some(rest.to_owned());
+                }
+            }
+            "mtllib" => {
+                if rest.is_empty() {
+                    let advice = "write the name of an MTL file after `mtllib`";
+                    return Err(self.lines.error("the material library has no name", advice));
+                }
+                if self.libraries.iter().all(|library| library.names != rest) {
+                    let line = self.lines.number();
+                    self.libraries.push(Library { names: rest.to_owned(), line });
+                }
+            }
+            "p" | "l" | "curv" | "curv2" | "surf" => self.ignored_elements += 1,
+            "" | "vt" | "vn" | "vp" | "s" | "mg" | "cstype" | "deg" | "bmat" | "step" | "parm"
+            | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "bevel" | "c_interp"
+            | "d_interp" | "lod" | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "ctech"
+            | "stech" => {}
+            comment if comment.starts_with('#') => {}
+            unknown => {
+                // A note is for people: the first few will do.
+                if self.unknown.len() < 8 && !self.unknown.contains_key(unknown) {
+                    let word = unknown.chars().take(20).collect();
+                    self.unknown.entry(word).or_insert(self.lines.number());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A polygon: at least three corners `position/texture/normal`, of which the position counts.
+    fn face(&mut self) -> Result<()> {
+        let rest = split_keyword(self.lines.line()).1;
+        let begin = self.ready.len();
+        self.ready.extend_from_slice(b"f");
+        let mut corners = 0_u32;
+        for word in rest.split_whitespace() {
+            if word.starts_with('#') {
+                break;
+            }
+            let index = corner(&self.lines, word, self.positions)?;
+            // Writing to memory cannot fail.
+            let _ = write!(self.ready, " {index}");
+            corners += 1;
+        }
+        self.ready.push(b'\n');
+        if corners == 0 {
+            let advice = "give at least three vertices, such as `f 1 2 3`";
+            return Err(self.lines.error("the face has no vertices", advice));
+        }
+        if corners < 3 {
+            self.ready.truncate(begin);
+            self.ignored_elements += 1;
+            return Ok(());
+        }
+        self.triangles = self.triangles.checked_add(corners - 2).ok_or_else(|| {
+            let problem = "the file has more than 4294967295 triangles";
+            self.lines.error(problem, "split the model into several files")
+        })?;
+        let part = (&self.name, &self.material);
+        if self.parts.last().is_none_or(|(name, material)| (name, material) != part) {
+            self.parts.push((self.name.clone(), self.material.clone()));
+            // Objects are announced with their first face, so that none is empty.
+            let announcement = format!("o {}\n", self.parts.len() - 1);
+            self.ready.splice(begin..begin, announcement.into_bytes());
+        }
+        Ok(())
+    }
+}
+
+impl Read for Records {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        while self.taken == self.ready.len() {
+            self.ready.clear();
+            self.taken = 0;
+            let more = self.error.is_none().then(|| self.lines.advance()).unwrap_or(Ok(false));
+            match more.and_then(|more| if more { self.record().map(|()| true) } else { Ok(false) })
+            {
+                Ok(true) => {}
+                Ok(false) => return Ok(0),
+                Err(error) => {
+                    // End the file here: `load` looks for the error first.
+                    self.error = Some(error);
+                    self.ready.clear();
+                    return Ok(0);
+                }
+            }
+        }
+        let count = buffer.len().min(self.ready.len() - self.taken);
+        buffer[..count].copy_from_slice(&self.ready[self.taken..self.taken + count]);
+        self.taken += count;
+        Ok(count)
+    }
+}
+
+/// Checks a position, and returns the numbers that count: three, or four with a weight.
+fn position<'a>(lines: &Lines, text: &'a str) -> Result<&'a str> {
+    let text = text.split('#').next().unwrap_or_default().trim_end();
+    let mut numbers = [0.0_f32; 4];
+    let mut count = 0;
+    let mut xyz_end = 0;
+    for word in text.split_whitespace() {
+        let number = word.parse::<f32>().map_err(|_| {
+            let short: String = word.chars().take(40).collect();
+            let advice = "give three numbers, such as `v 0.5 1 -2`";
+            lines.error(format!("`{short}` is not a number"), advice)
+        })?;
+        if count < 4 {
+            numbers[count] = number;
+        }
+        count += 1;
+        if count == 3 {
+            xyz_end = word.as_ptr() as usize - text.as_ptr() as usize + word.len();
+        }
+    }
+    if count < 3 {
+        return Err(lines.error(
+            format!("the vertex has {count} coordinates"),
+            "give three numbers, such as `v 0.5 1 -2`",
+        ));
+    }
+    // A fourth number alone is a weight; three or more are a color.
+    let weight = if count == 4 { numbers[3] } else { 1.0 };
+    let point = Vec3::from_slice(&numbers) / weight;
+    if !point.is_finite() || !weight.is_finite() {
+        return Err(lines.error(
+            "the vertex has a coordinate that is not finite",
+            "export the model again, or remove the vertex and its faces",
+        ));
+    }
+    if point.abs().max_element() > MAX_COORDINATE {
+        return Err(lines.error(
+            format!("the vertex has a coordinate beyond {MAX_COORDINATE:e}"),
+            "scale the model down",
+        ));
+    }
+    Ok(if count == 4 { text } else { &text[..xyz_end] })
+}
+
+/// Checks a face's corner, and returns its one-based position index.
+fn corner(lines: &Lines, word: &str, positions: u32) -> Result<u32> {
+    let short = || word.chars().take(40).collect::<String>();
+    let mut parts = word.split('/');
+    let index = parts.next().unwrap_or_default().parse::<i64>();
+    let rest_ok = parts.by_ref().take(2).all(|part| part.is_empty() || part.parse::<i64>().is_ok());
+    let (Ok(index), true, None) = (index, rest_ok, parts.next()) else {
+        return Err(lines.error(
+            format!("`{}` is not a face's vertex", short()),
+            "give vertex numbers, such as `f 1 2 3` or `f 1/1/1 2/2/1 3/3/1`",
+        ));
+    };
+    // Negative indices count from the last vertex so far.
+    let absolute = if index < 0 { i64::from(positions).saturating_add(index) + 1 } else { index };
+    if absolute < 1 || absolute > i64::from(positions) {
+        return Err(lines.error(
+            format!("the face refers to vertex {index}, but {positions} are defined up to here"),
+            "number vertices from 1 (or from -1 backwards), and define them before their faces",
+        ));
+    }
+    Ok(absolute as u32)
+}
+
+fn write_record(out: &mut Vec<u8>, keyword: &str, words: &str) {
+    out.extend_from_slice(keyword.as_bytes());
+    out.push(b' ');
+    out.extend_from_slice(words.as_bytes());
+    out.push(b'\n');
+}

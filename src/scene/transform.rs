@@ -1,0 +1,142 @@
+//! Placing a mesh in the scene: affine maps that keep front sides in front.
+
+use crate::error::{Error, Result};
+use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
+
+/// Largest accepted coordinate, scene units: squares of distances still fit an f32.
+pub(super) const MAX_COORDINATE: f32 = 1e15;
+
+/// An invertible affine map, kept in f64 so that a turn by 90 degrees leaves whole numbers whole.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Transform {
+    map: DAffine3,
+    /// Whether the order of a triangle's corners must be reversed.
+    reverse: bool,
+}
+
+impl Transform {
+    pub(super) const IDENTITY: Self = Self { map: DAffine3::IDENTITY, reverse: false };
+
+    /// First scales, then turns about the x, y and z axis of the scene in this order
+    /// (counterclockwise, degrees), then moves.
+    pub(super) fn from_parts(translate: DVec3, rotate_deg: DVec3, scale: DVec3) -> Result<Self> {
+        let turn = rotate_deg.map(f64::to_radians);
+        let rotation = DMat3::from_rotation_z(turn.z)
+            * DMat3::from_rotation_y(turn.y)
+            * DMat3::from_rotation_x(turn.x);
+        Self::new(DAffine3::from_mat3_translation(
+            rotation * DMat3::from_diagonal(scale),
+            translate,
+        ))
+    }
+
+    /// From the rows of a matrix that multiplies column vectors.
+    pub(super) fn from_rows(rows: [[f64; 4]; 4]) -> Result<Self> {
+        if rows[3] != [0.0, 0.0, 0.0, 1.0] {
+            return Err(Error::new(
+                "the last row of the matrix is not [0, 0, 0, 1]",
+                "give an affine matrix, row by row, with the translation in the last column",
+            ));
+        }
+        let matrix = DMat4::from_cols_array_2d(&rows).transpose();
+        Self::new(DAffine3::from_mat4(matrix))
+    }
+
+    fn new(map: DAffine3) -> Result<Self> {
+        let determinant = map.matrix3.determinant();
+        if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
+            return Err(Error::new(
+                "the transform flattens the mesh or is not finite",
+                "give finite numbers and a scale other than 0 along each axis",
+            ));
+        }
+        Ok(Self { map, reverse: determinant < 0.0 })
+    }
+
+    /// Swaps front and back sides on top.
+    #[must_use]
+    pub(super) fn flipped(self, flip: bool) -> Self {
+        Self { reverse: self.reverse != flip, ..self }
+    }
+
+    /// Moves a point; `None` if it ends up beyond [`MAX_COORDINATE`].
+    pub(super) fn point(&self, point: Vec3) -> Option<Vec3> {
+        let moved = self.map.transform_point3(point.as_dvec3()).as_vec3();
+        // Written so that NaN fails.
+        (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
+    }
+
+    /// Orders a triangle's corners so that its front stays in front.
+    pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+        if self.reverse { [a, c, b] } else { [a, b, c] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parts(translate: [f64; 3], rotate: [f64; 3], scale: [f64; 3]) -> Transform {
+        Transform::from_parts(translate.into(), rotate.into(), scale.into()).unwrap()
+    }
+
+    #[test]
+    fn the_order_is_scale_x_y_z_translate() {
+        let scaled = parts([0.0; 3], [90.0, 0.0, 0.0], [2.0, 3.0, 4.0]);
+        assert_eq!(scaled.point(Vec3::Y), Some(Vec3::new(0.0, 0.0, 3.0)));
+        // About x first: +y goes to +z; then about y: +z goes to +x; then about z: +x goes to +y.
+        let turned = parts([10.0, 20.0, 30.0], [90.0, 90.0, 90.0], [1.0; 3]);
+        assert_eq!(turned.point(Vec3::Y), Some(Vec3::new(10.0, 21.0, 30.0)));
+    }
+
+    #[test]
+    fn the_identity_changes_nothing() {
+        let point = Vec3::new(0.1, -1e14, 1e-30);
+        assert_eq!(Transform::IDENTITY.point(point), Some(point));
+        assert_eq!(parts([0.0; 3], [0.0; 3], [1.0; 3]).point(point), Some(point));
+        assert_eq!(Transform::IDENTITY.corners([1, 2, 3]), [1, 2, 3]);
+    }
+
+    #[test]
+    fn a_matrix_is_given_row_by_row() {
+        let rows = [
+            [0.0, -1.0, 0.0, 5.0],
+            [1.0, 0.0, 0.0, 6.0],
+            [0.0, 0.0, 1.0, 7.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        let matrix = Transform::from_rows(rows).unwrap();
+        assert_eq!(matrix.point(Vec3::X), Some(Vec3::new(5.0, 7.0, 7.0)));
+        let same = parts([5.0, 6.0, 7.0], [0.0, 0.0, 90.0], [1.0; 3]);
+        assert_eq!(matrix.point(Vec3::X), same.point(Vec3::X));
+        let mut projective = rows;
+        projective[3][0] = 0.1;
+        assert!(Transform::from_rows(projective).unwrap_err().to_string().contains("last row"));
+    }
+
+    #[test]
+    fn mirrors_keep_the_front_in_front() {
+        // A triangle in the plane z = 0 whose front looks to +z: so it must after mirroring x.
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for (scale, flip, up) in [
+            ([-1.0, 1.0, 1.0], false, 1.0),
+            ([-1.0, 1.0, 1.0], true, -1.0),
+            ([-1.0, -1.0, 1.0], false, 1.0),
+            ([1.0, 1.0, 1.0], true, -1.0),
+        ] {
+            let mirror = parts([0.0; 3], [0.0; 3], scale).flipped(flip);
+            let [a, b, c] =
+                mirror.corners([0, 1, 2]).map(|i| mirror.point(corners[i as usize]).unwrap());
+            assert_eq!((b - a).cross(c - a).z, up, "{scale:?} {flip}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_undone_or_represented_is_refused() {
+        let bad = |scale: f64| Transform::from_parts(DVec3::ZERO, DVec3::ZERO, DVec3::splat(scale));
+        for scale in [0.0, f64::NAN, f64::INFINITY, 1e200] {
+            assert!(bad(scale).is_err(), "{scale}");
+        }
+        assert_eq!(parts([0.0; 3], [0.0; 3], [1e20; 3]).point(Vec3::ONE), None);
+    }
+}
