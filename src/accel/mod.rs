@@ -123,3 +123,90 @@ pub struct TriangleMesh<'a> {
     /// Three vertex indices per triangle.
     pub triangles: &'a [[u32; 3]],
 }
+
+impl TriangleMesh<'_> {
+    /// Coordinates must be smaller than this in magnitude. Embree leaves out triangles beyond it
+    /// without a word (its own limit, about the square root of the largest `f32`).
+    pub const MAX_COORDINATE: f32 = 1.8e18;
+
+    /// Checks what every backend relies on, so that all of them see the same set of triangles.
+    ///
+    /// Unused vertices are checked too. Triangles without area are fine: no ray hits them.
+    ///
+    /// # Errors
+    /// The first problem found, with the index of its vertex or triangle.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        if u32::try_from(self.positions.len()).is_err() {
+            return Err(MeshError::TooManyVertices { count: self.positions.len() });
+        }
+        // The largest index means "nothing".
+        if self.triangles.len() >= u32::MAX as usize {
+            return Err(MeshError::TooManyTriangles { count: self.triangles.len() });
+        }
+        let is_bad = |position: &Vec3| {
+            // `max_element` may pass over a NaN.
+            position.is_nan() || position.abs().max_element() >= Self::MAX_COORDINATE
+        };
+        if let Some(vertex) = self.positions.iter().position(is_bad) {
+            let position = self.positions[vertex];
+            return Err(if position.is_finite() {
+                MeshError::TooLarge { vertex, position }
+            } else {
+                MeshError::NotFinite { vertex, position }
+            });
+        }
+        let vertices = self.positions.len();
+        for (triangle, indices) in self.triangles.iter().enumerate() {
+            if let Some(&index) = indices.iter().find(|&&index| index as usize >= vertices) {
+                return Err(MeshError::IndexOutOfRange { triangle, index, vertices });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why a mesh was refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} uses vertex {index}, but there are only {vertices} vertices")]
+    IndexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// The vertex index that it holds.
+        index: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("vertex {vertex} is not finite: {position}")]
+    NotFinite {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// A coordinate is [`TriangleMesh::MAX_COORDINATE`] or more.
+    #[error(
+        "vertex {vertex} is too far out: {position}; coordinates must be below {:e}",
+        TriangleMesh::MAX_COORDINATE
+    )]
+    TooLarge {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// There are more vertices than 32 bits can number.
+    #[error("{count} vertices are more than 32-bit indices can name")]
+    TooManyVertices {
+        /// Number of vertices.
+        count: usize,
+    },
+    /// There are more triangles than 32 bits can number.
+    #[error("{count} triangles are more than 32-bit indices can name")]
+    TooManyTriangles {
+        /// Number of triangles.
+        count: usize,
+    },
+}

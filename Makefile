@@ -1,0 +1,35 @@
+# Every target begins with the set-up, which takes no time when nothing is missing.
+
+CARGO ?= cargo
+SCENE ?= cornell-box
+FLAGS = --locked
+
+.PHONY: setup build demo test bench memcheck
+
+setup:
+	@scripts/setup.sh
+
+build: setup
+	$(CARGO) build $(FLAGS) --release
+
+demo: build
+	@mkdir -p out
+	$(CARGO) run $(FLAGS) --release --quiet -- render scenes/$(SCENE) --output out/$(SCENE).exr
+	@echo "The image as radiance:  out/$(SCENE).exr"
+	@echo "The image to look at:   out/$(SCENE).png"
+
+test: setup
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --all-targets -- -D warnings
+	$(CARGO) test $(FLAGS) --workspace
+	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --lib accel
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
+	$(CARGO) bench $(FLAGS) --no-run
+
+bench: setup
+	$(CARGO) bench $(FLAGS)
+
+# Embree's layer under valgrind: reads and writes outside of what either side allocated.
+memcheck: setup
+	scripts/valgrind.sh

@@ -1,0 +1,238 @@
+//! The pure-Rust backend: `obvhs`'s BVH with our own watertight triangle test.
+//!
+//! It needs no library, runs everywhere, and is the reference that Embree is checked against.
+
+use super::{AccelInfo, Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use glam::{Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::ray::RayHit;
+use obvhs::{Boundable, BvhBuildParams};
+use std::time::{Duration, Instant};
+
+/// A mesh that could not become part of a BVH.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BvhError {
+    /// A mesh breaks a rule that all backends share.
+    #[error("mesh {mesh}: {problem}")]
+    Mesh {
+        /// Index of the mesh.
+        mesh: u32,
+        /// What is wrong with it.
+        #[source]
+        problem: MeshError,
+    },
+    /// All meshes together have more triangles than this BVH can number.
+    #[error("{count} triangles are more than 32-bit indices can name")]
+    TooManyTriangles {
+        /// Number of triangles.
+        count: usize,
+    },
+}
+
+/// An immutable BVH over copies of triangle meshes.
+pub struct Bvh {
+    tree: Bvh2,
+    /// In the order of the tree's leaves, so that a leaf's triangles are neighbors in memory.
+    triangles: Vec<Triangle>,
+    build_time: Duration,
+}
+
+/// A triangle with the names that a [`Hit`] gives it.
+#[derive(Clone, Copy)]
+struct Triangle {
+    vertices: [Vec3; 3],
+    mesh: u32,
+    triangle: u32,
+}
+
+impl Boundable for Triangle {
+    /// The bounds, grown by a few rounding errors of the box test: that test is not conservative,
+    /// and a ray along an edge that two boxes share would slip between them.
+    fn aabb(&self) -> Aabb {
+        let [a, b, c] = self.vertices.map(Vec3A::from);
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let margin = Vec3A::splat(low.abs().max(high.abs()).max_element() * 4.0 * f32::EPSILON);
+        // Nothing is flat at the origin either.
+        let margin = margin.max(Vec3A::splat(f32::MIN_POSITIVE));
+        Aabb { min: low - margin, max: high + margin }
+    }
+}
+
+impl Bvh {
+    /// Builds the BVH of these meshes; their indices are those in the slice.
+    ///
+    /// # Errors
+    /// If [`TriangleMesh::validate`] refuses a mesh, or all together are too many.
+    pub fn build(meshes: &[TriangleMesh<'_>]) -> Result<Self, BvhError> {
+        let start = Instant::now();
+        let count = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        if count >= u32::MAX as usize / 2 {
+            return Err(BvhError::TooManyTriangles { count }); // nodes are numbered too
+        }
+        let mut triangles = Vec::with_capacity(count);
+        for (mesh, data) in (0..).zip(meshes) {
+            data.validate().map_err(|problem| BvhError::Mesh { mesh, problem })?;
+            triangles.extend((0..).zip(data.triangles).map(|(triangle, indices)| Triangle {
+                vertices: indices.map(|index| data.positions[index as usize]),
+                mesh,
+                triangle,
+            }));
+        }
+        if triangles.is_empty() {
+            let tree = Bvh2::default();
+            return Ok(Self { tree, triangles, build_time: start.elapsed() });
+        }
+        let tree =
+            build_bvh2(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let triangles = tree.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
+        Ok(Self { tree, triangles, build_time: start.elapsed() })
+    }
+
+    /// Calls `visit` with triangles near the ray, nearest boxes first, until it says to stop.
+    /// `visit` may shorten the traversal's `t_max`.
+    fn traverse(&self, ray: &PreparedRay, mut visit: impl FnMut(&Triangle, &mut f32) -> bool) {
+        let leaf = |node: &Bvh2Node, ray: &mut obvhs::ray::Ray, _: &mut RayHit| {
+            let first = node.first_index as usize;
+            self.triangles[first..first + node.prim_count as usize]
+                .iter()
+                .all(|triangle| visit(triangle, &mut ray.tmax))
+        };
+        let mut stack = obvhs::faststack::HeapStack::new_with_capacity(64);
+        self.tree.ray_traverse_dynamic(&mut stack, ray.boxes, &mut RayHit::none(), leaf);
+    }
+}
+
+/// A ray with what every box and triangle test of it has in common.
+///
+/// The triangle test is the watertight one of Woop, Benthin and Wald (2013), equations as there:
+/// space is sheared so that the ray runs along an axis, and edge functions of neighbors that share
+/// an edge are computed from the same numbers, so they agree on which side a ray passes.
+struct PreparedRay {
+    boxes: obvhs::ray::Ray,
+    origin: Vec3,
+    t_near: f32,
+    axes: [usize; 3],
+    shear: Vec3,
+    /// Distances times this are in units of the caller's direction.
+    scale: f32,
+}
+
+impl PreparedRay {
+    fn new(ray: &Ray) -> Self {
+        // Scaled by a power of two (exact) to a length near one: box tests work with reciprocals,
+        // and those of very long or short directions leave the range of f32.
+        let largest = ray.direction.abs().max_element();
+        let exponent = (largest.to_bits() >> 23).clamp(1, 253);
+        let scale = f32::from_bits((254 - exponent) << 23);
+        let direction = ray.direction * scale;
+
+        // A component of zero gets a huge reciprocal instead of an infinite one, which times zero
+        // would be NaN: the ray then stays within a slab that holds its origin, for all distances.
+        let reciprocal = |x: f32| if x.abs() < 1e-30 { 1e30_f32.copysign(x) } else { 1.0 / x };
+        let inverse = Vec3::from_array(direction.to_array().map(reciprocal));
+        let boxes = obvhs::ray::Ray {
+            origin: ray.origin.into(),
+            direction: direction.into(),
+            inv_direction: inverse.into(),
+            tmin: ray.t_near / scale,
+            tmax: ray.t_far / scale,
+        };
+
+        let z = direction.abs().max_position();
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        if direction[z] < 0.0 {
+            (x, y) = (y, x); // keeps the winding
+        }
+        let shear = Vec3::new(direction[x], direction[y], 1.0) / direction[z];
+        Self { boxes, origin: ray.origin, t_near: boxes.tmin, axes: [x, y, z], shear, scale }
+    }
+
+    /// Distance, in units of the scaled direction, and barycentric weights of the second and third
+    /// vertex, if the ray passes through the triangle from either side within its interval.
+    #[inline(always)]
+    fn hit(&self, triangle: &Triangle, t_max: f32) -> Option<(f32, f32, f32)> {
+        let [kx, ky, kz] = self.axes;
+        let [a, b, c] = triangle.vertices.map(|vertex| vertex - self.origin);
+        let sheared = |p: Vec3| (p[kx] - self.shear.x * p[kz], p[ky] - self.shear.y * p[kz]);
+        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(a), sheared(b), sheared(c));
+
+        let mut u = cx * by - cy * bx;
+        let mut v = ax * cy - ay * cx;
+        let mut w = bx * ay - by * ax;
+        if u == 0.0 || v == 0.0 || w == 0.0 {
+            // On an edge, as far as f32 can tell: products of f32 are exact in f64.
+            let cross = |x1: f32, y1: f32, x2: f32, y2: f32| {
+                (f64::from(x1) * f64::from(y2) - f64::from(y1) * f64::from(x2)) as f32
+            };
+            u = cross(cx, cy, bx, by);
+            v = cross(ax, ay, cx, cy);
+            w = cross(bx, by, ax, ay);
+        }
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        let determinant = u + v + w;
+        if determinant == 0.0 {
+            return None; // edge-on, or without area
+        }
+        let distance = self.shear.z * (u * a[kz] + v * b[kz] + w * c[kz]) / determinant;
+        // Written so that NaN, from coordinates near the limit, is no hit.
+        let inside = distance > self.t_near && distance < t_max;
+        inside.then(|| (distance, v / determinant, w / determinant))
+    }
+}
+
+impl Intersect for Bvh {
+    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], _coherence: Coherence) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.closest_hit(ray);
+        }
+    }
+
+    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], _coherence: Coherence) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        for (ray, occluded) in rays.iter().zip(occluded) {
+            *occluded = self.is_occluded(ray);
+        }
+    }
+
+    fn closest_hit(&self, ray: &Ray) -> Hit {
+        let prepared = PreparedRay::new(ray);
+        let mut closest = Hit::MISS;
+        self.traverse(&prepared, |triangle, t_max| {
+            if let Some((t, u, v)) = prepared.hit(triangle, *t_max) {
+                *t_max = t;
+                let (mesh, triangle) = (triangle.mesh, triangle.triangle);
+                closest = Hit { t: t * prepared.scale, u, v, mesh, triangle };
+            }
+            true
+        });
+        closest
+    }
+
+    fn is_occluded(&self, ray: &Ray) -> bool {
+        let prepared = PreparedRay::new(ray);
+        let mut occluded = false;
+        self.traverse(&prepared, |triangle, t_max| {
+            occluded = prepared.hit(triangle, *t_max).is_some();
+            !occluded
+        });
+        occluded
+    }
+
+    fn describe(&self) -> AccelInfo {
+        AccelInfo {
+            name: "pure-Rust BVH (obvhs)".into(),
+            packet_size: 1,
+            triangles: self.triangles.len(),
+            bytes: self.tree.nodes.capacity() * size_of::<Bvh2Node>()
+                + self.tree.primitive_indices.capacity() * size_of::<u32>()
+                + self.triangles.capacity() * size_of::<Triangle>(),
+            build_time: self.build_time,
+        }
+    }
+}

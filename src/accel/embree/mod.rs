@@ -1,0 +1,124 @@
+//! A safe layer over Intel Embree 4: triangle scenes and ray queries.
+//!
+//! It does not depend on the renderer. Life goes one way: [`Device`] -> [`SceneBuilder`] ->
+//! [`CommittedScene`]. Everything that can fail happens before the last; queries return a plain
+//! value and may run from any number of threads.
+//!
+//! ```
+//! use bdpm::accel::embree::Device;
+//! use bdpm::accel::{Coherence, Hit, Intersect, Ray, TriangleMesh};
+//! use glam::Vec3;
+//!
+//! # fn main() -> Result<(), bdpm::accel::embree::EmbreeError> {
+//! let device = Device::new()?;
+//! let mut builder = device.scene_builder()?;
+//! let floor = builder.add_mesh(TriangleMesh {
+//!     positions: &[Vec3::ZERO, Vec3::X, Vec3::Y],
+//!     triangles: &[[0, 1, 2]],
+//! })?;
+//! let scene = builder.commit()?;
+//!
+//! let down = |x, y| Ray::new(Vec3::new(x, y, 2.0), -Vec3::Z);
+//! let hit = scene.closest_hit(&down(0.25, 0.5));
+//! assert_eq!((hit.mesh, hit.triangle), (floor.index(), 0));
+//! assert_eq!((hit.t, hit.u, hit.v), (2.0, 0.25, 0.5));
+//!
+//! let rays = [down(0.1, 0.1), down(0.9, 0.9)];
+//! let mut hits = [Hit::MISS; 2];
+//! scene.closest_hits(&rays, &mut hits, Coherence::Coherent);
+//! assert!(!hits[0].is_miss() && hits[1].is_miss());
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # Misuse does not compile
+//!
+//! A committed scene never changes; a mesh comes too late once `commit` has taken the builder:
+//! ```compile_fail,E0382
+//! # use bdpm::accel::{embree::*, TriangleMesh};
+//! # fn main() -> Result<(), EmbreeError> {
+//! let mut builder = Device::new()?.scene_builder()?;
+//! let scene = builder.commit()?;
+//! builder.add_mesh(TriangleMesh { positions: &[], triangles: &[] })?;
+//! # Ok(())
+//! # }
+//! ```
+//! A committed scene has no such method either:
+//! ```compile_fail,E0599
+//! # use bdpm::accel::{embree::*, TriangleMesh};
+//! # fn misuse(mut scene: CommittedScene) -> Result<(), EmbreeError> {
+//! scene.add_mesh(TriangleMesh { positions: &[], triangles: &[] })?;
+//! # Ok(())
+//! # }
+//! ```
+//! A builder may move to another thread, but two threads cannot share it:
+//! ```compile_fail,E0277
+//! # use bdpm::accel::embree::*;
+//! # fn misuse(builder: SceneBuilder) {
+//! let shared = &builder;
+//! std::thread::scope(|threads| {
+//!     threads.spawn(|| println!("{shared:?}"));
+//! });
+//! # }
+//! ```
+//! A scene or an id cannot be forged:
+//! ```compile_fail,E0423
+//! # use bdpm::accel::embree::*;
+//! let id = GeomId(7);
+//! ```
+//! ```compile_fail,E0451
+//! # use bdpm::accel::embree::*;
+//! # fn misuse(real: CommittedScene) {
+//! let CommittedScene { handle, .. } = real;
+//! # }
+//! ```
+
+// The only unsafe code of the package: calls into a C library.
+#![allow(unsafe_code)]
+
+mod device;
+mod packets;
+mod scene;
+
+pub use device::Device;
+pub use scene::{CommittedScene, GeomId, SceneBuilder};
+
+use super::MeshError;
+
+/// Why Embree could not do what was asked. Queries never fail.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EmbreeError {
+    /// A mesh breaks a rule that memory safety or agreement between backends rests on.
+    #[error("mesh {mesh}: {problem}")]
+    Mesh {
+        /// Index of the mesh, in the order in which meshes were added.
+        mesh: u32,
+        /// What is wrong with it.
+        #[source]
+        problem: MeshError,
+    },
+    /// The configuration text has a zero byte inside.
+    #[error("the device configuration has a zero byte in it: {0:?}")]
+    Config(String),
+    /// The library that was loaded does not fit the header that this program was built with.
+    #[error(
+        "the Embree library is version {library}, but this program was built with the header of \
+         {header}; it needs the same major version, not older"
+    )]
+    Version {
+        /// Version of the library.
+        library: String,
+        /// Version of the header.
+        header: String,
+    },
+    /// Embree reported an error.
+    #[error("Embree failed to {doing}: {code} ({message})")]
+    Library {
+        /// What it was asked to do.
+        doing: &'static str,
+        /// The error code's name.
+        code: &'static str,
+        /// Embree's own words, where it gave any.
+        message: String,
+    },
+}

@@ -1,0 +1,118 @@
+//! Finds Embree 4, generates bindings from its header, and says how to link and load it.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const NOT_FOUND: &str = "Embree 4 was not found. Run `make setup` (scripts/setup.sh) in the \
+    checkout, or set EMBREE_DIR to a folder that has include/embree4 and lib in it, or build \
+    without it: --no-default-features";
+
+/// An Embree installation.
+struct Install {
+    include: PathBuf,
+    lib: PathBuf,
+    /// Whether compiler, linker and loader look there by themselves.
+    is_default: bool,
+}
+
+impl Install {
+    fn below(prefix: &Path) -> Option<Self> {
+        let include = prefix.join("include");
+        if !include.join("embree4/rtcore.h").exists() {
+            return None;
+        }
+        let arch = env::var("CARGO_CFG_TARGET_ARCH").unwrap();
+        let lib = [format!("lib/{arch}-linux-gnu"), "lib64".into(), "lib".into()]
+            .iter()
+            .map(|folder| prefix.join(folder))
+            .find(|folder| {
+                ["libembree4.so", "libembree4.dylib", "embree4.lib"]
+                    .iter()
+                    .any(|name| folder.join(name).exists())
+            })?;
+        Some(Self { include, lib, is_default: prefix == Path::new("/usr") })
+    }
+}
+
+fn main() {
+    println!("cargo::rerun-if-env-changed=EMBREE_DIR");
+    println!("cargo::rerun-if-changed=wrapper.h");
+
+    let Some(install) = find() else {
+        println!("cargo::error={NOT_FOUND}");
+        return;
+    };
+    generate(&install);
+
+    println!("cargo::rustc-link-lib=dylib=embree4");
+    if install.is_default {
+        return;
+    }
+    let lib = install.lib.display();
+    println!("cargo::rerun-if-changed={lib}");
+    println!("cargo::rustc-link-search=native={lib}");
+    println!("cargo::rustc-link-arg=-Wl,-rpath,{lib}"); // this package's own tests
+    println!("cargo::metadata=lib={lib}"); // DEP_EMBREE4_LIB for the dependent's build script
+    link_for_doc_tests(&install.lib);
+}
+
+fn find() -> Option<Install> {
+    if let Some(dir) = env::var_os("EMBREE_DIR").filter(|dir| !dir.is_empty()) {
+        // A user's word is final: falling back would build against another Embree than was asked.
+        let dir = fs::canonicalize(&dir).unwrap_or(dir.into());
+        return Install::below(&dir);
+    }
+    let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    [&checkout.join(".embree"), Path::new("/usr/local"), Path::new("/usr")]
+        .into_iter()
+        .find_map(Install::below)
+}
+
+fn generate(install: &Install) {
+    let bindings = bindgen::builder()
+        .header("wrapper.h")
+        .clang_arg(format!("-I{}", install.include.display()))
+        .allowlist_item("(rtc|RTC).*")
+        // An enum of Rust's holding a value that only a newer library knows is undefined behavior.
+        .default_enum_style(bindgen::EnumVariation::NewType {
+            is_bitfield: false,
+            is_global: false,
+        })
+        .bitfield_enum("RTC.*Flags")
+        .prepend_enum_name(false)
+        .derive_default(true)
+        .generate_comments(false)
+        .rust_target(bindgen::RustTarget::stable(88, 0).expect("a version that bindgen knows"))
+        .rust_edition(bindgen::RustEdition::Edition2024)
+        .parse_callbacks(Box::new(bindgen::CargoCallbacks::new()))
+        .generate();
+    let out = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("bindings.rs");
+    match bindings {
+        Ok(bindings) => bindings.write_to_file(out).expect("OUT_DIR is writable"),
+        Err(error) => println!(
+            "cargo::error=bindgen cannot read {}: {error}",
+            install.include.join("embree4/rtcore.h").display()
+        ),
+    }
+}
+
+/// Doc tests get no link arguments, thus no rpath. But Cargo puts search paths below its target
+/// folder on their library path, so links to the libraries go there.
+fn link_for_doc_tests(lib: &Path) {
+    let folder = PathBuf::from(env::var_os("OUT_DIR").unwrap()).join("lib");
+    let _ = fs::remove_dir_all(&folder);
+    #[cfg(unix)]
+    {
+        fs::create_dir_all(&folder).expect("OUT_DIR is writable");
+        for entry in fs::read_dir(lib).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let text = name.to_string_lossy();
+            if text.starts_with("libembree4") || text.starts_with("libtbb") {
+                std::os::unix::fs::symlink(entry.path(), folder.join(&name))
+                    .expect("OUT_DIR is writable");
+            }
+        }
+        println!("cargo::rustc-link-search=native={}", folder.display());
+    }
+}
