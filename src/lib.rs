@@ -2,12 +2,15 @@
 
 pub mod accel;
 pub mod camera_paths;
+pub mod checkpoint;
+pub mod compare;
 pub mod error;
 pub mod film;
 pub mod light_paths;
 pub mod math;
 pub mod merge;
 pub mod noise;
+pub mod output;
 pub mod photon_map;
 mod pool;
 pub mod render;

@@ -71,6 +71,11 @@ impl Camera {
         self.forward
     }
 
+    /// Unit vector toward the image's top, perpendicular to [`Self::direction`].
+    pub fn up(&self) -> Vec3 {
+        self.up
+    }
+
     /// The opening angle it was made with.
     pub fn field_of_view(&self) -> FieldOfView {
         self.field_of_view

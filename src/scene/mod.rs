@@ -1,6 +1,7 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
 pub mod camera;
+mod fingerprint;
 pub mod light;
 pub mod load;
 pub mod material;

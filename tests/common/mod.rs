@@ -146,7 +146,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
 
 /// The default backend for a scene.
 pub fn accel(scene: &Scene) -> Box<dyn Intersect> {
-    bdpm::accel::build(bdpm::accel::Backend::default(), scene).unwrap()
+    bdpm::accel::backend::build(Default::default(), scene).unwrap()
 }
 
 /// A mean and its standard error.

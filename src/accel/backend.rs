@@ -1,0 +1,60 @@
+//! The choice of an intersection backend at run time.
+
+use super::Intersect;
+use super::bvh::Bvh;
+use crate::error::Result;
+use crate::scene::Scene;
+use std::fmt;
+
+/// What finds intersections.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backend {
+    /// Intel Embree 4.
+    Embree,
+    /// The pure-Rust BVH.
+    Bvh,
+}
+
+impl Backend {
+    /// All, also those that this program was built without.
+    pub const ALL: [Self; 2] = [Self::Embree, Self::Bvh];
+
+    /// Its name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Embree => "embree",
+            Self::Bvh => "bvh",
+        }
+    }
+}
+
+impl Default for Backend {
+    /// Embree if the program was built with it.
+    fn default() -> Self {
+        if cfg!(feature = "embree") { Self::Embree } else { Self::Bvh }
+    }
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// Builds the acceleration structure of `scene`.
+///
+/// # Errors
+/// If the program was built without `backend`, or the build fails.
+pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
+    let meshes = scene.triangle_meshes();
+    match backend {
+        Backend::Bvh => Ok(Box::new(Bvh::build(&meshes)?)),
+        #[cfg(feature = "embree")]
+        Backend::Embree => Ok(Box::new(super::embree::Embree::build(&meshes)?)),
+        #[cfg(not(feature = "embree"))]
+        Backend::Embree => Err(crate::error::Error::new(
+            "this program was built without Embree",
+            "use --accel bvh, or build it with the feature `embree`, which is on by default",
+        )),
+    }
+}

@@ -1,0 +1,302 @@
+//! Checkpoints: an image under way with all that must agree for it to be continued.
+//!
+//! A file is `magic, format version, payload (postcard), XXH3 of all before`. The checksum is
+//! verified before anything is decoded, so a damaged file is always recognized as one.
+
+use crate::error::{Error, Result};
+use crate::film::Film;
+use crate::output::write_atomically;
+use crate::settings::Settings;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::io::{self, Write};
+use std::path::Path;
+use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
+
+const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
+
+/// Raised whenever the payload's layout changes.
+const FORMAT: u32 = 1;
+
+/// Bytes before the payload.
+const HEADER: usize = MAGIC.len() + size_of::<u32>();
+
+/// Bytes after the payload.
+const TRAILER: usize = size_of::<u64>();
+
+/// What an image was made of; a run that continues it must agree.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    /// Version of this program. Another one may draw other random numbers.
+    pub version: String,
+    /// The scene's name, for messages.
+    pub scene: String,
+    /// [`Scene::fingerprint`](crate::Scene::fingerprint).
+    pub fingerprint: u64,
+    /// Name of the intersection backend: rays that graze an edge may go another way in another.
+    pub backend: String,
+    /// Everything else.
+    pub settings: Settings,
+}
+
+/// An image under way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint<'a> {
+    /// What it was made of.
+    pub origin: Origin,
+    /// Its sums.
+    pub film: Cow<'a, Film>,
+}
+
+impl Origin {
+    /// Refuses to continue an image that `self` made with `other`.
+    ///
+    /// # Errors
+    /// Names everything that differs, with both values.
+    pub fn check_agrees(&self, other: &Self) -> Result<()> {
+        let mut differences = Vec::new();
+        if self.fingerprint != other.fingerprint {
+            differences.push(if self.scene == other.scene {
+                format!("scene `{}` has changed", self.scene)
+            } else {
+                format!("scene is `{}`, not `{}`", self.scene, other.scene)
+            });
+        }
+        let mut compare = |name: &str, this: &str, that: &str| {
+            if this != that {
+                differences.push(format!("{name} is {this}, not {that}"));
+            }
+        };
+        compare("program version", &self.version, &other.version);
+        compare("backend", &self.backend, &other.backend);
+        let (these, those) = (self.settings.to_map(), other.settings.to_map());
+        for (name, value) in &these {
+            let name = name.replace('_', "-");
+            compare(&name, &value.to_string(), &those[&name.replace('-', "_")].to_string());
+        }
+        if differences.is_empty() {
+            return Ok(());
+        }
+        Err(Error::new(
+            format!("cannot continue this image: its {}", differences.join("; its ")),
+            "resume with the scene and settings that it was begun with, or render anew without \
+             --resume",
+        ))
+    }
+}
+
+impl Settings {
+    /// All settings by name.
+    pub fn to_map(&self) -> serde_json::Map<String, serde_json::Value> {
+        // Through text, which keeps an f32 such as 0.1 as short as it was written.
+        let text = serde_json::to_string(self).expect("plain numbers and names");
+        serde_json::from_str(&text).expect("what was just written")
+    }
+}
+
+impl Checkpoint<'_> {
+    /// Writes it to `path` in place of what was there.
+    ///
+    /// # Errors
+    /// If the file cannot be written; names it. The old one is then still there.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write_atomically(path, |to| {
+            let mut hashing = Hashing { to, hash: Xxh3Default::new() };
+            hashing.write_all(&MAGIC)?;
+            hashing.write_all(&FORMAT.to_le_bytes())?;
+            postcard::to_io(self, &mut hashing).map_err(io::Error::other)?;
+            let digest = hashing.hash.digest();
+            hashing.to.write_all(&digest.to_le_bytes())
+        })
+    }
+}
+
+impl Checkpoint<'static> {
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no checkpoint, is from another format version, or is
+    /// damaged; names it.
+    pub fn load(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        Self::decode(&bytes).map_err(|e| e.at(path))
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self> {
+        let damaged = || {
+            Error::new(
+                "the checkpoint is damaged: its checksum does not match",
+                "use another copy of it, or render anew without --resume",
+            )
+        };
+        if !bytes.starts_with(&MAGIC) {
+            return Err(Error::new(
+                "this is no checkpoint",
+                "give a file that --checkpoint has written",
+            ));
+        }
+        if bytes.len() < HEADER + TRAILER {
+            return Err(damaged());
+        }
+        let (hashed, digest) = bytes.split_at(bytes.len() - TRAILER);
+        if xxh3_64(hashed).to_le_bytes() != digest {
+            return Err(damaged());
+        }
+        let (header, payload) = hashed.split_at(HEADER);
+        let format = &header[MAGIC.len()..];
+        if format != FORMAT.to_le_bytes() {
+            let format = format.iter().rev().fold(0u32, |n, &byte| n << 8 | u32::from(byte));
+            return Err(Error::new(
+                format!("the checkpoint has format {format}; this version reads format {FORMAT}"),
+                "continue it with the version of bdpm that wrote it",
+            ));
+        }
+        // Only a file whose checksum somebody has forged fails below.
+        let (checkpoint, rest): (Self, _) =
+            postcard::take_from_bytes(payload).map_err(|_| damaged())?;
+        let (width, height) = checkpoint.film.resolution();
+        let settings = &checkpoint.origin.settings;
+        settings.validate()?;
+        let fits = (width, height) == (settings.width, settings.height);
+        if !fits || !checkpoint.film.is_consistent() || !rest.is_empty() {
+            return Err(damaged());
+        }
+        Ok(checkpoint)
+    }
+}
+
+/// Hashes what passes through.
+struct Hashing<W> {
+    to: W,
+    hash: Xxh3Default,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.hash.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::{Direct, Roulette};
+    use glam::DVec3;
+    use std::fs;
+
+    fn checkpoint() -> Checkpoint<'static> {
+        let settings = Settings {
+            width: 5,
+            height: 3,
+            light_paths: 100,
+            camera_paths: 2,
+            radius: 0.1,
+            merge_vertex: 2,
+            direct: Direct::Connect,
+            light_roulette: Roulette::Albedo,
+            camera_roulette: Roulette::Weight,
+            seed: u64::MAX,
+        };
+        let mut film = Film::new(5, 3);
+        for (_, sums) in film.tiles_mut() {
+            for (index, sums) in sums.iter_mut().enumerate() {
+                sums.add(DVec3::new(1e-300, index as f64, 0.1));
+            }
+        }
+        film.iterations = 7;
+        let origin = Origin {
+            version: "1.2.3".into(),
+            scene: "box".into(),
+            fingerprint: 0x1234_5678_9abc_def0,
+            backend: "bvh".into(),
+            settings,
+        };
+        Checkpoint { origin, film: Cow::Owned(film) }
+    }
+
+    fn saved() -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ckpt");
+        checkpoint().save(&path).unwrap();
+        assert_eq!(Checkpoint::load(&path).unwrap(), checkpoint());
+        fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn any_changed_byte_and_any_other_length_is_an_error() {
+        let whole = saved();
+        assert_eq!(Checkpoint::decode(&whole).unwrap(), checkpoint());
+        for position in 0..whole.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut bytes = whole.clone();
+                bytes[position] ^= flip;
+                let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
+                assert!(shown.contains("checkpoint"), "{position}: {shown}");
+            }
+            assert!(Checkpoint::decode(&whole[..position]).is_err(), "cut at {position}");
+        }
+        assert!(Checkpoint::decode(&[&whole[..], &[0]].concat()).is_err());
+    }
+
+    #[test]
+    fn forged_contents_are_errors_and_never_panics() {
+        let whole = saved();
+        let hashed = whole.len() - TRAILER;
+        let mut accepted = 0;
+        for position in MAGIC.len()..hashed {
+            for byte in [0, 1, 0x7f, 0x80, 0xff] {
+                let mut bytes = whole[..hashed].to_vec();
+                bytes[position] = byte;
+                bytes.extend(xxh3_64(&bytes).to_le_bytes());
+                accepted += usize::from(Checkpoint::decode(&bytes).is_ok());
+            }
+        }
+        assert!(accepted > 0, "other pixel values are as good as these");
+    }
+
+    #[test]
+    fn foreign_files_and_formats_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("notes.txt");
+        fs::write(&path, "hello").unwrap();
+        let shown = Checkpoint::load(&path).unwrap_err().to_string();
+        assert!(shown.contains("notes.txt: this is no checkpoint\nhelp: "), "{shown}");
+        let mut bytes = saved();
+        bytes[MAGIC.len()] = 9;
+        bytes.truncate(bytes.len() - TRAILER);
+        bytes.extend(xxh3_64(&bytes).to_le_bytes());
+        let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
+        assert!(shown.contains("has format 9"), "{shown}");
+    }
+
+    #[test]
+    fn every_difference_is_named_with_both_values() {
+        let begun = checkpoint().origin;
+        begun.check_agrees(&begun).unwrap();
+        let mut other = begun.clone();
+        other.scene = "sphere".into();
+        begun.check_agrees(&other).expect("a renamed scene is the same scene");
+        other.fingerprint = 1;
+        other.backend = "embree".into();
+        other.settings.radius = 0.2;
+        other.settings.light_paths = 50;
+        other.settings.direct = Direct::PhotonMap;
+        let shown = begun.check_agrees(&other).unwrap_err().to_string();
+        for part in [
+            "scene is `box`, not `sphere`",
+            "backend is bvh, not embree",
+            "radius is 0.1, not 0.2",
+            "light-paths is 100, not 50",
+            "direct is \"connect\", not \"photon-map\"",
+        ] {
+            assert!(shown.contains(part), "{part}: {shown}");
+        }
+        assert!(!shown.contains("seed") && !shown.contains("version"), "{shown}");
+    }
+}

@@ -1,0 +1,191 @@
+//! Subcommands, and the arguments that they share.
+//!
+//! Results go to stdout, with `--json` as exactly one object; all else goes to stderr.
+
+mod compare;
+mod info;
+mod progress;
+mod render;
+
+use bdpm::accel::backend::Backend;
+use bdpm::error::{Error, Result};
+use bdpm::settings::{Direct, Length, RenderDefaults, Roulette};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Bidirectional photon mapping that knows its own noise.
+#[derive(clap::Parser)]
+#[command(name = "bdpm", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Render a scene to an EXR image and a PNG preview beside it
+    Render(render::Args),
+    /// Tell what a scene holds and how it would be rendered
+    Info(info::Args),
+    /// Tell how far an image is from a reference
+    Compare(compare::Args),
+}
+
+/// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
+pub fn run() -> ExitCode {
+    let output = match <Cli as clap::Parser>::parse().command {
+        Command::Render(args) => render::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Compare(args) => compare::run(&args),
+    };
+    match output.and_then(|text| print(&text)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            say(&format!("error: {error}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints to stdout; a reader that has heard enough is no error.
+fn print(text: &str) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::io("write the result", Path::new("standard output"), e))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line to stderr. There is nobody to tell when that fails.
+fn say(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// One JSON object on a line.
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).expect("plain numbers and texts") + "\n"
+}
+
+/// What a scene is and how to look at it.
+#[derive(clap::Args)]
+struct SceneArgs {
+    /// Scene: a .toml or .obj file, or a folder that holds scene.toml
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Image size in pixels
+    #[arg(long, value_name = "WxH", value_parser = resolution)]
+    resolution: Option<[u32; 2]>,
+    /// Light paths per iteration
+    #[arg(long, value_name = "NF")]
+    light_paths: Option<u32>,
+    /// Camera paths per pixel and iteration
+    #[arg(long, value_name = "NB")]
+    camera_paths: Option<u32>,
+    /// Merge radius: scene units, or a share of the scene size such as 0.8%
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    radius: Option<Length>,
+    /// The diffuse vertex at which camera paths are cut and merged
+    #[arg(long, value_name = "K")]
+    merge_vertex: Option<u32>,
+    /// How light that comes straight from a light source is found
+    #[arg(long, value_parser = choice(&[
+        ("connect", Direct::Connect),
+        ("photon-map", Direct::PhotonMap),
+    ]))]
+    direct: Option<Direct>,
+    /// How light paths end
+    #[arg(long, value_parser = roulette())]
+    light_roulette: Option<Roulette>,
+    /// How camera paths may end before their cut
+    #[arg(long, value_parser = roulette())]
+    camera_roulette: Option<Roulette>,
+    /// Seed of all random numbers
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// What finds intersections [default: embree if built with it, else bvh]
+    #[arg(long, value_parser = choice(&[
+        (Backend::Embree.name(), Backend::Embree),
+        (Backend::Bvh.name(), Backend::Bvh),
+    ]))]
+    accel: Option<Backend>,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+impl SceneArgs {
+    /// The settings that were asked for.
+    fn wishes(&self) -> RenderDefaults {
+        RenderDefaults {
+            resolution: self.resolution,
+            light_paths: self.light_paths,
+            camera_paths: self.camera_paths,
+            radius: self.radius,
+            merge_vertex: self.merge_vertex,
+            direct: self.direct,
+            light_roulette: self.light_roulette,
+            camera_roulette: self.camera_roulette,
+            seed: self.seed,
+        }
+    }
+}
+
+/// Accepts the given names only.
+fn choice<T: Copy + Send + Sync + 'static>(
+    choices: &'static [(&'static str, T)],
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(choices.iter().map(|&(name, _)| name)).map(move |name| {
+        let found = choices.iter().find(|(known, _)| *known == name);
+        found.expect("the parser lets only known names through").1
+    })
+}
+
+fn roulette() -> impl TypedValueParser<Value = Roulette> {
+    choice(&[("albedo", Roulette::Albedo), ("weight", Roulette::Weight)])
+}
+
+/// Reads a resolution such as 512x384.
+fn resolution(text: &str) -> std::result::Result<[u32; 2], &'static str> {
+    let pixels = text.split_once(['x', 'X']).and_then(|(width, height)| {
+        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
+    });
+    pixels.ok_or("give a width and a height, such as 512x384")
+}
+
+/// A length of time for people, such as `1m 5s`.
+fn human_time(seconds: f64) -> String {
+    if seconds < 10.0 {
+        return format!("{seconds:.1}s");
+    }
+    humantime::format_duration(std::time::Duration::from_secs(seconds.round() as u64)).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_argument_definitions_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn resolutions_are_two_numbers() {
+        assert_eq!(resolution("640x480"), Ok([640, 480]));
+        for bad in ["", "640", "x", "640x", "640x-1", "640x480x3", "axb", "99999999999x1"] {
+            assert!(resolution(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn times_are_short_to_read() {
+        assert_eq!(human_time(0.25), "0.2s");
+        assert_eq!(human_time(75.4), "1m 15s");
+    }
+}

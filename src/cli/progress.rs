@@ -1,0 +1,163 @@
+//! Progress on stderr: a bar on a terminal, else a line now and then.
+
+use super::{human_time, say};
+use bdpm::render::{IterationReport, PhaseTimes};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use std::fmt::Write;
+use std::io::{self, IsTerminal};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+/// Time between plain lines.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// When to stop.
+#[derive(Clone, Copy, Debug)]
+pub enum Goal {
+    /// At this many iterations, those of a resumed image included.
+    Iterations(u64),
+    /// After this much time of rendering.
+    Time(Duration),
+}
+
+/// What this run has done.
+#[derive(Clone, Debug, Default)]
+pub struct Totals {
+    /// Iterations of this run.
+    pub iterations: u64,
+    /// Rays of this run.
+    pub rays: u64,
+    /// Photons of this run.
+    pub photons: u64,
+    /// Pixel values that were not finite.
+    pub non_finite: u64,
+    /// Busy thread time of the phases, and wall-clock time.
+    pub times: PhaseTimes,
+}
+
+impl Totals {
+    /// Adds an iteration.
+    pub fn add(&mut self, report: &IterationReport) {
+        self.iterations += 1;
+        self.rays += report.rays;
+        self.photons += report.photons as u64;
+        self.non_finite += report.non_finite.len() as u64;
+        self.times += report.times;
+    }
+
+    /// Rays per second of wall-clock time.
+    pub fn rays_per_second(&self) -> f64 {
+        self.rays as f64 / self.times.wall.as_secs_f64().max(1e-9)
+    }
+
+    /// Shares of the light, camera and merge phases, percent.
+    fn shares(&self) -> [f64; 3] {
+        let PhaseTimes { light, camera, merge, .. } = self.times;
+        let all = (light + camera + merge).as_secs_f64().max(1e-9);
+        [light, camera, merge].map(|phase| 100.0 * phase.as_secs_f64() / all)
+    }
+}
+
+/// Shows how far the image is.
+#[derive(Clone)]
+pub struct Progress {
+    shown: Shown,
+    goal: Goal,
+    last_line: Instant,
+    /// Expected end; the bar counts down to it while an iteration is under way.
+    end: Arc<Mutex<Option<Instant>>>,
+}
+
+#[derive(Clone)]
+enum Shown {
+    Nothing,
+    Lines,
+    Bar(ProgressBar),
+}
+
+impl Progress {
+    /// Starts showing, or stays silent if `quiet`.
+    pub fn new(goal: Goal, quiet: bool) -> Self {
+        let end = Arc::new(Mutex::new(None));
+        let shown = if quiet {
+            Shown::Nothing
+        } else if io::stderr().is_terminal() {
+            Shown::Bar(bar(end.clone()))
+        } else {
+            Shown::Lines
+        };
+        Self { shown, goal, last_line: Instant::now(), end }
+    }
+
+    /// Shows the state after an iteration: `done` are the image's iterations, `elapsed` is the time
+    /// since rendering began.
+    pub fn update(&mut self, totals: &Totals, done: u64, elapsed: Duration) {
+        let per_iteration = elapsed.as_secs_f64() / totals.iterations.max(1) as f64;
+        let (fraction, left) = match self.goal {
+            Goal::Iterations(n) => {
+                (done as f64 / n as f64, n.saturating_sub(done) as f64 * per_iteration)
+            }
+            Goal::Time(time) => {
+                let left = time.saturating_sub(elapsed).as_secs_f64();
+                (1.0 - left / time.as_secs_f64().max(1e-9), left)
+            }
+        };
+        let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
+        let count = match self.goal {
+            Goal::Iterations(n) => format!("{done}/{n}"),
+            Goal::Time(_) => format!("{done} iterations"),
+        };
+        let [light, camera, merge] = totals.shares();
+        let state = format!(
+            "{count}  {:.1} Mray/s  light {light:.0}% camera {camera:.0}% merge {merge:.0}%",
+            totals.rays_per_second() / 1e6
+        );
+        match &self.shown {
+            Shown::Nothing => {}
+            Shown::Lines => {
+                if self.last_line.elapsed() >= LINE_EVERY {
+                    self.last_line = Instant::now();
+                    say(&format!("{state}  {} left", human_time(left.as_secs_f64())));
+                }
+            }
+            Shown::Bar(bar) => {
+                *self.end.lock().expect("no holder panics") = Instant::now().checked_add(left);
+                bar.set_position((1000.0 * fraction) as u64);
+                bar.set_message(state);
+            }
+        }
+    }
+
+    /// Says something of interest.
+    pub fn note(&self, text: &str) {
+        match &self.shown {
+            Shown::Nothing => {}
+            Shown::Lines => say(text),
+            Shown::Bar(bar) => bar.suspend(|| say(text)),
+        }
+    }
+
+    /// Clears the bar.
+    pub fn finish(&self) {
+        if let Shown::Bar(bar) = &self.shown {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn bar(end: Arc<Mutex<Option<Instant>>>) -> ProgressBar {
+    let left = move |_: &ProgressState, to: &mut dyn Write| {
+        if let Some(end) = *end.lock().expect("no holder panics") {
+            let left = end.saturating_duration_since(Instant::now());
+            // A failed write would show as an incomplete bar; there is nobody to tell.
+            let _ = write!(to, "  {} left", human_time(left.as_secs_f64().round()));
+        }
+    };
+    let style = ProgressStyle::with_template("{wide_bar:.cyan/blue} {msg}{left}")
+        .expect("the template is valid")
+        .with_key("left", left)
+        .progress_chars("━╸─");
+    let bar = ProgressBar::new(1000).with_style(style).with_message("first iteration");
+    bar.enable_steady_tick(Duration::from_millis(200));
+    bar
+}

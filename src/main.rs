@@ -1,0 +1,7 @@
+//! The command-line program `bdpm`.
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::run()
+}

@@ -1,0 +1,169 @@
+//! What makes two scenes the same, in 64 bits.
+
+use super::{Bsdf, Camera, Emitter, FieldOfView, Material, Scene};
+use crate::math::Rgb;
+use glam::Vec3;
+use xxhash_rust::xxh3::Xxh3Default;
+
+impl Scene {
+    /// A hash (XXH3) of all that an image depends on: geometry, materials, lights and camera, bit
+    /// by bit and in order. Names and regions do not count, nor does where the files are. The same
+    /// on every machine.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hash = Hash(Xxh3Default::new());
+        // Every list starts with its length, so that no two scenes write the same bytes.
+        hash.count(self.meshes.len());
+        for mesh in &self.meshes {
+            hash.u32(mesh.material);
+            hash.count(mesh.positions.len());
+            mesh.positions.iter().for_each(|&position| hash.vec3(position));
+            hash.count(mesh.triangles.len());
+            mesh.triangles.iter().flatten().for_each(|&index| hash.u32(index));
+        }
+        hash.count(self.materials.len());
+        self.materials.iter().for_each(|material| hash.material(material));
+        // Emissive triangles follow from meshes and materials.
+        for emitter in self.lights.emitters() {
+            hash.emitter(emitter);
+        }
+        hash.camera(&self.camera);
+        hash.0.digest()
+    }
+}
+
+struct Hash(Xxh3Default);
+
+impl Hash {
+    fn u32(&mut self, value: u32) {
+        self.0.update(&value.to_le_bytes());
+    }
+
+    fn count(&mut self, value: usize) {
+        self.0.update(&(value as u64).to_le_bytes());
+    }
+
+    fn f32(&mut self, value: f32) {
+        self.u32(value.to_bits());
+    }
+
+    fn vec3(&mut self, value: Vec3) {
+        value.to_array().into_iter().for_each(|value| self.f32(value));
+    }
+
+    fn rgb(&mut self, value: Rgb) {
+        self.vec3(value);
+    }
+
+    fn material(&mut self, Material { name: _, bsdf, emission }: &Material) {
+        match bsdf {
+            Bsdf::Lambertian { albedo } => {
+                self.u32(1);
+                self.rgb(*albedo);
+            }
+        }
+        self.rgb(*emission);
+    }
+
+    fn emitter(&mut self, emitter: &Emitter) {
+        match emitter {
+            Emitter::Point { position, intensity } => {
+                self.u32(1);
+                self.vec3(*position);
+                self.rgb(*intensity);
+            }
+            Emitter::Triangle { .. } => {}
+        }
+    }
+
+    fn camera(&mut self, camera: &Camera) {
+        self.vec3(camera.position());
+        self.vec3(camera.direction());
+        self.vec3(camera.up());
+        let (tag, degrees) = match camera.field_of_view() {
+            FieldOfView::X(degrees) => (1, degrees),
+            FieldOfView::Y(degrees) => (2, degrees),
+        };
+        self.u32(tag);
+        self.f32(degrees);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Mesh, Region};
+
+    #[derive(Clone)]
+    struct Parts {
+        name: &'static str,
+        mesh: Mesh,
+        material: Material,
+        lights: Vec<Emitter>,
+        eye: Vec3,
+        up: Vec3,
+        field_of_view: FieldOfView,
+        regions: Vec<Region>,
+    }
+
+    impl Parts {
+        fn fingerprint(self) -> u64 {
+            let camera = Camera::look(self.eye, Vec3::Z, self.up, self.field_of_view).unwrap();
+            let (meshes, materials) = (vec![self.mesh], vec![self.material]);
+            Scene::new(self.name.into(), meshes, materials, self.lights, camera, self.regions)
+                .fingerprint()
+        }
+    }
+
+    fn parts() -> Parts {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
+        let bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5) };
+        Parts {
+            name: "a",
+            mesh: Mesh { name: "m".into(), positions, triangles: vec![[0, 1, 2]], material: 0 },
+            material: Material { name: "n".into(), bsdf, emission: Rgb::ONE },
+            lights: vec![Emitter::Point { position: Vec3::Y, intensity: Rgb::ONE }],
+            eye: Vec3::ZERO,
+            up: Vec3::Y,
+            field_of_view: FieldOfView::X(40.0),
+            regions: vec![],
+        }
+    }
+
+    #[test]
+    fn every_change_that_shows_is_seen() {
+        let changes: [fn(&mut Parts); 12] = [
+            |p| p.mesh.positions[3].x = 1.5,
+            |p| p.mesh.triangles[0] = [0, 2, 1],
+            |p| p.mesh.triangles.push([1, 2, 3]),
+            |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.6) },
+            |p| p.material.emission = Rgb::ZERO,
+            |p| p.lights[0] = Emitter::Point { position: Vec3::Y, intensity: 2.0 * Rgb::ONE },
+            |p| p.lights[0] = Emitter::Point { position: Vec3::X, intensity: Rgb::ONE },
+            |p| p.lights.clear(),
+            |p| p.eye = Vec3::X,
+            |p| p.up = Vec3::X,
+            |p| p.field_of_view = FieldOfView::Y(40.0),
+            |p| p.field_of_view = FieldOfView::X(41.0),
+        ];
+        let mut seen = vec![parts().fingerprint()];
+        for change in changes {
+            let mut changed = parts();
+            change(&mut changed);
+            seen.push(changed.fingerprint());
+        }
+        let count = seen.len();
+        seen.sort_unstable();
+        seen.dedup();
+        assert_eq!(seen.len(), count);
+    }
+
+    #[test]
+    fn names_and_regions_do_not_count() {
+        let mut renamed = parts();
+        renamed.name = "b";
+        renamed.mesh.name = "c".into();
+        renamed.material.name = "d".into();
+        renamed.regions.push(Region { name: "r".into(), rectangles: vec![] });
+        assert_eq!(renamed.fingerprint(), parts().fingerprint());
+    }
+}
