@@ -314,6 +314,20 @@ fn binary_garbage() {
 }
 
 #[test]
+fn absurd_counts() {
+    let libraries: String = (0..2000).map(|i| format!("mtllib {i}.mtl\n")).collect();
+    obj(&libraries).refused(&["a.obj:1001: more than 1000 material libraries", "fewer MTL files"]);
+    // Neither many materials nor many objects nor many records of no meaning take long.
+    let many: String =
+        (0..200_000).map(|i| format!("o {i}\nusemtl {i}\nf 1 2 3\nx{i} 1\n")).collect();
+    let start = std::time::Instant::now();
+    let loaded = obj(&format!("{TRIANGLE}{many}")).load();
+    assert_eq!(loaded.scene.meshes.len(), 200_001);
+    assert!(loaded.notes.iter().all(|note| note.len() < 1000));
+    assert!(start.elapsed().as_secs() < 20, "took {:?}", start.elapsed());
+}
+
+#[test]
 fn endless_lines() {
     let line = "v ".to_owned() + &"1".repeat(2 << 20);
     obj(&line).refused(&["a.obj:1: the line is longer than 1048576 bytes", "split it"]);
