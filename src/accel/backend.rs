@@ -2,7 +2,7 @@
 
 use super::Intersect;
 use super::bvh::Bvh;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Scene;
 use std::fmt;
 
@@ -48,13 +48,30 @@ impl fmt::Display for Backend {
 pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
     let meshes = scene.triangle_meshes();
     match backend {
-        Backend::Bvh => Ok(Box::new(Bvh::build(&meshes)?)),
+        Backend::Bvh => {
+            let bvh = Bvh::build(&meshes).map_err(|e| refused(backend, &e))?;
+            Ok(Box::new(bvh))
+        }
         #[cfg(feature = "embree")]
-        Backend::Embree => Ok(Box::new(super::embree::Embree::build(&meshes)?)),
+        Backend::Embree => {
+            use super::embree::{CommittedScene, Device};
+            let scene = Device::new()
+                .and_then(|device| CommittedScene::from_meshes(&device, &meshes))
+                .map_err(|e| refused(backend, &e))?;
+            Ok(Box::new(scene))
+        }
         #[cfg(not(feature = "embree"))]
-        Backend::Embree => Err(crate::error::Error::new(
+        Backend::Embree => Err(Error::new(
             "this program was built without Embree",
             "use --accel bvh, or build it with the feature `embree`, which is on by default",
         )),
     }
+}
+
+fn refused(backend: Backend, error: &dyn fmt::Display) -> Error {
+    let other = if backend == Backend::Embree { Backend::Bvh } else { Backend::Embree };
+    Error::new(
+        format!("{backend} cannot take the scene: {error}"),
+        format!("correct the mesh, or try --accel {other}"),
+    )
 }

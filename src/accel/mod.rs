@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+pub mod backend;
 pub mod bvh;
 #[cfg(feature = "embree")]
 pub mod embree;

@@ -109,8 +109,8 @@ struct SceneArgs {
     seed: Option<u64>,
     /// What finds intersections [default: embree if built with it, else bvh]
     #[arg(long, value_parser = choice(&[
-        (Backend::Embree.name(), Backend::Embree),
-        (Backend::Bvh.name(), Backend::Bvh),
+        ("embree", Backend::Embree),
+        ("bvh", Backend::Bvh),
     ]))]
     accel: Option<Backend>,
     /// Print the result as one JSON object on stdout
