@@ -9,6 +9,7 @@ pub mod film;
 pub mod light_paths;
 pub mod math;
 pub mod merge;
+pub mod noise;
 pub mod output;
 pub mod photon_map;
 mod pool;
@@ -16,6 +17,7 @@ pub mod render;
 pub mod rng;
 pub mod scene;
 pub mod settings;
+mod worker;
 
 pub use error::{Error, Result};
 pub use render::Renderer;

@@ -5,51 +5,60 @@ use crate::light_paths::PhotonClass;
 use crate::math::{Rgb, disc_area};
 use crate::photon_map::PhotonMap;
 
+/// What is done with the pairs of a batch of camera paths.
+pub trait PairVisitor {
+    /// Part of the contribution of light path `light_path` to the current camera path,
+    /// W/(m^2 sr); its parts add up to `I_ij`. `inner` tells whether the photon lies within
+    /// `1/sqrt(2)` of the merge radius, in half the kernel's area.
+    fn pair(&mut self, light_path: u32, contribution: Rgb, inner: bool);
+
+    /// The current camera path is complete; `direct` is its `D_j`.
+    fn end_path(&mut self, direct: Rgb);
+}
+
 /// The constant merge kernel `1/(pi r^2)` over a photon map.
 #[derive(Clone, Copy, Debug)]
 pub struct Merge<'a> {
     map: &'a PhotonMap,
     merge_vertex: u32,
     kernel: f32,
+    inner_radius2: f32,
 }
 
 impl<'a> Merge<'a> {
     /// Merges with the photons of `map`, at the radius it was built for, camera paths that are cut
     /// at their diffuse vertex number `merge_vertex`.
     pub fn new(map: &'a PhotonMap, merge_vertex: u32) -> Self {
-        Self { map, merge_vertex, kernel: disc_area(map.radius()).recip() }
+        let radius = map.radius();
+        let kernel = disc_area(radius).recip();
+        Self { map, merge_vertex, kernel, inner_radius2: 0.5 * radius * radius }
     }
 
-    /// Calls `visit` with the light path's id and the contribution, W/(m^2 sr), of each photon
-    /// that is merged at `point`.
-    ///
-    /// The contributions of a light path to a camera path add up to `I_ij` over the photons of the
-    /// one and the gather points of the other.
+    /// Shows `visitor` all pairs of the batch, camera path after camera path.
     #[inline]
-    pub fn at_point(&self, point: &GatherPoint, mut visit: impl FnMut(u32, Rgb)) {
-        let weight = point.weight * self.kernel;
-        let last = point.vertex == self.merge_vertex;
-        self.map.for_each_within(point.position, |photon| {
-            let counts = last || photon.class() == PhotonClass::EveryVertex;
-            if counts && photon.faces(point.normal) {
-                visit(photon.path, weight * photon.flux);
-            }
-        });
-    }
-
-    /// Calls `add` with each path of the batch, in order, and `sum_i I_ij`, the sum of all that it
-    /// gathers.
-    pub fn sums(&self, paths: &CameraPaths, mut add: impl FnMut(usize, Rgb)) {
+    pub fn visit(&self, paths: &CameraPaths, visitor: &mut impl PairVisitor) {
         let mut points = &paths.gather_points[..];
-        for path in 0..paths.direct.len() {
-            let mut sum = Rgb::ZERO;
+        for (path, &direct) in paths.direct.iter().enumerate() {
             while let Some((point, rest)) = points.split_first()
                 && point.path as usize == path
             {
-                self.at_point(point, |_, contribution| sum += contribution);
+                self.at_point(point, visitor);
                 points = rest;
             }
-            add(path, sum);
+            visitor.end_path(direct);
         }
+    }
+
+    /// Merges at one vertex of the current camera path.
+    #[inline]
+    fn at_point(&self, point: &GatherPoint, visitor: &mut impl PairVisitor) {
+        let weight = point.weight * self.kernel;
+        let last = point.vertex == self.merge_vertex;
+        self.map.for_each_within(point.position, |photon, distance2| {
+            let counts = last || photon.class() == PhotonClass::EveryVertex;
+            if counts && photon.faces(point.normal) {
+                visitor.pair(photon.path, weight * photon.flux, distance2 <= self.inner_radius2);
+            }
+        });
     }
 }

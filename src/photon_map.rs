@@ -155,10 +155,10 @@ impl PhotonMap {
         self.starts.pop();
     }
 
-    /// Calls `visit` once for each photon within the radius of `position` (its edge included), in
-    /// an order that depends on the photons and the position only.
+    /// Calls `visit` once with each photon within the radius of `position` (its edge included) and
+    /// its squared distance, in an order that depends on the photons and the position only.
     #[inline]
-    pub fn for_each_within(&self, position: Vec3, mut visit: impl FnMut(&Photon)) {
+    pub fn for_each_within(&self, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
         let inside = self.reach.is_some_and(|reach| {
             position.cmpge(reach.min).all() && position.cmple(reach.max).all()
         });
@@ -184,11 +184,12 @@ impl PhotonMap {
 
     /// Visits what is close enough in the buckets `first..=last`.
     #[inline]
-    fn scan(&self, first: u32, last: u32, position: Vec3, visit: &mut impl FnMut(&Photon)) {
+    fn scan(&self, first: u32, last: u32, position: Vec3, visit: &mut impl FnMut(&Photon, f32)) {
         let range = self.starts[first as usize] as usize..self.starts[last as usize + 1] as usize;
         for photon in &self.photons[range] {
-            if photon.position.distance_squared(position) <= self.radius2 {
-                visit(photon);
+            let distance2 = photon.position.distance_squared(position);
+            if distance2 <= self.radius2 {
+                visit(photon, distance2);
             }
         }
     }
@@ -233,7 +234,7 @@ mod tests {
         let mut found_in_all = 0;
         for &query in queries {
             let mut found = Vec::new();
-            map.for_each_within(query, |photon| found.push(photon.path));
+            map.for_each_within(query, |photon, _| found.push(photon.path));
             found.sort_unstable();
             let near = |p: &&Photon| p.position.distance_squared(query) <= radius * radius;
             let expected: Vec<u32> = photons.iter().filter(near).map(|p| p.path).collect();
@@ -336,11 +337,11 @@ mod tests {
     #[test]
     fn an_empty_map_finds_nothing_also_after_a_full_one() {
         let mut map = PhotonMap::default();
-        map.for_each_within(Vec3::ZERO, |_| panic!("there is no photon"));
+        map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
         map.build_from(std::iter::once(&[photon(Vec3::ZERO, 0)][..]), 1.0);
         assert_eq!(map.len(), 1);
         map.build_from(std::iter::empty(), 1.0);
         assert!(map.is_empty());
-        map.for_each_within(Vec3::ZERO, |_| panic!("there is no photon"));
+        map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
     }
 }

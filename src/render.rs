@@ -1,23 +1,21 @@
 //! The iteration loop: light phase, photon map, camera and merge phases tile by tile.
 
 use crate::accel::Intersect;
-use crate::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use crate::camera_paths::CameraPass;
 use crate::error::{Error, Result};
-use crate::film::{Film, PixelSums, Tile};
+use crate::film::{Film, PixelSums};
 use crate::light_paths::{LightPaths, Photon};
 use crate::merge::Merge;
+use crate::noise::Measure;
+use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
 use crate::photon_map::PhotonMap;
 use crate::pool::Pool;
 use crate::rng::{Stream, StreamKey};
 use crate::scene::{Scene, View};
 use crate::settings::Settings;
-use glam::DVec3;
+use crate::worker::Worker;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
-
-/// Camera paths traced together: enough to fill ray packets, few enough to stay in the
-/// second-level cache.
-const BATCH: u64 = 2048;
 
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
@@ -26,6 +24,8 @@ pub struct Renderer<'a> {
     settings: Settings,
     view: View,
     film: Film,
+    noise: Option<NoiseFilm>,
+    grain: BatchGrain,
     light_paths: LightPaths,
     photon_map: PhotonMap,
     workers: Pool<Worker>,
@@ -88,6 +88,8 @@ impl<'a> Renderer<'a> {
             settings,
             view,
             film,
+            noise: None,
+            grain: BatchGrain::Tile,
             light_paths: LightPaths::default(),
             photon_map: PhotonMap::default(),
             workers: Pool::default(),
@@ -110,6 +112,22 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
+    /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.
+    ///
+    /// # Panics
+    /// If something was measured before.
+    #[must_use]
+    pub fn with_batches(mut self, grain: BatchGrain) -> Self {
+        assert!(self.noise.is_none(), "batches change only before the first measurement");
+        self.grain = grain;
+        self
+    }
+
+    /// What was measured so far.
+    pub fn noise(&self) -> Option<&NoiseFilm> {
+        self.noise.as_ref()
+    }
+
     /// The image so far.
     pub fn film(&self) -> &Film {
         &self.film
@@ -121,9 +139,16 @@ impl<'a> Renderer<'a> {
     }
 
     /// Renders one iteration on the threads of the current rayon pool.
-    pub fn iterate(&mut self) -> IterationReport {
+    ///
+    /// # Panics
+    /// If it is to measure with fewer than two light paths or camera paths.
+    pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
         let Self { scene, accel, settings, film, .. } = self;
+        assert!(
+            measure == Measure::Off || settings.can_measure(),
+            "measuring takes pairs of paths"
+        );
         let iteration = film.iterations;
 
         self.light_paths.trace(scene, *accel, settings, iteration);
@@ -140,10 +165,21 @@ impl<'a> Renderer<'a> {
             gather_early: self.photon_map.any_at_every_vertex(),
         };
         let merge = Merge::new(&self.photon_map, settings.merge_vertex);
-        film.tiles_mut().into_par_iter().for_each_init(
+        // A measuring iteration gives each tile its part of the noise sums as well.
+        let noise_tiles: Vec<Option<NoiseTile>> = match (&mut self.noise, measure) {
+            (_, Measure::Off) => film.tiles().map(|_| None).collect(),
+            (noise, _) => {
+                let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), self.grain));
+                noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
+            }
+        };
+        film.tiles_mut().into_par_iter().zip(noise_tiles).for_each_init(
             || self.workers.lease(),
-            |worker, (tile, sums)| worker.render(&pass, &merge, tile, sums),
+            |worker, (tile, noise)| worker.render(&pass, &merge, measure, tile, noise),
         );
+        if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
+            noise.iterations += 1;
+        }
         film.iterations += 1;
 
         let mut report = IterationReport {
@@ -153,64 +189,15 @@ impl<'a> Renderer<'a> {
         };
         report.times.light = self.light_paths.busy_time() + build_time;
         for worker in self.workers.free_mut() {
-            worker.report_to(&mut report);
+            let counts = worker.take_counts();
+            report.times.camera += counts.camera;
+            report.times.merge += counts.merge;
+            report.rays += counts.rays;
+            report.non_finite.extend(counts.non_finite);
         }
         report.non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
         report.times.wall = start.elapsed();
         report
-    }
-}
-
-/// One thread's workspace.
-#[derive(Debug, Default)]
-struct Worker {
-    paths: CameraPaths,
-    /// Sum over camera paths of each pixel of the tile.
-    values: Vec<DVec3>,
-    camera: Duration,
-    merge: Duration,
-    non_finite: Vec<(u32, u32)>,
-}
-
-impl Worker {
-    /// Adds one iteration of a tile to its pixels' sums.
-    fn render(&mut self, pass: &CameraPass, merge: &Merge, tile: Tile, sums: &mut [PixelSums]) {
-        let per_pixel = u64::from(pass.settings.camera_paths);
-        let per_light_path = f64::from(pass.settings.light_paths).recip();
-        self.values.clear();
-        self.values.resize(tile.len(), DVec3::ZERO);
-        let all = tile.len() as u64 * per_pixel;
-        for first in (0..all).step_by(BATCH as usize) {
-            let start = Instant::now();
-            let ids = (first..all.min(first + BATCH)).map(|path| {
-                let (x, y) = tile.pixel((path / per_pixel) as u32);
-                CameraPathId { x, y, index: (path % per_pixel) as u32 }
-            });
-            self.paths.trace(pass, ids);
-            let traced = Instant::now();
-            merge.sums(&self.paths, |path, gathered| {
-                let pixel = (first + path as u64) / per_pixel;
-                self.values[pixel as usize] +=
-                    self.paths.direct[path].as_dvec3() + gathered.as_dvec3() * per_light_path;
-            });
-            self.camera += traced - start;
-            self.merge += traced.elapsed();
-        }
-        for (index, (sums, value)) in sums.iter_mut().zip(&self.values).enumerate() {
-            if value.is_finite() {
-                sums.add(value / per_pixel as f64);
-            } else {
-                self.non_finite.push(tile.pixel(index as u32));
-            }
-        }
-    }
-
-    /// Moves what it counted into `report`.
-    fn report_to(&mut self, report: &mut IterationReport) {
-        report.times.camera += std::mem::take(&mut self.camera);
-        report.times.merge += std::mem::take(&mut self.merge);
-        report.rays += std::mem::take(&mut self.paths.rays);
-        report.non_finite.append(&mut self.non_finite);
     }
 }
 

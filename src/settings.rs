@@ -63,6 +63,11 @@ impl Settings {
         self.width as usize * self.height as usize
     }
 
+    /// Whether noise coefficients can be measured: that takes two paths of each kind.
+    pub fn can_measure(&self) -> bool {
+        self.light_paths >= 2 && self.camera_paths >= 2
+    }
+
     /// Merges the command line's wishes, the scene file's and the built-in ones, in this order of
     /// precedence; `scene_size` in scene units turns a relative radius into an absolute one.
     ///
@@ -84,7 +89,7 @@ impl Settings {
             merge_vertex: chosen.merge_vertex.unwrap_or(2),
             direct: chosen.direct.unwrap_or_default(),
             light_roulette: chosen.light_roulette.unwrap_or_default(),
-            camera_roulette: chosen.camera_roulette.unwrap_or_default(),
+            camera_roulette: chosen.camera_roulette.unwrap_or(Roulette::Weight),
             seed: chosen.seed.unwrap_or(1),
         };
         settings.validate()?;

@@ -8,7 +8,8 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use obvhs::bvh2::node::Bvh2Node;
-use obvhs::ray::RayHit;
+use obvhs::fast_stack;
+use obvhs::faststack::FastStack;
 use obvhs::{Boundable, BvhBuildParams};
 use std::time::{Duration, Instant};
 
@@ -35,6 +36,8 @@ pub enum BvhError {
 /// An immutable BVH over copies of triangle meshes.
 pub struct Bvh {
     tree: Bvh2,
+    /// Entries that a traversal's stack must hold.
+    depth: usize,
     /// In the order of the tree's leaves, so that a leaf's triangles are neighbors in memory.
     triangles: Vec<Triangle>,
     build_time: Duration,
@@ -49,14 +52,12 @@ struct Triangle {
 }
 
 impl Boundable for Triangle {
-    /// The bounds, grown by a few rounding errors of the box test: that test is not conservative,
-    /// and a ray along an edge that two boxes share would slip between them.
+    /// The bounds, grown by a few rounding errors: no box is flat, and a ray that runs inside the
+    /// plane of a box's face, parallel to an axis, is inside the box.
     fn aabb(&self) -> Aabb {
         let [a, b, c] = self.vertices.map(Vec3A::from);
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let margin = Vec3A::splat(low.abs().max(high.abs()).max_element() * 4.0 * f32::EPSILON);
-        // Nothing is flat at the origin either.
-        let margin = margin.max(Vec3A::splat(f32::MIN_POSITIVE));
         Aabb { min: low - margin, max: high + margin }
     }
 }
@@ -83,26 +84,65 @@ impl Bvh {
         }
         if triangles.is_empty() {
             let tree = Bvh2::default();
-            return Ok(Self { tree, triangles, build_time: start.elapsed() });
+            return Ok(Self { tree, depth: 0, triangles, build_time: start.elapsed() });
         }
-        let tree =
-            build_bvh2(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+        let tree = build_bvh2(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
         let triangles = tree.primitive_indices.iter().map(|&i| triangles[i as usize]).collect();
-        Ok(Self { tree, triangles, build_time: start.elapsed() })
+        let depth = stack_depth(&tree.nodes);
+        Ok(Self { tree, depth, triangles, build_time: start.elapsed() })
     }
 
-    /// Calls `visit` with triangles near the ray, nearest boxes first, until it says to stop.
-    /// `visit` may shorten the traversal's `t_max`.
+    /// Calls `visit` with triangles near the ray, nearer boxes first, until it answers false.
+    /// `visit` may lower the distance beyond which nothing is looked for.
+    #[inline(always)]
     fn traverse(&self, ray: &PreparedRay, mut visit: impl FnMut(&Triangle, &mut f32) -> bool) {
-        let leaf = |node: &Bvh2Node, ray: &mut obvhs::ray::Ray, _: &mut RayHit| {
-            let first = node.first_index as usize;
-            self.triangles[first..first + node.prim_count as usize]
-                .iter()
-                .all(|triangle| visit(triangle, &mut ray.tmax))
-        };
-        let mut stack = obvhs::faststack::HeapStack::new_with_capacity(64);
-        self.tree.ray_traverse_dynamic(&mut stack, ray.boxes, &mut RayHit::none(), leaf);
+        let Some(root) = self.tree.nodes.first() else { return };
+        let mut t_max = ray.t_far;
+        if ray.enters(root, t_max) == f32::INFINITY {
+            return;
+        }
+        let nodes = &self.tree.nodes;
+        fast_stack!((u32, f32), (64, 256), self.depth, stack, {
+            stack.push((0, 0.0));
+            while let Some((index, entry)) = stack.pop() {
+                if entry > t_max {
+                    continue; // something nearer was found since
+                }
+                let node = &nodes[index as usize];
+                let first = node.first_index as usize;
+                if node.is_leaf() {
+                    for triangle in &self.triangles[first..first + node.prim_count as usize] {
+                        if !visit(triangle, &mut t_max) {
+                            return;
+                        }
+                    }
+                    continue;
+                }
+                let [left, right] = [first, first + 1]
+                    .map(|child| (child as u32, ray.enters(&nodes[child], t_max)));
+                let (near, far) = if left.1 <= right.1 { (left, right) } else { (right, left) };
+                if far.1 < f32::INFINITY {
+                    stack.push(far);
+                }
+                if near.1 < f32::INFINITY {
+                    stack.push(near);
+                }
+            }
+        });
     }
+}
+
+/// Entries that a traversal's stack must hold: a sibling per level, and the node itself.
+fn stack_depth(nodes: &[Bvh2Node]) -> usize {
+    let mut deepest = 0;
+    let mut open = vec![(0, 2)];
+    while let Some((index, depth)) = open.pop() {
+        deepest = deepest.max(depth);
+        let Some(node) = nodes.get(index).filter(|node| !node.is_leaf()) else { continue };
+        let child = node.first_index as usize;
+        open.extend([(child, depth + 1), (child + 1, depth + 1)]);
+    }
+    deepest
 }
 
 /// A ray with what every box and triangle test of it has in common.
@@ -111,9 +151,11 @@ impl Bvh {
 /// space is sheared so that the ray runs along an axis, and edge functions of neighbors that share
 /// an edge are computed from the same numbers, so they agree on which side a ray passes.
 struct PreparedRay {
-    boxes: obvhs::ray::Ray,
     origin: Vec3,
+    /// Componentwise, of the scaled direction.
+    inverse: Vec3,
     t_near: f32,
+    t_far: f32,
     axes: [usize; 3],
     shear: Vec3,
     /// Distances times this are in units of the caller's direction.
@@ -133,13 +175,7 @@ impl PreparedRay {
         // would be NaN: the ray then stays within a slab that holds its origin, for all distances.
         let reciprocal = |x: f32| if x.abs() < 1e-30 { 1e30_f32.copysign(x) } else { 1.0 / x };
         let inverse = Vec3::from_array(direction.to_array().map(reciprocal));
-        let boxes = obvhs::ray::Ray {
-            origin: ray.origin.into(),
-            direction: direction.into(),
-            inv_direction: inverse.into(),
-            tmin: ray.t_near / scale,
-            tmax: ray.t_far / scale,
-        };
+        let (t_near, t_far) = (ray.t_near / scale, ray.t_far / scale);
 
         let z = direction.abs().max_position();
         let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
@@ -147,7 +183,22 @@ impl PreparedRay {
             (x, y) = (y, x); // keeps the winding
         }
         let shear = Vec3::new(direction[x], direction[y], 1.0) / direction[z];
-        Self { boxes, origin: ray.origin, t_near: boxes.tmin, axes: [x, y, z], shear, scale }
+        Self { origin: ray.origin, inverse, t_near, t_far, axes: [x, y, z], shear, scale }
+    }
+
+    /// Distance at which the ray enters a node's box, at least `t_near`; infinite if it misses it.
+    #[inline(always)]
+    fn enters(&self, node: &Bvh2Node, t_max: f32) -> f32 {
+        /// More than the relative error of a slab's two distances (Ize 2013), so that rounding
+        /// never loses a box that the ray touches.
+        const CONSERVATIVE: f32 = 1.0 + 4.0 * f32::EPSILON;
+        let (origin, inverse) = (Vec3A::from(self.origin), Vec3A::from(self.inverse));
+        let bounds = node.aabb();
+        let t1 = (bounds.min - origin) * inverse;
+        let t2 = (bounds.max - origin) * inverse;
+        let entry = t1.min(t2).max_element().max(self.t_near);
+        let exit = (t1.max(t2).min_element() * CONSERVATIVE).min(t_max);
+        if entry <= exit { entry } else { f32::INFINITY }
     }
 
     /// Distance, in units of the scaled direction, and barycentric weights of the second and third

@@ -6,6 +6,7 @@ use bdpm::accel::backend::{self, Backend};
 use bdpm::checkpoint::{Checkpoint, Origin};
 use bdpm::error::{Error, Result};
 use bdpm::film::Film;
+use bdpm::noise::Measure;
 use bdpm::output::{self, Image, Layer, Metadata, Value};
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::load::load;
@@ -324,7 +325,7 @@ impl Job {
             if let Some(reason) = self.finished(renderer.film()) {
                 return reason;
             }
-            let report = threads.install(|| renderer.iterate());
+            let report = threads.install(|| renderer.iterate(Measure::Off));
             self.totals.add(&report);
             let film = renderer.film();
             self.warn_of_bad_pixels(&report, film.iterations - 1);

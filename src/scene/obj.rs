@@ -14,6 +14,9 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
+/// Most material libraries that one file may name.
+const MAX_LIBRARIES: usize = 1000;
+
 /// The triangles of one object or group that share a material.
 #[derive(Clone, Debug)]
 pub(super) struct ObjMesh {
@@ -219,6 +222,11 @@ impl Records {
                     let advice = "write the name of an MTL file after `mtllib`";
                     return Err(self.lines.error("the material library has no name", advice));
                 }
+                // Far more than any exporter writes; each is looked for among those before it.
+                if self.libraries.len() == MAX_LIBRARIES {
+                    let problem = format!("more than {MAX_LIBRARIES} material libraries");
+                    return Err(self.lines.error(problem, "join them into fewer MTL files"));
+                }
                 if self.libraries.iter().all(|library| library.names != rest) {
                     let line = self.lines.number();
                     self.libraries.push(Library { names: rest.to_owned(), line });
@@ -286,7 +294,10 @@ impl Read for Records {
         while self.taken == self.ready.len() {
             self.ready.clear();
             self.taken = 0;
-            let more = self.error.is_none().then(|| self.lines.advance()).unwrap_or(Ok(false));
+            if self.error.is_some() {
+                return Ok(0);
+            }
+            let more = self.lines.advance();
             match more.and_then(|more| if more { self.record().map(|()| true) } else { Ok(false) })
             {
                 Ok(true) => {}

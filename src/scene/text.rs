@@ -83,6 +83,7 @@ impl Lines {
         self.bytes.clear();
         self.start = self.read + 1;
         let mut any = false;
+        let mut comment = false;
         loop {
             let before = self.bytes.len();
             let room = (MAX_LINE + 2 - before) as u64;
@@ -97,7 +98,8 @@ impl Lines {
             if self.read == 1 && self.bytes.starts_with(b"\xef\xbb\xbf") {
                 self.bytes.drain(..3);
             }
-            if self.bytes.contains(&0) {
+            // The new part alone: a million continued lines must not be searched a million times.
+            if self.bytes[before.min(self.bytes.len())..].contains(&0) {
                 return Err(self
                     .fault_at(self.read, "there is a zero byte, so this is not a text file")
                     .into_error("give a text file in the OBJ or MTL format"));
@@ -108,7 +110,9 @@ impl Lines {
                     .into_error("split it, with a backslash before each line end"));
             }
             let line = self.bytes.trim_ascii_end();
-            let comment = self.bytes.trim_ascii_start().starts_with(b"#");
+            if self.read == self.start {
+                comment = self.bytes.trim_ascii_start().starts_with(b"#");
+            }
             if comment || !line.ends_with(b"\\") {
                 break;
             }

@@ -6,7 +6,7 @@ use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 /// Largest accepted coordinate, scene units: squares of distances still fit an f32.
 pub(super) const MAX_COORDINATE: f32 = 1e15;
 
-/// An invertible affine map, kept in f64 so that a turn by 90 degrees leaves whole numbers whole.
+/// An invertible affine map, kept in f64 so that only the result is rounded.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Transform {
     map: DAffine3,
@@ -20,10 +20,14 @@ impl Transform {
     /// First scales, then turns about the x, y and z axis of the scene in this order
     /// (counterclockwise, degrees), then moves.
     pub(super) fn from_parts(translate: DVec3, rotate_deg: DVec3, scale: DVec3) -> Result<Self> {
-        let turn = rotate_deg.map(f64::to_radians);
-        let rotation = DMat3::from_rotation_z(turn.z)
-            * DMat3::from_rotation_y(turn.y)
-            * DMat3::from_rotation_x(turn.x);
+        let [x, y, z] = rotate_deg.to_array().map(sin_cos);
+        let about_x =
+            DMat3::from_cols_array_2d(&[[1.0, 0.0, 0.0], [0.0, x.1, x.0], [0.0, -x.0, x.1]]);
+        let about_y =
+            DMat3::from_cols_array_2d(&[[y.1, 0.0, -y.0], [0.0, 1.0, 0.0], [y.0, 0.0, y.1]]);
+        let about_z =
+            DMat3::from_cols_array_2d(&[[z.1, z.0, 0.0], [-z.0, z.1, 0.0], [0.0, 0.0, 1.0]]);
+        let rotation = about_z * about_y * about_x;
         Self::new(DAffine3::from_mat3_translation(
             rotation * DMat3::from_diagonal(scale),
             translate,
@@ -72,6 +76,16 @@ impl Transform {
     }
 }
 
+/// Sine and cosine of an angle in degrees, exact for multiples of 90.
+fn sin_cos(degrees: f64) -> (f64, f64) {
+    let quarters = degrees / 90.0;
+    if quarters.fract() == 0.0 {
+        return [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)]
+            [quarters.rem_euclid(4.0) as usize];
+    }
+    degrees.to_radians().sin_cos()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,6 +101,19 @@ mod tests {
         // About x first: +y goes to +z; then about y: +z goes to +x; then about z: +x goes to +y.
         let turned = parts([10.0, 20.0, 30.0], [90.0, 90.0, 90.0], [1.0; 3]);
         assert_eq!(turned.point(Vec3::Y), Some(Vec3::new(10.0, 21.0, 30.0)));
+    }
+
+    #[test]
+    fn angles_turn_counterclockwise_and_quarters_are_exact() {
+        let turned = |degrees| parts([0.0; 3], [0.0, 0.0, degrees], [1.0; 3]).point(Vec3::X);
+        let exact = [(90.0, Vec3::Y), (-90.0, -Vec3::Y), (540.0, -Vec3::X), (-360.0, Vec3::X)];
+        for (degrees, expected) in exact {
+            assert_eq!(turned(degrees), Some(expected), "{degrees}");
+        }
+        let expected = Vec3::new(0.75_f32.sqrt(), 0.5, 0.0);
+        assert!((turned(30.0).unwrap() - expected).length() < 1e-6);
+        let huge = parts([0.0; 3], [1e300, -1e300, 0.0], [1.0; 3]).point(Vec3::X).unwrap();
+        assert!((huge.length() - 1.0).abs() < 1e-6);
     }
 
     #[test]

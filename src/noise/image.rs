@@ -1,0 +1,200 @@
+//! What was measured of a whole image: coefficients, sampled variance and bias of each pixel, and
+//! statistics of regions with standard errors.
+
+use super::Coefficients;
+use super::film::{BATCHES, BatchGrain, NoiseFilm};
+use crate::film::Film;
+
+/// Means over the measuring iterations, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseImage {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// `N_F` while measuring.
+    pub light_paths: u32,
+    /// `N_B` while measuring.
+    pub camera_paths: u32,
+    /// Measuring iterations.
+    pub iterations: u64,
+    /// Row by row.
+    pub pixels: Vec<PixelEstimate>,
+    /// Means over the iterations of each batch, row by row.
+    pub batches: Vec<[NoiseSample; BATCHES]>,
+}
+
+/// Estimates for one pixel; luminances.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PixelEstimate {
+    /// Mean value, W/(m^2 sr).
+    pub luminance: f64,
+    /// Coefficients and variance.
+    pub noise: NoiseSample,
+    /// Merge bias: `2 (L(r) - L(r/sqrt 2))`, true where the bias grows as the radius squared.
+    pub bias: f64,
+    /// Standard error of `bias`.
+    pub bias_error: f64,
+}
+
+/// Coefficients and, independent of the formula, the sampled variance of one iteration's value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NoiseSample {
+    /// `a`, `b`, `f`, squared luminance.
+    pub coefficients: Coefficients,
+    /// Sample variance of the per-iteration values, squared luminance.
+    pub sampled: f64,
+}
+
+/// A statistic with its standard error by the jackknife over batches.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Statistic {
+    /// The statistic of all iterations.
+    pub value: f64,
+    /// The same without its bias of the order of one over the number of iterations.
+    pub corrected: f64,
+    /// Standard error of both; infinite where there are fewer iterations than batches.
+    pub error: f64,
+}
+
+impl PixelEstimate {
+    /// Unbiased estimate of the squared mean luminance, after `iterations` iterations.
+    pub fn luminance2(&self, iterations: u64) -> f64 {
+        self.luminance.powi(2) - self.noise.sampled / iterations as f64
+    }
+}
+
+impl NoiseImage {
+    /// Reads out the sums. Needs batches of single pixels and at least two iterations.
+    ///
+    /// # Panics
+    /// If there is no such thing in `noise`, or it belongs to another film.
+    pub fn new(film: &Film, noise: &NoiseFilm, (light_paths, camera_paths): (u32, u32)) -> Self {
+        let (width, height) = film.resolution();
+        let n = noise.iterations as f64;
+        assert!(noise.iterations >= 2, "a variance takes two iterations");
+        assert_eq!(noise.grain(), BatchGrain::Pixel);
+        let count = width as usize * height as usize;
+        let mut pixels = vec![PixelEstimate::default(); count];
+        let mut batches = vec![[NoiseSample::default(); BATCHES]; count];
+        let mut sums = noise.pixels().iter().zip(noise.batches());
+        for tile in film.tiles() {
+            for index in 0..tile.len() as u32 {
+                let (x, y) = tile.pixel(index);
+                let place = y as usize * width as usize + x as usize;
+                let (sums, batch_sums) = sums.next().expect("the noise belongs to the film");
+                let [difference, difference2] = sums.nested;
+                let mean = difference / n;
+                let scatter = (difference2 / n - mean * mean).max(0.0) / (n - 1.0);
+                pixels[place] = PixelEstimate {
+                    luminance: sums.value / n,
+                    noise: NoiseSample {
+                        coefficients: sums.coefficients * n.recip(),
+                        sampled: sums.deviations2 / (n - 1.0),
+                    },
+                    bias: 2.0 * mean,
+                    bias_error: 2.0 * scatter.sqrt(),
+                };
+                for (batch, sums) in batch_sums.iter().enumerate() {
+                    let [a, b, f] = sums.coefficients.map(f64::from);
+                    let [n, parts] = batch_counts(noise.iterations, batch);
+                    batches[place][batch] = NoiseSample {
+                        coefficients: Coefficients { a, b, f } * (1.0 / n.max(1.0)),
+                        sampled: f64::from(sums.variance) / parts.max(1.0),
+                    };
+                }
+            }
+        }
+        let iterations = noise.iterations;
+        Self { width, height, light_paths, camera_paths, iterations, pixels, batches }
+    }
+
+    /// Indices of the pixels whose center `contains` (column, row, width, height) accepts.
+    pub fn select(&self, contains: impl Fn(u32, u32, u32, u32) -> bool) -> Vec<usize> {
+        let (width, height) = (self.width, self.height);
+        let inside = |i: &usize| {
+            let (x, y) = (*i as u32 % width, *i as u32 / width);
+            contains(x, y, width, height)
+        };
+        (0..self.pixels.len()).filter(inside).collect()
+    }
+
+    /// A function of the noise of the pixels `region`, with its standard error.
+    ///
+    /// The jackknife leaves out one batch of iterations after the other. It sees that the
+    /// coefficients are correlated with each other, and pixels by their common light paths.
+    pub fn statistic(&self, region: &[usize], of: impl Fn(&[NoiseSample]) -> f64) -> Statistic {
+        let all: Vec<_> = region.iter().map(|&i| self.pixels[i].noise).collect();
+        let value = of(&all);
+        if self.iterations < 2 * BATCHES as u64 {
+            return Statistic { value, corrected: value, error: f64::INFINITY };
+        }
+        let n = self.iterations as f64;
+        let mut without = all.clone();
+        let left_out: Vec<f64> = (0..BATCHES)
+            .map(|batch| {
+                let [n_k, parts_k] = batch_counts(self.iterations, batch);
+                for ((rest, all), &pixel) in without.iter_mut().zip(&all).zip(region) {
+                    let own = &self.batches[pixel][batch];
+                    rest.coefficients =
+                        (all.coefficients * n - own.coefficients * n_k) * (n - n_k).recip();
+                    rest.sampled =
+                        (all.sampled * (n - 1.0) - own.sampled * parts_k) / (n - 1.0 - parts_k);
+                }
+                of(&without)
+            })
+            .collect();
+        let k = BATCHES as f64;
+        let mean = left_out.iter().sum::<f64>() / k;
+        let squares: f64 = left_out.iter().map(|x| (x - mean).powi(2)).sum();
+        Statistic {
+            value,
+            corrected: k * value - (k - 1.0) * mean,
+            error: (squares * (k - 1.0) / k).sqrt(),
+        }
+    }
+
+    /// Pooled RMS `sqrt(mean_p V_p)` of one iteration at any counts, by the formula.
+    pub fn pooled_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
+        self.statistic(region, |pixels| {
+            mean(pixels, |p| p.coefficients.variance(n_light, n_camera)).max(0.0).sqrt()
+        })
+    }
+
+    /// The paper's mean RMS `mean_p sqrt(V_p)` of one iteration at any counts, by the formula.
+    /// Negative variances count as 0; the mean of roots is low at few iterations.
+    pub fn mean_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
+        self.statistic(region, |pixels| {
+            mean(pixels, |p| p.coefficients.variance(n_light, n_camera).max(0.0).sqrt())
+        })
+    }
+
+    /// Pooled RMS of one iteration at the measured counts, from the sampled variance.
+    pub fn sampled_pooled_rms(&self, region: &[usize]) -> Statistic {
+        self.statistic(region, |pixels| mean(pixels, |p| p.sampled).max(0.0).sqrt())
+    }
+
+    /// Mean RMS of one iteration at the measured counts, from the sampled variance.
+    pub fn sampled_mean_rms(&self, region: &[usize]) -> Statistic {
+        self.statistic(region, |pixels| mean(pixels, |p| p.sampled.max(0.0).sqrt()))
+    }
+
+    /// Mean coefficients of a region.
+    pub fn mean_coefficients(&self, region: &[usize]) -> Coefficients {
+        let sum: Coefficients = region.iter().map(|&i| self.pixels[i].noise.coefficients).sum();
+        sum * (1.0 / region.len() as f64)
+    }
+}
+
+/// Number of iterations in a batch, and of its parts of the sample variance, which the very first
+/// iteration does not have.
+fn batch_counts(iterations: u64, batch: usize) -> [f64; 2] {
+    let batches = BATCHES as u64;
+    let n = iterations / batches + u64::from((batch as u64) < iterations % batches);
+    [n as f64, (n - u64::from(batch == 0)) as f64]
+}
+
+/// Mean over pixels of what `of` gives.
+pub fn mean(pixels: &[NoiseSample], of: impl Fn(&NoiseSample) -> f64) -> f64 {
+    pixels.iter().map(of).sum::<f64>() / pixels.len() as f64
+}

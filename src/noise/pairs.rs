@@ -1,0 +1,87 @@
+//! All pairs: unbiased `a`, `b`, `f` from the pairs of a single iteration (the default estimator).
+
+use super::{Coefficients, Estimator, pair_table::PairTable};
+
+/// Six sums over the touched pairs of a pixel, with `S_j = sum_i I_ij` and `T_i = sum_j I_ij`.
+///
+/// Squares grow as their terms do, `(x + v)^2 = x^2 + v (2x + v)`, so that neither `T_i` nor the
+/// pairs need a second pass.
+#[derive(Debug, Default)]
+pub struct AllPairs {
+    light_paths: PairTable<LightPathSums>,
+    /// Number of the current camera path, from 1.
+    camera_path: u32,
+    /// `S_j` of the current camera path.
+    s_j: f64,
+    /// `S = sum_ij I_ij`.
+    s: f64,
+    /// `sum_j S_j^2`.
+    s_j2: f64,
+    /// `sum_i T_i^2`.
+    t_i2: f64,
+    /// `Q = sum_ij I_ij^2`.
+    q: f64,
+    /// `sum_j x_j` and `sum_j x_j^2` of `x_j = S_j/N_F + D_j`, less the first `x_j` for accuracy.
+    shift: f64,
+    x: f64,
+    x2: f64,
+}
+
+/// One light path's part in the current pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct LightPathSums {
+    /// `T_i` so far.
+    t_i: f64,
+    /// `I_ij` so far, `j` being `camera_path`.
+    pair: f64,
+    camera_path: u32,
+}
+
+impl Estimator for AllPairs {
+    fn start_pixel(&mut self) {
+        self.light_paths.clear();
+        let light_paths = std::mem::take(&mut self.light_paths);
+        *self = Self { light_paths, camera_path: 1, ..Self::default() };
+    }
+
+    #[inline]
+    fn pair(&mut self, light_path: u32, value: f64) {
+        let entry = self.light_paths.entry(light_path);
+        let pair = if entry.camera_path == self.camera_path { entry.pair } else { 0.0 };
+        self.q += value * (2.0 * pair + value);
+        self.t_i2 += value * (2.0 * entry.t_i + value);
+        self.s_j += value;
+        entry.t_i += value;
+        entry.pair = pair + value;
+        entry.camera_path = self.camera_path;
+    }
+
+    #[inline]
+    fn end_path(&mut self, direct: f64, n_light: u32) {
+        let x = self.s_j / f64::from(n_light) + direct;
+        if self.camera_path == 1 {
+            self.shift = x;
+        }
+        self.x += x - self.shift;
+        self.x2 += (x - self.shift).powi(2);
+        self.s += self.s_j;
+        self.s_j2 += self.s_j.powi(2);
+        self.s_j = 0.0;
+        self.camera_path += 1;
+    }
+
+    /// noise-theory 2a: `a` and `f` from the merged light alone, so that they keep none of the
+    /// noise of the direct light.
+    fn finish_pixel(&mut self, n_light: u32, n_camera: u32) -> Coefficients {
+        let (n_f, n_b) = (f64::from(n_light), f64::from(n_camera));
+        let Self { s, s_j2, t_i2, q, x, x2, .. } = *self;
+        let c2_i = q / (n_f * n_b);
+        let b_i = (s_j2 - q) / (n_b * n_f * (n_f - 1.0));
+        let f_i = (t_i2 - q) / (n_f * n_b * (n_b - 1.0));
+        let l2_i = (s * s - s_j2 - t_i2 + q) / (n_f * (n_f - 1.0) * n_b * (n_b - 1.0));
+        let a = c2_i - b_i - f_i + l2_i;
+        let f = f_i - l2_i;
+        let sample_variance = (x2 - x * x / n_b) / (n_b - 1.0);
+        Coefficients { a, b: sample_variance - a / n_f, f }
+    }
+}

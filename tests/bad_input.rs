@@ -1,0 +1,354 @@
+//! Whatever is wrong with a scene, the error names the file, the line and what to do.
+
+use bdpm::scene::{Loaded, load};
+use std::path::PathBuf;
+use tempfile::TempDir;
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+const SCENE: &str = r#"[camera]
+position = [0, 0, 5]
+target = [0, 0, 0]
+fov_y_deg = 40
+
+[[mesh]]
+file = "a.obj"
+
+[[light]]
+type = "point"
+position = [0, 0, 5]
+intensity = 10
+"#;
+
+/// A folder of files; the last one is loaded.
+struct Files(TempDir, PathBuf);
+
+fn files(list: &[(&str, &[u8])]) -> Files {
+    let folder = TempDir::new().unwrap();
+    let mut last = PathBuf::new();
+    for (name, content) in list {
+        last = folder.path().join(name);
+        std::fs::write(&last, content).unwrap();
+    }
+    Files(folder, last)
+}
+
+impl Files {
+    fn load(&self) -> Loaded {
+        load(&self.1).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// The error must hold all parts, and always an advice.
+    #[track_caller]
+    fn refused(&self, parts: &[&str]) {
+        let error = load(&self.1).expect_err("loaded").to_string();
+        for part in parts.iter().chain(&["\nhelp: "]) {
+            assert!(error.contains(part), "no {part:?} in:\n{error}");
+        }
+        assert!(error.contains(&*self.0.path().to_string_lossy()), "no path in:\n{error}");
+    }
+}
+
+fn obj(content: &str) -> Files {
+    files(&[("a.obj", content.as_bytes())])
+}
+
+fn mtl(content: &str) -> Files {
+    let obj = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
+    files(&[("a.mtl", content.as_bytes()), ("a.obj", obj.as_bytes())])
+}
+
+fn toml(content: &str) -> Files {
+    files(&[("a.obj", TRIANGLE.as_bytes()), ("s.toml", content.as_bytes())])
+}
+
+/// The good scene with a text replaced.
+fn changed(from: &str, to: &str) -> Files {
+    assert!(SCENE.contains(from), "{from}");
+    toml(&SCENE.replacen(from, to, 1))
+}
+
+#[test]
+fn the_scene_that_is_broken_below_is_good() {
+    assert_eq!(toml(SCENE).load().scene.triangle_count(), 1);
+    assert_eq!(obj(TRIANGLE).load().scene.triangle_count(), 1);
+}
+
+#[test]
+fn missing_files() {
+    let folder = TempDir::new().unwrap();
+    for name in ["no.toml", "no.obj", "no"] {
+        let error = load(&folder.path().join(name)).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains("help: check the path"), "{error}");
+    }
+    changed("a.obj", "b.obj")
+        .refused(&["s.toml:7: cannot read the mesh file `b.obj`", "relative to"]);
+}
+
+#[test]
+fn folders_and_other_types() {
+    let empty = TempDir::new().unwrap();
+    let error = load(empty.path()).unwrap_err().to_string();
+    assert!(error.contains("holds no scene.toml"), "{error}");
+    std::fs::create_dir(empty.path().join("d.obj")).unwrap();
+    std::fs::write(empty.path().join("scene.toml"), SCENE.replace("a.obj", "d.obj")).unwrap();
+    let error = load(empty.path()).unwrap_err().to_string();
+    assert!(error.contains("d.obj: this is a folder"), "{error}");
+    files(&[("a.gltf", b"{}")]).refused(&["a.gltf: scenes of type `.gltf`", "scene.toml"]);
+    changed("a.obj", "a.stl").refused(&["s.toml:7: `a.stl` is not an OBJ file", ".obj"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn endless_devices_are_not_read() {
+    let folder = TempDir::new().unwrap();
+    for name in ["zero.obj", "zero.toml"] {
+        let link = folder.path().join(name);
+        std::os::unix::fs::symlink("/dev/zero", &link).unwrap();
+        let error = load(&link).unwrap_err().to_string();
+        assert!(error.contains("neither a regular file nor a folder"), "{error}");
+    }
+}
+
+#[test]
+fn malformed_obj() {
+    let vertex = "such as `v 0.5 1 -2`";
+    obj("v 1 2 x\n").refused(&["a.obj:1: `x` is not a number", "1 | v 1 2 x", vertex]);
+    obj("\nv 1 2\n").refused(&["a.obj:2: the vertex has 2 coordinates", vertex]);
+    obj("v 1 2 3 0\n").refused(&["a.obj:1: the vertex has a coordinate that is not finite"]);
+    let face = "such as `f 1 2 3`";
+    obj("v 0 0 0\nf 1 a 1\n").refused(&["a.obj:2: `a` is not a face's vertex", face]);
+    obj("v 0 0 0\nf 1/1/1/1 1 1\n").refused(&["a.obj:2: `1/1/1/1` is not", face]);
+    obj("f\n").refused(&["a.obj:1: the face has no vertices", face]);
+    obj("usemtl\n").refused(&["a.obj:1: the material has no name"]);
+    obj("mtllib\n").refused(&["a.obj:1: the material library has no name"]);
+}
+
+#[test]
+fn coordinates_that_are_not_finite_or_too_large() {
+    for (word, problem) in [
+        ("nan", "not finite"),
+        ("-inf", "not finite"),
+        ("1e39", "not finite"),
+        ("2e15", "beyond 1e15"),
+    ] {
+        let content = format!("v 0 0 0\nv 1 {word} 0\n");
+        obj(&content).refused(&["a.obj:2: the vertex has a coordinate", problem, "help: "]);
+    }
+    changed("[0, 0, 5]", "[0, nan, 5]").refused(&["s.toml:2: a number is not finite"]);
+    changed("[0, 0, 5]", "[0, 2e15, 5]").refused(&["s.toml:2: a coordinate is beyond 1e15"]);
+}
+
+#[test]
+fn indices_out_of_range() {
+    for index in ["4", "0", "-4", "9223372036854775807", "-9223372036854775808"] {
+        let content = TRIANGLE.replace("f 1 2 3", &format!("f 1 2 {index}"));
+        let problem = format!("a.obj:4: the face refers to vertex {index}, but 3 are defined");
+        obj(&content).refused(&[&problem, "number vertices from 1"]);
+    }
+    // Vertices come before their faces.
+    obj("f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n").refused(&["a.obj:1: the face refers to vertex 1"]);
+}
+
+#[test]
+fn empty_meshes_and_triangles_without_area() {
+    for content in ["", "# nothing\n", "v 0 0 0\n", "v 0 0 0\nf 1 1\n"] {
+        obj(content).refused(&["a.obj: the scene has no triangle", "add a mesh"]);
+    }
+    toml(&SCENE.replace("[[mesh]]\nfile = \"a.obj\"\n", ""))
+        .refused(&["s.toml: the scene has no triangle"]);
+    let flat = "v 0 0 0\nv 1 0 0\nv 2 0 0\n";
+    obj(&format!("{flat}f 1 2 3\nf 1 1 2\n")).refused(&["all 2 triangles", "no area"]);
+    let loaded = obj(&format!("{flat}v 0 1 0\nf 1 2 3\nf 1 2 4\nf 1 1 4\n")).load();
+    assert_eq!(loaded.scene.triangle_count(), 1);
+    assert!(loaded.notes.iter().any(|n| n == "dropped 2 triangles without area"));
+}
+
+#[test]
+fn malformed_mtl() {
+    mtl("newmtl m\nKd 1 0\n").refused(&["a.mtl:2: `Kd` needs three numbers", "`Kd 0.5 0.5 0.5`"]);
+    mtl("newmtl m\nKe 1 x 0\n").refused(&["a.mtl:2: `Ke` needs three numbers", "2 | Ke 1 x 0"]);
+    mtl("newmtl m\nKe 1 -1 0\n").refused(&["a.mtl:2: `Ke` is negative", "at least 0"]);
+    mtl("newmtl m\nKd nan 0 0\n").refused(&["a.mtl:2: `Kd` is negative or not finite"]);
+    mtl("Kd 1 1 1\n").refused(&["a.mtl:1: `Kd` comes before any material", "newmtl"]);
+    mtl("newmtl\n").refused(&["a.mtl:1: the material has no name"]);
+}
+
+#[test]
+fn a_missing_library_or_material_is_noted() {
+    let loaded = obj(&format!("mtllib no.mtl\nusemtl m\n{TRIANGLE}")).load();
+    let notes = loaded.notes.join("\n");
+    assert!(notes.contains("a.obj:1: the material library `no.mtl` does not exist"), "{notes}");
+    assert!(notes.contains("`m` undefined; took grey of albedo 0.5"), "{notes}");
+}
+
+#[test]
+fn duplicate_names() {
+    mtl("newmtl m\nnewmtl m\n").refused(&["a.mtl:2: the material `m` is defined twice", "rename"]);
+    mtl("newmtl m\nnewmtl n\nnewmtl m\n").refused(&["a.mtl:3: the material `m` is defined twice"]);
+    toml(&format!("{SCENE}[materials.m]\n[materials.m]\n")).refused(&["s.toml:14: duplicate key"]);
+    changed("fov_y_deg = 40", "fov_y_deg = 40\nfov_y_deg = 41")
+        .refused(&["s.toml:5: duplicate key"]);
+}
+
+#[test]
+fn malformed_toml() {
+    changed("= [0, 0, 0]", "= [0, 0").refused(&["s.toml:", "help: "]);
+    changed("[camera]", "[camera").refused(&["s.toml:1: ", "1 | [camera"]);
+    changed("40", "4o").refused(&["s.toml:4: ", "4 | fov_y_deg = 4o"]);
+    let deep = format!("a = {}", "[".repeat(100_000));
+    toml(&deep).refused(&["s.toml:1: "]);
+}
+
+#[test]
+fn unknown_keys_and_values() {
+    toml(&format!("{SCENE}\n[materials.m]\nalbdo = 0.5\n")).refused(&[
+        "s.toml:15: unknown key `albdo`",
+        "15 | albdo = 0.5",
+        "help: use one of `type`, `albedo`, `emission`",
+    ]);
+    changed("[[mesh]]", "[[meshes]]").refused(&["s.toml:6: unknown key `meshes`", "`mesh`"]);
+    changed("target", "targets").refused(&["s.toml:3: unknown key `targets`", "`target`"]);
+    changed("intensity", "power").refused(&["unknown key `power`", "`intensity`"]);
+    changed("\"point\"", "\"spot\"").refused(&["unknown value `spot`", "use `point`"]);
+    toml(&format!("{SCENE}[render]\nradiu = 1\n"))
+        .refused(&["s.toml:14: unknown key `radiu`", "`radius`"]);
+    toml(&format!("{SCENE}[render]\ndirect = \"x\"\n"))
+        .refused(&["s.toml:14: unknown value `x`", "`connect` or `photon-map`"]);
+    toml(&format!("{SCENE}[materials.m]\ntype = \"glass\"\n"))
+        .refused(&["s.toml:14: unknown value `glass`", "`lambertian`"]);
+}
+
+#[test]
+fn missing_keys() {
+    toml("").refused(&["s.toml", "the key `camera` is missing", "docs/scene-format.md"]);
+    changed("position = [0, 0, 5]\nt", "t").refused(&["s.toml:1: the key `position` is missing"]);
+    changed("file = \"a.obj\"\n", "").refused(&["s.toml:6: the key `file` is missing"]);
+    changed("intensity = 10\n", "").refused(&["the key `intensity` is missing"]);
+}
+
+#[test]
+fn wrong_types() {
+    changed("= [0, 0, 5]", "= \"here\"")
+        .refused(&["s.toml:2: wrong type: string \"here\"", "3 numbers"]);
+    changed("= [0, 0, 5]", "= [0, 5]").refused(&["s.toml:2: the list has 2 numbers", "give 3"]);
+    changed("= [0, 0, 5]", "= 5").refused(&["s.toml:2: a single number stands for a point"]);
+    changed("\"a.obj\"", "3").refused(&["s.toml:7: wrong type: integer `3`", "give a string"]);
+    changed("40", "true").refused(&["s.toml:4: wrong type: boolean `true`", "give a number"]);
+    toml(&format!("{SCENE}[render]\nlight_paths = 1e5\n"))
+        .refused(&["s.toml:14: wrong type: floating point `100000.0`", "a whole number"]);
+    toml(&format!("{SCENE}[render]\nradius = true\n"))
+        .refused(&["s.toml:14: wrong type: boolean `true`", "0.8%"]);
+}
+
+#[test]
+fn values_out_of_range() {
+    for (line, problem, advice) in [
+        ("resolution = [0, 512]", "the resolution is 0x512 pixels", "such as 512x512"),
+        ("resolution = [512, 70000]", "the resolution is 512x70000", "65536"),
+        ("light_paths = 0", "0 light paths", "between 1"),
+        ("camera_paths = 0", "0 camera paths", "at least 1"),
+        ("radius = 0", "the merge radius is 0", "0.8%"),
+        ("radius = \"big\"", "`big` is not a length", "0.8%"),
+        ("merge_vertex = 0", "merge vertex 0", "1 to 255"),
+        ("seed = -1", "wrong value: integer `-1`", "help: give "),
+    ] {
+        let place = format!("s.toml:14: {problem}");
+        toml(&format!("{SCENE}[render]\n{line}\n")).refused(&[&place, line, advice]);
+    }
+    for value in ["1.5", "-0.1", "nan", "[0.5, 0.5, 2]"] {
+        let text = format!("{SCENE}[materials.m]\nalbedo = {value}\n");
+        toml(&text).refused(&["s.toml:14: ", "14 | albedo", "help: give "]);
+    }
+    toml(&format!("{SCENE}[materials.m]\nemission = -1\n"))
+        .refused(&["s.toml:14: light is negative"]);
+    for rectangle in ["[0, 0, 0, 1]", "[0, 0, 1, 1.5]", "[0.5, 0, 0.2, 1]", "[nan, 0, 1, 1]"] {
+        let text = format!("{SCENE}[regions]\nr = [{rectangle}]\n");
+        toml(&text).refused(&["s.toml:14: the rectangle", "x0 < x1"]);
+    }
+    toml(&format!("{SCENE}[regions]\nr = []\n"))
+        .refused(&["s.toml:14: the region has no rectangle"]);
+}
+
+#[test]
+fn impossible_cameras() {
+    changed("target = [0, 0, 0]\n", "")
+        .refused(&["s.toml:1: the camera needs exactly one of `target`"]);
+    changed("fov_y_deg = 40", "fov_y_deg = 40\nfov_x_deg = 40")
+        .refused(&["s.toml:1: the camera needs exactly one of `fov_x_deg`"]);
+    changed("target = [0, 0, 0]", "target = [0, 0, 5]")
+        .refused(&["s.toml:1: ", "parallel or zero"]);
+    changed("40", "180").refused(&["s.toml:1: the camera's field of view is 180"]);
+}
+
+#[test]
+fn impossible_transforms_and_materials() {
+    let with = |line: &str| changed("\"a.obj\"", &format!("\"a.obj\"\n{line}"));
+    with("scale = 0").refused(&["s.toml:6: the transform flattens the mesh"]);
+    with("translate = 5").refused(&["s.toml:6: `translate` is a single number"]);
+    with("scale = 1e30").refused(&["s.toml:6: the transform moves the mesh out of the range"]);
+    let matrix = "matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    with(&format!("{matrix}\nscale = 2")).refused(&["s.toml:6: the mesh has a `matrix` besides"]);
+    with(&matrix.replace("0,1]]", "0,2]]")).refused(&["s.toml:6: the last row"]);
+    with("material = \"x\"").refused(&["s.toml:8: unknown material `x`", "[materials.x]"]);
+    let known = SCENE.replace("\"a.obj\"", "\"a.obj\"\nmaterial = \"x\"") + "[materials.known]\n";
+    toml(&known).refused(&["s.toml:8: unknown material `x`", "use one of `known`"]);
+}
+
+#[test]
+fn no_light() {
+    let dark = SCENE.split("[[light]]").next().unwrap();
+    toml(dark).refused(&["s.toml: the scene has no light", "`[[light]]`", "`emission`"]);
+    changed("intensity = 10", "intensity = 0").refused(&["s.toml: the scene has no light"]);
+    changed("intensity = 10", "intensity = 3e38").refused(&["s.toml: the power of all lights"]);
+}
+
+#[test]
+fn binary_garbage() {
+    let bytes: Vec<u8> =
+        (0..4096_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    files(&[("a.obj", &bytes)]).refused(&["a.obj:", "not a text file"]);
+    files(&[("a.toml", &bytes)]).refused(&["a.toml:", "not UTF-8 text"]);
+    files(&[("a.toml", b"a = \"\xff\"")]).refused(&["a.toml:1: this is not UTF-8 text"]);
+    let text: Vec<u8> = bytes.iter().map(|b| b | 1).collect();
+    files(&[("a.obj", &text)]).refused(&["a.obj"]);
+}
+
+#[test]
+fn absurd_counts() {
+    let libraries: String = (0..2000).map(|i| format!("mtllib {i}.mtl\n")).collect();
+    obj(&libraries).refused(&["a.obj:1001: more than 1000 material libraries", "fewer MTL files"]);
+    // Neither many materials nor many objects nor many records of no meaning take long.
+    let many: String =
+        (0..200_000).map(|i| format!("o {i}\nusemtl {i}\nf 1 2 3\nx{i} 1\n")).collect();
+    let start = std::time::Instant::now();
+    let loaded = obj(&format!("{TRIANGLE}{many}")).load();
+    assert_eq!(loaded.scene.meshes.len(), 200_001);
+    assert!(loaded.notes.iter().all(|note| note.len() < 1000));
+    assert!(start.elapsed().as_secs() < 20, "took {:?}", start.elapsed());
+}
+
+#[test]
+fn endless_lines() {
+    let line = "v ".to_owned() + &"1".repeat(2 << 20);
+    obj(&line).refused(&["a.obj:1: the line is longer than 1048576 bytes", "split it"]);
+    let comment = format!("{SCENE}# {}", "x".repeat(17 << 20));
+    toml(&comment).refused(&["s.toml: the scene file is larger than 16 MiB", "OBJ files"]);
+}
+
+#[test]
+fn spaces_byte_order_marks_and_windows_line_ends_just_work() {
+    let folder = TempDir::new().unwrap();
+    let inner = folder.path().join("my scene é");
+    std::fs::create_dir(&inner).unwrap();
+    let dos = |text: &str| format!("\u{feff}{}", text.replace('\n', "\r\n"));
+    std::fs::write(inner.join("my lib.mtl"), dos("newmtl my red\nKd 0.5 0 0\n")).unwrap();
+    let obj = dos(&format!("mtllib my lib.mtl\no my thing\nusemtl my red\n{TRIANGLE}"));
+    std::fs::write(inner.join("my model.OBJ"), obj).unwrap();
+    let scene = dos(&SCENE.replace("a.obj", "my model.OBJ"));
+    std::fs::write(inner.join("scene.toml"), scene).unwrap();
+    let scene = load(&inner).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.name, "my scene é");
+    assert_eq!(scene.meshes[0].name, "my thing");
+    assert_eq!(scene.materials[0].name, "my red");
+    assert_eq!(scene.materials[0].bsdf.albedo().to_array(), [0.5, 0.0, 0.0]);
+}

@@ -1,0 +1,282 @@
+//! The safe layer over Embree: batches, lifetimes, threads, refusals. `scripts/valgrind.sh` runs
+//! this file under valgrind, so it stays small.
+#![cfg(feature = "embree")]
+
+mod shapes;
+
+use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
+use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use glam::Vec3;
+use shapes::{Mesh, Random, coherent_rays, room};
+
+/// valgrind knows no AVX-512; its script asks for another instruction set here.
+fn device() -> Device {
+    Device::with_config(&std::env::var("BDPM_TEST_EMBREE").unwrap_or_default()).unwrap()
+}
+
+fn scene(meshes: &[Mesh]) -> CommittedScene {
+    let views: Vec<_> = meshes.iter().map(Mesh::view).collect();
+    CommittedScene::from_meshes(&device(), &views).unwrap()
+}
+
+const BOTH: [Coherence; 2] = [Coherence::Coherent, Coherence::Incoherent];
+
+fn assert_same(ray: &Ray, one: &Hit, other: &Hit) {
+    assert_eq!(one.is_miss(), other.is_miss(), "{ray:?}");
+    if one.is_miss() {
+        assert_eq!((one, other), (&Hit::MISS, &Hit::MISS));
+    } else {
+        assert!((one.t - other.t).abs() < 1e-5, "{one:?} {other:?}");
+    }
+}
+
+#[test]
+fn batches_of_every_length_answer_as_single_rays_do() {
+    let scene = scene(&[Mesh::bumpy_ball(12)]);
+    let mut random = Random(1);
+    let mut rays = random.incoherent_rays(50);
+    rays.extend(coherent_rays(50));
+    for i in (0..100).step_by(7) {
+        rays[i].t_far = 0.3;
+    }
+    let hits: Vec<Hit> = rays.iter().map(|ray| scene.closest_hit(ray)).collect();
+    let occluded: Vec<bool> = rays.iter().map(|ray| scene.is_occluded(ray)).collect();
+    assert!(hits.iter().any(Hit::is_miss) && !hits.iter().all(Hit::is_miss));
+    for (hit, &occluded) in hits.iter().zip(&occluded) {
+        assert_eq!(!hit.is_miss(), occluded);
+    }
+
+    for length in 0..=rays.len() {
+        for coherence in BOTH {
+            // What the slots held before must not show through, nor the slots behind be touched.
+            let stale = Hit { t: -7.0, u: 7.0, v: 7.0, mesh: 7, triangle: 7 };
+            let mut batch = vec![stale; length + 1];
+            scene.closest_hits(&rays[..length], &mut batch[..length], coherence);
+            for ((ray, one), other) in rays.iter().zip(&hits).zip(&batch[..length]) {
+                assert_same(ray, one, other);
+            }
+            assert_eq!(batch[length], stale);
+
+            for stale in [false, true] {
+                let mut batch = vec![stale; length + 1];
+                scene.occlusions(&rays[..length], &mut batch[..length], coherence);
+                assert_eq!(batch[..length], occluded[..length]);
+                assert_eq!(batch[length], stale);
+            }
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "one hit per ray")]
+fn slices_of_different_length_panic() {
+    let scene = scene(&room());
+    scene.closest_hits(&coherent_rays(20), &mut [Hit::MISS; 19], Coherence::Coherent);
+}
+
+#[test]
+fn every_packet_width_gives_the_same_answers() {
+    let ball = Mesh::bumpy_ball(12);
+    let rays = Random(2).incoherent_rays(100);
+    let expected: Vec<Hit> = {
+        let scene = scene(std::slice::from_ref(&ball));
+        rays.iter().map(|ray| scene.closest_hit(ray)).collect()
+    };
+    let mut sizes = vec![];
+    for isa in ["sse2", "avx2", "avx512"] {
+        // An instruction set that this processor lacks makes Embree take a lesser one or refuse.
+        let Ok(device) = Device::with_config(&format!("isa={isa}")) else { continue };
+        if std::env::var_os("BDPM_TEST_EMBREE").is_some() && isa == "avx512" {
+            continue;
+        }
+        let scene = CommittedScene::from_meshes(&device, &[ball.view()]).unwrap();
+        sizes.push(scene.describe().packet_size);
+        for coherence in BOTH {
+            let mut hits = vec![Hit::MISS; rays.len()];
+            scene.closest_hits(&rays, &mut hits, coherence);
+            let mut occluded = vec![false; rays.len()];
+            scene.occlusions(&rays, &mut occluded, coherence);
+            for (i, ray) in rays.iter().enumerate() {
+                assert_same(ray, &expected[i], &hits[i]);
+                assert_eq!(occluded[i], !expected[i].is_miss(), "{ray:?}");
+            }
+        }
+    }
+    println!("packet sizes: {sizes:?}");
+    assert_eq!(sizes.first(), Some(&4), "every processor here has SSE2: {sizes:?}");
+}
+
+#[test]
+fn an_empty_scene_is_hit_by_nothing() {
+    let empty = scene(&[]);
+    let no_triangles = scene(&[Mesh::default(), Mesh { triangles: vec![], ..Mesh::bumpy_ball(3) }]);
+    for scene in [empty, no_triangles] {
+        for coherence in BOTH {
+            let mut hits = [Hit { mesh: 0, ..Hit::MISS }; 40];
+            scene.closest_hits(&coherent_rays(40), &mut hits, coherence);
+            assert_eq!(hits, [Hit::MISS; 40]);
+            let mut occluded = [true; 40];
+            scene.occlusions(&coherent_rays(40), &mut occluded, coherence);
+            assert_eq!(occluded, [false; 40]);
+        }
+        assert_eq!(scene.describe().triangles, 0);
+    }
+}
+
+#[test]
+fn meshes_are_numbered_in_order_even_after_an_empty_one() {
+    let mut builder = device().scene_builder().unwrap();
+    let empty = builder.add_mesh(TriangleMesh { positions: &[], triangles: &[] }).unwrap();
+    let ball = builder.add_mesh(Mesh::bumpy_ball(9).view()).unwrap();
+    assert_eq!((empty.index(), ball.index()), (0, 1));
+    let hit = builder.commit().unwrap().closest_hit(&Ray::new(Vec3::ZERO, Vec3::ONE));
+    assert_eq!(hit.mesh, ball.index());
+}
+
+#[test]
+fn a_scene_outlives_the_device_its_meshes_and_other_scenes() {
+    let device = device();
+    let other = device.scene_builder().unwrap();
+    let scene = CommittedScene::from_meshes(&device, &[Mesh::bumpy_ball(9).view()]).unwrap();
+    drop(device);
+    assert!(!scene.closest_hit(&Ray::new(Vec3::ZERO, Vec3::X)).is_miss());
+    drop(scene);
+    // A build after the device's handle went reports memory through the callback still.
+    assert!(other.commit().unwrap().closest_hit(&Ray::new(Vec3::ZERO, Vec3::X)).is_miss());
+}
+
+#[test]
+fn threads_query_one_scene_at_once() {
+    let scene = std::sync::Arc::new(scene(&room()));
+    let rays = Random(3).incoherent_rays(2_000);
+    let mut expected = vec![Hit::MISS; rays.len()];
+    scene.closest_hits(&rays, &mut expected, Coherence::Incoherent);
+    std::thread::scope(|threads| {
+        for _ in 0..4 {
+            let (scene, rays, expected) = (scene.clone(), &rays, &expected);
+            threads.spawn(move || {
+                let mut hits = vec![Hit::MISS; rays.len()];
+                for _ in 0..5 {
+                    scene.closest_hits(rays, &mut hits, Coherence::Incoherent);
+                    assert_eq!(&hits, expected);
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn a_builder_moves_to_another_thread() {
+    let builder = device().scene_builder().unwrap();
+    let scene = std::thread::spawn(move || {
+        let mut builder = builder;
+        builder.add_mesh(Mesh::bumpy_ball(9).view()).unwrap();
+        builder.commit().unwrap()
+    });
+    assert!(scene.join().unwrap().is_occluded(&Ray::new(Vec3::ZERO, Vec3::X)));
+}
+
+/// The error of a mesh that breaks a rule, added after a good one; and the scene works on.
+fn refusal(positions: &[Vec3], triangles: &[[u32; 3]]) -> String {
+    let mut builder = device().scene_builder().unwrap();
+    builder.add_mesh(Mesh::bumpy_ball(9).view()).unwrap();
+    let error = builder.add_mesh(TriangleMesh { positions, triangles }).unwrap_err();
+    assert!(matches!(error, EmbreeError::Mesh { mesh: 1, .. }), "{error:?}");
+    let scene = builder.commit().unwrap();
+    assert!(scene.is_occluded(&Ray::new(Vec3::ZERO, Vec3::X)));
+    error.to_string()
+}
+
+#[test]
+fn bad_meshes_are_refused_with_their_place() {
+    let corner = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    assert_eq!(
+        refusal(&corner, &[[0, 1, 2], [0, 3, 1]]),
+        "mesh 1: triangle 1 uses vertex 3, but there are only 3 vertices"
+    );
+    assert_eq!(
+        refusal(&[], &[[0, 0, 0]]),
+        "mesh 1: triangle 0 uses vertex 0, but there are only 0 vertices"
+    );
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for axis in 0..3 {
+            let mut positions = corner;
+            positions[2][axis] = bad;
+            let text = refusal(&positions, &[[0, 1, 2]]);
+            assert!(text.starts_with("mesh 1: vertex 2 is not finite: ["), "{text}");
+        }
+    }
+    let text = refusal(&[Vec3::ZERO, Vec3::X, Vec3::Y * -1e30], &[[0, 1, 2]]);
+    assert!(text.starts_with("mesh 1: vertex 2 is too far out: "), "{text}");
+    assert!(text.ends_with("coordinates must be below 1.8e18"), "{text}");
+}
+
+/// Embree sees all that validation lets pass: the limit is not beyond its own.
+#[test]
+fn the_largest_coordinates_are_hit() {
+    let large = TriangleMesh::MAX_COORDINATE * 0.999;
+    let positions = [Vec3::X * large, Vec3::Y * large, Vec3::NEG_ONE * large];
+    let mesh = TriangleMesh { positions: &positions, triangles: &[[0, 1, 2]] };
+    assert_eq!(mesh.validate(), Ok(()));
+    let scene = CommittedScene::from_meshes(&device(), &[mesh]).unwrap();
+    let center = (positions[0] + positions[1] + positions[2]) / 3.0;
+    assert!(!scene.closest_hit(&Ray::new(Vec3::Z, center)).is_miss());
+    let beyond = [Vec3::X * TriangleMesh::MAX_COORDINATE; 3];
+    let mesh = TriangleMesh { positions: &beyond, triangles: &[] };
+    assert!(matches!(mesh.validate(), Err(MeshError::TooLarge { vertex: 0, .. })));
+}
+
+#[test]
+fn degenerate_triangles_are_harmless() {
+    let point = Mesh { positions: vec![Vec3::splat(0.1)], triangles: vec![[0, 0, 0]; 20] };
+    let line = Mesh {
+        positions: vec![Vec3::NEG_ONE, Vec3::ZERO, Vec3::ONE],
+        triangles: vec![[0, 1, 2], [2, 2, 0], [1, 1, 2]],
+    };
+    let scene = scene(&[point, line, Mesh::cuboid(Vec3::ZERO, Vec3::ONE, 0.0)]);
+    let mut rays = Random(4).incoherent_rays(200);
+    rays.push(Ray::new(Vec3::new(0.5, 0.1, 0.1), -Vec3::X)); // through the point
+    rays.push(Ray::new(Vec3::new(-0.5, 0.5, 0.0), Vec3::new(1.0, -1.0, 0.0))); // across the line
+    let mut hits = vec![Hit::MISS; rays.len()];
+    scene.closest_hits(&rays, &mut hits, Coherence::Incoherent);
+    for (ray, hit) in rays.iter().zip(&hits) {
+        assert_eq!(hit.mesh, 2, "{ray:?} {hit:?}");
+        assert!(hit.t.is_finite() && hit.u.is_finite() && hit.v.is_finite());
+    }
+}
+
+/// No promise about the answer, only that it comes.
+#[test]
+fn rays_that_are_not_finite_do_no_harm() {
+    let scene = scene(&room());
+    let mut rays = coherent_rays(48);
+    for (i, ray) in rays.iter_mut().enumerate() {
+        let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i % 3];
+        match i % 5 {
+            0 => ray.origin.x = bad,
+            1 => ray.direction.y = bad,
+            2 => ray.t_far = bad,
+            3 => ray.direction = Vec3::ZERO,
+            _ => {}
+        }
+    }
+    for coherence in BOTH {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        scene.closest_hits(&rays, &mut hits, coherence);
+        for hit in &hits {
+            assert!(hit.is_miss() || hit.mesh < 3, "{hit:?}");
+        }
+        scene.occlusions(&rays, &mut vec![false; rays.len()], coherence);
+    }
+}
+
+#[test]
+fn describe_counts_triangles_and_bytes() {
+    let mesh = Mesh::bumpy_ball(60);
+    let info = scene(std::slice::from_ref(&mesh)).describe();
+    println!("{info:?}");
+    assert_eq!(info.triangles, mesh.triangles.len());
+    let geometry = 12 * (mesh.positions.len() + mesh.triangles.len());
+    assert!((geometry..100 * geometry).contains(&info.bytes), "{info:?}");
+    assert!(info.name.starts_with("Embree 4."), "{info:?}");
+}

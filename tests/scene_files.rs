@@ -1,0 +1,287 @@
+//! The shipped scenes, the documented example and the OBJ features are what they are said to be.
+
+use bdpm::scene::{Emitter, FieldOfView, Scene, load};
+use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
+use glam::Vec3;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn root(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn write(files: &[(&str, &str)]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    }
+    folder
+}
+
+/// The scene of an OBJ file with this content.
+fn obj(content: &str) -> Scene {
+    let folder = write(&[("a.obj", content)]);
+    load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene
+}
+
+/// Area of each mesh by name, and whether all its normals are turned toward a point.
+fn part(scene: &Scene, name: &str, point: Vec3) -> (f64, bool) {
+    let mut first = 0;
+    for mesh in &scene.meshes {
+        let triangles = &scene.triangles()[first..first + mesh.triangles.len()];
+        if mesh.name == name {
+            let area = triangles.iter().map(|t| f64::from(t.area())).sum();
+            return (area, triangles.iter().all(|t| t.normal.dot(point - t.origin) > 0.0));
+        }
+        first += triangles.len();
+    }
+    panic!("no mesh {name}");
+}
+
+fn check_box(scene: &Scene) {
+    assert_eq!(scene.bounds.min, Vec3::ZERO);
+    assert_eq!(scene.bounds.max, Vec3::new(556.0, 548.8, 559.2));
+    let middle = Vec3::new(278.0, 274.4, 279.6);
+    // Areas of the measured quads, by hand: trapezoids and rectangles.
+    for (name, area) in [
+        ("floor", 0.5 * (552.8 + 549.6) * 559.2),
+        ("ceiling", 556.0 * 559.2),
+        ("back-wall", 0.5 * (549.6 + 556.0) * 548.8),
+        ("right-wall", 559.2 * 548.8),
+    ] {
+        let (measured, inside) = part(scene, name, middle);
+        assert!((measured / area - 1.0).abs() < 1e-5, "{name}: {measured}, not {area}");
+        assert!(inside, "the front of {name} is outside");
+    }
+    assert!(part(scene, "left-wall", middle).1);
+    for (name, center) in [
+        ("short-block", Vec3::new(185.5, 82.5, 169.0)),
+        ("tall-block", Vec3::new(368.5, 165.0, 351.25)),
+    ] {
+        // The normals of the top and four sides look away from the center, and with the missing
+        // bottom the area vectors sum to zero: the block is closed but for its bottom.
+        let mut sum = glam::DVec3::ZERO;
+        let mesh = scene.meshes.iter().position(|m| m.name == name).unwrap();
+        assert_eq!(scene.meshes[mesh].triangles.len(), 10);
+        let first: usize = scene.meshes[..mesh].iter().map(|m| m.triangles.len()).sum();
+        let mut top = 0.0;
+        for t in &scene.triangles()[first..first + 10] {
+            assert!(t.normal.dot(center - t.origin) < 0.0, "{name} is inside out");
+            sum += t.normal.as_dvec3() * f64::from(t.area());
+            top += if t.normal.y > 0.99 { f64::from(t.area()) } else { 0.0 };
+        }
+        assert!((sum - glam::DVec3::new(0.0, top, 0.0)).length() < 1e-3 * top, "{name}: {sum}");
+    }
+}
+
+#[test]
+fn the_cornell_box_is_the_paper_s() {
+    let loaded = load(&root("scenes/cornell-box")).unwrap();
+    let scene = &loaded.scene;
+    assert_eq!(loaded.notes, Vec::<String>::new());
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box", 30));
+    check_box(scene);
+    assert!(scene.materials.iter().all(|m| m.bsdf.albedo() == Vec3::splat(0.5)));
+    assert_eq!(
+        scene.lights.emitters(),
+        [Emitter::Point { position: Vec3::new(278.0, 534.3, 279.6), intensity: Vec3::splat(1e6) }]
+    );
+    assert_eq!(scene.camera.position(), Vec3::new(278.0, 273.0, -800.0));
+    assert_eq!(scene.camera.direction(), Vec3::Z);
+    assert_eq!(scene.camera.field_of_view(), FieldOfView::X(39.3077));
+    let expected = RenderDefaults {
+        resolution: Some([512, 512]),
+        light_paths: Some(1000),
+        camera_paths: Some(25),
+        radius: Some(Length::Units(4.633_333)),
+        merge_vertex: Some(2),
+        direct: Some(Direct::Connect),
+        light_roulette: Some(Roulette::Albedo),
+        camera_roulette: Some(Roulette::Weight),
+        seed: None,
+    };
+    assert_eq!(loaded.defaults, expected);
+    // In 8 by 8 pixels the region is rows 2 to 4 of the outermost columns.
+    let region = &scene.regions[0];
+    assert_eq!((region.name.as_str(), scene.regions.len()), ("side-walls", 1));
+    for y in 0..8 {
+        for x in 0..8 {
+            let inside = (2..5).contains(&y) && (x == 0 || x == 7);
+            assert_eq!(region.contains(x, y, 8, 8), inside, "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn the_classic_cornell_box_has_its_lamp_and_colors() {
+    let loaded = load(&root("scenes/cornell-box-classic")).unwrap();
+    let scene = &loaded.scene;
+    assert_eq!(loaded.notes, Vec::<String>::new());
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box-classic", 32));
+    check_box(scene);
+    assert_eq!(scene.lights.emitters().len(), 2);
+    let (area, inside) = part(scene, "light", Vec3::new(278.0, 0.0, 279.6));
+    assert!((area - 130.0 * 105.0).abs() < 0.01 && inside, "{area}");
+    let color = |name: &str| {
+        let mesh = scene.meshes.iter().find(|m| m.name == name).unwrap();
+        scene.materials[mesh.material as usize].bsdf.albedo()
+    };
+    // In the photographs red is on the left, and the camera has +x on its left.
+    assert_eq!(color("left-wall"), Vec3::new(0.63, 0.065, 0.05));
+    assert_eq!(color("right-wall"), Vec3::new(0.14, 0.45, 0.091));
+    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+}
+
+#[test]
+fn the_documented_example_loads() {
+    let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
+    let example = text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+    let square = "v -1 0 -1\nv -1 0 1\nv 1 0 1\nv 1 0 -1\n";
+    let folder = write(&[
+        ("scene.toml", example),
+        ("floor.obj", &format!("{square}f 1 2 3 4\n")),
+        ("block.obj", &format!("{square}usemtl lamp\nf -4 -3 -2 -1\n")),
+    ]);
+    let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+    let scene = &loaded.scene;
+    assert_eq!(loaded.notes, Vec::<String>::new());
+    assert_eq!((scene.triangle_count(), scene.lights.emitters().len()), (4, 3));
+    let names: Vec<_> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!(names, ["chalk", "lamp"]);
+    assert_eq!(scene.regions[0].name, "lower-half");
+    // Corner (-1, 0, -1), halved, turned by 30 degrees about y, moved.
+    let (sin, cos) = 30_f32.to_radians().sin_cos();
+    let corner = Vec3::new(-0.5 * cos - 0.5 * sin + 0.5, 0.0, 0.5 * sin - 0.5 * cos - 0.5);
+    assert!((scene.meshes[1].positions[0] - corner).length() < 1e-6);
+    let settings =
+        Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+    assert_eq!((settings.width, settings.height, settings.light_paths), (640, 480, 50_000));
+    // The floor's left side is the scene's, and the turned block's right corner.
+    let size = 1.0 + 0.5 + 0.5 * (cos + sin);
+    assert!((settings.radius - 0.008 * size).abs() < 1e-6, "{}", settings.radius);
+}
+
+#[test]
+fn the_documented_defaults_are_the_built_in_ones() {
+    let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
+    let none = RenderDefaults::default();
+    let settings = Settings::resolve(&none, &none, 100.0).unwrap();
+    for (key, value) in [
+        ("resolution", format!("[{}, {}]", settings.width, settings.height)),
+        ("light_paths", settings.light_paths.to_string()),
+        ("camera_paths", settings.camera_paths.to_string()),
+        ("radius", format!("\"{}%\"", settings.radius)),
+        ("merge_vertex", settings.merge_vertex.to_string()),
+        ("seed", settings.seed.to_string()),
+    ] {
+        let row = text.lines().find(|line| line.starts_with(&format!("| `{key}` |"))).unwrap();
+        let last = row.trim_end_matches(" |").rsplit(" | ").next().unwrap().replace('`', "");
+        assert_eq!(last, value, "{row}");
+    }
+}
+
+#[test]
+fn polygons_negative_indices_and_continued_lines() {
+    let pentagon = "v 0 0 0 # a corner\nv 2 0 0\nv 2 1 0 0.1 0.2 0.3\nv 1 2 0\nv 0 4 0 4\n";
+    let scene = obj(&format!("{pentagon}f 1/7 2/7/7 \\\n 3//7 -2 -1\n"));
+    assert_eq!(scene.triangle_count(), 3);
+    let area: f32 = scene.triangles().iter().map(|t| t.area()).sum();
+    assert!((area - 3.0).abs() < 1e-6, "{area}");
+    assert!(scene.triangles().iter().all(|t| t.normal == Vec3::Z));
+}
+
+#[test]
+fn meshes_are_objects_times_materials_in_file_order() {
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
+    let faces = "o b\nusemtl x\nf 1 2 3\nusemtl y\nf 1 2 4\nusemtl x\nf 1 3 4\no a\nf 2 3 4\n";
+    let scene = obj(&format!("{corners}{faces}"));
+    let meshes: Vec<_> =
+        scene.meshes.iter().map(|m| (m.name.as_str(), m.material, m.triangles.len())).collect();
+    assert_eq!(meshes, [("b", 0, 2), ("b", 1, 1), ("a", 0, 1)]);
+    let points = |mesh: usize, triangle: usize| {
+        scene.meshes[mesh].triangles[triangle].map(|i| scene.meshes[mesh].positions[i as usize])
+    };
+    assert_eq!(points(0, 1), [Vec3::ZERO, Vec3::Y, Vec3::Z]);
+    assert_eq!(points(2, 0), [Vec3::X, Vec3::Y, Vec3::Z]);
+}
+
+#[test]
+fn materials_of_the_scene_file_win() {
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = r#"
+        camera = { position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }
+        mesh = [{ file = "a.obj" }, { file = "a.obj", material = "n" }, { file = "b.obj" }]
+        materials.m = { albedo = [0.1, 0.2, 0.3], emission = 2 }
+        materials.spare = {}
+    "#;
+    let folder = write(&[
+        ("a.mtl", "newmtl m\nKd 1 1 1\nnewmtl n\nKd 2 0 0.5\nKe 3\nmap_Kd x.png\n"),
+        ("b.mtl", "newmtl n\nKd 0.25\n"),
+        ("a.obj", &format!("mtllib a.mtl\nusemtl m\n{triangle}")),
+        ("b.obj", &format!("mtllib b.mtl\nusemtl n\n{triangle}")),
+        ("scene.toml", scene),
+    ]);
+    let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+    let materials: Vec<_> = loaded
+        .scene
+        .materials
+        .iter()
+        .map(|m| (m.name.as_str(), m.bsdf.albedo().to_array(), m.emission.to_array()))
+        .collect();
+    assert_eq!(
+        materials,
+        [
+            ("m", [0.1, 0.2, 0.3], [2.0; 3]),
+            ("n", [1.0, 0.0, 0.5], [3.0; 3]),
+            ("n", [0.25; 3], [0.0; 3]),
+        ]
+    );
+    let notes = loaded.notes.join("\n");
+    for part in
+        ["a.mtl:4: the diffuse color", "textures of `n`", "no mesh uses the material `spare`"]
+    {
+        assert!(notes.contains(part), "{notes}");
+    }
+}
+
+#[test]
+fn an_obj_file_alone_is_framed_and_lit() {
+    let offset = 1000.0;
+    let content = format!("v {offset} 0 0\nv {} 0 0\nv {offset} 3 0\nf 1 2 3\n", offset + 2.0);
+    let folder = write(&[("a.obj", content.as_str())]);
+    let loaded = load(&folder.path().join("a.obj")).unwrap();
+    let scene = &loaded.scene;
+    let center = scene.bounds.center();
+    let camera = &scene.camera;
+    // The bounding sphere fills the image's height of 40 degrees.
+    let distance = (camera.position() - center).length();
+    let sphere = 0.5 * 13_f32.sqrt();
+    assert!((sphere / distance - 20_f32.to_radians().sin()).abs() < 1e-3);
+    assert!(camera.direction().dot(center - camera.position()) > 0.9999 * distance);
+    assert!(camera.direction().z < 0.0 && camera.direction().y < 0.0);
+    let [Emitter::Point { position, intensity }] = scene.lights.emitters() else {
+        panic!("one point light expected")
+    };
+    let irradiance = intensity.x / (*position - center).length_squared();
+    assert!((irradiance - std::f32::consts::PI).abs() < 1e-3);
+    let notes = loaded.notes.join("\n");
+    assert!(notes.contains("no camera") && notes.contains("nothing emits"), "{notes}");
+
+    let lamp = format!("mtllib a.mtl\nusemtl m\n{content}");
+    let folder = write(&[("a.mtl", "newmtl m\nKe 1 1 1\n"), ("a.obj", lamp.as_str())]);
+    let loaded = load(&folder.path().join("a.obj")).unwrap();
+    assert!(matches!(loaded.scene.lights.emitters(), [Emitter::Triangle { .. }]));
+}
+
+#[test]
+fn tiny_and_huge_lamps_keep_their_power() {
+    // In f32, the square of the doubled area would vanish or overflow.
+    for scale in [1e-12_f32, 1.0, 1e12] {
+        let content = format!("v 0 0 0\nv {scale:e} 0 0\nv 0 {scale:e} 0\nusemtl m\nf 1 2 3\n");
+        let folder =
+            write(&[("a.mtl", "newmtl m\nKe 1\n"), ("a.obj", &format!("mtllib a.mtl\n{content}"))]);
+        let scene = load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene;
+        let expected = 0.5 * std::f32::consts::PI * scale * scale;
+        assert!((scene.lights.power().x / expected - 1.0).abs() < 1e-5, "{scale}");
+    }
+}
