@@ -23,7 +23,7 @@ test: setup
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --all-targets -- -D warnings
 	$(CARGO) test $(FLAGS) --workspace
-	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --lib accel
+	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 	$(CARGO) bench $(FLAGS) --no-run
 

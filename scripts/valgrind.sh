@@ -19,8 +19,8 @@ run() { # package, test
         2>/dev/null | sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' | tail -n 1)
     shift 2
     echo "valgrind $binary"
-    valgrind --quiet --error-exitcode=1 --leak-check=full --errors-for-leak-kinds=definite \
-        --suppressions=scripts/valgrind.supp "$binary" --test-threads=1 "$@"
+    valgrind --quiet --error-exitcode=1 --leak-check=full --show-leak-kinds=definite \
+        --errors-for-leak-kinds=definite "$binary" --test-threads=1 "$@"
 }
 
 run embree4-sys trace "$@"

@@ -77,7 +77,7 @@ fn backends_agree_in_a_room() {
 #[test]
 fn backends_agree_on_triangle_soup() {
     assert_agreement(
-        &[Mesh::soup(5_000, &mut Random(5)), Mesh::soup(500, &mut Random(6))],
+        &[Mesh::soup(1_500, &mut Random(5)), Mesh::soup(500, &mut Random(6))],
         false,
         2,
     );
