@@ -6,7 +6,6 @@ use bdpm::accel::backend::{self, Backend};
 use bdpm::checkpoint::{Checkpoint, Origin};
 use bdpm::error::{Error, Result};
 use bdpm::film::Film;
-use bdpm::noise::Measure;
 use bdpm::output::{self, Image, Layer, Metadata, Value};
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::load::load;
@@ -148,7 +147,8 @@ pub fn run(args: &Args) -> Result<String> {
     let mut renderer = Renderer::new(scene, &*accel, settings)?;
     if let Some(checkpoint) = resumed {
         check_goal(goal, &checkpoint.film)?;
-        renderer.resume(checkpoint.film.into_owned())?;
+        let Checkpoint { film, noise, .. } = checkpoint;
+        renderer.resume(film.into_owned(), noise.map(Cow::into_owned))?;
     }
 
     let mut job = Job {
@@ -325,7 +325,7 @@ impl Job {
             if let Some(reason) = self.finished(renderer.film()) {
                 return reason;
             }
-            let report = threads.install(|| renderer.iterate(Measure::Off));
+            let report = threads.install(|| renderer.iterate(renderer.scheduled()));
             self.totals.add(&report);
             let film = renderer.film();
             self.warn_of_bad_pixels(&report, film.iterations - 1);
@@ -388,7 +388,8 @@ impl Job {
     fn save_checkpoint(&mut self, film: &Film) -> Result<()> {
         let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
         let start = Instant::now();
-        let checkpoint = Checkpoint { origin: self.origin.clone(), film: Cow::Borrowed(film) };
+        let checkpoint =
+            Checkpoint { origin: self.origin.clone(), film: Cow::Borrowed(film), noise: None };
         let saved = checkpoint.save(path);
         self.write_time += start.elapsed();
         saved
