@@ -14,7 +14,8 @@ build: setup
 
 demo: build
 	@mkdir -p out
-	$(CARGO) run $(FLAGS) --release --quiet -- render scenes/$(SCENE) --output out/$(SCENE).exr
+	$(CARGO) run $(FLAGS) --release --quiet -- \
+		render scenes/$(SCENE) --output out/$(SCENE).exr --time 20s
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
