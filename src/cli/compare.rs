@@ -59,10 +59,13 @@ fn text(c: &Comparison) -> String {
     row("mean ratio", or_black(c.mean_ratio));
     row("RMSE", format!("{:.6e}", c.rmse));
     row("relative MSE", or_black(c.relative_mse));
-    row("maximum difference", match c.max_difference {
-        0.0 => "0, the images are equal".into(),
-        max => format!("{max:.6e} at pixel ({x}, {y})"),
-    });
+    row(
+        "maximum difference",
+        match c.max_difference {
+            0.0 => "0, the images are equal".into(),
+            max => format!("{max:.6e} at pixel ({x}, {y})"),
+        },
+    );
     if c.non_finite_a + c.non_finite_b > 0 {
         row("non-finite pixels", format!("{} and {}, left out", c.non_finite_a, c.non_finite_b));
     }

@@ -121,38 +121,53 @@ fn text(report: &Report) -> String {
         writeln!(text, "{name:<17} {value}").expect("strings take everything");
     };
     row("scene", format!("{} (fingerprint {})", report.scene, report.fingerprint));
-    row("geometry", format!(
-        "{} triangles in {} meshes, {} materials",
-        report.triangles, report.meshes, report.materials
-    ));
+    row(
+        "geometry",
+        format!(
+            "{} triangles in {} meshes, {} materials",
+            report.triangles, report.meshes, report.materials
+        ),
+    );
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
     row("scene size", format!("{} scene units", report.size));
     row("backend", format!("{}, {} rays per packet", accel.name, accel.packet_size));
-    row("hierarchy", format!(
-        "{:.1} KiB, built in {}",
-        accel.bytes as f64 / 1024.0,
-        match accel.build_seconds {
-            seconds if seconds < 0.1 => format!("{:.2}ms", 1e3 * seconds),
-            seconds => human_time(seconds),
-        }
-    ));
-    row("lights", format!(
-        "{} points and {} triangles, {} W in all",
-        lights.points,
-        lights.triangles,
-        numbers(&lights.power)
-    ));
-    row("camera", format!(
-        "at {} toward {}, {} degrees across the {}",
-        numbers(&camera.position),
-        numbers(&camera.direction),
-        camera.field_of_view,
-        camera.across
-    ));
-    row("regions", match &report.regions[..] {
-        [] => "none".into(),
-        names => names.join(", "),
-    });
+    row(
+        "hierarchy",
+        format!(
+            "{:.1} KiB, built in {}",
+            accel.bytes as f64 / 1024.0,
+            match accel.build_seconds {
+                seconds if seconds < 0.1 => format!("{:.2}ms", 1e3 * seconds),
+                seconds => human_time(seconds),
+            }
+        ),
+    );
+    row(
+        "lights",
+        format!(
+            "{} points and {} triangles, {} W in all",
+            lights.points,
+            lights.triangles,
+            numbers(&lights.power)
+        ),
+    );
+    row(
+        "camera",
+        format!(
+            "at {} toward {}, {} degrees across the {}",
+            numbers(&camera.position),
+            numbers(&camera.direction),
+            camera.field_of_view,
+            camera.across
+        ),
+    );
+    row(
+        "regions",
+        match &report.regions[..] {
+            [] => "none".into(),
+            names => names.join(", "),
+        },
+    );
     for (name, value) in report.settings.to_map() {
         let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         row(&name.replace('_', " "), value);

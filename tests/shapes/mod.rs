@@ -38,8 +38,7 @@ impl Mesh {
         let mut positions = vec![];
         for row in 0..=n {
             for column in 0..n {
-                let (theta, phi) =
-                    (PI * row as f32 / n as f32, TAU * column as f32 / n as f32);
+                let (theta, phi) = (PI * row as f32 / n as f32, TAU * column as f32 / n as f32);
                 let radius = 0.9 + 0.05 * (9.0 * theta).sin() * (7.0 * phi).sin();
                 let ring = if row == 0 || row == n { 0.0 } else { theta.sin() };
                 let direction = Vec3::new(ring * phi.cos(), ring * phi.sin(), theta.cos());
