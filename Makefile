@@ -14,7 +14,8 @@ build: setup
 
 demo: build
 	@mkdir -p out
-	$(CARGO) run $(FLAGS) --release --quiet -- render scenes/$(SCENE) --output out/$(SCENE).exr
+	$(CARGO) run $(FLAGS) --release --quiet -- \
+		render scenes/$(SCENE) --output out/$(SCENE).exr --time 20s
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
@@ -23,7 +24,7 @@ test: setup
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --all-targets -- -D warnings
 	$(CARGO) test $(FLAGS) --workspace
-	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --lib accel
+	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 	$(CARGO) bench $(FLAGS) --no-run
 

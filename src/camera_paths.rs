@@ -54,7 +54,7 @@ pub struct CameraPass<'a> {
 }
 
 /// Camera paths that are traced together; the buffers serve many batches in turn.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,

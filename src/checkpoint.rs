@@ -5,6 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::film::Film;
+use crate::noise::film::NoiseFilm;
 use crate::output::write_atomically;
 use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
@@ -16,7 +17,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -46,6 +47,8 @@ pub struct Checkpoint<'a> {
     pub origin: Origin,
     /// Its sums.
     pub film: Cow<'a, Film>,
+    /// The sums of its measuring iterations, where there were any.
+    pub noise: Option<Cow<'a, NoiseFilm>>,
 }
 
 impl Origin {
@@ -158,7 +161,9 @@ impl Checkpoint<'static> {
         let settings = &checkpoint.origin.settings;
         settings.validate()?;
         let fits = (width, height) == (settings.width, settings.height);
-        if !fits || !checkpoint.film.is_consistent() || !rest.is_empty() {
+        let film = &checkpoint.film;
+        let noise_fits = checkpoint.noise.as_ref().is_none_or(|noise| noise.fits(film.tiles()));
+        if !fits || !film.is_consistent() || !noise_fits || !rest.is_empty() {
             return Err(damaged());
         }
         Ok(checkpoint)
@@ -186,6 +191,7 @@ impl<W: Write> Write for Hashing<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::noise::film::{BatchGrain, PixelMeasurement};
     use crate::settings::{Direct, Roulette};
     use glam::DVec3;
     use std::fs;
@@ -217,7 +223,11 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
-        Checkpoint { origin, film: Cow::Owned(film) }
+        let mut noise = NoiseFilm::new(film.tiles(), BatchGrain::Tile);
+        let measured = PixelMeasurement { value: 0.1, ..Default::default() };
+        noise.tiles_mut(film.tiles())[0].add(3, &measured);
+        noise.iterations = 1;
+        Checkpoint { origin, film: Cow::Owned(film), noise: Some(Cow::Owned(noise)) }
     }
 
     fn saved() -> Vec<u8> {

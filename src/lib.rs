@@ -1,4 +1,4 @@
-//! Bidirectional photon mapping that knows its own noise.
+#![doc = include_str!("../README.md")]
 
 pub mod accel;
 pub mod camera_paths;

@@ -75,9 +75,10 @@ impl Grid {
         Self { corner, inverse_cell, stride_y, stride_z, mask: buckets as u32 - 1 }
     }
 
+    /// Coordinates of photons and within reach of them are positive: truncating rounds down.
     #[inline]
     fn cell(&self, position: Vec3) -> IVec3 {
-        ((position - self.corner) * self.inverse_cell).floor().as_ivec3()
+        ((position - self.corner) * self.inverse_cell).as_ivec3()
     }
 
     #[inline]

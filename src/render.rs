@@ -17,6 +17,11 @@ use crate::worker::Worker;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
+/// Iterations that are measured at the beginning of a render.
+const PILOT: u64 = 8;
+/// Of the others, one in so many is measured: their extra cost is at most a tenth each.
+const MEASURE_EVERY: u64 = 8;
+
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -96,12 +101,13 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// Goes on after the iterations that `film` holds.
+    /// Goes on after the iterations that `film` holds, of which `noise` was measured.
     ///
     /// # Errors
-    /// If the film's resolution is not that of the settings.
-    pub fn resume(&mut self, film: Film) -> Result<()> {
-        if film.resolution() != self.film.resolution() || !film.is_consistent() {
+    /// If they do not fit the settings' resolution.
+    pub fn resume(&mut self, film: Film, noise: Option<NoiseFilm>) -> Result<()> {
+        let noise_fits = noise.as_ref().is_none_or(|noise| noise.fits(film.tiles()));
+        if film.resolution() != self.film.resolution() || !film.is_consistent() || !noise_fits {
             let (width, height) = film.resolution();
             return Err(Error::new(
                 format!("the image to go on with has {width}x{height} pixels"),
@@ -109,7 +115,16 @@ impl<'a> Renderer<'a> {
             ));
         }
         self.film = film;
+        self.noise = noise;
         Ok(())
+    }
+
+    /// Whether a render with fixed counts measures its next iteration: the pilot and a fixed share
+    /// of the others, where the counts allow it.
+    pub fn scheduled(&self) -> Measure {
+        let next = self.film.iterations;
+        let measures = next < PILOT || next.is_multiple_of(MEASURE_EVERY);
+        if measures && self.settings.can_measure() { Measure::Pairs } else { Measure::Off }
     }
 
     /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.

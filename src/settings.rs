@@ -338,7 +338,7 @@ mod tests {
             merge_vertex: 2,
             direct: Direct::PhotonMap,
             light_roulette: Roulette::Albedo,
-            camera_roulette: Roulette::Albedo,
+            camera_roulette: Roulette::Weight,
             seed: 9,
         };
         assert_eq!(settings, expected);

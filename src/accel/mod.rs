@@ -126,9 +126,10 @@ pub struct TriangleMesh<'a> {
 }
 
 impl TriangleMesh<'_> {
-    /// Coordinates must be smaller than this in magnitude. Embree leaves out triangles beyond it
-    /// without a word (its own limit, about the square root of the largest `f32`).
-    pub const MAX_COORDINATE: f32 = 1.8e18;
+    /// Coordinates must be smaller than this in magnitude, for products of three of them, which
+    /// triangle tests need, to stay within `f32`. (Embree itself leaves out triangles beyond about
+    /// 1.8e18 without a word, and misses those near it.)
+    pub const MAX_COORDINATE: f32 = 1e12;
 
     /// Checks what every backend relies on, so that all of them see the same set of triangles.
     ///

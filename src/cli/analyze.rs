@@ -77,7 +77,7 @@ pub fn run(args: &Args) -> Result<String> {
 
     let goal = args.session.goal(args.iterations, DEFAULT_ITERATIONS);
     let mut session = Session::new(&prepared, (goal, 2), args.session.quiet, "measuring")?;
-    let stopped_by = session.iterate(&mut renderer, args.estimator, |_, _| {});
+    let stopped_by = session.iterate(&mut renderer, |_| args.estimator, |_, _| {});
     let film = renderer.film();
     session.progress.finish();
     if film.iterations < 2 {

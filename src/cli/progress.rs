@@ -105,7 +105,7 @@ impl Progress {
         let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
         let count = match self.goal {
             Goal::Iterations(n) => format!("{done}/{n}"),
-            Goal::Time(_) => format!("{done} iterations"),
+            Goal::Time(_) => format!("{done} done"),
         };
         let [light, camera, merge] = totals.shares();
         let state = format!(

@@ -6,7 +6,6 @@ use super::{human_time, json};
 use bdpm::checkpoint::{Checkpoint, Origin};
 use bdpm::error::{Error, Result};
 use bdpm::film::Film;
-use bdpm::noise::Measure;
 use bdpm::output::{self, Image, Layer};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -65,15 +64,20 @@ pub fn run(args: &Args) -> Result<String> {
     let mut renderer = prepared.renderer()?;
     if let Some(checkpoint) = resumed {
         check_goal(goal, &checkpoint.film)?;
-        renderer.resume(checkpoint.film.into_owned())?;
+        let Checkpoint { film, noise, .. } = checkpoint;
+        renderer.resume(film.into_owned(), noise.map(Cow::into_owned))?;
     }
 
     let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
     let mut session = Session::new(&prepared, (goal, 1), args.session.quiet, "rendering")?;
     let mut schedule = Schedule::new(prepared.origin.settings.pixels());
-    let stopped_by = session.iterate(&mut renderer, Measure::Off, |session, film| {
-        schedule.write_when_due(&mut writer, film, session);
-    });
+    let stopped_by = session.iterate(
+        &mut renderer,
+        |renderer| renderer.scheduled(),
+        |session, film| {
+            schedule.write_when_due(&mut writer, film, session);
+        },
+    );
     let film = renderer.film();
     session.progress.finish();
     // The checkpoint first: with it, a full disk costs no work.
@@ -190,7 +194,8 @@ impl Writer<'_> {
     fn save_checkpoint(&mut self, film: &Film) -> Result<()> {
         let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
         let start = Instant::now();
-        let checkpoint = Checkpoint { origin: self.origin.clone(), film: Cow::Borrowed(film) };
+        let checkpoint =
+            Checkpoint { origin: self.origin.clone(), film: Cow::Borrowed(film), noise: None };
         let saved = checkpoint.save(path);
         self.time += start.elapsed();
         saved

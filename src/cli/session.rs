@@ -212,13 +212,14 @@ impl<'a> Session<'a> {
     pub fn iterate(
         &mut self,
         renderer: &mut Renderer,
-        measure: Measure,
+        measure: impl Fn(&Renderer) -> Measure,
         mut between: impl FnMut(&Self, &Film),
     ) -> StoppedBy {
         loop {
             if let Some(reason) = self.finished(renderer.film()) {
                 return reason;
             }
+            let measure = measure(renderer);
             let report = self.prepared.threads.install(|| renderer.iterate(measure));
             self.totals.add(&report);
             let film = renderer.film();

@@ -123,6 +123,12 @@ impl NoiseFilm {
         }
     }
 
+    /// Whether it was made for `tiles` (it may come from a file).
+    pub fn fits(&self, tiles: impl Iterator<Item = Tile>) -> bool {
+        let empty = Self::new(tiles, self.grain);
+        (self.pixels.len(), self.batches.len()) == (empty.pixels.len(), empty.batches.len())
+    }
+
     /// Bytes per pixel at the given grain (tiles counted as if they were whole).
     pub const fn bytes_per_pixel(grain: BatchGrain) -> usize {
         size_of::<PixelNoise>()

@@ -49,8 +49,8 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Some(text(concat!("bdpm ", env!("CARGO_PKG_VERSION"))));
+    let software_name = Some(text(concat!("bdpm ", env!("CARGO_PKG_VERSION"))));
+    let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
     for (name, value) in &image.metadata {
         let value = match value {
             Value::Text(value) => AttributeValue::Text(text(value)),

@@ -62,16 +62,34 @@ impl SceneBuilder {
             SceneHandle(unsafe { sys::rtcNewScene(device.handle()) })
         })?;
         let scene = Self { handle, meshes: 0, triangles: 0, bytes_before, device: device.clone() };
-        let flags = sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST;
         let quality = sys::RTCBuildQuality::RTC_BUILD_QUALITY_HIGH;
-        device.checked("set the scene's flags", || {
+        device.checked("set the scene's build quality", || {
             // SAFETY: the scene handle is valid and used by this thread only.
-            unsafe {
-                sys::rtcSetSceneFlags(scene.handle.0, flags);
-                sys::rtcSetSceneBuildQuality(scene.handle.0, quality);
-            }
+            unsafe { sys::rtcSetSceneBuildQuality(scene.handle.0, quality) };
         })?;
         Ok(scene)
+    }
+
+    /// Turns Embree's robust mode on or off; off to begin with.
+    ///
+    /// Without it about one ray in a million slips through between two triangles of a closed mesh
+    /// (measured: 11 of 8 million on 217,000 triangles, none of 33 million in a box of 36), more
+    /// if rays are aimed right at edges. With it practically none does, for 1.4 to 1.8 times the
+    /// tracing time: choose it where a dim room must keep out a light that is a million times as
+    /// bright.
+    ///
+    /// # Errors
+    /// If Embree refuses.
+    pub fn set_watertight(&mut self, on: bool) -> Result<(), EmbreeError> {
+        let flags = if on {
+            sys::RTCSceneFlags::RTC_SCENE_FLAG_ROBUST
+        } else {
+            sys::RTCSceneFlags::RTC_SCENE_FLAG_NONE
+        };
+        self.device.checked("set the scene's flags", || {
+            // SAFETY: the scene handle is valid and `&mut self` means that nobody else uses it.
+            unsafe { sys::rtcSetSceneFlags(self.handle.0, flags) };
+        })
     }
 
     /// Copies a mesh into the scene. An empty one takes an id too.

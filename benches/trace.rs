@@ -1,0 +1,117 @@
+//! Rays per second of both backends, single and batched; and for Embree the same rays as raw
+//! packets that are ready in memory, which is the bound that the batches aim at.
+
+#![allow(missing_docs)]
+
+#[cfg(feature = "embree")]
+mod raw;
+#[path = "../tests/shapes/mod.rs"]
+mod shapes;
+
+use bdpm::accel::bvh::Bvh;
+use bdpm::accel::{Coherence, Hit, Intersect, Ray};
+#[cfg(feature = "embree")]
+use criterion::BatchSize;
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+#[cfg(feature = "embree")]
+use raw::{Packets, RawScene};
+use shapes::{Mesh, Random, coherent_rays, room};
+use std::hint::black_box;
+use std::time::Duration;
+
+const RAYS: usize = 1 << 14;
+
+fn scenes() -> [(&'static str, Vec<Mesh>); 2] {
+    let cube = Mesh::cuboid(glam::Vec3::ZERO, glam::Vec3::ONE, 0.0);
+    [("room-36", room()), ("ball-217k", vec![Mesh::bumpy_ball(330), cube])]
+}
+
+fn ray_sets() -> [(&'static str, Coherence, Vec<Ray>); 2] {
+    [
+        ("coherent", Coherence::Coherent, coherent_rays(RAYS)),
+        ("incoherent", Coherence::Incoherent, Random(1).incoherent_rays(RAYS)),
+    ]
+}
+
+fn bench_backend(
+    criterion: &mut Criterion,
+    name: &str,
+    build: impl Fn(&[Mesh]) -> Box<dyn Intersect>,
+) {
+    for (scene_name, meshes) in scenes() {
+        let scene = build(&meshes);
+        println!("{scene_name}: {:?}", scene.describe());
+        for (kind, coherence, rays) in ray_sets() {
+            let mut group = criterion.benchmark_group(format!("{scene_name}/{kind}"));
+            group.throughput(Throughput::Elements(RAYS as u64));
+            let mut hits = vec![Hit::MISS; RAYS];
+            let mut occluded = vec![false; RAYS];
+            group.bench_function(format!("{name}/closest/batch"), |bencher| {
+                bencher.iter(|| scene.closest_hits(black_box(&rays), &mut hits, coherence));
+            });
+            group.bench_function(format!("{name}/closest/single"), |bencher| {
+                bencher.iter(|| {
+                    for (ray, hit) in black_box(&rays).iter().zip(&mut hits) {
+                        *hit = scene.closest_hit(ray);
+                    }
+                });
+            });
+            group.bench_function(format!("{name}/occlusion/batch"), |bencher| {
+                bencher.iter(|| scene.occlusions(black_box(&rays), &mut occluded, coherence));
+            });
+            group.finish();
+        }
+    }
+}
+
+/// The bound: the same rays as packets that are ready in memory.
+#[cfg(feature = "embree")]
+fn bench_raw(criterion: &mut Criterion) {
+    for (scene_name, meshes) in scenes() {
+        let scene = RawScene::new(meshes.iter().map(Mesh::view));
+        for (kind, coherence, rays) in ray_sets() {
+            let mut group = criterion.benchmark_group(format!("{scene_name}/{kind}"));
+            group.throughput(Throughput::Elements(RAYS as u64));
+            for (query, packets) in [
+                ("closest", Packets::closest(&rays, coherence)),
+                ("occlusion", Packets::any(&rays, coherence)),
+            ] {
+                // Queries overwrite packets, so each round gets a copy, outside the timing.
+                group.bench_function(format!("embree/{query}/raw-packets"), |bencher| {
+                    bencher.iter_batched_ref(
+                        || [packets.clone()],
+                        |packets| scene.trace(packets),
+                        BatchSize::LargeInput,
+                    );
+                });
+            }
+            group.finish();
+        }
+    }
+}
+
+fn backends(criterion: &mut Criterion) {
+    #[cfg(feature = "embree")]
+    {
+        use bdpm::accel::embree::{CommittedScene, Device};
+        bench_raw(criterion);
+        bench_backend(criterion, "embree", |meshes| {
+            let views: Vec<_> = meshes.iter().map(Mesh::view).collect();
+            Box::new(CommittedScene::from_meshes(&Device::new().unwrap(), &views).unwrap())
+        });
+    }
+    bench_backend(criterion, "bvh", |meshes| {
+        let views: Vec<_> = meshes.iter().map(Mesh::view).collect();
+        Box::new(Bvh::build(&views).unwrap())
+    });
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(20)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1));
+    targets = backends
+}
+criterion_main!(benches);

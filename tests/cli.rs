@@ -1,0 +1,405 @@
+//! The program as its users meet it: files, streams, exit codes.
+
+use bdpm::output::{Value, read_exr};
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
+
+/// A small, quick render.
+const SMALL: [&str; 6] = ["--resolution", "24x18", "--light-paths", "500", "--camera-paths", "1"];
+
+fn bdpm(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// Renders the small scene with the BVH, which every build has.
+fn render(output: &Path, more: &[&str]) -> Command {
+    let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--output"]);
+    command.arg(output).args(SMALL).args(more);
+    command
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).unwrap()
+}
+
+fn run(mut command: Command) -> Output {
+    command.output().unwrap()
+}
+
+fn succeed(command: Command) -> Output {
+    let output = run(command);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    output
+}
+
+/// Runs it, expecting exit code `code`, nothing on stdout and a message with help on stderr.
+fn fail(command: Command, code: i32) -> String {
+    let output = run(command);
+    let shown = text(&output.stderr).to_owned();
+    assert_eq!(output.status.code(), Some(code), "{shown}");
+    assert!(output.stdout.is_empty(), "{}", text(&output.stdout));
+    assert!(shown.starts_with("error: "), "{shown}");
+    assert!(shown.contains("help"), "{shown}");
+    shown
+}
+
+fn json(output: &Output) -> serde_json::Value {
+    let shown = text(&output.stdout);
+    assert_eq!(shown.lines().count(), 1, "{shown}");
+    serde_json::from_str(shown).unwrap()
+}
+
+/// Every channel's bits.
+fn bits(path: &Path) -> Vec<u32> {
+    let image = read_exr(path).unwrap();
+    let channels = image.layers.iter().flat_map(|layer| &layer.channels);
+    channels.flat_map(|(_, values)| values.iter().map(|value| value.to_bits())).collect()
+}
+
+fn folder() -> (TempDir, impl Fn(&str) -> PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_owned();
+    (folder, move |name| path.join(name))
+}
+
+fn names(folder: &TempDir) -> Vec<String> {
+    let entries = fs::read_dir(folder.path()).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_render_writes_both_images_and_says_how_it_was_made() {
+    let (folder, at) = folder();
+    let more = ["--iterations", "3", "--seed", "18446744073709551615", "--radius", "7.5", "--json"];
+    let output = succeed(render(&at("a.exr"), &more));
+    assert_eq!(names(&folder), ["a.exr", "a.png"]);
+
+    let report = json(&output);
+    assert_eq!(report["iterations"], 3);
+    assert_eq!(report["stopped_by"], "iterations");
+    assert_eq!(report["settings"]["seed"], u64::MAX);
+    assert_eq!(report["settings"]["radius"], 7.5);
+    assert_eq!(report["non_finite"], 0);
+    assert_eq!(report["exr"], at("a.exr").to_str().unwrap());
+    assert!(report["rays"].as_u64().unwrap() > 3 * 24 * 18);
+    for phase in ["load", "build", "light", "camera", "merge", "render", "write"] {
+        assert!(report["seconds"][phase].as_f64().unwrap() > 0.0, "{phase}");
+    }
+
+    let image = read_exr(&at("a.exr")).unwrap();
+    assert_eq!((image.width, image.height), (24, 18));
+    let pixels = image.layer("").unwrap().to_rgb().unwrap();
+    let sum: f64 = pixels.iter().map(|p| f64::from(bdpm::math::luminance(*p))).sum();
+    let mean = sum / pixels.len() as f64;
+    let told = report["mean_luminance"].as_f64().unwrap();
+    assert!(told > 0.0 && (mean / told - 1.0).abs() < 1e-5, "{mean} and {told}");
+    for (name, expected) in [
+        ("iterations", Value::Number(3.0)),
+        ("light_paths", Value::Number(500.0)),
+        ("camera_paths", Value::Number(1.0)),
+        ("radius", Value::Number(7.5)),
+        ("direct", Value::Text("connect".into())),
+        ("seed", Value::Text(u64::MAX.to_string())),
+        ("backend", Value::Text("bvh".into())),
+        ("version", Value::Text(env!("CARGO_PKG_VERSION").into())),
+    ] {
+        assert_eq!(image.metadata.get(name), Some(&expected), "{name}");
+    }
+    assert!(image.metadata.contains_key("scene") && image.metadata.contains_key("fingerprint"));
+
+    let png = png::Decoder::new(BufReader::new(fs::File::open(at("a.png")).unwrap()));
+    let mut reader = png.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((info.width, info.height), (24, 18));
+    assert!(bytes.iter().any(|&byte| byte > 100), "the preview shows something");
+}
+
+#[test]
+fn the_image_depends_on_the_seed_and_not_on_the_threads() {
+    let (_folder, at) = folder();
+    let image = |name: &str, threads: &str, seed: &str| {
+        let more = ["--iterations", "2", "--threads", threads, "--seed", seed, "--quiet"];
+        succeed(render(&at(name), &more));
+        bits(&at(name))
+    };
+    let one = image("1.exr", "1", "5");
+    assert_eq!(one, image("2.exr", "2", "5"));
+    assert_eq!(one, image("3.exr", "3", "5"));
+    assert_ne!(one, image("4.exr", "3", "6"));
+}
+
+#[test]
+fn a_resumed_image_is_the_same_bit_for_bit() {
+    let (_folder, at) = folder();
+    let checkpoint = at("c.ckpt");
+    let checkpoint = checkpoint.to_str().unwrap();
+    succeed(render(&at("whole.exr"), &["--iterations", "5"]));
+    succeed(render(&at("part.exr"), &["--iterations", "2", "--checkpoint", checkpoint]));
+    let more = ["--iterations", "5", "--resume", checkpoint, "--threads", "3", "--json"];
+    let report = json(&succeed(render(&at("rest.exr"), &more)));
+    assert_eq!((&report["iterations"], &report["new_iterations"]), (&5.into(), &3.into()));
+    assert_eq!(bits(&at("whole.exr")), bits(&at("rest.exr")));
+    assert_ne!(bits(&at("whole.exr")), bits(&at("part.exr")));
+    // Settings that are not given come from the checkpoint, the backend too.
+    let mut bare = bdpm(&["render", SCENE, "--iterations", "5", "--resume", checkpoint]);
+    bare.arg("--output").arg(at("bare.exr"));
+    succeed(bare);
+    assert_eq!(bits(&at("whole.exr")), bits(&at("bare.exr")));
+    // Nothing is left to do for as many iterations as there are; fewer are impossible.
+    succeed(render(&at("same.exr"), &["--iterations", "2", "--resume", checkpoint]));
+    assert_eq!(bits(&at("part.exr")), bits(&at("same.exr")));
+    let fewer = render(&at("x.exr"), &["--iterations", "1", "--resume", checkpoint]);
+    assert!(fail(fewer, 1).contains("holds 2 iterations"));
+}
+
+#[test]
+fn another_image_is_not_continued() {
+    let (_folder, at) = folder();
+    let checkpoint = at("c.ckpt");
+    let checkpoint = checkpoint.to_str().unwrap();
+    succeed(render(&at("a.exr"), &["--iterations", "1", "--checkpoint", checkpoint]));
+    for (flag, value, expected) in [
+        ("--seed", "77", "seed is 1, not 77"),
+        ("--radius", "3", "not 3"),
+        ("--merge-vertex", "1", "merge-vertex is 2, not 1"),
+        ("--direct", "photon-map", "not \"photon-map\""),
+        ("--light-roulette", "weight", "light-roulette is \"albedo\""),
+        ("--camera-roulette", "albedo", "camera-roulette is \"weight\""),
+    ] {
+        let shown = fail(render(&at("b.exr"), &["--resume", checkpoint, flag, value]), 1);
+        assert!(shown.contains(expected) && shown.contains("c.ckpt"), "{shown}");
+    }
+    let mut other =
+        bdpm(&["render", concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic")]);
+    other.arg("--output").arg(at("b.exr")).args(["--resume", checkpoint]);
+    assert!(fail(other, 1).contains("scene"));
+    fs::write(at("notes.txt"), "no checkpoint").unwrap();
+    let foreign = render(&at("b.exr"), &["--resume", at("notes.txt").to_str().unwrap()]);
+    assert!(fail(foreign, 1).contains("notes.txt: this is no checkpoint"));
+    assert!(!at("b.exr").exists());
+}
+
+/// Starts a render that would never end, and returns once it has begun.
+#[cfg(unix)]
+fn endless(output: &Path, more: &[&str]) -> (std::process::Child, impl BufRead + use<>) {
+    let mut command = render(output, &["--time", "10days"]);
+    command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with("rendering") {
+        line.clear();
+        assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended too early");
+    }
+    (child, stderr)
+}
+
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
+    let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_writes_what_there_is() {
+    let (folder, at) = folder();
+    let checkpoint = at("c.ckpt");
+    let checkpoint = checkpoint.to_str().unwrap();
+    let (child, mut stderr) = endless(&at("a.exr"), &["--json", "--checkpoint", checkpoint]);
+    interrupt(&child);
+    let mut line = String::new();
+    stderr.read_line(&mut line).unwrap();
+    assert!(line.starts_with("finishing this iteration"), "{line}");
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    let report = json(&output);
+    assert_eq!(report["stopped_by"], "interrupt");
+    let iterations = report["iterations"].as_u64().unwrap();
+    assert!(iterations >= 1);
+    assert_eq!(names(&folder), ["a.exr", "a.png", "c.ckpt"]);
+    // What was written is what so many iterations give, and can be continued.
+    let count = iterations.to_string();
+    succeed(render(&at("b.exr"), &["--iterations", &count]));
+    assert_eq!(bits(&at("a.exr")), bits(&at("b.exr")));
+    let count = (iterations + 1).to_string();
+    succeed(render(&at("d.exr"), &["--iterations", &count]));
+    succeed(render(&at("e.exr"), &["--iterations", &count, "--resume", checkpoint]));
+    assert_eq!(bits(&at("d.exr")), bits(&at("e.exr")));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_second_interrupt_ends_the_program_at_once() {
+    let (_folder, at) = folder();
+    // One iteration of this takes far longer than anybody waits.
+    let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
+    command.args(["--camera-paths", "4000000", "--light-paths", "1000", "--output"]);
+    command.arg(at("a.exr")).stderr(Stdio::piped()).stdout(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut wait_for = |start: &str| {
+        let line = lines.find(|line| line.as_ref().unwrap().starts_with(start));
+        assert!(line.is_some(), "it ended before `{start}`");
+    };
+    wait_for("rendering");
+    interrupt(&child);
+    wait_for("finishing this iteration");
+    interrupt(&child);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(!at("a.exr").exists());
+}
+
+#[test]
+fn compare_tells_equal_from_different() {
+    let (_folder, at) = folder();
+    succeed(render(&at("a.exr"), &["--iterations", "1"]));
+    succeed(render(&at("b.exr"), &["--iterations", "1", "--seed", "2"]));
+    let compare = |a: &str, b: &str, more: &[&str]| {
+        let mut command = bdpm(&["compare"]);
+        command.arg(at(a)).arg(at(b)).args(more);
+        command
+    };
+    let same = json(&succeed(compare("a.exr", "a.exr", &["--json"])));
+    assert_eq!((&same["rmse"], &same["max_difference"]), (&0.0.into(), &0.0.into()));
+    assert_eq!(same["mean_ratio"], 1.0);
+    let other = json(&succeed(compare("a.exr", "b.exr", &["--json"])));
+    assert!(other["rmse"].as_f64().unwrap() > 0.0 && other["relative_mse"].as_f64().unwrap() > 0.0);
+    let shown = succeed(compare("a.exr", "a.exr", &[]));
+    assert!(text(&shown.stdout).contains("the images are equal"), "{}", text(&shown.stdout));
+
+    let mut wide = bdpm(&["render", SCENE, "--resolution", "25x18", "--iterations", "1"]);
+    wide.args(["--accel", "bvh", "--light-paths", "500", "--output"]).arg(at("wide.exr"));
+    succeed(wide);
+    let shown = fail(compare("a.exr", "wide.exr", &["--json"]), 1);
+    assert!(shown.contains("24x18 and 25x18"), "{shown}");
+    assert!(fail(compare("a.exr", "none.exr", &[]), 1).contains("none.exr"));
+    assert!(fail(compare("a.exr", "a.png", &[]), 1).contains("a.png"));
+}
+
+#[test]
+fn output_problems_are_found_before_rendering() {
+    let (folder, at) = folder();
+    fs::create_dir(at("folder.exr")).unwrap();
+    fs::create_dir(at("b.png")).unwrap();
+    fs::write(at("old.jpg"), "old").unwrap();
+    fs::write(at("old.exr"), "old").unwrap();
+    let before = names(&folder);
+    // Rendering would take days; only a check before it can fail.
+    let refuse = |name: &str, more: &[&str], expected: &str| {
+        let mut command = render(&at(name), &["--time", "10days"]);
+        command.args(more);
+        let shown = fail(command, 1);
+        assert!(shown.contains(expected), "{name}: {shown}");
+    };
+    refuse("missing/a.exr", &[], "missing");
+    refuse("folder.exr", &[], "is a folder");
+    refuse("b.exr", &[], "b.png");
+    refuse("old.jpg", &[], "does not end in .exr");
+    refuse("old.exr", &["--checkpoint", at("none/c").to_str().unwrap()], "none/c");
+    refuse("old.exr", &["--checkpoint", at("old.exr").to_str().unwrap()], "the same name");
+    refuse("old.exr", &["--resume", at("none").to_str().unwrap()], "cannot read");
+    assert_eq!(names(&folder), before);
+    assert_eq!(fs::read(at("old.jpg")).unwrap(), b"old");
+    assert_eq!(fs::read(at("old.exr")).unwrap(), b"old");
+}
+
+#[test]
+fn quiet_is_quiet_and_json_is_alone_on_stdout() {
+    let (_folder, at) = folder();
+    let quiet = succeed(render(&at("a.exr"), &["--iterations", "1", "--quiet"]));
+    assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    let both = succeed(render(&at("a.exr"), &["--iterations", "1", "--quiet", "--json"]));
+    assert!(both.stderr.is_empty(), "{}", text(&both.stderr));
+    assert_eq!(json(&both)["new_iterations"], 1);
+    let plain = succeed(render(&at("a.exr"), &["--iterations", "1"]));
+    assert!(text(&plain.stdout).contains("a.exr") && text(&plain.stdout).ends_with('\n'));
+    assert!(!text(&plain.stderr).contains('\x1b'), "no terminal codes in a pipe");
+}
+
+#[test]
+fn info_describes_the_scene_and_the_settings() {
+    let more = ["info", SCENE, "--accel", "bvh", "--radius", "1%", "--direct", "photon-map"];
+    let shown = succeed(bdpm(&more));
+    for part in ["triangles", "backend", "lights", "camera", "bounds", "photon-map"] {
+        assert!(text(&shown.stdout).contains(part), "{part}: {}", text(&shown.stdout));
+    }
+    let report = json(&succeed(bdpm(&[&more[..], &["--json"]].concat())));
+    let size = report["size"].as_f64().unwrap();
+    let radius = report["settings"]["radius"].as_f64().unwrap();
+    assert!((radius / (0.01 * size) - 1.0).abs() < 1e-6, "{radius} of {size}");
+    assert!(report["accel"]["bytes"].as_u64().unwrap() > 0);
+    assert_eq!(report["accel"]["triangles"], report["triangles"]);
+}
+
+#[test]
+fn wrong_usage_has_exit_code_2_and_help() {
+    let (_folder, at) = folder();
+    for (flag, value) in [
+        ("--resolution", "12"),
+        ("--iterations", "0"),
+        ("--iterations", "x"),
+        ("--time", "soon"),
+        ("--threads", "0"),
+        ("--radius", "-1"),
+        ("--radius", "0%"),
+        ("--direct", "guess"),
+        ("--light-roulette", "russian"),
+        ("--accel", "gpu"),
+    ] {
+        let mut command = bdpm(&["render", SCENE, flag, value, "--output"]);
+        command.arg(at("a.exr"));
+        assert!(fail(command, 2).contains(value), "{flag}");
+    }
+    let mut both = render(&at("a.exr"), &["--time", "1s"]);
+    both.args(["--iterations", "3"]);
+    fail(both, 2);
+    assert!(!at("a.exr").exists());
+}
+
+#[test]
+fn what_the_renderer_refuses_is_an_error_with_help() {
+    let (_folder, at) = folder();
+    let refuse = |more: &[&str], expected: &str| {
+        let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--json", "--output"]);
+        command.arg(at("a.exr")).args(more);
+        let shown = fail(command, 1);
+        assert!(shown.contains(expected), "{shown}");
+    };
+    refuse(&["--camera-paths", "0"], "0 camera paths");
+    refuse(&["--resolution", "0x5"], "0x5");
+    refuse(&["--merge-vertex", "1000"], "1000");
+    let mut missing = bdpm(&["render", "no/such/scene.toml", "--output"]);
+    missing.arg(at("a.exr"));
+    assert!(fail(missing, 1).contains("no/such/scene.toml"));
+    assert!(!at("a.exr").exists());
+}
+
+#[cfg(not(feature = "embree"))]
+#[test]
+fn a_program_without_embree_says_so() {
+    let shown = fail(bdpm(&["info", SCENE, "--accel", "embree"]), 1);
+    assert!(shown.contains("built without Embree") && shown.contains("--accel bvh"), "{shown}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_that_goes_away_is_no_panic() {
+    let mut command = bdpm(&["info", SCENE, "--accel", "bvh"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(!text(&output.stderr).contains("panic"), "{}", text(&output.stderr));
+}
