@@ -2,10 +2,14 @@
 //!
 //! Results go to stdout, with `--json` as exactly one object; all else goes to stderr.
 
+mod analyze;
+mod analyze_text;
 mod compare;
 mod info;
+mod predict;
 mod progress;
 mod render;
+mod session;
 
 use bdpm::accel::backend::Backend;
 use bdpm::error::{Error, Result};
@@ -28,6 +32,10 @@ struct Cli {
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
     Render(render::Args),
+    /// Measure the noise of a scene: coefficients that predict it at any numbers of paths
+    Analyze(analyze::Args),
+    /// Predict the noise at other numbers of paths from what `analyze` measured
+    Predict(predict::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
     /// Tell how far an image is from a reference
@@ -38,6 +46,8 @@ enum Command {
 pub fn run() -> ExitCode {
     let output = match <Cli as clap::Parser>::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Analyze(args) => analyze::run(&args),
+        Command::Predict(args) => predict::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
     };

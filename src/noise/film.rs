@@ -38,6 +38,8 @@ pub struct BatchSums {
     pub coefficients: [f32; 3],
     /// Sum of terms whose expectation is the variance of the value, see [`PixelNoise::add`].
     pub variance: f32,
+    /// Sum of the nested differences.
+    pub nested: f32,
 }
 
 impl PixelNoise {
@@ -65,19 +67,20 @@ impl PixelNoise {
 }
 
 impl BatchSums {
-    fn add(&mut self, coefficients: Coefficients, variance: f64) {
-        let Coefficients { a, b, f } = coefficients;
+    fn add(&mut self, measured: &PixelMeasurement, variance: f64) {
+        let Coefficients { a, b, f } = measured.coefficients;
         for (sum, x) in self.coefficients.iter_mut().zip([a, b, f]) {
             *sum += x as f32;
         }
         self.variance += variance as f32;
+        self.nested += measured.nested_difference as f32;
     }
 }
 
 /// How finely batches are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BatchGrain {
-    /// For each pixel, 256 bytes: standard errors of any function of single pixels.
+    /// For each pixel, 320 bytes: standard errors of any function of single pixels.
     Pixel,
     /// For each tile: standard errors of sums over many pixels.
     Tile,
@@ -180,6 +183,6 @@ impl NoiseTile<'_> {
             BatchGrain::Tile => 0,
         };
         let batch = (self.iterations % BATCHES as u64) as usize;
-        self.batches[group * BATCHES + batch].add(measured.coefficients, part);
+        self.batches[group * BATCHES + batch].add(measured, part);
     }
 }

@@ -29,21 +29,22 @@ pub struct NoiseImage {
 pub struct PixelEstimate {
     /// Mean value, W/(m^2 sr).
     pub luminance: f64,
-    /// Coefficients and variance.
+    /// Coefficients, variance and bias.
     pub noise: NoiseSample,
-    /// Merge bias: `2 (L(r) - L(r/sqrt 2))`, true where the bias grows as the radius squared.
-    pub bias: f64,
-    /// Standard error of `bias`.
+    /// Standard error of the bias.
     pub bias_error: f64,
 }
 
-/// Coefficients and, independent of the formula, the sampled variance of one iteration's value.
+/// Coefficients and, independent of the formula, the sampled variance of one iteration's value;
+/// the bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseSample {
     /// `a`, `b`, `f`, squared luminance.
     pub coefficients: Coefficients,
     /// Sample variance of the per-iteration values, squared luminance.
     pub sampled: f64,
+    /// Merge bias: `2 (L(r) - L(r/sqrt 2))`, true where the bias grows as the radius squared.
+    pub bias: f64,
 }
 
 /// A statistic with its standard error by the jackknife over batches.
@@ -91,8 +92,8 @@ impl NoiseImage {
                     noise: NoiseSample {
                         coefficients: sums.coefficients * n.recip(),
                         sampled: sums.deviations2 / (n - 1.0),
+                        bias: 2.0 * mean,
                     },
-                    bias: 2.0 * mean,
                     bias_error: 2.0 * scatter.sqrt(),
                 };
                 for (batch, sums) in batch_sums.iter().enumerate() {
@@ -101,6 +102,7 @@ impl NoiseImage {
                     batches[place][batch] = NoiseSample {
                         coefficients: Coefficients { a, b, f } * (1.0 / n.max(1.0)),
                         sampled: f64::from(sums.variance) / parts.max(1.0),
+                        bias: 2.0 * f64::from(sums.nested) / n.max(1.0),
                     };
                 }
             }
@@ -140,6 +142,7 @@ impl NoiseImage {
                         (all.coefficients * n - own.coefficients * n_k) * (n - n_k).recip();
                     rest.sampled =
                         (all.sampled * (n - 1.0) - own.sampled * parts_k) / (n - 1.0 - parts_k);
+                    rest.bias = (all.bias * n - own.bias * n_k) / (n - n_k);
                 }
                 of(&without)
             })

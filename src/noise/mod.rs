@@ -12,11 +12,16 @@
 //!
 //! none of which depends on the two counts.
 
+pub mod file;
 pub mod film;
 pub mod halves;
 pub mod image;
 pub mod pair_table;
 pub mod pairs;
+pub mod picture;
+pub mod predict;
+pub mod region;
+pub mod summary;
 
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, AddAssign, Mul, Sub};

@@ -4,13 +4,15 @@
 //! nobody ever reads half an image and a failure leaves the old file as it was.
 
 mod atomic;
+mod canvas;
 mod exr_file;
 mod png_file;
 mod tone;
 
 pub use atomic::{check_writable, write_atomically};
+pub use canvas::Canvas;
 pub use exr_file::{read_exr, write_exr};
-pub use png_file::write_png;
+pub use png_file::{write_png, write_png_bytes};
 pub use tone::{auto_exposure, tone_map};
 
 use crate::math::Rgb;

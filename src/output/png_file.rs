@@ -16,6 +16,19 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> Result
     assert_eq!(pixels.len(), width as usize * height as usize);
     let exposure = auto_exposure(pixels);
     let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| tone_map(pixel, exposure)).collect();
+    write_png_bytes(path, width, height, &bytes)?;
+    Ok(exposure)
+}
+
+/// Writes 8-bit sRGB pixels as they are, row by row.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+///
+/// # Panics
+/// If there are not three bytes per pixel.
+pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    assert_eq!(bytes.len(), 3 * width as usize * height as usize);
     write_atomically(path, |mut to| {
         let mut encoder = png::Encoder::new(&mut to, width, height);
         encoder.set_color(png::ColorType::Rgb);
@@ -24,11 +37,10 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> Result
         encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
         encoder.add_text_chunk("Software".into(), "bdpm".into())?;
         let mut writer = encoder.write_header()?;
-        writer.write_image_data(&bytes)?;
+        writer.write_image_data(bytes)?;
         writer.finish()?;
         Ok(())
-    })?;
-    Ok(exposure)
+    })
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@ pub use load::{Loaded, load};
 pub use material::{Bsdf, BsdfSample, Material};
 
 use crate::accel::{Hit, TriangleMesh};
+use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec3};
 
@@ -118,6 +119,26 @@ impl Region {
         let v = (f64::from(y) + 0.5) / f64::from(height);
         self.rectangles.iter().any(|&[x0, y0, x1, y1]| x0 <= u && u < x1 && y0 <= v && v < y1)
     }
+}
+
+/// Refuses rectangles that no region can have.
+///
+/// # Errors
+/// If there is none, or one is empty or not within the image.
+pub fn check_rectangles(rectangles: &[[f64; 4]]) -> Result<()> {
+    let advice = "give [[x0, y0, x1, y1], ...] in fractions of the image with x0 < x1 and \
+                  y0 < y1, the origin at the top left";
+    if rectangles.is_empty() {
+        return Err(Error::new("the region has no rectangle", advice));
+    }
+    for [x0, y0, x1, y1] in rectangles {
+        // Written so that NaN fails.
+        if !(0.0 <= *x0 && x0 < x1 && *x1 <= 1.0 && 0.0 <= *y0 && y0 < y1 && *y1 <= 1.0) {
+            let problem = format!("the rectangle [{x0}, {y0}, {x1}, {y1}] is not in the image");
+            return Err(Error::new(problem, advice));
+        }
+    }
+    Ok(())
 }
 
 /// Everything that light meets.

@@ -220,18 +220,7 @@ pub(super) struct Rectangles(pub Vec<[f64; 4]>);
 impl<'de> Deserialize<'de> for Rectangles {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
         let rectangles = Vec::<[f64; 4]>::deserialize(from)?;
-        let advice = "give [[x0, y0, x1, y1], ...] in fractions of the image with x0 < x1 and \
-                      y0 < y1, the origin at the top left";
-        if rectangles.is_empty() {
-            return Err(as_serde(Error::new("the region has no rectangle", advice)));
-        }
-        for [x0, y0, x1, y1] in &rectangles {
-            // Written so that NaN fails.
-            if !(0.0 <= *x0 && x0 < x1 && *x1 <= 1.0 && 0.0 <= *y0 && y0 < y1 && *y1 <= 1.0) {
-                let problem = format!("the rectangle [{x0}, {y0}, {x1}, {y1}] is not in the image");
-                return Err(as_serde(Error::new(problem, advice)));
-            }
-        }
+        super::check_rectangles(&rectangles).map_err(as_serde)?;
         Ok(Self(rectangles))
     }
 }

@@ -1,0 +1,146 @@
+//! `bdpm analyze SCENE`.
+
+use super::analyze_text::text;
+use super::session::{Prepared, RunReport, Session, SessionArgs, StoppedBy, metadata};
+use super::{choice, json};
+use bdpm::error::{Error, Result};
+use bdpm::noise::Measure;
+use bdpm::noise::file::{NoiseFile, check_memory};
+use bdpm::noise::film::BatchGrain;
+use bdpm::noise::image::NoiseImage;
+use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
+use bdpm::noise::region;
+use bdpm::noise::summary::Summary;
+use bdpm::output::{self, Value};
+use bdpm::settings::Settings;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Iterations when neither --iterations nor --time is given. Standard errors come from 16 batches;
+/// with 16 iterations in each, sums over regions are near enough to normal.
+const DEFAULT_ITERATIONS: u64 = 256;
+
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    session: SessionArgs,
+    /// EXR file to write; NAME.terms.png and NAME.rms.png come beside it
+    #[arg(long, short, value_name = "NOISE.exr")]
+    output: PathBuf,
+    /// Iterations, at least 2; standard errors take 32 [default: 256]
+    #[arg(long, value_name = "N", conflicts_with = "time")]
+    iterations: Option<u64>,
+    /// How coefficients are estimated: from all pairs, or from halves of the paths as published
+    #[arg(long, default_value = "pairs", value_parser = choice(&[
+        ("pairs", Measure::Pairs),
+        ("halves", Measure::Halves),
+    ]))]
+    estimator: Measure,
+    /// The part of the image that the table is about: a name in the scene file, or a rectangle in
+    /// fractions of the image, the origin at the top left [default: the whole image]
+    #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
+    region: Option<String>,
+}
+
+/// The result.
+#[derive(Serialize)]
+pub struct Report<'a> {
+    #[serde(flatten)]
+    pub run: RunReport<'a>,
+    pub light_paths: u32,
+    pub camera_paths: u32,
+    pub estimator: Measure,
+    pub region: String,
+    pub noise: Summary,
+    pub terms_picture: TermsPicture,
+    pub exr: String,
+    pub terms_png: String,
+    pub rms_png: String,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let exr = &args.output;
+    let (terms_png, rms_png) = (exr.with_extension("terms.png"), exr.with_extension("rms.png"));
+    output::check_writable(exr, Some("exr"))?;
+    output::check_writable(&terms_png, None)?;
+    output::check_writable(&rms_png, None)?;
+    if let Some(iterations @ ..2) = args.iterations {
+        return Err(too_few(iterations));
+    }
+    let prepared = Prepared::new(&args.session, None)?;
+    let settings = &prepared.origin.settings;
+    check_counts(settings)?;
+    let region = region::find(args.region.as_deref(), &prepared.scene.regions)?;
+    check_memory(settings.width, settings.height)?;
+    let mut renderer = prepared.renderer()?.with_batches(BatchGrain::Pixel);
+
+    let goal = args.session.goal(args.iterations, DEFAULT_ITERATIONS);
+    let mut session = Session::new(&prepared, (goal, 2), args.session.quiet, "measuring")?;
+    let stopped_by = session.iterate(&mut renderer, |_| args.estimator, |_, _| {});
+    let film = renderer.film();
+    session.progress.finish();
+    if film.iterations < 2 {
+        return Err(too_few(film.iterations));
+    }
+    if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
+        session.progress.note("note: standard errors take at least 32 iterations");
+    }
+
+    let measured = renderer.noise().expect("every iteration measured");
+    let noise = NoiseImage::new(film, measured, (settings.light_paths, settings.camera_paths));
+    let pixels = region::pixels(&region, &noise)?;
+    let start = Instant::now();
+    let mut facts = metadata(&prepared.origin, film.iterations);
+    let estimator = serde_json::to_value(args.estimator).expect("a plain name");
+    let estimator = estimator.as_str().unwrap_or_default().to_owned();
+    facts.insert("estimator".into(), Value::Text(estimator));
+    let regions = prepared.scene.regions.clone();
+    let file = NoiseFile { noise, pixels: film.mean(), regions, facts };
+    file.write(exr)?;
+    let terms_picture = write_terms(&terms_png, &file.noise)?;
+    write_rms(&rms_png, &file.noise)?;
+    let write_time = start.elapsed();
+
+    let name = |path: &Path| path.to_string_lossy().into_owned();
+    let report = Report {
+        run: session.report(film, stopped_by, write_time),
+        light_paths: settings.light_paths,
+        camera_paths: settings.camera_paths,
+        estimator: args.estimator,
+        region: region.name,
+        noise: Summary::new(&file.noise, &pixels),
+        terms_picture,
+        exr: name(exr),
+        terms_png: name(&terms_png),
+        rms_png: name(&rms_png),
+    };
+    Ok(match (args.session.scene.json, args.session.quiet) {
+        (true, _) => json(&report),
+        (false, true) => String::new(),
+        (false, false) => text(&report),
+    })
+}
+
+fn too_few(iterations: u64) -> Error {
+    Error::new(
+        format!("{iterations} measured iterations have no sample variance"),
+        "measure at least 2 iterations; standard errors take 32, good ones 256",
+    )
+}
+
+/// Coefficients are about pairs of paths of the same kind.
+fn check_counts(settings: &Settings) -> Result<()> {
+    for (count, what, option) in [
+        (settings.light_paths, "light path", "--light-paths"),
+        (settings.camera_paths, "camera path per pixel", "--camera-paths"),
+    ] {
+        if count < 2 {
+            return Err(Error::new(
+                format!("the noise cannot be measured with {count} {what}"),
+                format!("give {option} 2 or more; the result predicts the noise at 1 as well"),
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,109 @@
+//! The table that `bdpm analyze` prints.
+
+use super::analyze::Report;
+use super::human_time;
+use bdpm::noise::image::Statistic;
+use bdpm::noise::summary::{Compared, Summary};
+use std::fmt::Write;
+
+/// Digits after the point that show an error with two significant digits.
+fn digits(value: f64, error: f64) -> usize {
+    let size = if error > 0.0 && error.is_finite() { error * 0.1 } else { value.abs() * 1e-3 };
+    if size > 0.0 { (-size.log10().floor()).clamp(0.0, 12.0) as usize } else { 4 }
+}
+
+/// `value +- error`, aligned at the sign between them.
+pub fn with_error(value: f64, error: Option<f64>) -> String {
+    let error = error.filter(|error| error.is_finite());
+    let digits = digits(value, error.unwrap_or(0.0));
+    match error {
+        Some(error) => format!("{value:>12.digits$} +- {error:<10.digits$}"),
+        None => format!("{value:>12.digits$}    {:<10}", ""),
+    }
+}
+
+fn shown(statistic: &Statistic) -> String {
+    with_error(statistic.value, Some(statistic.error))
+}
+
+pub fn text(report: &Report) -> String {
+    let noise = &report.noise;
+    let mut text = format!(
+        "noise of one iteration at N_F = {}, N_B = {}, from {} iterations in {}\n\
+         region {}, {} pixels; luminances in W/(m^2 sr), standard errors after +-\n\n",
+        report.light_paths,
+        report.camera_paths,
+        report.run.iterations,
+        human_time(report.run.seconds.render),
+        report.region,
+        noise.pixels,
+    );
+    let mut line = |content: &str| {
+        writeln!(text, "{}", content.trim_end()).expect("strings take everything");
+    };
+    line(&format!(
+        "{:<22} {:>12}    {:<10} {:>12}    {:<10} {:>8}",
+        "terms of (1)", "mean of roots", "", "pooled root", "", "negative"
+    ));
+    for (k, name) in ["C, interaction", "B, camera paths", "F, light paths"].iter().enumerate() {
+        line(&format!(
+            "{name:<22} {} {} {:>8}",
+            shown(&noise.mean_root_terms[k]),
+            shown(&noise.pooled_terms[k]),
+            noise.negative_terms[k]
+        ));
+    }
+    let Summary { mean_rms, pooled_rms, .. } = noise;
+    let mut row = |name: &str, of: fn(&Compared) -> Statistic, negative: String| {
+        line(&format!(
+            "{name:<22} {} {} {negative:>8}",
+            shown(&of(mean_rms)),
+            shown(&of(pooled_rms))
+        ));
+    };
+    row("RMS by formula", |c| c.predicted, noise.negative_variances.to_string());
+    row("RMS sampled", |c| c.sampled, String::new());
+    row("formula / sampled", |c| c.ratio, String::new());
+    row("RMS less jackknife bias", corrected, String::new());
+    line("");
+    let bias = &noise.bias;
+    line(&format!("{:<22} {}", "merge bias, mean", shown(&bias.mean)));
+    line(&format!("{:<22} {}", "merge bias, RMS", shown(&bias.rms)));
+    line(&format!(
+        "{:<22} {:>12.4} of the RMS of one iteration, {:.3} % of the mean luminance",
+        "  which is",
+        bias.rms.value / pooled_rms.predicted.value,
+        100.0 * bias.rms.value / bias.mean_luminance
+    ));
+    line("");
+    match (noise.iterations_for.five_percent, noise.iterations_for.one_percent) {
+        (Some(five), Some(one)) => line(&format!(
+            "two standard errors of the pooled RMS by formula are 5 % after {five} iterations, 1 % \
+             after {one}"
+        )),
+        _ => line("standard errors take at least 32 iterations"),
+    }
+    line(
+        "the mean of roots is low at few iterations; the pooled root is not, and is what to aim for",
+    );
+    line(&format!("\n{}, {} and {}", report.exr, report.terms_png, report.rms_png));
+    text
+}
+
+fn corrected(compared: &Compared) -> Statistic {
+    Statistic { value: compared.predicted.corrected, ..compared.predicted }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_have_two_digits_and_values_as_many() {
+        assert_eq!(with_error(1.23456, Some(0.0123)).trim(), "1.235 +- 0.012");
+        assert_eq!(with_error(1234.5, Some(210.0)).trim(), "1234 +- 210");
+        assert_eq!(with_error(0.5, None).trim(), "0.5000");
+        assert_eq!(with_error(1.0, Some(f64::INFINITY)).trim(), "1.000");
+        assert_eq!(with_error(0.0, Some(0.0)).trim(), "0.0000 +- 0.0000");
+    }
+}

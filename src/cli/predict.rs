@@ -1,0 +1,165 @@
+//! `bdpm predict NOISE.exr`.
+
+use super::analyze_text::with_error;
+use super::json;
+use bdpm::error::{Error, Result};
+use bdpm::noise::file::NoiseFile;
+use bdpm::noise::predict::{Budget, Optimum, Predicted, Prediction, Source};
+use bdpm::noise::{Coefficients, region};
+use bdpm::settings::MAX_LIGHT_PATHS;
+use bdpm::time_model::TimeModel;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::time::Duration;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// File that `bdpm analyze` wrote
+    #[arg(value_name = "NOISE.exr", required_unless_present = "coefficients")]
+    file: Option<PathBuf>,
+    /// Coefficients to use instead of a file; they have no uncertainty
+    #[arg(long, value_name = "a,b,f", conflicts_with_all = ["file", "region"],
+          allow_hyphen_values = true)]
+    coefficients: Option<String>,
+    /// Numbers of light paths per iteration
+    #[arg(long, value_name = "NF,...", value_delimiter = ',', required = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_LIGHT_PATHS)))]
+    light_paths: Vec<u32>,
+    /// Numbers of camera paths per pixel and iteration
+    #[arg(long, value_name = "NB,...", value_delimiter = ',', required = true,
+          value_parser = clap::value_parser!(u32).range(1..))]
+    camera_paths: Vec<u32>,
+    /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
+    /// the origin at the top left [default: the whole image]
+    #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
+    region: Option<String>,
+    /// Time of an iteration: JSON file with the keys fixed, light_path, camera_path, look_up,
+    /// merge_pair (seconds) and pixels
+    #[arg(long, value_name = "T.json", requires = "time")]
+    timings: Option<PathBuf>,
+    /// Time of rendering to predict the noise after, such as 1000s or 1h
+    #[arg(long, value_name = "TIME", requires = "timings", value_parser = humantime::parse_duration)]
+    time: Option<Duration>,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    region: Option<String>,
+    /// Seconds, if a time was given.
+    time: Option<f64>,
+    predictions: Vec<Prediction>,
+    /// Best number of light paths for each number of camera paths asked for.
+    best_light_paths: Vec<Optimum>,
+    /// Best pair of counts.
+    optimum: Option<Optimum>,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let budget = match (&args.timings, args.time) {
+        (Some(path), Some(time)) => Some(budget(TimeModel::load(path)?, time)?),
+        _ => None,
+    };
+    let report = match (&args.coefficients, &args.file) {
+        (Some(text), _) => {
+            let source = Source::Given(coefficients(text)?);
+            report(args, source, None, budget.as_ref())
+        }
+        (None, Some(path)) => {
+            let NoiseFile { noise, regions, .. } = NoiseFile::read(path)?;
+            let region = region::find(args.region.as_deref(), &regions)?;
+            let pixels = region::pixels(&region, &noise)?;
+            report(args, Source::Measured(&noise, &pixels), Some(region.name), budget.as_ref())
+        }
+        (None, None) => unreachable!("the parser requires one of them"),
+    };
+    Ok(if args.json { json(&report) } else { text(&report) })
+}
+
+fn budget(model: TimeModel, time: Duration) -> Result<Budget> {
+    let time = time.as_secs_f64();
+    if time > 0.0 {
+        return Ok(Budget { model, time });
+    }
+    Err(Error::new("there is no noise to predict after 0 seconds", "give --time 1s or more"))
+}
+
+/// Reads `a,b,f`.
+fn coefficients(text: &str) -> Result<Coefficients> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[a, b, f]) if [a, b, f].iter().all(|x| *x >= 0.0 && x.is_finite()) => {
+            Ok(Coefficients { a, b, f })
+        }
+        _ => Err(Error::new(
+            format!("`{text}` are no coefficients"),
+            "give three numbers a,b,f of at least 0, such as --coefficients 3595,37.18,0.3788",
+        )),
+    }
+}
+
+fn report(args: &Args, source: Source, region: Option<String>, budget: Option<&Budget>) -> Report {
+    let counts = args.light_paths.iter().flat_map(|&n_light| {
+        args.camera_paths.iter().map(move |&n_camera| (f64::from(n_light), f64::from(n_camera)))
+    });
+    let best = |budget| {
+        let camera_paths = args.camera_paths.iter();
+        camera_paths.map(|&n| source.best_light_paths(f64::from(n), budget)).collect()
+    };
+    Report {
+        region,
+        time: budget.map(|budget| budget.time),
+        predictions: counts.map(|(n, m)| source.predict(n, m, budget)).collect(),
+        best_light_paths: budget.map(best).unwrap_or_default(),
+        optimum: budget.map(|budget| source.optimum(budget)),
+    }
+}
+
+fn text(report: &Report) -> String {
+    let mut text = String::new();
+    let mut line = |content: &str| {
+        writeln!(text, "{}", content.trim_end()).expect("strings take everything");
+    };
+    match &report.region {
+        Some(region) => line(&format!("region {region}; luminances in W/(m^2 sr)")),
+        None => line("given coefficients, without uncertainty"),
+    }
+    let value = |p: Predicted| with_error(p.value, p.error);
+    let mut header = format!(
+        "{:>10} {:>6} {:>12}    {:<10} {:>12}    {:<10}",
+        "N_F", "N_B", "pooled RMS", "", "mean RMS", ""
+    );
+    if let Some(time) = report.time {
+        write!(header, " {:>11} {:>11} {:>12}", "tau (s)", "iterations", format!("after {time} s"))
+            .expect("strings take everything");
+    }
+    line(&header);
+    let row = |p: &Prediction| {
+        let mut row = format!(
+            "{:>10} {:>6} {} {}",
+            format!("{:.0}", p.light_paths),
+            p.camera_paths,
+            value(p.pooled_rms),
+            value(p.mean_rms)
+        );
+        if let Some(timed) = &p.timed {
+            let iterations = format!("{:.1}", timed.iterations);
+            let (tau, rms) = (format!("{:.4e}", timed.tau), value(timed.pooled_rms));
+            write!(row, " {tau:>11} {iterations:>11} {rms}").expect("strings take everything");
+        }
+        row
+    };
+    report.predictions.iter().for_each(|p| line(&row(p)));
+    if let Some(optimum) = &report.optimum {
+        line("\nbest number of light paths for each number of camera paths, and best of all:");
+        for best in report.best_light_paths.iter().chain([optimum]) {
+            let error =
+                best.light_paths.error.map_or(String::new(), |e| format!("  N_F +- {e:.0}"));
+            line(&format!("{}{error}", row(&best.prediction)));
+        }
+    }
+    text
+}

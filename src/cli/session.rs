@@ -1,0 +1,325 @@
+//! What `render` and `analyze` have in common: from the arguments to the last iteration.
+
+use super::progress::{Goal, Progress, Totals};
+use super::{SceneArgs, say};
+use bdpm::accel::Intersect;
+use bdpm::accel::backend::{self, Backend};
+use bdpm::checkpoint::Origin;
+use bdpm::error::{Error, Result};
+use bdpm::film::Film;
+use bdpm::noise::Measure;
+use bdpm::output::{Metadata, Value};
+use bdpm::render::{IterationReport, Renderer};
+use bdpm::scene::{Scene, load::load};
+use bdpm::settings::{Length, RenderDefaults, Settings};
+use serde::Serialize;
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+#[derive(clap::Args)]
+pub struct SessionArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    pub time: Option<Duration>,
+    /// Number of threads; the image does not depend on it [default: all processors]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Show nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+impl SessionArgs {
+    /// When to stop.
+    pub fn goal(&self, iterations: Option<u64>, default: u64) -> Goal {
+        match (self.time, iterations) {
+            (Some(time), _) => Goal::Time(time),
+            (None, iterations) => Goal::Iterations(iterations.unwrap_or(default)),
+        }
+    }
+}
+
+/// Why rendering ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StoppedBy {
+    Iterations,
+    Time,
+    Interrupt,
+}
+
+/// The part of the result that tells of the run.
+#[derive(Serialize)]
+pub struct RunReport<'a> {
+    version: &'a str,
+    scene: &'a str,
+    fingerprint: String,
+    backend: &'a str,
+    threads: usize,
+    settings: &'a Settings,
+    /// Of the image, and of this run.
+    pub iterations: u64,
+    new_iterations: u64,
+    pub stopped_by: StoppedBy,
+    pub seconds: Seconds,
+    /// Of this run.
+    rays: u64,
+    pub rays_per_second: f64,
+    photons_per_iteration: f64,
+    /// W/(m^2 sr).
+    pub mean_luminance: f64,
+    non_finite: u64,
+}
+
+/// Wall-clock times. `light`, `camera` and `merge` are busy thread-seconds over threads.
+#[derive(Default, Serialize)]
+pub struct Seconds {
+    load: f64,
+    build: f64,
+    light: f64,
+    camera: f64,
+    merge: f64,
+    pub render: f64,
+    write: f64,
+}
+
+/// A scene ready to render.
+pub struct Prepared {
+    pub threads: rayon::ThreadPool,
+    pub scene: Scene,
+    pub accel: Box<dyn Intersect>,
+    pub origin: Origin,
+    load_time: Duration,
+    build_time: Duration,
+}
+
+impl Prepared {
+    /// Loads the scene and builds its hierarchy; `begun` is what the image to go on with was made
+    /// of, and its file.
+    pub fn new(args: &SessionArgs, begun: Option<(&Origin, &Path)>) -> Result<Self> {
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(args.threads.unwrap_or(0).into())
+            .build()
+            .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "lower --threads"))?;
+        let start = Instant::now();
+        let loaded = threads.install(|| load(&args.scene.scene))?;
+        let load_time = start.elapsed();
+        if !args.quiet {
+            loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+        }
+        let scene = loaded.scene;
+        // A resumed image has its own settings; arguments that agree with them do no harm.
+        let defaults = begun.map_or(loaded.defaults, |(origin, _)| wishes(&origin.settings));
+        let settings = Settings::resolve(&args.scene.wishes(), &defaults, scene.size())?;
+        let begun_backend = begun.and_then(|(origin, _)| {
+            Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
+        });
+        let backend = args.scene.accel.or(begun_backend).unwrap_or_default();
+        let origin = Origin {
+            version: env!("CARGO_PKG_VERSION").into(),
+            scene: scene.name.clone(),
+            fingerprint: scene.fingerprint(),
+            backend: backend.name().into(),
+            settings,
+        };
+        if let Some((begun, file)) = begun {
+            begun.check_agrees(&origin).map_err(|e| e.at(file))?;
+        }
+        let start = Instant::now();
+        let accel = threads.install(|| backend::build(backend, &scene))?;
+        let build_time = start.elapsed();
+        Ok(Self { threads, scene, accel, origin, load_time, build_time })
+    }
+
+    /// A renderer from the first iteration.
+    pub fn renderer(&self) -> Result<Renderer<'_>> {
+        Renderer::new(&self.scene, &*self.accel, self.origin.settings.clone())
+    }
+}
+
+/// Settings as wishes that leave nothing open.
+fn wishes(settings: &Settings) -> RenderDefaults {
+    RenderDefaults {
+        resolution: Some([settings.width, settings.height]),
+        light_paths: Some(settings.light_paths),
+        camera_paths: Some(settings.camera_paths),
+        radius: Some(Length::Units(settings.radius)),
+        merge_vertex: Some(settings.merge_vertex),
+        direct: Some(settings.direct),
+        light_roulette: Some(settings.light_roulette),
+        camera_roulette: Some(settings.camera_roulette),
+        seed: Some(settings.seed),
+    }
+}
+
+/// Counts Ctrl-C (and requests to terminate); the second one ends the program at once.
+pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicU32> {
+    static PRESSES: AtomicU32 = AtomicU32::new(0);
+    ctrlc::set_handler(move || {
+        if PRESSES.fetch_add(1, Ordering::Relaxed) > 0 {
+            // The customary status of a program that SIGINT ended.
+            std::process::exit(130);
+        }
+        progress.note("finishing this iteration; press Ctrl-C again to abort");
+    })
+    .map_err(|e| Error::new(format!("cannot catch Ctrl-C: {e}"), "report this as a bug"))?;
+    Ok(&PRESSES)
+}
+
+/// Iterations under way.
+pub struct Session<'a> {
+    prepared: &'a Prepared,
+    goal: Goal,
+    /// Iterations of this run at the least, whatever the time.
+    least: u64,
+    pub progress: Progress,
+    pub totals: Totals,
+    start: Instant,
+    presses: &'static AtomicU32,
+}
+
+impl<'a> Session<'a> {
+    /// Announces the start; `verb` is what is done to the scene.
+    pub fn new(
+        prepared: &'a Prepared,
+        (goal, least): (Goal, u64),
+        quiet: bool,
+        verb: &str,
+    ) -> Result<Self> {
+        let progress = Progress::new(goal, quiet);
+        let presses = catch_interrupts(progress.clone())?;
+        let Settings { width, height, light_paths, camera_paths, .. } = prepared.origin.settings;
+        progress.note(&format!(
+            "{verb} {}: {width}x{height} pixels, {light_paths} light paths, {camera_paths} camera \
+             paths per pixel, {} threads, {}",
+            prepared.origin.scene,
+            prepared.threads.current_num_threads(),
+            prepared.accel.describe().name,
+        ));
+        let (totals, start) = (Totals::default(), Instant::now());
+        Ok(Self { prepared, goal, least, progress, totals, start, presses })
+    }
+
+    /// Time since the first iteration began.
+    pub fn elapsed(&self) -> Duration {
+        self.start.elapsed()
+    }
+
+    /// Iterates up to the goal or an interrupt; calls `between` after every iteration.
+    pub fn iterate(
+        &mut self,
+        renderer: &mut Renderer,
+        measure: impl Fn(&Renderer) -> Measure,
+        mut between: impl FnMut(&Self, &Film),
+    ) -> StoppedBy {
+        loop {
+            if let Some(reason) = self.finished(renderer.film()) {
+                return reason;
+            }
+            let measure = measure(renderer);
+            let report = self.prepared.threads.install(|| renderer.iterate(measure));
+            self.totals.add(&report);
+            let film = renderer.film();
+            self.warn_of_bad_pixels(&report, film.iterations - 1);
+            self.progress.update(&self.totals, film.iterations, self.start.elapsed());
+            if self.presses.load(Ordering::Relaxed) > 0 {
+                return StoppedBy::Interrupt;
+            }
+            between(self, film);
+        }
+    }
+
+    /// Why no further iteration is to be begun, if so.
+    fn finished(&self, film: &Film) -> Option<StoppedBy> {
+        match self.goal {
+            Goal::Iterations(wanted) => {
+                (film.iterations >= wanted).then_some(StoppedBy::Iterations)
+            }
+            Goal::Time(time) => {
+                // One that would end past the goal by more than half of its time is not begun.
+                let done = self.totals.iterations;
+                let elapsed = self.start.elapsed().as_secs_f64();
+                let half = 0.5 * elapsed / done.max(1) as f64;
+                (done >= self.least && elapsed + half > time.as_secs_f64())
+                    .then_some(StoppedBy::Time)
+            }
+        }
+    }
+
+    /// Tells of the first pixel value that was left out, with what it takes to replay it.
+    fn warn_of_bad_pixels(&self, report: &IterationReport, iteration: u64) {
+        if let Some((x, y)) = report.non_finite.first()
+            && self.totals.non_finite == report.non_finite.len() as u64
+        {
+            self.progress.note(&format!(
+                "warning: pixel ({x}, {y}) was not finite in iteration {iteration} with seed {} \
+                 and was left out\nhelp: please report this with the scene; further ones are \
+                 counted only",
+                self.prepared.origin.settings.seed
+            ));
+        }
+    }
+
+    /// What to report of the run, `write_time` being the time spent on writing files.
+    pub fn report(
+        &self,
+        film: &Film,
+        stopped_by: StoppedBy,
+        write_time: Duration,
+    ) -> RunReport<'a> {
+        let Prepared { threads, origin, load_time, build_time, .. } = self.prepared;
+        let Totals { iterations, rays, photons, non_finite, times } = self.totals;
+        let threads = threads.current_num_threads();
+        let busy = |time: Duration| time.as_secs_f64() / threads as f64;
+        RunReport {
+            version: &origin.version,
+            scene: &origin.scene,
+            fingerprint: format!("{:016x}", origin.fingerprint),
+            backend: &origin.backend,
+            threads,
+            settings: &origin.settings,
+            iterations: film.iterations,
+            new_iterations: iterations,
+            stopped_by,
+            seconds: Seconds {
+                load: load_time.as_secs_f64(),
+                build: build_time.as_secs_f64(),
+                light: busy(times.light),
+                camera: busy(times.camera),
+                merge: busy(times.merge),
+                render: times.wall.as_secs_f64(),
+                write: write_time.as_secs_f64(),
+            },
+            rays,
+            rays_per_second: self.totals.rays_per_second(),
+            photons_per_iteration: photons as f64 / iterations.max(1) as f64,
+            mean_luminance: film.mean_luminance(),
+            non_finite,
+        }
+    }
+}
+
+/// All that it takes to render the image again.
+pub fn metadata(origin: &Origin, iterations: u64) -> Metadata {
+    let Origin { version, scene, fingerprint, backend, settings } = origin;
+    let mut facts = Metadata::from([
+        ("version".into(), Value::Text(version.clone())),
+        ("scene".into(), Value::Text(scene.clone())),
+        ("fingerprint".into(), Value::Text(format!("{fingerprint:016x}"))),
+        ("backend".into(), Value::Text(backend.clone())),
+        ("iterations".into(), Value::Number(iterations as f64)),
+    ]);
+    for (name, value) in settings.to_map() {
+        let value = match value {
+            serde_json::Value::String(text) => Value::Text(text),
+            // Seeds may have more digits than a number keeps.
+            serde_json::Value::Number(number) if name == "seed" => Value::Text(number.to_string()),
+            other => Value::Number(other.as_f64().unwrap_or(f64::NAN)),
+        };
+        facts.insert(name, value);
+    }
+    facts
+}

@@ -1,0 +1,223 @@
+//! A [`NoiseImage`] as an EXR file with layers, so that noise is predicted without rendering.
+//!
+//! | layer | channels | content |
+//! |---|---|---|
+//! | (default) | `R`, `G`, `B` | the image, W/(m^2 sr) |
+//! | `L` | `Y` | its luminance |
+//! | `C2`, `B`, `F` | `Y` | the paper's averages, `a + b + f + L^2`, `b + L^2`, `f + L^2` |
+//! | `a`, `b`, `f` | `Y` | the coefficients |
+//! | `V` | `predicted`, `sampled` | variance of one iteration by (1), and sampled |
+//! | `bias` | `Y`, `error` | merge bias and its standard error |
+//! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `bias` | means over the batch's iterations |
+
+use super::Coefficients;
+use super::film::{BATCHES, BatchGrain, NoiseFilm};
+use super::image::{NoiseImage, NoiseSample, PixelEstimate};
+use super::region::{rectangles_from_text, rectangles_to_text};
+use crate::error::{Error, Result};
+use crate::math::Rgb;
+use crate::output::{self, Image, Layer, Metadata, Value};
+use crate::render::{GIB, available_memory};
+use crate::scene::Region;
+use std::path::Path;
+
+/// Goes before the names of regions among the metadata.
+const REGION: &str = "region.";
+
+/// What a measurement leaves behind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseFile {
+    /// The measured noise.
+    pub noise: NoiseImage,
+    /// The image itself, row by row.
+    pub pixels: Vec<Rgb>,
+    /// The scene's named regions.
+    pub regions: Vec<Region>,
+    /// What was measured and how; counts and iterations are added when it is written.
+    pub facts: Metadata,
+}
+
+impl NoiseFile {
+    /// Writes all layers and facts.
+    ///
+    /// # Errors
+    /// If the file cannot be written; names it.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        output::write_exr(path, &self.to_image())
+    }
+
+    /// Reads what [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is another EXR file; names it.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_image(output::read_exr(path)?).map_err(|e| e.at(path))
+    }
+
+    /// Layers and metadata.
+    pub fn to_image(&self) -> Image {
+        let Self { noise, pixels, regions, facts } = self;
+        let counts = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
+        let values = |of: &dyn Fn(&PixelEstimate) -> f64| -> Vec<f32> {
+            noise.pixels.iter().map(|pixel| of(pixel) as f32).collect()
+        };
+        let layer = |name: &str, channels: Vec<(&str, Vec<f32>)>| Layer {
+            name: name.into(),
+            channels: channels.into_iter().map(|(n, v)| (n.to_owned(), v)).collect(),
+        };
+        let one = |name: &str, of: &dyn Fn(&PixelEstimate, Coefficients, f64) -> f64| {
+            let of =
+                |p: &PixelEstimate| of(p, p.noise.coefficients, p.luminance2(noise.iterations));
+            layer(name, vec![("Y", values(&of))])
+        };
+        let mut layers = vec![
+            Layer::rgb("", pixels),
+            one("L", &|p, _, _| p.luminance),
+            one("C2", &|_, c, l2| c.a + c.b + c.f + l2),
+            one("B", &|_, c, l2| c.b + l2),
+            one("F", &|_, c, l2| c.f + l2),
+            one("a", &|_, c, _| c.a),
+            one("b", &|_, c, _| c.b),
+            one("f", &|_, c, _| c.f),
+            layer(
+                "V",
+                vec![
+                    ("predicted", values(&|p| p.noise.coefficients.variance(counts.0, counts.1))),
+                    ("sampled", values(&|p| p.noise.sampled)),
+                ],
+            ),
+            layer(
+                "bias",
+                vec![("Y", values(&|p| p.noise.bias)), ("error", values(&|p| p.bias_error))],
+            ),
+        ];
+        for batch in 0..BATCHES {
+            let values = |of: fn(&NoiseSample) -> f64| -> Vec<f32> {
+                noise.batches.iter().map(|batches| of(&batches[batch]) as f32).collect()
+            };
+            layers.push(layer(
+                &batch_name(batch),
+                vec![
+                    ("a", values(|s| s.coefficients.a)),
+                    ("b", values(|s| s.coefficients.b)),
+                    ("f", values(|s| s.coefficients.f)),
+                    ("V", values(|s| s.sampled)),
+                    ("bias", values(|s| s.bias)),
+                ],
+            ));
+        }
+        let mut metadata = facts.clone();
+        metadata.extend([
+            ("light_paths".into(), Value::Number(counts.0)),
+            ("camera_paths".into(), Value::Number(counts.1)),
+            ("iterations".into(), Value::Number(noise.iterations as f64)),
+        ]);
+        for Region { name, rectangles } in regions {
+            let text = rectangles_to_text(rectangles);
+            metadata.insert(format!("{REGION}{name}"), Value::Text(text));
+        }
+        Image { width: noise.width, height: noise.height, layers, metadata }
+    }
+
+    /// From layers and metadata.
+    ///
+    /// # Errors
+    /// If something is missing.
+    pub fn from_image(image: Image) -> Result<Self> {
+        let broken = |what: &str| {
+            Error::new(
+                format!("this image holds no measured noise: it has no {what}"),
+                "give the .exr file that `bdpm analyze` wrote",
+            )
+        };
+        let channel = |layer: &str, name: &str| {
+            let found = image.layer(layer).and_then(|layer| layer.channel(name));
+            found.ok_or_else(|| broken(&format!("channel {layer}.{name}")))
+        };
+        let count = |name: &str, least: f64, most: f64| match image.metadata.get(name) {
+            Some(&Value::Number(n)) if n >= least && n <= most && n.fract() == 0.0 => Ok(n),
+            _ => Err(broken(&format!("valid attribute bdpm.{name}"))),
+        };
+        let light_paths = count("light_paths", 2.0, f64::from(u32::MAX))? as u32;
+        let camera_paths = count("camera_paths", 2.0, f64::from(u32::MAX))? as u32;
+        let iterations = count("iterations", 2.0, (1u64 << 53) as f64)? as u64;
+        let [a, b, f] = [channel("a", "Y")?, channel("b", "Y")?, channel("f", "Y")?];
+        let (luminance, sampled) = (channel("L", "Y")?, channel("V", "sampled")?);
+        let (bias, bias_error) = (channel("bias", "Y")?, channel("bias", "error")?);
+        let sample = |[a, b, f, sampled, bias]: [&[f32]; 5], i: usize| {
+            let [a, b, f, sampled, bias] = [a, b, f, sampled, bias].map(|list| f64::from(list[i]));
+            NoiseSample { coefficients: Coefficients { a, b, f }, sampled, bias }
+        };
+        let all = [a, b, f, sampled, bias];
+        let estimate = |i: usize| PixelEstimate {
+            luminance: f64::from(luminance[i]),
+            noise: sample(all, i),
+            bias_error: f64::from(bias_error[i]),
+        };
+        let pixels: Vec<_> = (0..luminance.len()).map(estimate).collect();
+        let mut batches = vec![[NoiseSample::default(); BATCHES]; pixels.len()];
+        for batch in 0..BATCHES {
+            let name = batch_name(batch);
+            let channels = [
+                channel(&name, "a")?,
+                channel(&name, "b")?,
+                channel(&name, "f")?,
+                channel(&name, "V")?,
+                channel(&name, "bias")?,
+            ];
+            for (i, pixel) in batches.iter_mut().enumerate() {
+                pixel[batch] = sample(channels, i);
+            }
+        }
+        let mut facts = image.metadata.clone();
+        let mut regions = Vec::new();
+        for (key, value) in &image.metadata {
+            if let (Some(name), Value::Text(text)) = (key.strip_prefix(REGION), value) {
+                let rectangles = rectangles_from_text(text)?;
+                regions.push(Region { name: name.into(), rectangles });
+                facts.remove(key);
+            }
+        }
+        for key in ["light_paths", "camera_paths", "iterations"] {
+            facts.remove(key);
+        }
+        let rgb = image.layer("").and_then(Layer::to_rgb);
+        let rgb = rgb.ok_or_else(|| broken("channels R, G and B"))?;
+        let (width, height) = (image.width, image.height);
+        let noise =
+            NoiseImage { width, height, light_paths, camera_paths, iterations, pixels, batches };
+        Ok(Self { noise, pixels: rgb, regions, facts })
+    }
+}
+
+fn batch_name(batch: usize) -> String {
+    format!("batch{batch:02}")
+}
+
+/// Bytes per pixel that measuring, evaluating and writing the noise take at their peak: the sums,
+/// the [`NoiseImage`], and all channels twice while they are compressed.
+pub const fn bytes_per_pixel() -> usize {
+    let image = size_of::<PixelEstimate>() + BATCHES * size_of::<NoiseSample>();
+    let channels = 3 + 7 + 2 + 2 + 5 * BATCHES;
+    NoiseFilm::bytes_per_pixel(BatchGrain::Pixel) + image + 2 * channels * size_of::<f32>()
+}
+
+/// Refuses a resolution whose noise does not fit in the memory that is available.
+///
+/// # Errors
+/// Names the memory needed and available, GiB.
+pub fn check_memory(width: u32, height: u32) -> Result<()> {
+    let needed = bytes_per_pixel() as f64 * f64::from(width) * f64::from(height);
+    match available_memory() {
+        Some(available) if needed > available => Err(Error::new(
+            format!(
+                "measuring the noise of {width}x{height} pixels takes about {:.1} GiB of memory, \
+                 but {:.1} GiB are available",
+                needed / GIB,
+                available / GIB
+            ),
+            "lower --resolution: coefficients hardly depend on it",
+        )),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,226 @@
+//! Pictures of the noise: the paper's Figure 3, and the RMS in colors with a scale.
+
+use super::image::NoiseImage;
+use crate::error::Result;
+use crate::output::Canvas;
+use colorgrad::Gradient;
+use std::path::Path;
+
+/// Least number of pixels along the longer side of a picture; smaller images are magnified.
+const SIDE: u32 = 512;
+
+/// Half of the side of the square of pixels over which terms are pooled before the root.
+const POOL: u32 = 2;
+
+const MARGIN: u32 = 12;
+
+/// Share of the values that the scale covers; single bright pixels must not darken the rest.
+const COVERED: f64 = 0.995;
+
+/// What the picture of the terms shows.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TermsPicture {
+    /// Root of a term that is shown at full brightness, W/(m^2 sr).
+    pub scale: f64,
+    /// Pixels in which each of the pooled terms is negative, shown as 0.
+    pub negative: [usize; 3],
+}
+
+/// Writes the roots of the three terms of (1) at the measured counts as R, G and B, on one linear
+/// scale without transfer curve. Terms are pooled over 5x5 pixels before the root.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+pub fn write_terms(path: &Path, noise: &NoiseImage) -> Result<TermsPicture> {
+    let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
+    let terms: Vec<[f64; 3]> =
+        noise.pixels.iter().map(|p| p.noise.coefficients.paper_terms(n, m)).collect();
+    let pooled = pool(&terms, noise.width, noise.height);
+    let negative = [0, 1, 2].map(|k| pooled.iter().filter(|terms| terms[k] < 0.0).count());
+    let roots: Vec<_> = pooled.iter().map(|terms| terms.map(|t| t.max(0.0).sqrt())).collect();
+    let largest = roots.iter().map(|r| r.iter().copied().fold(0.0, f64::max)).collect();
+    let scale = quantile(largest);
+    let magnification = magnification(noise);
+    let captions = [
+        format!("Noise of one iteration: square roots of the terms of (1), N_F {n}, N_B {m}"),
+        format!("full color: {} W/(m² sr) for each term", number(scale)),
+    ];
+    let names = ["C (interaction)", "B (camera paths)", "F (light paths)"];
+    let width = plot_width(noise, &captions, 0);
+    let height = noise.height * magnification + 2 * MARGIN + 4 * Canvas::LINE;
+    let mut canvas = Canvas::new(width, height, [255; 3]);
+    plot(&mut canvas, noise, |i| roots[i].map(|root| byte(root / scale)));
+    let mut y = noise.height * magnification + 2 * MARGIN;
+    for caption in &captions {
+        canvas.text((MARGIN, y), caption);
+        y += Canvas::LINE;
+    }
+    let mut x = MARGIN;
+    for (k, name) in names.iter().enumerate() {
+        let mut color = [0; 3];
+        color[k] = 255;
+        canvas.fill((x, y + 2), (12, 12), color);
+        let label = match negative[k] {
+            0 => (*name).to_owned(),
+            count => format!("{name}, {count} pixels < 0"),
+        };
+        canvas.text((x + 18, y), &label);
+        x += 18 + (label.chars().count() as u32 + 2) * Canvas::CHARACTER;
+        if x + 24 * Canvas::CHARACTER > width {
+            (x, y) = (MARGIN, y + Canvas::LINE);
+        }
+    }
+    canvas.write_png(path)?;
+    Ok(TermsPicture { scale, negative })
+}
+
+/// Writes the RMS of one iteration by formula (1) in the colors of viridis, with a scale.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+pub fn write_rms(path: &Path, noise: &NoiseImage) -> Result<()> {
+    let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
+    let rms: Vec<f64> =
+        noise.pixels.iter().map(|p| p.noise.coefficients.variance(n, m).max(0.0).sqrt()).collect();
+    let negative =
+        noise.pixels.iter().filter(|p| p.noise.coefficients.variance(n, m) < 0.0).count();
+    let scale = quantile(rms.clone());
+    let above = rms.iter().filter(|&&x| x > scale).count();
+    let viridis = colorgrad::preset::viridis();
+    let color = |share: f64| {
+        let [r, g, b, _] = viridis.at(share.clamp(0.0, 1.0) as f32).to_rgba8();
+        [r, g, b]
+    };
+    let captions = [
+        format!("RMS of one iteration by formula (1), N_F {n}, N_B {m}, W/(m² sr)"),
+        format!(
+            "from {} iterations; {above} pixels above the scale, {negative} negative",
+            noise.iterations
+        ),
+    ];
+    const BAR: u32 = 20;
+    let labels = 10 * Canvas::CHARACTER;
+    let width = plot_width(noise, &captions, BAR + labels + MARGIN);
+    let magnification = magnification(noise);
+    let side = noise.height * magnification;
+    let plot_height = side.max(12 * Canvas::LINE);
+    let mut canvas = Canvas::new(width, plot_height + 2 * MARGIN + 2 * Canvas::LINE, [255; 3]);
+    plot(&mut canvas, noise, |i| color(rms[i] / scale));
+    let left = 2 * MARGIN + noise.width * magnification;
+    for y in 0..plot_height {
+        let share = 1.0 - (f64::from(y) + 0.5) / f64::from(plot_height);
+        canvas.fill((left, MARGIN + y), (BAR, 1), color(share));
+    }
+    let step = tick_step(scale);
+    for tick in 0..=(scale / step + 1e-9) as u32 {
+        let value = f64::from(tick) * step;
+        let y = MARGIN + ((1.0 - value / scale) * f64::from(plot_height - 1)).round() as u32;
+        canvas.fill((left + BAR, y), (5, 1), [0; 3]);
+        let place = (left + BAR + 9, y.saturating_sub(8));
+        canvas.text(place, &number(value));
+    }
+    for (line, caption) in (0..).zip(&captions) {
+        canvas.text((MARGIN, plot_height + 2 * MARGIN + line * Canvas::LINE), caption);
+    }
+    canvas.write_png(path)
+}
+
+/// How many picture pixels an image pixel takes along each side.
+fn magnification(noise: &NoiseImage) -> u32 {
+    SIDE.div_ceil(noise.width.max(noise.height))
+}
+
+/// Width that holds the image with `beside` more pixels, and the captions.
+fn plot_width(noise: &NoiseImage, captions: &[String], beside: u32) -> u32 {
+    let text = captions.iter().map(|c| c.chars().count() as u32).max().unwrap_or(0);
+    let image = noise.width * magnification(noise) + beside;
+    image.max(text * Canvas::CHARACTER) + 2 * MARGIN
+}
+
+fn plot(canvas: &mut Canvas, noise: &NoiseImage, color: impl Fn(usize) -> [u8; 3]) {
+    let side = magnification(noise);
+    for y in 0..noise.height {
+        for x in 0..noise.width {
+            let index = y as usize * noise.width as usize + x as usize;
+            canvas.fill((MARGIN + x * side, MARGIN + y * side), (side, side), color(index));
+        }
+    }
+}
+
+fn byte(share: f64) -> u8 {
+    (255.0 * share.clamp(0.0, 1.0)).round() as u8
+}
+
+/// Means over the pixels at most [`POOL`] away along either side.
+fn pool(values: &[[f64; 3]], width: u32, height: u32) -> Vec<[f64; 3]> {
+    let around = |center: u32, end: u32| center.saturating_sub(POOL)..(center + POOL + 1).min(end);
+    let pixel = |index: usize| {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        let mut sums = [0.0; 3];
+        let mut count = 0.0;
+        for row in around(y, height) {
+            for column in around(x, width) {
+                let terms = values[row as usize * width as usize + column as usize];
+                sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+                count += 1.0;
+            }
+        }
+        sums.map(|sum| sum / count)
+    };
+    (0..values.len()).map(pixel).collect()
+}
+
+/// The value that [`COVERED`] of them do not exceed; positive.
+fn quantile(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let index = (COVERED * (values.len() - 1) as f64).ceil() as usize;
+    let found = values.get(index).copied().unwrap_or(0.0);
+    if found > 0.0 { found } else { 1.0 }
+}
+
+/// 1, 2 or 5 times a power of ten, such that 4 to 10 steps fill the scale.
+fn tick_step(scale: f64) -> f64 {
+    let rough = scale / 10.0;
+    let power = 10f64.powf(rough.log10().floor());
+    let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= rough * (1.0 - 1e-9));
+    factor.unwrap_or(10.0) * power
+}
+
+/// Few digits.
+fn number(value: f64) -> String {
+    if value == 0.0 {
+        "0".into()
+    } else if (1e-3..1e5).contains(&value) {
+        let digits = (2 - value.log10().floor() as i32).max(0) as usize;
+        let text = format!("{value:.digits$}");
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').into()
+        } else {
+            text
+        }
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scales_have_4_to_10_steps_of_round_numbers() {
+        for (scale, step) in [(1.0, 0.1), (1.9, 0.2), (2.1, 0.5), (0.00499, 5e-4), (740.0, 100.0)] {
+            assert!((tick_step(scale) / step - 1.0).abs() < 1e-9, "{scale}: {}", tick_step(scale));
+        }
+        assert_eq!(["0.05", "120", "1.00e-5"].map(String::from), [0.05, 120.0, 1e-5].map(number));
+    }
+
+    #[test]
+    fn pooling_keeps_constants_at_the_border_and_spreads_a_point() {
+        assert!(pool(&[[2.0, 3.0, 4.0]; 12], 4, 3).iter().all(|p| *p == [2.0, 3.0, 4.0]));
+        let mut point = vec![[0.0; 3]; 81];
+        point[40] = [25.0, 0.0, 0.0];
+        let pooled = pool(&point, 9, 9);
+        assert_eq!(pooled.iter().filter(|p| p[0] == 1.0).count(), 25);
+    }
+}
