@@ -137,6 +137,20 @@ impl Film {
         sum / (self.iterations.max(1) as f64 * self.sums.len() as f64)
     }
 
+    /// RMS of the noise that the image still has, W/(m^2 sr), row by row: the root of the variance
+    /// of the mean, pooled over 5 by 5 pixels. `None` before the second iteration.
+    pub fn rms(&self) -> Option<Vec<f32>> {
+        let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
+        let pooled = pool(&variance, self.width, self.height);
+        Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
+    }
+
+    /// Pooled RMS of the whole image, `sqrt(mean_p V_p)` of the mean's variance `V_p`.
+    pub fn pooled_rms(&self) -> Option<f64> {
+        let variance = self.variance_of_mean()?;
+        Some((variance.iter().sum::<f64>() / variance.len() as f64).sqrt())
+    }
+
     /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`
     /// before the second iteration.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
@@ -153,9 +167,41 @@ impl Film {
     }
 }
 
+/// Pixels to each side of one that [`pool`] takes in: squares of 5 by 5.
+pub const POOL: u32 = 2;
+
+/// Means over the pixels at most [`POOL`] away along either side. Estimates of single pixels, such
+/// as variances, are pooled before a root is shown.
+pub fn pool<const N: usize>(values: &[[f64; N]], width: u32, height: u32) -> Vec<[f64; N]> {
+    let around = |center: u32, end: u32| center.saturating_sub(POOL)..(center + POOL + 1).min(end);
+    let pixel = |index: usize| {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        let mut sums = [0.0; N];
+        let mut count = 0.0;
+        for row in around(y, height) {
+            for column in around(x, width) {
+                let values = values[row as usize * width as usize + column as usize];
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                count += 1.0;
+            }
+        }
+        sums.map(|sum| sum / count)
+    };
+    (0..values.len()).map(pixel).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pooling_keeps_constants_at_the_border_and_spreads_a_point() {
+        assert!(pool(&[[2.0, 3.0, 4.0]; 12], 4, 3).iter().all(|p| *p == [2.0, 3.0, 4.0]));
+        let mut point = vec![[0.0; 3]; 81];
+        point[40] = [25.0, 0.0, 0.0];
+        let pooled = pool(&point, 9, 9);
+        assert_eq!(pooled.iter().filter(|p| p[0] == 1.0).count(), 25);
+    }
 
     #[test]
     fn tiles_cover_every_pixel_once() {

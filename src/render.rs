@@ -219,12 +219,14 @@ impl<'a> Renderer<'a> {
 /// Refuses counts that cannot fit, before anything is allocated.
 fn check_memory(scene: &Scene, settings: &Settings) -> Result<()> {
     // A light path leaves on average at most 1/(1 - albedo) photons, held twice while sorting
-    // besides their buckets. Films are held thrice: sums, image and what is being written.
+    // besides their buckets. Films are held thrice: sums, image and what is being written; sums of
+    // the noise once.
     let albedo = scene.materials.iter().map(|m| m.bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
     let per_photon = (3 * size_of::<Photon>() + 16) as f64;
     let light = f64::from(settings.light_paths) * photons_per_path * per_photon;
-    let film = settings.pixels() as f64 * (3 * size_of::<PixelSums>()) as f64;
+    let per_pixel = 3 * size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
+    let film = settings.pixels() as f64 * per_pixel as f64;
     let needed = light + film;
     match available_memory() {
         Some(available) if needed > available => Err(Error::new(

@@ -164,6 +164,46 @@ fn a_resumed_image_is_the_same_bit_for_bit() {
 }
 
 #[test]
+fn noise_is_measured_on_the_way_and_kept_by_checkpoints() {
+    let (_folder, at) = folder();
+    let noise = |name: &str| at(name).to_str().unwrap().to_owned();
+    let (whole, half, rest) = (noise("whole.n.exr"), noise("half.n.exr"), noise("rest.n.exr"));
+    let checkpoint = noise("a.ckpt");
+    let two = ["--camera-paths", "2"];
+    let begin = |name: &str, more: &[&str]| {
+        let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "12x10"]);
+        command.args(["--light-paths", "300", "--output"]).arg(at(name)).args(more);
+        command
+    };
+    let output = succeed(begin(
+        "whole.exr",
+        &[&two[..], &["--iterations", "40", "--noise", &whole, "--json"]].concat(),
+    ));
+    let start = [&two[..], &["--iterations", "13", "--noise", &half]].concat();
+    succeed(begin("half.exr", &[&start[..], &["--checkpoint", &checkpoint]].concat()));
+    let go_on = ["--resume", &checkpoint, "--iterations", "40", "--noise", &rest];
+    succeed(begin("rest.exr", &go_on));
+    assert_eq!(bits(&at("whole.exr")), bits(&at("rest.exr")));
+    assert_eq!(bits(Path::new(&whole)), bits(Path::new(&rest)));
+
+    // The rms layer: pooled squares, so its mean square is that of the image but for the border.
+    let image = read_exr(&at("whole.exr")).unwrap();
+    let rms = image.layer("rms").unwrap().channel("Y").unwrap();
+    let told = json(&output)["rms"].as_f64().unwrap();
+    let square: f64 = rms.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / 120.0;
+    assert!(told > 0.0 && (square.sqrt() / told - 1.0).abs() < 0.3, "{square} {told}");
+
+    // Without --noise the checkpoint keeps sums by tile only; with one camera path there are none.
+    let plain = noise("plain.ckpt");
+    let small = [&two[..], &["--iterations", "2", "--checkpoint", &plain]].concat();
+    succeed(begin("plain.exr", &small));
+    let shown = fail(begin("b.exr", &["--resume", &plain, "--noise", &rest]), 1);
+    assert!(shown.contains("begun without --noise"), "{shown}");
+    let shown = fail(begin("b.exr", &["--camera-paths", "1", "--noise", &rest]), 1);
+    assert!(shown.contains("cannot be measured with 1 camera path"), "{shown}");
+}
+
+#[test]
 fn another_image_is_not_continued() {
     let (_folder, at) = folder();
     let checkpoint = at("c.ckpt");

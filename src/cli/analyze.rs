@@ -4,6 +4,7 @@ use super::analyze_text::text;
 use super::session::{Prepared, RunReport, Session, SessionArgs, StoppedBy, metadata};
 use super::{choice, json};
 use bdpm::error::{Error, Result};
+use bdpm::film::Film;
 use bdpm::noise::Measure;
 use bdpm::noise::file::{NoiseFile, check_memory};
 use bdpm::noise::film::BatchGrain;
@@ -91,12 +92,7 @@ pub fn run(args: &Args) -> Result<String> {
     let noise = NoiseImage::new(film, measured, (settings.light_paths, settings.camera_paths));
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
-    let mut facts = metadata(&prepared.origin, film.iterations);
-    let estimator = serde_json::to_value(args.estimator).expect("a plain name");
-    let estimator = estimator.as_str().unwrap_or_default().to_owned();
-    facts.insert("estimator".into(), Value::Text(estimator));
-    let regions = prepared.scene.regions.clone();
-    let file = NoiseFile { noise, pixels: film.mean(), regions, facts };
+    let file = noise_file(&prepared, film, noise, args.estimator);
     file.write(exr)?;
     let terms_picture = write_terms(&terms_png, &file.noise)?;
     write_rms(&rms_png, &file.noise)?;
@@ -122,6 +118,21 @@ pub fn run(args: &Args) -> Result<String> {
     })
 }
 
+/// What was measured, with all that it takes to measure it again.
+pub fn noise_file(
+    prepared: &Prepared,
+    film: &Film,
+    noise: NoiseImage,
+    estimator: Measure,
+) -> NoiseFile {
+    let mut facts = metadata(&prepared.origin, film.iterations);
+    let estimator = serde_json::to_value(estimator).expect("a plain name");
+    let estimator = estimator.as_str().unwrap_or_default().to_owned();
+    facts.insert("estimator".into(), Value::Text(estimator));
+    let regions = prepared.scene.regions.clone();
+    NoiseFile { noise, pixels: film.mean(), regions, facts }
+}
+
 fn too_few(iterations: u64) -> Error {
     Error::new(
         format!("{iterations} measured iterations have no sample variance"),
@@ -130,7 +141,7 @@ fn too_few(iterations: u64) -> Error {
 }
 
 /// Coefficients are about pairs of paths of the same kind.
-fn check_counts(settings: &Settings) -> Result<()> {
+pub fn check_counts(settings: &Settings) -> Result<()> {
     for (count, what, option) in [
         (settings.light_paths, "light path", "--light-paths"),
         (settings.camera_paths, "camera path per pixel", "--camera-paths"),

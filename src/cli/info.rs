@@ -124,8 +124,10 @@ fn text(report: &Report) -> String {
     row(
         "geometry",
         format!(
-            "{} triangles in {} meshes, {} materials",
-            report.triangles, report.meshes, report.materials
+            "{} in {}, {}",
+            counted(report.triangles, "triangle"),
+            counted(report.meshes, "mesh"),
+            counted(report.materials, "material")
         ),
     );
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
@@ -145,9 +147,9 @@ fn text(report: &Report) -> String {
     row(
         "lights",
         format!(
-            "{} points and {} triangles, {} W in all",
-            lights.points,
-            lights.triangles,
+            "{} and {}, {} W in all",
+            counted(lights.points, "point"),
+            counted(lights.triangles, "triangle"),
             numbers(&lights.power)
         ),
     );
@@ -173,4 +175,13 @@ fn text(report: &Report) -> String {
         row(&name.replace('_', " "), value);
     }
     text
+}
+
+/// A number with its noun.
+fn counted(count: usize, noun: &str) -> String {
+    match (count, noun) {
+        (1, noun) => format!("1 {noun}"),
+        (count, "mesh") => format!("{count} meshes"),
+        (count, noun) => format!("{count} {noun}s"),
+    }
 }

@@ -1,12 +1,19 @@
 //! `bdpm render SCENE`.
 
+use super::analyze::{check_counts, noise_file};
 use super::progress::{Goal, Progress};
 use super::session::{Prepared, RunReport, Session, SessionArgs, StoppedBy, metadata};
 use super::{human_time, json};
 use bdpm::checkpoint::{Checkpoint, Origin};
 use bdpm::error::{Error, Result};
 use bdpm::film::Film;
+use bdpm::noise::Measure;
+use bdpm::noise::file::check_memory;
+use bdpm::noise::film::{BatchGrain, NoiseFilm};
+use bdpm::noise::image::NoiseImage;
 use bdpm::output::{self, Image, Layer};
+use bdpm::render::Renderer;
+use bdpm::settings::Settings;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -38,6 +45,9 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "time",
           value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
+    /// Write the noise coefficients that were measured on the way to this file, for predict
+    #[arg(long, value_name = "NOISE.exr")]
+    noise: Option<PathBuf>,
     /// Write a checkpoint to this file every minute, on Ctrl-C and at the end
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -50,8 +60,12 @@ pub struct Args {
 struct Report<'a> {
     #[serde(flatten)]
     run: RunReport<'a>,
+    /// Pooled RMS of the image, W/(m^2 sr), and the same over the mean luminance.
+    rms: Option<f64>,
+    relative_rms: Option<f64>,
     exr: String,
     png: String,
+    noise: Option<String>,
     checkpoint: Option<String>,
 }
 
@@ -62,9 +76,16 @@ pub fn run(args: &Args) -> Result<String> {
     let begun = resumed.as_ref().map(|checkpoint| &checkpoint.origin);
     let prepared = Prepared::new(&args.session, begun.zip(args.resume.as_deref()))?;
     let mut renderer = prepared.renderer()?;
+    if args.noise.is_some() {
+        let settings = &prepared.origin.settings;
+        check_counts(settings)?;
+        check_memory(settings.width, settings.height)?;
+        renderer = renderer.with_batches(BatchGrain::Pixel);
+    }
     if let Some(checkpoint) = resumed {
         check_goal(goal, &checkpoint.film)?;
         let Checkpoint { film, noise, .. } = checkpoint;
+        check_grain(args, noise.as_deref())?;
         renderer.resume(film.into_owned(), noise.map(Cow::into_owned))?;
     }
 
@@ -74,21 +95,25 @@ pub fn run(args: &Args) -> Result<String> {
     let stopped_by = session.iterate(
         &mut renderer,
         |renderer| renderer.scheduled(),
-        |session, film| {
-            schedule.write_when_due(&mut writer, film, session);
-        },
+        |session, renderer| schedule.write_when_due(&mut writer, renderer, session),
     );
     let film = renderer.film();
     session.progress.finish();
     // The checkpoint first: with it, a full disk costs no work.
-    writer.save_checkpoint(film)?;
+    writer.save_checkpoint(&renderer)?;
     writer.save_image(film)?;
+    if let Some(path) = &args.noise {
+        save_noise(path, &prepared, &renderer, &session.progress)?;
+    }
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let report = Report {
         run: session.report(film, stopped_by, writer.time),
+        rms: film.pooled_rms(),
+        relative_rms: film.pooled_rms().map(|rms| rms / film.mean_luminance()),
         exr: name(&writer.outputs.exr),
         png: name(&writer.outputs.png),
+        noise: args.noise.as_deref().map(name),
         checkpoint: writer.outputs.checkpoint.as_deref().map(name),
     };
     Ok(match (args.session.scene.json, args.session.quiet) {
@@ -100,8 +125,12 @@ pub fn run(args: &Args) -> Result<String> {
 
 fn text(report: &Report) -> String {
     let stopped = if report.run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
+    let rms = match (report.rms, report.relative_rms) {
+        (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
+        _ => String::new(),
+    };
     format!(
-        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{stopped}\n",
+        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{rms}{stopped}\n",
         report.exr,
         report.png,
         report.run.iterations,
@@ -122,6 +151,36 @@ fn check_goal(goal: Goal, film: &Film) -> Result<()> {
     }
 }
 
+/// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
+fn check_grain(args: &Args, noise: Option<&NoiseFilm>) -> Result<()> {
+    let Some(path) = &args.noise else { return Ok(()) };
+    match noise.map(NoiseFilm::grain) {
+        Some(BatchGrain::Tile) => Err(Error::new(
+            "the checkpoint was begun without --noise and lacks the batches of single pixels",
+            "resume without --noise, or begin anew with it",
+        )
+        .at(path)),
+        _ => Ok(()),
+    }
+}
+
+/// Writes what the measuring iterations found.
+fn save_noise(
+    path: &Path,
+    prepared: &Prepared,
+    renderer: &Renderer,
+    progress: &Progress,
+) -> Result<()> {
+    let measured = renderer.noise().filter(|noise| noise.iterations >= 2);
+    let Some(measured) = measured else {
+        progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
+        return Ok(());
+    };
+    let Settings { light_paths, camera_paths, .. } = *renderer.settings();
+    let noise = NoiseImage::new(renderer.film(), measured, (light_paths, camera_paths));
+    noise_file(prepared, renderer.film(), noise, Measure::Pairs).write(path)
+}
+
 /// Files to write.
 struct Outputs {
     exr: PathBuf,
@@ -136,6 +195,16 @@ impl Outputs {
         let png = exr.with_extension("png");
         output::check_writable(&exr, Some("exr"))?;
         output::check_writable(&png, Some("png"))?;
+        if let Some(noise) = &args.noise {
+            output::check_writable(noise, Some("exr"))?;
+            if *noise == exr {
+                return Err(Error::new(
+                    "the coefficients and the image have the same name",
+                    "give --noise another one",
+                )
+                .at(noise));
+            }
+        }
         if let Some(checkpoint) = &args.checkpoint {
             output::check_writable(checkpoint, None)?;
             if *checkpoint == exr || *checkpoint == png {
@@ -163,14 +232,14 @@ impl Schedule {
     }
 
     /// A failure here may be gone at the end: only the last write must succeed.
-    fn write_when_due(&mut self, writer: &mut Writer, film: &Film, session: &Session) {
+    fn write_when_due(&mut self, writer: &mut Writer, renderer: &Renderer, session: &Session) {
         if session.elapsed() >= self.next_checkpoint {
-            warn_of_failure(&session.progress, writer.save_checkpoint(film));
+            warn_of_failure(&session.progress, writer.save_checkpoint(renderer));
             self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
         }
         if session.elapsed() >= self.next_image {
             let before = Instant::now();
-            warn_of_failure(&session.progress, writer.save_image(film));
+            warn_of_failure(&session.progress, writer.save_image(renderer.film()));
             let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
             self.next_image = session.elapsed() + pause;
         }
@@ -191,11 +260,14 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    fn save_checkpoint(&mut self, film: &Film) -> Result<()> {
+    fn save_checkpoint(&mut self, renderer: &Renderer) -> Result<()> {
         let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
         let start = Instant::now();
-        let checkpoint =
-            Checkpoint { origin: self.origin.clone(), film: Cow::Borrowed(film), noise: None };
+        let checkpoint = Checkpoint {
+            origin: self.origin.clone(),
+            film: Cow::Borrowed(renderer.film()),
+            noise: renderer.noise().map(Cow::Borrowed),
+        };
         let saved = checkpoint.save(path);
         self.time += start.elapsed();
         saved
@@ -205,7 +277,10 @@ impl Writer<'_> {
         let start = Instant::now();
         let (width, height) = film.resolution();
         let pixels = film.mean();
-        let layers = vec![Layer::rgb("", &pixels)];
+        let mut layers = vec![Layer::rgb("", &pixels)];
+        if let Some(rms) = film.rms() {
+            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
+        }
         let image =
             Image { width, height, layers, metadata: metadata(self.origin, film.iterations) };
         let saved = output::write_exr(&self.outputs.exr, &image).and_then(|()| {

@@ -208,12 +208,12 @@ impl<'a> Session<'a> {
         self.start.elapsed()
     }
 
-    /// Iterates up to the goal or an interrupt; calls `between` after every iteration.
+    /// Iterates up to the goal or an interrupt; calls `between` after every iteration but the last.
     pub fn iterate(
         &mut self,
         renderer: &mut Renderer,
         measure: impl Fn(&Renderer) -> Measure,
-        mut between: impl FnMut(&Self, &Film),
+        mut between: impl FnMut(&Self, &Renderer),
     ) -> StoppedBy {
         loop {
             if let Some(reason) = self.finished(renderer.film()) {
@@ -228,7 +228,7 @@ impl<'a> Session<'a> {
             if self.presses.load(Ordering::Relaxed) > 0 {
                 return StoppedBy::Interrupt;
             }
-            between(self, film);
+            between(self, renderer);
         }
     }
 

@@ -2,15 +2,13 @@
 
 use super::image::NoiseImage;
 use crate::error::Result;
+use crate::film::pool;
 use crate::output::Canvas;
 use colorgrad::Gradient;
 use std::path::Path;
 
 /// Least number of pixels along the longer side of a picture; smaller images are magnified.
 const SIDE: u32 = 512;
-
-/// Half of the side of the square of pixels over which terms are pooled before the root.
-const POOL: u32 = 2;
 
 const MARGIN: u32 = 12;
 
@@ -151,25 +149,6 @@ fn byte(share: f64) -> u8 {
     (255.0 * share.clamp(0.0, 1.0)).round() as u8
 }
 
-/// Means over the pixels at most [`POOL`] away along either side.
-fn pool(values: &[[f64; 3]], width: u32, height: u32) -> Vec<[f64; 3]> {
-    let around = |center: u32, end: u32| center.saturating_sub(POOL)..(center + POOL + 1).min(end);
-    let pixel = |index: usize| {
-        let (x, y) = (index as u32 % width, index as u32 / width);
-        let mut sums = [0.0; 3];
-        let mut count = 0.0;
-        for row in around(y, height) {
-            for column in around(x, width) {
-                let terms = values[row as usize * width as usize + column as usize];
-                sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-                count += 1.0;
-            }
-        }
-        sums.map(|sum| sum / count)
-    };
-    (0..values.len()).map(pixel).collect()
-}
-
 /// The value that [`COVERED`] of them do not exceed; positive.
 fn quantile(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
@@ -213,14 +192,5 @@ mod tests {
             assert!((tick_step(scale) / step - 1.0).abs() < 1e-9, "{scale}: {}", tick_step(scale));
         }
         assert_eq!(["0.05", "120", "1.00e-5"].map(String::from), [0.05, 120.0, 1e-5].map(number));
-    }
-
-    #[test]
-    fn pooling_keeps_constants_at_the_border_and_spreads_a_point() {
-        assert!(pool(&[[2.0, 3.0, 4.0]; 12], 4, 3).iter().all(|p| *p == [2.0, 3.0, 4.0]));
-        let mut point = vec![[0.0; 3]; 81];
-        point[40] = [25.0, 0.0, 0.0];
-        let pooled = pool(&point, 9, 9);
-        assert_eq!(pooled.iter().filter(|p| p[0] == 1.0).count(), 25);
     }
 }
