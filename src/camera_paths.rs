@@ -4,7 +4,7 @@
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
-use crate::scene::{Scene, View};
+use crate::scene::{Scene, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 
@@ -130,15 +130,11 @@ impl CameraPaths {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let wo = -self.segments[i].direction;
-            let triangle = pass.scene.triangle(&hit);
-            let material = &pass.scene.materials[triangle.material as usize];
-            let position = triangle.point([hit.u, hit.v]);
-            let normal = triangle.normal_toward(wo);
-            let off_surface = position + normal * triangle.offset;
+            let Surface { position, normal, off_surface, front, material } =
+                pass.scene.surface(&self.segments[i], &hit);
 
             // Emission hit later is carried by connections or photons.
-            if vertex == 1 && triangle.normal.dot(wo) > 0.0 {
+            if vertex == 1 && front {
                 self.direct[walk.path as usize] += material.emission;
             }
             let weight = walk.throughput * material.bsdf.eval();

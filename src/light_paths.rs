@@ -3,7 +3,7 @@
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::math::Rgb;
 use crate::rng::{Rng, Stream, StreamKey};
-use crate::scene::Scene;
+use crate::scene::{Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -202,15 +202,13 @@ impl Batch {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let triangle = scene.triangle(&hit);
-            let position = triangle.point([hit.u, hit.v]);
-            let normal = triangle.normal_toward(-self.rays_in_flight[i].direction);
+            let Surface { position, normal, off_surface, material, .. } =
+                scene.surface(&self.rays_in_flight[i], &hit);
             if let Some(class) = walk.class {
                 self.arrivals.push(Photon::new(position, walk.path, walk.flux, normal, class));
             }
             walk.class = Some(PhotonClass::LastVertex);
-            let bsdf = &scene.materials[triangle.material as usize].bsdf;
-            let sample = bsdf.sample(normal, walk.rng.next_2d());
+            let sample = material.bsdf.sample(normal, walk.rng.next_2d());
             let survival = match roulette {
                 Roulette::Albedo => sample.weight.max_element().min(MAX_SURVIVAL),
                 Roulette::Weight => {
@@ -222,8 +220,7 @@ impl Batch {
                 continue;
             }
             walk.flux *= sample.weight / survival;
-            let origin = position + normal * triangle.offset;
-            self.rays_in_flight[alive] = Ray::new(origin, sample.wi);
+            self.rays_in_flight[alive] = Ray::new(off_surface, sample.wi);
             self.walks[alive] = walk;
             alive += 1;
         }

@@ -1,6 +1,7 @@
 //! The paper's estimator (Sections 3 and 4): products of means over halves of the paths.
 
-use super::{Coefficients, Estimator, pair_table::PairTable};
+use super::pair_table::{PairSum, PairTable};
+use super::{Coefficients, Estimator};
 
 /// Halves by parity of the light path's id and of the camera path's number in its pixel; with odd
 /// counts the even half is larger by one.
@@ -29,9 +30,7 @@ pub struct Halves {
 struct LightPathSums {
     /// `sum_j I_ij` over each half of the camera paths.
     i_i: [f64; 2],
-    /// `I_ij` so far, `j` being `camera_path - 1`.
-    pair: f64,
-    camera_path: u32,
+    pair: PairSum,
 }
 
 /// Sizes of the even and the odd half of `count` paths.
@@ -49,13 +48,9 @@ impl Estimator for Halves {
     #[inline]
     fn pair(&mut self, light_path: u32, value: f64) {
         let entry = self.light_paths.entry(light_path);
-        let number = self.camera_path + 1;
-        let pair = if entry.camera_path == number { entry.pair } else { 0.0 };
-        self.q_j += value * (2.0 * pair + value);
+        self.q_j += entry.pair.add(self.camera_path + 1, value);
         self.i_j[(light_path & 1) as usize] += value;
         entry.i_i[(self.camera_path & 1) as usize] += value;
-        entry.pair = pair + value;
-        entry.camera_path = number;
     }
 
     #[inline]

@@ -86,6 +86,24 @@ impl<T: Copy + Default> PairTable<T> {
     }
 }
 
+/// `I_ij` of one light path with the current camera path, as its parts come in.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PairSum {
+    sum: f64,
+    /// The camera path that `sum` belongs to, numbered from 1.
+    camera_path: u32,
+}
+
+impl PairSum {
+    /// Adds a part, and returns what that adds to `I_ij^2`.
+    #[inline]
+    pub fn add(&mut self, camera_path: u32, value: f64) -> f64 {
+        let before = if self.camera_path == camera_path { self.sum } else { 0.0 };
+        *self = Self { sum: before + value, camera_path };
+        value * (2.0 * before + value)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,7 @@
 //! All pairs: unbiased `a`, `b`, `f` from the pairs of a single iteration (the default estimator).
 
-use super::{Coefficients, Estimator, pair_table::PairTable};
+use super::pair_table::{PairSum, PairTable};
+use super::{Coefficients, Estimator};
 
 /// Six sums over the touched pairs of a pixel, with `S_j = sum_i I_ij` and `T_i = sum_j I_ij`.
 ///
@@ -32,9 +33,7 @@ pub struct AllPairs {
 struct LightPathSums {
     /// `T_i` so far.
     t_i: f64,
-    /// `I_ij` so far, `j` being `camera_path`.
-    pair: f64,
-    camera_path: u32,
+    pair: PairSum,
 }
 
 impl Estimator for AllPairs {
@@ -47,13 +46,10 @@ impl Estimator for AllPairs {
     #[inline]
     fn pair(&mut self, light_path: u32, value: f64) {
         let entry = self.light_paths.entry(light_path);
-        let pair = if entry.camera_path == self.camera_path { entry.pair } else { 0.0 };
-        self.q += value * (2.0 * pair + value);
+        self.q += entry.pair.add(self.camera_path, value);
         self.t_i2 += value * (2.0 * entry.t_i + value);
         self.s_j += value;
         entry.t_i += value;
-        entry.pair = pair + value;
-        entry.camera_path = self.camera_path;
     }
 
     #[inline]

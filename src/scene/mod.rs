@@ -16,7 +16,7 @@ pub use light::{Emission, Emitter, LightSample, Lights};
 pub use load::{Loaded, load};
 pub use material::{Bsdf, BsdfSample, Material};
 
-use crate::accel::{Hit, TriangleMesh};
+use crate::accel::{Hit, Ray, TriangleMesh};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec3};
@@ -89,17 +89,26 @@ impl Triangle {
         self.area
     }
 
-    /// The unit normal on the side that `direction` points to.
-    #[inline]
-    pub fn normal_toward(&self, direction: Vec3) -> Vec3 {
-        if self.normal.dot(direction) < 0.0 { -self.normal } else { self.normal }
-    }
-
     /// The point with barycentric weights `u`, `v` of the second and third vertex.
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
         self.origin + u * self.edge1 + v * self.edge2
     }
+}
+
+/// Where a ray hit, on the side that it came from.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface<'a> {
+    /// The point that was hit.
+    pub position: Vec3,
+    /// Unit normal on the ray's side.
+    pub normal: Vec3,
+    /// The point, moved off the surface to the ray's side: where new rays start.
+    pub off_surface: Vec3,
+    /// Whether the ray's side is the front, which may emit.
+    pub front: bool,
+    /// What the surface is made of.
+    pub material: &'a Material,
 }
 
 /// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
@@ -218,12 +227,19 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// The triangle of a hit.
+    /// What `ray` hit.
     ///
     /// # Panics
     /// If the ray missed.
     #[inline]
-    pub fn triangle(&self, hit: &Hit) -> &Triangle {
-        &self.triangles[(self.first_triangle[hit.mesh as usize] + hit.triangle) as usize]
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
+        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
+        let triangle = &self.triangles[index as usize];
+        let front = triangle.normal.dot(ray.direction) <= 0.0;
+        let normal = if front { triangle.normal } else { -triangle.normal };
+        let position = triangle.point([hit.u, hit.v]);
+        let off_surface = position + normal * triangle.offset;
+        let material = &self.materials[triangle.material as usize];
+        Surface { position, normal, off_surface, front, material }
     }
 }
