@@ -56,6 +56,12 @@ impl Rng {
         (self.0.next_u32() >> 8) as f32 * (1.0 / (1 << 24) as f32)
     }
 
+    /// Uniform in [0, 1), a multiple of 2^-53: for choices among many.
+    #[inline]
+    pub fn next_f64(&mut self) -> f64 {
+        (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+
     /// Two independent uniform numbers in [0, 1).
     #[inline]
     pub fn next_2d(&mut self) -> [f32; 2] {

@@ -65,8 +65,8 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     /// Probability of choosing each emitter.
     prob: Vec<f32>,
-    /// Upper end of each emitter's share of [0, 1].
-    cumulative: Vec<f32>,
+    /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
+    cumulative: Vec<f64>,
 }
 
 impl Lights {
@@ -80,7 +80,7 @@ impl Lights {
             .iter()
             .scan(0.0, |sum, e| {
                 *sum += power(e) / total;
-                Some(*sum as f32)
+                Some(*sum)
             })
             .collect();
         Self { emitters, prob, cumulative }
@@ -98,7 +98,7 @@ impl Lights {
 
     /// The emitter that holds `u` of [0, 1), and its probability.
     #[inline]
-    fn choose(&self, u: f32) -> (&Emitter, f32) {
+    fn choose(&self, u: f64) -> (&Emitter, f32) {
         let last = self.emitters.len() - 1;
         let index = self.cumulative.partition_point(|&end| end <= u).min(last);
         (&self.emitters[index], self.prob[index])
@@ -110,7 +110,7 @@ impl Lights {
     /// If there are no lights.
     #[inline]
     pub fn emit(&self, rng: &mut Rng) -> Emission {
-        let (emitter, prob) = self.choose(rng.next_1d());
+        let (emitter, prob) = self.choose(rng.next_f64());
         match emitter {
             Emitter::Point { position, intensity } => Emission {
                 origin: *position,
@@ -135,7 +135,7 @@ impl Lights {
     /// If there are no lights.
     #[inline]
     pub fn connect(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
-        let (emitter, prob) = self.choose(rng.next_1d());
+        let (emitter, prob) = self.choose(rng.next_f64());
         match emitter {
             Emitter::Point { position: target, intensity } => {
                 let to_light = *target - position;
@@ -159,6 +159,83 @@ impl Lights {
                     irradiance: *radiance * (cos_light * shape.area() / (distance2 * prob)),
                 })
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, StreamKey};
+
+    fn point(x: f32, intensity: Rgb) -> Emitter {
+        Emitter::Point { position: Vec3::new(x, 0.0, 0.0), intensity }
+    }
+
+    fn panel() -> Emitter {
+        let shape = Triangle::new([Vec3::ZERO, 2.0 * Vec3::X, 3.0 * Vec3::Y], 0);
+        Emitter::Triangle { shape, radiance: Rgb::new(0.5, 1.5, 1.0) }
+    }
+
+    #[test]
+    fn light_paths_carry_the_power_of_all_lights() {
+        let red = point(1.0, Rgb::new(2.0, 0.1, 0.0));
+        let lights = Lights::new(vec![red, panel(), point(2.0, Rgb::ZERO)]);
+        assert_eq!(lights.emitters().len(), 2, "black lights are left out");
+        // 4 pi I of the point, pi A Le of the triangle.
+        let expected = 4.0 * PI * Rgb::new(2.0, 0.1, 0.0) + PI * 3.0 * Rgb::new(0.5, 1.5, 1.0);
+        assert!((lights.power() - expected).length() < 1e-4);
+        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
+        let n = 200_000;
+        let (mut sum, mut square) = (Rgb::ZERO, Rgb::ZERO);
+        for _ in 0..n {
+            let flux = lights.emit(&mut rng).flux;
+            sum += flux / n as f32;
+            square += flux * flux / n as f32;
+        }
+        let error = ((square - sum * sum) / n as f32).max(Rgb::ZERO).map(f32::sqrt);
+        assert!((sum - expected).abs().cmple(4.0 * error + 1e-3).all(), "{sum} {expected} {error}");
+    }
+
+    #[test]
+    fn connections_to_a_triangle_give_its_form_factor() {
+        // Irradiance from a small triangle far above: Le A cos cos' / d^2, to 1/d^2 of its size.
+        let lights = Lights::new(vec![panel()]);
+        let from = Vec3::new(20.0, 5.0, 60.0);
+        let to_light = Vec3::new(2.0 / 3.0, 1.0, 0.0) - from;
+        let cos_light = 60.0 / to_light.length();
+        let expected = Rgb::new(0.5, 1.5, 1.0) * (3.0 * cos_light / to_light.length_squared());
+        let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
+        let n = 20_000;
+        let mut sum = Rgb::ZERO;
+        for _ in 0..n {
+            sum += lights.connect(from, &mut rng).expect("in front").irradiance / n as f32;
+        }
+        assert!((sum / expected - Rgb::ONE).abs().max_element() < 2e-3, "{sum} {expected}");
+        assert!(lights.connect(-from, &mut rng).is_none(), "dark from behind");
+    }
+
+    #[test]
+    fn each_of_very_many_emitters_is_chosen_as_often_as_it_says() {
+        // Powers 1, 2, 3, 1, 2, 3, ...: each third of the choices by residue has 1/6, 2/6, 3/6.
+        let count = 300_000;
+        let emitter = |i: usize| point(i as f32, Rgb::splat(1.0 + (i % 3) as f32));
+        let lights = Lights::new((0..count).map(emitter).collect());
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        let mut chosen = [0.0; 3];
+        let n = 300_000.0;
+        for _ in 0..n as usize {
+            let (emitter, prob) = lights.choose(rng.next_f64());
+            let power = f64::from(luminance(emitter.power()));
+            let class = (power / (4.0 * std::f64::consts::PI)).round() as usize - 1;
+            chosen[class] += 1.0;
+            let share = (class + 1) as f64 / (2.0 * count as f64);
+            assert!((f64::from(prob) / share - 1.0).abs() < 1e-5, "{prob} {share}");
+        }
+        for (class, chosen) in chosen.into_iter().enumerate() {
+            let share = (class + 1) as f64 / 6.0;
+            let error = (share * (1.0 - share) * n).sqrt();
+            assert!((chosen - share * n).abs() < 4.0 * error, "{class}: {chosen}");
         }
     }
 }
