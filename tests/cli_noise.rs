@@ -66,7 +66,7 @@ fn analyze_measures_and_predict_needs_its_file_only() {
     let path = folder.path().join("noise.exr");
     let result = analyze(&path, &[&QUICK[..], &["--json", "--region", "side-walls"]].concat());
     let result = json(&result);
-    assert_eq!((&result["iterations"], &result["noise"]["pixels"]), (&40.into(), &20.into()));
+    assert_eq!((&result["iterations"], &result["noise"]["pixels"]), (&40.into(), &16.into()));
     assert_eq!((&result["region"], &result["estimator"]), (&"side-walls".into(), &"pairs".into()));
     for picture in ["noise.terms.png", "noise.rms.png"] {
         let (width, height) = png_size(&folder.path().join(picture));
