@@ -147,7 +147,7 @@ fn text(report: &Report) -> String {
         );
         if let Some(timed) = &p.timed {
             let iterations = format!("{:.1}", timed.iterations);
-            let (tau, rms) = (format!("{:.4e}", timed.tau), value(timed.pooled_rms));
+            let (tau, rms) = (format!("{:.6}", timed.tau), value(timed.pooled_rms));
             write!(row, " {tau:>11} {iterations:>11} {rms}").expect("strings take everything");
         }
         row
