@@ -177,7 +177,7 @@ impl Scene {
     /// Puts a scene together; `point_lights` come on top of the emissive triangles.
     ///
     /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
-    /// zero area, fewer than 2^32 triangles in all ([`load`] sees to it).
+    /// zero area, fewer than 2^32 triangles in all ([`load()`] sees to it).
     pub fn new(
         name: String,
         meshes: Vec<Mesh>,
