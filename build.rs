@@ -4,6 +4,9 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     // Set by `embree4-sys` where the library is outside the loader's default folders.
     if let Some(lib) = std::env::var_os("DEP_EMBREE4_LIB") {
-        println!("cargo::rustc-link-arg=-Wl,-rpath,{}", lib.display());
+        // Not -Wl, which would split a path at its commas.
+        for arg in ["-Xlinker", "-rpath", "-Xlinker", &lib.to_string_lossy()] {
+            println!("cargo::rustc-link-arg={arg}");
+        }
     }
 }

@@ -23,14 +23,14 @@ die() { printf 'setup: error: %s\n' "$*" >&2; exit 1; }
 
 # --- System packages -----------------------------------------------------------------------------
 
+can_be_root() {
+    [ "$(id -u)" -eq 0 ] ||
+        { command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; }
+}
+
 as_root() {
-    if [ "$(id -u)" -eq 0 ]; then
-        "$@"
-    elif command -v sudo >/dev/null && { sudo -n true 2>/dev/null || [ -t 0 ]; }; then
-        sudo "$@"
-    else
-        die "neither root nor able to use sudo; ask an administrator to run: $*"
-    fi
+    can_be_root || die "neither root nor able to use sudo; ask an administrator to run: $*"
+    if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
 }
 
 apt_update() {
@@ -38,27 +38,51 @@ apt_update() {
     as_root apt-get update -qq
 }
 
+apt_get_install() {
+    # apt-get's -qq still lets dpkg report every file it unpacks.
+    as_root env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -qq -o Dpkg::Use-Pty=0 --no-install-recommends "$@" >/dev/null
+}
+
 apt_install() {
     command -v apt-get >/dev/null ||
         die "missing, and there is no apt-get to install it with: $*. Install the equivalent of" \
             "these Debian packages with your system's package manager and run this again."
+    can_be_root || die "neither root nor able to use sudo; ask an administrator to run:" \
+        "apt-get update && apt-get install $*"
     say "installing system packages: $*"
-    # Package lists may be absent or too old to fetch from; refresh them only then.
-    as_root env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y -qq -o Dpkg::Use-Pty=0 --no-install-recommends "$@" && return
+    # Package lists may be absent or too old to fetch from, and an interrupted installation may be
+    # half configured; mend that only then.
+    apt_get_install "$@" 2>/dev/null && return
+    as_root dpkg --configure -a >/dev/null
     apt_update
-    as_root env DEBIAN_FRONTEND=noninteractive \
-        apt-get install -y -qq -o Dpkg::Use-Pty=0 --no-install-recommends "$@"
+    apt_get_install "$@"
+}
+
+any_exists() {
+    local file
+    for file in "$@"; do
+        [ ! -e "$file" ] || return 0
+    done
+    return 1
 }
 
 has_libclang() {
     [ -n "${LIBCLANG_PATH:-}" ] && return 0
-    local lib
-    for lib in /usr/lib/llvm-*/lib/libclang{,-[0-9]*}.so* \
-        /usr/lib{,64}/{,*-linux-gnu/}libclang{,-[0-9]*}.so*; do
-        [ -e "$lib" ] && return 0
-    done
-    return 1
+    any_exists /usr/lib/llvm-*/lib/libclang{,-[0-9]*}.so* \
+        /usr/lib{,64}/{,*-linux-gnu/}libclang{,-[0-9]*}.so* || return 1
+    # Debian's libclang1-* alone, as Doxygen brings it, lacks the compiler's own headers.
+    any_exists /usr/lib{,64}/{,llvm*/lib{,64}/}clang/*/include/stddef.h
+}
+
+# Before anything is installed for it.
+check_rust() {
+    local need=1.88 version
+    command -v cargo >/dev/null ||
+        die "cargo is not on the PATH; install Rust $need or newer with rustup first"
+    version=$(cargo --version | cut -d' ' -f2)
+    printf '%s\n' "$need" "$version" | sort -V -C ||
+        die "this is Rust $version, but bdpm needs $need or newer; install it with rustup"
 }
 
 install_build_tools() {
@@ -66,7 +90,6 @@ install_build_tools() {
     command -v cc >/dev/null || missing+=(build-essential)
     has_libclang || missing+=(libclang-dev)
     [ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"
-    command -v cargo >/dev/null || die "cargo is not on the PATH; install Rust 1.88 or newer first"
 }
 
 # --- Embree --------------------------------------------------------------------------------------
@@ -89,16 +112,20 @@ apt_has_embree4() {
     [[ $(apt-cache policy libembree-dev 2>/dev/null | awk '/Candidate:/ { print $2 }') == 4.* ]]
 }
 
+# The first of the machine's own sources for Debian, other vendors' and installation discs aside.
+debian_mirror() {
+    apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' 'Origin: Debian' \
+        "Codename: $VERSION_CODENAME" 'Component: main' | awk '!/^cdrom:/ && !n++'
+}
+
 # Debian 13's headers, into $1/include. apt verifies them against Debian's archive keys; it works on
 # a private state directory, so the machine's own sources and lists stay as they are.
 fetch_headers() {
     local to=$1 apt=$1/apt mirror keyring=/usr/share/keyrings/debian-archive-keyring.gpg
-    mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' \
-        "Codename: $VERSION_CODENAME" 'Component: main' | head -n 1)
+    mirror=$(debian_mirror)
     if [ -z "$mirror" ]; then # no lists yet, as in a fresh container
         apt_update
-        mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' \
-            "Codename: $VERSION_CODENAME" 'Component: main' | head -n 1)
+        mirror=$(debian_mirror)
     fi
     [ -n "$mirror" ] || die "apt knows no Debian mirror for $VERSION_CODENAME. $archive_hint"
     if ! ls /usr/share/keyrings/debian-archive-"$headers_suite"-*.gpg >/dev/null 2>&1; then
@@ -155,6 +182,8 @@ make_prefix() {
     [ "$(uname -m)" = x86_64 ] || die "no Embree 4 package for $(uname -m) here. $archive_hint"
     say "Debian 12 has no Embree 4; making $prefix from Debian 13's headers and Intel's library"
     # Built aside and renamed, so that an interrupted run leaves nothing that looks finished.
+    # One that was killed leaves its folder; a later one removes it.
+    find "$root" -maxdepth 1 -name '.embree.??????' -mmin +60 -exec rm -rf {} +
     work=$(mktemp -d "$root/.embree.XXXXXX")
     trap 'rm -rf "$work"' EXIT
     fetch_headers "$work"
@@ -167,8 +196,11 @@ make_prefix() {
 
 install_embree() {
     if [ -n "${EMBREE_DIR:-}" ]; then
+        [[ $EMBREE_DIR == /* ]] || die "EMBREE_DIR is $EMBREE_DIR, but must be an absolute path"
         [ -e "$EMBREE_DIR/include/embree4/rtcore.h" ] ||
             die "EMBREE_DIR is $EMBREE_DIR, but it has no include/embree4/rtcore.h"
+        any_exists "$EMBREE_DIR"/{lib/"$(uname -m)"-linux-gnu,lib64,lib}/libembree4.{so,dylib} ||
+            die "EMBREE_DIR is $EMBREE_DIR, but it has no lib/libembree4.so"
         return
     fi
     if prefix_is_current || has_system_embree; then return; fi
@@ -186,5 +218,6 @@ install_embree() {
     fi
 }
 
+check_rust
 install_build_tools
 install_embree

@@ -40,7 +40,14 @@ fn main() {
     println!("cargo::rerun-if-changed=wrapper.h");
 
     let Some(install) = find() else {
-        println!("cargo::error={NOT_FOUND}");
+        if let Some(dir) = embree_dir() {
+            println!(
+                "cargo::error=EMBREE_DIR is {}: no include/embree4 and lib there",
+                dir.display()
+            );
+        } else {
+            println!("cargo::error={NOT_FOUND}");
+        }
         return;
     };
     generate(&install);
@@ -52,18 +59,27 @@ fn main() {
     let lib = install.lib.display();
     println!("cargo::rerun-if-changed={lib}");
     println!("cargo::rustc-link-search=native={lib}");
-    println!("cargo::rustc-link-arg=-Wl,-rpath,{lib}"); // this package's own tests
+    for arg in ["-Xlinker", "-rpath", "-Xlinker", &lib.to_string()] {
+        println!("cargo::rustc-link-arg={arg}"); // this package's own tests
+    }
     println!("cargo::metadata=lib={lib}"); // DEP_EMBREE4_LIB for the dependent's build script
     link_for_doc_tests(&install.lib);
 }
 
+/// The folder that the user names; absolute, as its libraries are looked up at run time.
+fn embree_dir() -> Option<PathBuf> {
+    let dir = env::var_os("EMBREE_DIR").filter(|dir| !dir.is_empty())?;
+    Some(fs::canonicalize(&dir).unwrap_or(dir.into()))
+}
+
 fn find() -> Option<Install> {
-    if let Some(dir) = env::var_os("EMBREE_DIR").filter(|dir| !dir.is_empty()) {
+    if let Some(dir) = embree_dir() {
         // A user's word is final: falling back would build against another Embree than was asked.
-        let dir = fs::canonicalize(&dir).unwrap_or(dir.into());
         return Install::below(&dir);
     }
-    let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    // At run time: a moved checkout keeps its compiled build script.
+    let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
+    let checkout = package.parent()?;
     [&checkout.join(".embree"), Path::new("/usr/local"), Path::new("/usr")]
         .into_iter()
         .find_map(Install::below)

@@ -247,7 +247,9 @@ fn endless(output: &Path, more: &[&str]) -> (std::process::Child, impl BufRead +
 
 #[cfg(unix)]
 fn interrupt(child: &std::process::Child) {
-    let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    // The shell's own `kill`: a minimal Debian has no program of that name.
+    let status = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status();
+    let status = status.unwrap();
     assert!(status.success());
 }
 
