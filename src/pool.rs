@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Workspaces that outlive a parallel loop, so that the loop allocates nothing.
 ///
-/// A lease is taken once per run of consecutive tiles that rayon gives to a thread, not per tile.
+/// A lease is taken once per tile: the lock costs nothing beside a tile's work.
 #[derive(Debug, Default)]
 pub struct Pool<T>(Mutex<Vec<T>>);
 

@@ -188,7 +188,9 @@ impl<'a> Renderer<'a> {
                 noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
             }
         };
-        film.tiles_mut().into_par_iter().zip(noise_tiles).for_each_init(
+        let tiles = film.tiles_mut().into_par_iter().zip(noise_tiles);
+        // Tiles differ in cost: hand them out one by one.
+        tiles.with_max_len(1).for_each_init(
             || self.workers.lease(),
             |worker, (tile, noise)| worker.render(&pass, &merge, measure, tile, noise),
         );

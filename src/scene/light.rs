@@ -142,8 +142,8 @@ impl Lights {
                 let distance2 = to_light.length_squared();
                 (distance2 > 0.0).then(|| LightSample {
                     target: *target,
-                    wi: to_light / distance2.sqrt(),
-                    irradiance: *intensity / (distance2 * prob),
+                    wi: to_light * distance2.sqrt().recip(),
+                    irradiance: *intensity * (distance2 * prob).recip(),
                 })
             }
             Emitter::Triangle { shape, radiance } => {
@@ -151,7 +151,7 @@ impl Lights {
                     shape.point(uniform_triangle(rng.next_2d())) + shape.normal * shape.offset;
                 let to_light = target - position;
                 let distance2 = to_light.length_squared();
-                let wi = to_light / distance2.sqrt();
+                let wi = to_light * distance2.sqrt().recip();
                 let cos_light = -wi.dot(shape.normal);
                 (cos_light > 0.0).then(|| LightSample {
                     target,
