@@ -178,7 +178,7 @@ fn furnace_with_a_white_ball() {
                 radius: 0.3,
                 ..settings(4, 4)
             };
-            for samples in pixel_samples(&scene, &*accel, settings, 250) {
+            for samples in pixel_samples(&scene, &*accel, settings, 400) {
                 Estimate::from_samples(&samples).assert_is(expected, 2e-3);
             }
         }
