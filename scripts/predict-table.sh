@@ -29,7 +29,7 @@ for scene in cornell-box cornell-box-classic; do
                 --merge-vertex $k --quiet --json)
             "$bdpm" analyze "${common[@]}" --light-paths 300 --camera-paths 4 \
                 --iterations 4096 --seed 1 --output "$folder/poor.exr" > /dev/null
-            for far in "30000 4 256" "300 100 512" "3000 25 512"; do
+            for far in "30000 4 2048" "300 100 1024" "3000 25 2048"; do
                 read -r light camera iterations <<< "$far"
                 predicted=$("$bdpm" predict "$folder/poor.exr" --light-paths "$light" \
                     --camera-paths "$camera" --json | predicted)

@@ -243,11 +243,15 @@ impl Intersect for CommittedScene {
     /// `bytes` is Embree's own count for the device, before and after; scenes that other threads
     /// build on the same device meanwhile would be counted in.
     fn describe(&self) -> AccelInfo {
-        let native = self.device.native_packet_size();
+        // Embree tells its version but not its instruction set; the widest packet that it traces as
+        // one says which family it chose.
+        let isa = match self.device.native_packet_size() {
+            16 => "AVX-512",
+            8 => "AVX or AVX2",
+            _ => "SSE",
+        };
         AccelInfo {
-            // Embree tells its version but not its instruction set; the native packet width is
-            // the nearest that it says (16 means AVX-512).
-            name: format!("Embree {}, {native} rays wide", self.device.version()),
+            name: format!("Embree {}, {isa}", self.device.version()),
             packet_size: self.packet_size.rays(),
             triangles: self.triangles,
             bytes: self.bytes,
