@@ -23,8 +23,8 @@ pub enum Roulette {
     /// Analog: survive with probability albedo, so that the weight stays (nearly) constant.
     #[default]
     Albedo,
-    /// Carry the albedo as weight. Camera paths end at their cut anyway; light paths
-    /// survive for certain until their weight falls below 1/16 of its start, then by roulette.
+    /// Carry the albedo as weight. Camera paths end at their cut anyway; light paths survive with
+    /// probability 0.995 until their weight falls below 1/16 of its start, then in proportion to it.
     Weight,
 }
 

@@ -91,8 +91,8 @@ fn backends_agree_on_more_than_200_000_triangles() {
 }
 
 /// Rays from inside a closed mesh at its vertices, edges and faces. The BVH lets none out. Embree,
-/// in its robust mode, may lose some of those aimed right at a vertex (2% here; without that mode
-/// 25% of them, and 10% of those aimed at edges), but next to nothing of the others.
+/// in its robust mode, may lose a few percent of those aimed right at a vertex (without that mode a
+/// good part of them, and of those aimed at edges), but next to nothing of the others.
 #[test]
 fn closed_meshes_are_watertight() {
     const COUNT: usize = 100_000;
