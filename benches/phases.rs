@@ -142,13 +142,13 @@ fn phases(criterion: &mut Criterion) {
         let name = format!("light/{light_paths}");
         let (mut light, mut map) = (LightPaths::default(), PhotonMap::default());
         let recorder = Recorder::new(&*accel);
-        one.install(|| light.trace(&scene, &recorder, &settings, 0));
+        one.install(|| light.trace(&scene, &recorder, &settings, light_paths, 0));
         bench_raw(criterion, &name, &raw, &recorder.into_packets());
         let mut group = criterion.benchmark_group(&name);
         group.throughput(Throughput::Elements(u64::from(light_paths)));
         group.bench_function("phase", |bencher| {
             bencher.iter(|| {
-                one.install(|| light.trace(&scene, &*accel, &settings, 0));
+                one.install(|| light.trace(&scene, &*accel, &settings, light_paths, 0));
                 map.build(&light, settings.radius);
             });
         });

@@ -3,11 +3,11 @@
 //! A file is `magic, format version, payload (postcard), XXH3 of all before`. The checksum is
 //! verified before anything is decoded, so a damaged file is always recognized as one.
 
+use crate::autopilot;
+use crate::block::Block;
 use crate::error::{Error, Result};
-use crate::film::Film;
-use crate::noise::film::NoiseFilm;
+use crate::origin::Origin;
 use crate::output::write_atomically;
-use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -25,76 +25,15 @@ const HEADER: usize = MAGIC.len() + size_of::<u32>();
 /// Bytes after the payload.
 const TRAILER: usize = size_of::<u64>();
 
-/// What an image was made of; a run that continues it must agree.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Origin {
-    /// Version of this program. Another one may draw other random numbers.
-    pub version: String,
-    /// The scene's name, for messages.
-    pub scene: String,
-    /// [`Scene::fingerprint`](crate::Scene::fingerprint).
-    pub fingerprint: u64,
-    /// Name of the intersection backend: rays that graze an edge may go another way in another.
-    pub backend: String,
-    /// Everything else.
-    pub settings: Settings,
-}
-
 /// An image under way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint<'a> {
     /// What it was made of.
     pub origin: Origin,
     /// Its sums.
-    pub film: Cow<'a, Film>,
-    /// The sums of its measuring iterations, where there were any.
-    pub noise: Option<Cow<'a, NoiseFilm>>,
-}
-
-impl Origin {
-    /// Refuses to continue an image that `self` made with `other`.
-    ///
-    /// # Errors
-    /// Names everything that differs, with both values.
-    pub fn check_agrees(&self, other: &Self) -> Result<()> {
-        let mut differences = Vec::new();
-        if self.fingerprint != other.fingerprint {
-            differences.push(if self.scene == other.scene {
-                format!("scene `{}` has changed", self.scene)
-            } else {
-                format!("scene is `{}`, not `{}`", self.scene, other.scene)
-            });
-        }
-        let mut compare = |name: &str, this: &str, that: &str| {
-            if this != that {
-                differences.push(format!("{name} is {this}, not {that}"));
-            }
-        };
-        compare("program version", &self.version, &other.version);
-        compare("backend", &self.backend, &other.backend);
-        let (these, those) = (self.settings.to_map(), other.settings.to_map());
-        for (name, value) in &these {
-            let name = name.replace('_', "-");
-            compare(&name, &value.to_string(), &those[&name.replace('-', "_")].to_string());
-        }
-        if differences.is_empty() {
-            return Ok(());
-        }
-        Err(Error::new(
-            format!("cannot continue this image: its {}", differences.join("; its ")),
-            "resume with the scene and settings that it was begun with, or render anew without \
-             --resume",
-        ))
-    }
-}
-
-impl Settings {
-    /// All settings by name.
-    pub fn to_map(&self) -> serde_json::Map<String, serde_json::Value> {
-        // Through text, which keeps an f32 such as 0.1 as short as it was written.
-        let text = serde_json::to_string(self).expect("plain numbers and names");
-        serde_json::from_str(&text).expect("what was just written")
-    }
+    pub blocks: Cow<'a, [Block]>,
+    /// How far the choice of counts has come, if it is automatic.
+    pub autopilot: Option<autopilot::State>,
 }
 
 impl Checkpoint<'_> {
@@ -157,13 +96,11 @@ impl Checkpoint<'static> {
         // Only a file whose checksum somebody has forged fails below.
         let (checkpoint, rest): (Self, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let (width, height) = checkpoint.film.resolution();
         let settings = &checkpoint.origin.settings;
         settings.validate()?;
-        let fits = (width, height) == (settings.width, settings.height);
-        let film = &checkpoint.film;
-        let noise_fits = checkpoint.noise.as_ref().is_none_or(|noise| noise.fits(film.tiles()));
-        if !fits || !film.is_consistent() || !noise_fits || !rest.is_empty() {
+        let blocks = &checkpoint.blocks;
+        let fits = blocks.iter().all(|block| block.is_consistent(settings));
+        if blocks.is_empty() || !fits || !rest.is_empty() {
             return Err(damaged());
         }
         Ok(checkpoint)
@@ -191,8 +128,9 @@ impl<W: Write> Write for Hashing<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::noise::film::{BatchGrain, PixelMeasurement};
-    use crate::settings::{Direct, Roulette};
+    use crate::counts::{CameraCounts, Counts};
+    use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
+    use crate::settings::{Direct, Roulette, Settings};
     use glam::DVec3;
     use std::fs;
 
@@ -209,13 +147,21 @@ mod tests {
             camera_roulette: Roulette::Weight,
             seed: u64::MAX,
         };
-        let mut film = Film::new(5, 3);
-        for (_, sums) in film.tiles_mut() {
+        let first = Block::new(&settings, Counts::uniform(100, 2));
+        let camera_paths = CameraCounts::PerPixel((1..=15).collect());
+        let mut second = Block::new(&settings, Counts { light_paths: 70, camera_paths });
+        for (_, sums) in second.film.tiles_mut() {
             for (index, sums) in sums.iter_mut().enumerate() {
                 sums.add(DVec3::new(1e-300, index as f64, 0.1));
             }
         }
-        film.iterations = 7;
+        second.film.iterations = 7;
+        second.film.deviations.add(0.3, 1);
+        let mut noise = NoiseFilm::new(second.film.tiles(), BatchGrain::Tile);
+        let measured = PixelMeasurement { value: 0.1, ..Default::default() };
+        noise.tiles_mut(second.film.tiles())[0].add(3, &measured);
+        noise.iterations = 1;
+        second.noise = Some(noise);
         let origin = Origin {
             version: "1.2.3".into(),
             scene: "box".into(),
@@ -223,11 +169,11 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
-        let mut noise = NoiseFilm::new(film.tiles(), BatchGrain::Tile);
-        let measured = PixelMeasurement { value: 0.1, ..Default::default() };
-        noise.tiles_mut(film.tiles())[0].add(3, &measured);
-        noise.iterations = 1;
-        Checkpoint { origin, film: Cow::Owned(film), noise: Some(Cow::Owned(noise)) }
+        Checkpoint {
+            origin,
+            blocks: Cow::Owned(vec![first, second]),
+            autopilot: Some(autopilot::State::default()),
+        }
     }
 
     fn saved() -> Vec<u8> {
@@ -283,30 +229,5 @@ mod tests {
         bytes.extend(xxh3_64(&bytes).to_le_bytes());
         let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
         assert!(shown.contains("has format 9"), "{shown}");
-    }
-
-    #[test]
-    fn every_difference_is_named_with_both_values() {
-        let begun = checkpoint().origin;
-        begun.check_agrees(&begun).unwrap();
-        let mut other = begun.clone();
-        other.scene = "sphere".into();
-        begun.check_agrees(&other).expect("a renamed scene is the same scene");
-        other.fingerprint = 1;
-        other.backend = "embree".into();
-        other.settings.radius = 0.2;
-        other.settings.light_paths = 50;
-        other.settings.direct = Direct::PhotonMap;
-        let shown = begun.check_agrees(&other).unwrap_err().to_string();
-        for part in [
-            "scene is `box`, not `sphere`",
-            "backend is bvh, not embree",
-            "radius is 0.1, not 0.2",
-            "light-paths is 100, not 50",
-            "direct is \"connect\", not \"photon-map\"",
-        ] {
-            assert!(shown.contains(part), "{part}: {shown}");
-        }
-        assert!(!shown.contains("seed") && !shown.contains("version"), "{shown}");
     }
 }

@@ -50,6 +50,51 @@ impl PixelSums {
         self.radiance += radiance;
         self.luminance2 += luminance(radiance).powi(2);
     }
+
+    /// What one more value, after `before` others, says of its variance:
+    /// `(x - mean before)^2 t/(t + 1)` (Welford 1962). All of these are uncorrelated, have the
+    /// variance as their expectation except for the first, which is 0, and add up to the sum of
+    /// squared deviations from the final mean.
+    #[inline]
+    pub fn deviation(&self, radiance: DVec3, before: u64) -> f64 {
+        match before {
+            0 => 0.0,
+            t => {
+                let t = t as f64;
+                (luminance(radiance) - luminance(self.radiance) / t).powi(2) * t / (t + 1.0)
+            }
+        }
+    }
+}
+
+/// Sum over pixels of their [`PixelSums::deviation`], iteration after iteration: the pooled variance
+/// with a standard error that sees that pixels share light paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Deviations {
+    count: u64,
+    sum: f64,
+    sum2: f64,
+}
+
+impl Deviations {
+    /// Adds an iteration after `before` others.
+    pub fn add(&mut self, deviation: f64, before: u64) {
+        if before > 0 {
+            self.count += 1;
+            self.sum += deviation;
+            self.sum2 += deviation * deviation;
+        }
+    }
+
+    /// Mean, and its standard error: infinite for a single one, `None` without any.
+    pub fn mean(&self) -> Option<(f64, f64)> {
+        let n = self.count as f64;
+        (self.count > 0).then(|| {
+            let mean = self.sum / n;
+            let scatter = (self.sum2 / n - mean * mean).max(0.0) / (n - 1.0);
+            (mean, if self.count > 1 { scatter.sqrt() } else { f64::INFINITY })
+        })
+    }
 }
 
 /// Luminance Y in f64.
@@ -67,18 +112,37 @@ pub struct Film {
     sums: Vec<PixelSums>,
     /// Iterations added.
     pub iterations: u64,
+    /// What they say of the pooled variance.
+    pub deviations: Deviations,
 }
 
 impl Film {
     /// A black image.
     pub fn new(width: u32, height: u32) -> Self {
         let pixels = width as usize * height as usize;
-        Self { width, height, sums: vec![PixelSums::default(); pixels], iterations: 0 }
+        Self {
+            width,
+            height,
+            sums: vec![PixelSums::default(); pixels],
+            iterations: 0,
+            deviations: Deviations::default(),
+        }
     }
 
     /// Width and height, pixels.
     pub fn resolution(&self) -> (u32, u32) {
         (self.width, self.height)
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// Index of a pixel, row by row.
+    #[inline]
+    pub fn index(&self, x: u32, y: u32) -> usize {
+        y as usize * self.width as usize + x as usize
     }
 
     /// Whether the sums fit the resolution (they may come from a file).
@@ -137,18 +201,11 @@ impl Film {
         sum / (self.iterations.max(1) as f64 * self.sums.len() as f64)
     }
 
-    /// RMS of the noise that the image still has, W/(m^2 sr), row by row: the root of the variance
-    /// of the mean, pooled over 5 by 5 pixels. `None` before the second iteration.
-    pub fn rms(&self) -> Option<Vec<f32>> {
-        let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
-        let pooled = pool(&variance, self.width, self.height);
-        Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
-    }
-
-    /// Pooled RMS of the whole image, `sqrt(mean_p V_p)` of the mean's variance `V_p`.
-    pub fn pooled_rms(&self) -> Option<f64> {
-        let variance = self.variance_of_mean()?;
-        Some((variance.iter().sum::<f64>() / variance.len() as f64).sqrt())
+    /// Pooled variance of one iteration, `mean_p V_p`, and its standard error (infinite before the
+    /// third iteration); `None` before the second.
+    pub fn pooled_variance(&self) -> Option<(f64, f64)> {
+        let pixels = self.sums.len() as f64;
+        self.deviations.mean().map(|(sum, error)| (sum / pixels, error / pixels))
     }
 
     /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`

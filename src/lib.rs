@@ -1,23 +1,32 @@
 #![doc = include_str!("../README.md")]
 
 pub mod accel;
+pub mod autopilot;
+pub mod block;
 pub mod camera_paths;
 pub mod checkpoint;
 pub mod compare;
+pub mod counts;
 pub mod error;
 pub mod film;
+pub mod goal;
 pub mod light_paths;
 pub mod math;
 pub mod merge;
 pub mod noise;
+pub mod optimize;
+pub mod origin;
 pub mod output;
+pub mod plan;
 pub mod photon_map;
 mod pool;
 pub mod render;
 pub mod rng;
 pub mod scene;
 pub mod settings;
+pub mod steer;
 pub mod time_model;
+pub mod timing;
 mod worker;
 
 pub use error::{Error, Result};

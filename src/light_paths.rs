@@ -74,7 +74,7 @@ pub struct LightPaths {
 }
 
 impl LightPaths {
-    /// Traces `settings.light_paths` paths of `iteration`.
+    /// Traces `light_paths` paths of `iteration`.
     ///
     /// # Panics
     /// If the scene has no lights.
@@ -83,14 +83,15 @@ impl LightPaths {
         scene: &Scene,
         accel: &dyn Intersect,
         settings: &Settings,
+        light_paths: u32,
         iteration: u64,
     ) {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
-        let count = settings.light_paths.div_ceil(BATCH);
+        let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
         self.batches.par_iter_mut().zip(0..count).for_each(|(batch, index)| {
             let first = index * BATCH;
-            let last = settings.light_paths.min(first + BATCH);
+            let last = light_paths.min(first + BATCH);
             batch.trace(scene, accel, settings, key, first..last);
         });
     }

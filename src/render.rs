@@ -1,7 +1,9 @@
 //! The iteration loop: light phase, photon map, camera and merge phases tile by tile.
 
 use crate::accel::Intersect;
+use crate::block::Block;
 use crate::camera_paths::CameraPass;
+use crate::counts::Counts;
 use crate::error::{Error, Result};
 use crate::film::{Film, PixelSums};
 use crate::light_paths::{LightPaths, Photon};
@@ -9,12 +11,13 @@ use crate::merge::Merge;
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
 use crate::photon_map::PhotonMap;
-use crate::pool::Pool;
+use crate::pool::{Lease, Pool};
 use crate::rng::{Stream, StreamKey};
 use crate::scene::{Scene, View};
-use crate::settings::Settings;
-use crate::worker::Worker;
+use crate::settings::{MAX_LIGHT_PATHS, Settings};
+use crate::worker::{Job, Worker};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Iterations that are measured at the beginning of a render.
@@ -28,8 +31,8 @@ pub struct Renderer<'a> {
     accel: &'a dyn Intersect,
     settings: Settings,
     view: View,
-    film: Film,
-    noise: Option<NoiseFilm>,
+    /// At least one; the last is under way.
+    blocks: Vec<Block>,
     grain: BatchGrain,
     light_paths: LightPaths,
     photon_map: PhotonMap,
@@ -50,7 +53,7 @@ pub struct IterationReport {
 }
 
 /// Busy time of the phases, summed over threads, and wall-clock time of the whole iteration.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhaseTimes {
     /// Tracing light paths and building the photon map.
     pub light: Duration,
@@ -78,7 +81,7 @@ impl<'a> Renderer<'a> {
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
         settings.validate()?;
-        check_memory(scene, &settings)?;
+        check_memory(scene, &settings, settings.light_paths)?;
         if scene.lights.emitters().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
@@ -86,14 +89,13 @@ impl<'a> Renderer<'a> {
             ));
         }
         let view = scene.camera.view(settings.width, settings.height);
-        let film = Film::new(settings.width, settings.height);
+        let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         Ok(Self {
             scene,
             accel,
-            settings,
             view,
-            film,
-            noise: None,
+            blocks: vec![Block::new(&settings, counts)],
+            settings,
             grain: BatchGrain::Tile,
             light_paths: LightPaths::default(),
             photon_map: PhotonMap::default(),
@@ -101,30 +103,53 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// Goes on after the iterations that `film` holds, of which `noise` was measured.
+    /// Goes on after the iterations that `blocks` hold.
     ///
     /// # Errors
-    /// If they do not fit the settings' resolution.
-    pub fn resume(&mut self, film: Film, noise: Option<NoiseFilm>) -> Result<()> {
-        let noise_fits = noise.as_ref().is_none_or(|noise| noise.fits(film.tiles()));
-        if film.resolution() != self.film.resolution() || !film.is_consistent() || !noise_fits {
-            let (width, height) = film.resolution();
+    /// If there is none, or one does not fit the settings.
+    pub fn resume(&mut self, blocks: Vec<Block>) -> Result<()> {
+        let Settings { width, height, .. } = self.settings;
+        if blocks.is_empty() || !blocks.iter().all(|block| block.is_consistent(&self.settings)) {
             return Err(Error::new(
-                format!("the image to go on with has {width}x{height} pixels"),
-                format!("render at --resolution {width}x{height}"),
+                format!("the image to go on with is not one of {width}x{height} pixels"),
+                "render at the --resolution that it was begun with",
             ));
         }
-        self.film = film;
-        self.noise = noise;
+        self.blocks = blocks;
         Ok(())
+    }
+
+    /// Takes other counts from now on, in a new block; a block without iterations is replaced.
+    ///
+    /// # Errors
+    /// If the counts are out of bounds or do not fit in the memory.
+    ///
+    /// # Panics
+    /// If there are counts for another number of pixels.
+    pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
+        counts.validate(&self.settings)?;
+        check_memory(self.scene, &self.settings, counts.light_paths)?;
+        self.blocks.pop_if(|block| block.film.iterations == 0);
+        self.blocks.push(Block::new(&self.settings, counts));
+        Ok(())
+    }
+
+    /// The most light paths that take no more than half of the memory that is left.
+    pub fn most_light_paths(&self) -> u32 {
+        let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
+        let for_light = 0.5 * (available - film_bytes(&self.settings)).max(0.0);
+        let most = for_light / bytes_per_light_path(self.scene);
+        most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
     /// Whether a render with fixed counts measures its next iteration: the pilot and a fixed share
     /// of the others, where the counts allow it.
     pub fn scheduled(&self) -> Measure {
-        let next = self.film.iterations;
+        let next = self.film().iterations;
         let measures = next < PILOT || next.is_multiple_of(MEASURE_EVERY);
-        if measures && self.settings.can_measure() { Measure::Pairs } else { Measure::Off }
+        let Counts { light_paths, camera_paths } = &self.block().counts;
+        let can = *light_paths >= 2 && camera_paths.least() >= 2;
+        if measures && can { Measure::Pairs } else { Measure::Off }
     }
 
     /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.
@@ -133,40 +158,55 @@ impl<'a> Renderer<'a> {
     /// If something was measured before.
     #[must_use]
     pub fn with_batches(mut self, grain: BatchGrain) -> Self {
-        assert!(self.noise.is_none(), "batches change only before the first measurement");
+        assert!(self.noise().is_none(), "batches change only before the first measurement");
         self.grain = grain;
         self
     }
 
-    /// What was measured so far.
+    /// All blocks; the last is under way.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The block under way.
+    pub fn block(&self) -> &Block {
+        self.blocks.last().expect("there is always one")
+    }
+
+    /// What was measured in the block under way.
     pub fn noise(&self) -> Option<&NoiseFilm> {
-        self.noise.as_ref()
+        self.block().noise.as_ref()
     }
 
-    /// The image so far.
+    /// The image of the block under way.
     pub fn film(&self) -> &Film {
-        &self.film
+        &self.block().film
     }
 
-    /// The settings it was made with.
+    /// Iterations of all blocks.
+    pub fn iterations(&self) -> u64 {
+        self.blocks.iter().map(|block| block.film.iterations).sum()
+    }
+
+    /// The settings; counts are those of the first block.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Renders one iteration on the threads of the current rayon pool.
+    /// Renders one iteration on the threads of the current rayon pool. One that measures takes at
+    /// least two camera paths in each pixel; those that the counts do not ask for stay out of the
+    /// image, which is the same whether it is measured or not.
     ///
     /// # Panics
-    /// If it is to measure with fewer than two light paths or camera paths.
+    /// If it is to measure with fewer than two light paths.
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
-        let Self { scene, accel, settings, film, .. } = self;
-        assert!(
-            measure == Measure::Off || settings.can_measure(),
-            "measuring takes pairs of paths"
-        );
-        let iteration = film.iterations;
+        let iteration = self.iterations();
+        let Self { scene, accel, settings, blocks, grain, .. } = self;
+        let Block { counts, film, noise, clock } = blocks.last_mut().expect("there is one");
+        assert!(measure == Measure::Off || counts.light_paths >= 2, "measuring takes pairs");
 
-        self.light_paths.trace(scene, *accel, settings, iteration);
+        self.light_paths.trace(scene, *accel, settings, counts.light_paths, iteration);
         let build = Instant::now();
         self.photon_map.build(&self.light_paths, settings.radius);
         let build_time = build.elapsed();
@@ -180,24 +220,25 @@ impl<'a> Renderer<'a> {
             gather_early: self.photon_map.any_at_every_vertex(),
         };
         let merge = Merge::new(&self.photon_map, settings.merge_vertex);
+        let job = Job { pass, merge, counts, measure, before: film.iterations };
         // A measuring iteration gives each tile its part of the noise sums as well.
-        let noise_tiles: Vec<Option<NoiseTile>> = match (&mut self.noise, measure) {
-            (_, Measure::Off) => film.tiles().map(|_| None).collect(),
-            (noise, _) => {
-                let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), self.grain));
-                noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
-            }
+        let noise_tiles: Vec<Option<NoiseTile>> = if measure == Measure::Off {
+            film.tiles().map(|_| None).collect()
+        } else {
+            let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), *grain));
+            noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
         };
         let tiles = film.tiles_mut().into_par_iter().zip(noise_tiles);
         // Tiles differ in cost: hand them out one by one.
-        tiles.with_max_len(1).for_each_init(
-            || self.workers.lease(),
-            |worker, (tile, noise)| worker.render(&pass, &merge, measure, tile, noise),
-        );
-        if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
+        let render = |worker: &mut Lease<Worker>, (tile, noise)| worker.render(&job, tile, noise);
+        let deviations: Vec<f64> =
+            tiles.with_max_len(1).map_init(|| self.workers.lease(), render).collect();
+        // Summed in the order of the tiles, whoever rendered them.
+        film.deviations.add(deviations.iter().sum(), film.iterations);
+        film.iterations += 1;
+        if let (Some(noise), true) = (noise, measure != Measure::Off) {
             noise.iterations += 1;
         }
-        film.iterations += 1;
 
         let mut report = IterationReport {
             rays: self.light_paths.rays(),
@@ -214,30 +255,40 @@ impl<'a> Renderer<'a> {
         }
         report.non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
         report.times.wall = start.elapsed();
+        if measure == Measure::Off {
+            clock.iterations += 1;
+            clock.times += report.times;
+        }
         report
     }
 }
 
-/// Refuses counts that cannot fit, before anything is allocated.
-fn check_memory(scene: &Scene, settings: &Settings) -> Result<()> {
-    // A light path leaves on average at most 1/(1 - albedo) photons, held twice while sorting
-    // besides their buckets. Films are held thrice: sums, image and what is being written; sums of
-    // the noise once.
+/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons, held twice
+/// while sorting besides their buckets.
+fn bytes_per_light_path(scene: &Scene) -> f64 {
     let albedo = scene.materials.iter().map(|m| m.bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    let per_photon = (3 * size_of::<Photon>() + 16) as f64;
-    let light = f64::from(settings.light_paths) * photons_per_path * per_photon;
+    photons_per_path * (3 * size_of::<Photon>() + 16) as f64
+}
+
+/// Bytes of the image under way: sums, image and what is being written, and sums of the noise.
+fn film_bytes(settings: &Settings) -> f64 {
     let per_pixel = 3 * size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
-    let film = settings.pixels() as f64 * per_pixel as f64;
+    settings.pixels() as f64 * per_pixel as f64
+}
+
+/// Refuses counts that cannot fit, before anything is allocated.
+fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<()> {
+    let light = f64::from(light_paths) * bytes_per_light_path(scene);
+    let film = film_bytes(settings);
     let needed = light + film;
     match available_memory() {
         Some(available) if needed > available => Err(Error::new(
             format!(
-                "about {:.1} GiB of memory are needed, {:.1} GiB for {} light paths and {:.1} GiB \
-                 for {}x{} pixels, but {:.1} GiB are available",
+                "about {:.1} GiB of memory are needed, {:.1} GiB for {light_paths} light paths and \
+                 {:.1} GiB for {}x{} pixels, but {:.1} GiB are available",
                 needed / GIB,
                 light / GIB,
-                settings.light_paths,
                 film / GIB,
                 settings.width,
                 settings.height,

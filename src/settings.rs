@@ -243,7 +243,7 @@ fn check_resolution(&[width, height]: &[u32; 2]) -> Result<()> {
     ))
 }
 
-fn check_light_paths(&count: &u32) -> Result<()> {
+pub(crate) fn check_light_paths(&count: &u32) -> Result<()> {
     if (1..=MAX_LIGHT_PATHS).contains(&count) {
         return Ok(());
     }
@@ -253,7 +253,7 @@ fn check_light_paths(&count: &u32) -> Result<()> {
     ))
 }
 
-fn check_camera_paths(&count: &u32) -> Result<()> {
+pub(crate) fn check_camera_paths(&count: &u32) -> Result<()> {
     if count > 0 {
         return Ok(());
     }

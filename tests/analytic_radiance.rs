@@ -136,7 +136,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_light() {
                 ..settings(1, 1)
             };
             let mut paths = LightPaths::default();
-            paths.trace(&scene, &*accel, &settings, iteration);
+            paths.trace(&scene, &*accel, &settings, settings.light_paths, iteration);
             let mut sums = [0.0; 5];
             let (mut path, mut vertex) = (u32::MAX, 0);
             for photon in paths.photons().flatten() {

@@ -1,10 +1,12 @@
 //! `bdpm analyze SCENE`.
 
 use super::analyze_text::text;
-use super::session::{Prepared, RunReport, Session, SessionArgs, StoppedBy, metadata};
+use super::render::describe_counts;
+use super::session::{Prepared, RunReport, Session, SessionArgs};
 use super::{choice, json};
 use bdpm::error::{Error, Result};
 use bdpm::film::Film;
+use bdpm::goal::{Goal, StoppedBy};
 use bdpm::noise::Measure;
 use bdpm::noise::file::{NoiseFile, check_memory};
 use bdpm::noise::film::BatchGrain;
@@ -14,6 +16,7 @@ use bdpm::noise::region;
 use bdpm::noise::summary::Summary;
 use bdpm::output::{self, Value};
 use bdpm::settings::Settings;
+use bdpm::steer::Measuring;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,8 +32,8 @@ pub struct Args {
     /// EXR file to write; NAME.terms.png and NAME.rms.png come beside it
     #[arg(long, short, value_name = "NOISE.exr")]
     output: PathBuf,
-    /// Iterations, at least 2; standard errors take 32 [default: 256]
-    #[arg(long, value_name = "N", conflicts_with = "time")]
+    /// Iterations, at least 2; standard errors take 32 [default: 256, without --time]
+    #[arg(long, value_name = "N")]
     iterations: Option<u64>,
     /// How coefficients are estimated: from all pairs, or from halves of the paths as published
     #[arg(long, default_value = "pairs", value_parser = choice(&[
@@ -76,9 +79,14 @@ pub fn run(args: &Args) -> Result<String> {
     check_memory(settings.width, settings.height)?;
     let mut renderer = prepared.renderer()?.with_batches(BatchGrain::Pixel);
 
-    let goal = args.session.goal(args.iterations, DEFAULT_ITERATIONS);
-    let mut session = Session::new(&prepared, (goal, 2), args.session.quiet, "measuring")?;
-    let stopped_by = session.iterate(&mut renderer, |_| args.estimator, |_, _| {});
+    let time = args.session.time;
+    let default = time.is_none().then_some(DEFAULT_ITERATIONS);
+    let goal = Goal { iterations: args.iterations.or(default), time, target: None };
+    let counts = describe_counts(renderer.block());
+    let mut session =
+        Session::new(&prepared, (goal, 2), args.session.quiet, ("measuring", &counts))?;
+    let mut measuring = Measuring(args.estimator);
+    let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| {})?;
     let film = renderer.film();
     session.progress.finish();
     if film.iterations < 2 {
@@ -100,7 +108,7 @@ pub fn run(args: &Args) -> Result<String> {
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let report = Report {
-        run: session.report(film, stopped_by, write_time),
+        run: session.report((film.iterations, film.mean_luminance()), stopped_by, write_time),
         light_paths: settings.light_paths,
         camera_paths: settings.camera_paths,
         estimator: args.estimator,
@@ -125,7 +133,8 @@ pub fn noise_file(
     noise: NoiseImage,
     estimator: Measure,
 ) -> NoiseFile {
-    let mut facts = metadata(&prepared.origin, film.iterations);
+    let mut facts = prepared.origin.to_metadata();
+    facts.insert("iterations".into(), Value::Number(film.iterations as f64));
     let estimator = serde_json::to_value(estimator).expect("a plain name");
     let estimator = estimator.as_str().unwrap_or_default().to_owned();
     facts.insert("estimator".into(), Value::Text(estimator));

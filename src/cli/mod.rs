@@ -9,6 +9,7 @@ mod info;
 mod predict;
 mod progress;
 mod render;
+mod render_text;
 mod session;
 
 use bdpm::accel::backend::Backend;

@@ -1,6 +1,7 @@
 //! Progress on stderr: a bar on a terminal, else a line now and then.
 
 use super::{human_time, say};
+use bdpm::goal::{Forecast, Goal, Standing};
 use bdpm::render::{IterationReport, PhaseTimes};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use std::fmt::Write;
@@ -11,13 +12,15 @@ use std::time::{Duration, Instant};
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// When to stop.
-#[derive(Clone, Copy, Debug)]
-pub enum Goal {
-    /// At this many iterations, those of a resumed image included.
-    Iterations(u64),
-    /// After this much time of rendering.
-    Time(Duration),
+/// Where an image stands after an iteration.
+#[derive(Clone, Debug, Default)]
+pub struct Status {
+    /// Iterations of the image.
+    pub iterations: u64,
+    /// As it was found a moment ago.
+    pub standing: Option<Standing>,
+    /// What the rest leads to, once that is known.
+    pub forecast: Option<Forecast>,
 }
 
 /// What this run has done.
@@ -89,40 +92,36 @@ impl Progress {
         Self { shown, goal, last_line: Instant::now(), end }
     }
 
-    /// Shows the state after an iteration: `done` are the image's iterations, `elapsed` is the time
-    /// since rendering began.
-    pub fn update(&mut self, totals: &Totals, done: u64, elapsed: Duration) {
-        let per_iteration = elapsed.as_secs_f64() / totals.iterations.max(1) as f64;
-        let (fraction, left) = match self.goal {
-            Goal::Iterations(n) => {
-                (done as f64 / n as f64, n.saturating_sub(done) as f64 * per_iteration)
-            }
-            Goal::Time(time) => {
-                let left = time.saturating_sub(elapsed).as_secs_f64();
-                (1.0 - left / time.as_secs_f64().max(1e-9), left)
-            }
+    /// Shows the state after an iteration, `elapsed` being the time since rendering began.
+    pub fn update(&mut self, totals: &Totals, status: &Status, elapsed: Duration) {
+        let (goal, elapsed) = (self.goal, elapsed.as_secs_f64());
+        let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
+        let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
+            let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
+            goal.time.filter(|_| goal.target.is_none()).map(rest)
+        });
+        let fraction = match (left, goal.iterations) {
+            (_, Some(n)) => status.iterations as f64 / n as f64,
+            (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
+            (None, None) => goal.time.map_or(0.0, of_time),
         };
-        let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX);
-        let count = match self.goal {
-            Goal::Iterations(n) => format!("{done}/{n}"),
-            Goal::Time(_) => format!("{done} done"),
-        };
-        let [light, camera, merge] = totals.shares();
-        let state = format!(
-            "{count}  {:.1} Mray/s  light {light:.0}% camera {camera:.0}% merge {merge:.0}%",
-            totals.rays_per_second() / 1e6
-        );
+        let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
+        let state = describe(goal, totals, status);
         match &self.shown {
             Shown::Nothing => {}
             Shown::Lines => {
                 if self.last_line.elapsed() >= LINE_EVERY {
                     self.last_line = Instant::now();
-                    say(&format!("{state}  {} left", human_time(left.as_secs_f64())));
+                    let left = left.map_or(String::new(), |left| {
+                        format!("  {} left", human_time(left.as_secs_f64()))
+                    });
+                    say(&format!("{state}{left}"));
                 }
             }
             Shown::Bar(bar) => {
-                *self.end.lock().expect("no holder panics") = Instant::now().checked_add(left);
-                bar.set_position((1000.0 * fraction) as u64);
+                *self.end.lock().expect("no holder panics") =
+                    left.and_then(|left| Instant::now().checked_add(left));
+                bar.set_position((1000.0 * fraction.clamp(0.0, 1.0)) as u64);
                 bar.set_message(state);
             }
         }
@@ -143,6 +142,27 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
+}
+
+/// Count, noise now and at the end, speed, and what takes the time.
+fn describe(goal: Goal, totals: &Totals, status: &Status) -> String {
+    let mut state = match goal.iterations {
+        Some(n) => format!("{}/{n}", status.iterations),
+        None => format!("{} done", status.iterations),
+    };
+    let luminance = status.standing.as_ref().map_or(0.0, |standing| standing.mean_luminance);
+    let percent = |rms: f64| format!("{:.2}%", 100.0 * rms / luminance);
+    if let Some(rms) = status.standing.as_ref().and_then(Standing::rms)
+        && luminance > 0.0
+    {
+        state += &format!("  RMS {}", percent(rms));
+        if let Some(Forecast { rms, .. }) = status.forecast {
+            state += &format!(" to {}", percent(rms));
+        }
+    }
+    let [light, camera, merge] = totals.shares();
+    let speed = totals.rays_per_second() / 1e6;
+    state + &format!("  {speed:.1} Mray/s  light {light:.0}% camera {camera:.0}% merge {merge:.0}%")
 }
 
 fn bar(end: Arc<Mutex<Option<Instant>>>) -> ProgressBar {

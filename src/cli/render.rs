@@ -1,26 +1,32 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
-use super::progress::{Goal, Progress};
-use super::session::{Prepared, RunReport, Session, SessionArgs, StoppedBy, metadata};
-use super::{human_time, json};
-use bdpm::checkpoint::{Checkpoint, Origin};
+use super::progress::Progress;
+use super::render_text::text;
+use super::session::{Prepared, RunReport, Session, SessionArgs};
+use super::json;
+use bdpm::autopilot::{Autopilot, Promise};
+use bdpm::block::{Block, Combined};
+use bdpm::checkpoint::Checkpoint;
 use bdpm::error::{Error, Result};
-use bdpm::film::Film;
+use bdpm::goal::{Goal, Target};
 use bdpm::noise::Measure;
+use bdpm::noise::bias::MergeBias;
 use bdpm::noise::file::check_memory;
-use bdpm::noise::film::{BatchGrain, NoiseFilm};
+use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
-use bdpm::output::{self, Image, Layer};
+use bdpm::origin::Origin;
+use bdpm::output::{self, Image, Layer, Value};
+use bdpm::plan::Plan;
 use bdpm::render::Renderer;
-use bdpm::settings::Settings;
+use bdpm::steer::{Fixed, Replay, Steer};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Iterations when neither --iterations nor --time is given: enough to judge a scene by.
-const DEFAULT_ITERATIONS: u64 = 64;
+/// The target when neither --iterations nor --time nor --target-rms is given.
+const DEFAULT_TARGET: Target = Target::Share(0.01);
 
 /// Time between checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
@@ -41,10 +47,18 @@ pub struct Args {
     /// Image to write; the PNG preview beside it has the same name
     #[arg(long, short, value_name = "OUT.exr")]
     output: PathBuf,
-    /// Iterations in all, those of a resumed image included [default: 64]
-    #[arg(long, value_name = "N", conflicts_with = "time",
-          value_parser = clap::value_parser!(u64).range(1..))]
+    /// Iterations in all, those of a resumed image included; the counts are then not chosen
+    /// automatically
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
+    /// Stop at this noise: pooled RMS as luminance, or as a share of the mean luminance
+    /// [default: 1%, without --time and --iterations]
+    #[arg(long, value_name = "X|X%", allow_negative_numbers = true)]
+    target_rms: Option<Target>,
+    /// Take counts, settings and iterations from this image; one that chose its own counts is
+    /// rendered again bit for bit
+    #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
+    plan: Option<PathBuf>,
     /// Write the noise coefficients that were measured on the way to this file, for predict
     #[arg(long, value_name = "NOISE.exr")]
     noise: Option<PathBuf>,
@@ -52,133 +66,277 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     resume: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+pub struct Report<'a> {
     #[serde(flatten)]
-    run: RunReport<'a>,
-    /// Pooled RMS of the image, W/(m^2 sr), and the same over the mean luminance.
-    rms: Option<f64>,
-    relative_rms: Option<f64>,
-    exr: String,
-    png: String,
-    noise: Option<String>,
-    checkpoint: Option<String>,
+    pub run: RunReport<'a>,
+    /// Whether counts were chosen automatically.
+    pub automatic: bool,
+    pub blocks: Vec<BlockReport>,
+    /// Pooled RMS of the image and its standard error, W/(m^2 sr); RMS over the mean luminance.
+    pub rms: Option<f64>,
+    pub rms_error: Option<f64>,
+    pub relative_rms: Option<f64>,
+    /// What was expected when the counts were first chosen.
+    pub promise: Option<Promise>,
+    pub merge_bias: Option<MergeBias>,
+    pub exr: String,
+    pub png: String,
+    pub noise: Option<String>,
+    pub checkpoint: Option<String>,
+}
+
+/// Iterations at equal counts.
+#[derive(Serialize)]
+pub struct BlockReport {
+    pub iterations: u64,
+    pub light_paths: u32,
+    /// Mean, least and greatest number of camera paths of any pixel.
+    pub camera_paths: f64,
+    pub least_camera_paths: u32,
+    pub most_camera_paths: u32,
+    /// Weight of each iteration in the image.
+    pub weight: f64,
+    /// Pooled variance of one iteration as sampled, squared luminance.
+    pub variance: Option<f64>,
+}
+
+/// Where the counts come from.
+enum Counting {
+    Fixed,
+    Automatic,
+    Replay(Plan),
 }
 
 pub fn run(args: &Args) -> Result<String> {
     let outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
-    let goal = args.session.goal(args.iterations, DEFAULT_ITERATIONS);
-    let begun = resumed.as_ref().map(|checkpoint| &checkpoint.origin);
-    let prepared = Prepared::new(&args.session, begun.zip(args.resume.as_deref()))?;
+    let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
+    let counting = match (&resumed, planned.as_ref()) {
+        (_, Some((plan, _))) => Counting::Replay(plan.clone()),
+        (Some(checkpoint), _) if checkpoint.autopilot.is_some() => Counting::Automatic,
+        (Some(_), _) => Counting::Fixed,
+        (None, None) if args.counts_are_open() => Counting::Automatic,
+        (None, None) => Counting::Fixed,
+    };
+    let begun = resumed
+        .as_ref()
+        .map(|checkpoint| &checkpoint.origin)
+        .zip(args.resume.as_deref())
+        .or(planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref()));
+    let prepared = Prepared::new(&args.session, begun)?;
+    let goal = args.goal(&counting);
     let mut renderer = prepared.renderer()?;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
-        check_counts(settings)?;
+        if !matches!(counting, Counting::Automatic) {
+            check_counts(settings)?;
+        }
         check_memory(settings.width, settings.height)?;
         renderer = renderer.with_batches(BatchGrain::Pixel);
     }
+    let mut state = None;
     if let Some(checkpoint) = resumed {
-        check_goal(goal, &checkpoint.film)?;
-        let Checkpoint { film, noise, .. } = checkpoint;
-        check_grain(args, noise.as_deref())?;
-        renderer.resume(film.into_owned(), noise.map(Cow::into_owned))?;
+        check_goal(goal, &checkpoint.blocks)?;
+        check_grain(args, &checkpoint.blocks)?;
+        state = checkpoint.autopilot;
+        renderer.resume(checkpoint.blocks.into_owned())?;
     }
-
-    let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
-    let mut session = Session::new(&prepared, (goal, 1), args.session.quiet, "rendering")?;
-    let mut schedule = Schedule::new(prepared.origin.settings.pixels());
-    let stopped_by = session.iterate(
-        &mut renderer,
-        |renderer| renderer.scheduled(),
-        |session, renderer| schedule.write_when_due(&mut writer, renderer, session),
-    );
-    let film = renderer.film();
-    session.progress.finish();
-    // The checkpoint first: with it, a full disk costs no work.
-    writer.save_checkpoint(&renderer)?;
-    writer.save_image(film)?;
-    if let Some(path) = &args.noise {
-        save_noise(path, &prepared, &renderer, &session.progress)?;
+    let task = Task { args, prepared: &prepared, goal, outputs };
+    match counting {
+        Counting::Fixed => task.render(renderer, Fixed),
+        Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
+        Counting::Automatic => {
+            let threads = prepared.threads.current_num_threads();
+            let pilot = Autopilot::new(goal, threads, state);
+            // Coefficients are written for one pair of counts.
+            let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
+            task.render(renderer, pilot)
+        }
     }
-
-    let name = |path: &Path| path.to_string_lossy().into_owned();
-    let report = Report {
-        run: session.report(film, stopped_by, writer.time),
-        rms: film.pooled_rms(),
-        relative_rms: film.pooled_rms().map(|rms| rms / film.mean_luminance()),
-        exr: name(&writer.outputs.exr),
-        png: name(&writer.outputs.png),
-        noise: args.noise.as_deref().map(name),
-        checkpoint: writer.outputs.checkpoint.as_deref().map(name),
-    };
-    Ok(match (args.session.scene.json, args.session.quiet) {
-        (true, _) => json(&report),
-        (false, true) => String::new(),
-        (false, false) => text(&report),
-    })
 }
 
-fn text(report: &Report) -> String {
-    let stopped = if report.run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
-    let rms = match (report.rms, report.relative_rms) {
-        (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
-        _ => String::new(),
+impl Args {
+    /// Whether nothing on the command line says how many paths to take.
+    fn counts_are_open(&self) -> bool {
+        let scene = &self.session.scene;
+        scene.light_paths.is_none() && scene.camera_paths.is_none() && self.iterations.is_none()
+    }
+
+    fn goal(&self, counting: &Counting) -> Goal {
+        let planned = match counting {
+            Counting::Replay(plan) => plan.iterations(),
+            _ => None,
+        };
+        let iterations = self.iterations.or(planned);
+        let (time, mut target) = (self.session.time, self.target_rms);
+        if iterations.is_none() && time.is_none() {
+            target = target.or(Some(DEFAULT_TARGET));
+        }
+        Goal { iterations, time, target }
+    }
+}
+
+/// Reads a plan with what it belongs to. Where its iterations are open, seed and version are as well.
+fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
+    let image = output::read_exr(path)?;
+    let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
+    let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
+    if plan.iterations().is_none() {
+        origin.version = env!("CARGO_PKG_VERSION").into();
+        origin.settings.seed = args.session.scene.seed.unwrap_or(origin.settings.seed);
+    } else if args.checkpoint.is_some() {
+        return Err(Error::new(
+            "an image is replayed in one go, without checkpoints",
+            "leave --checkpoint out",
+        )
+        .at(path));
+    }
+    Ok((plan, origin))
+}
+
+/// A render that is ready to begin.
+struct Task<'a> {
+    args: &'a Args,
+    prepared: &'a Prepared,
+    goal: Goal,
+    outputs: Outputs,
+}
+
+impl Task<'_> {
+    /// Renders to the goal, writes the files and tells of it.
+    fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
+        let Self { args, prepared, goal, outputs } = self;
+        let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
+        let announced = match steer.autopilot() {
+            Some(_) => "numbers of paths chosen automatically".to_owned(),
+            None => describe_counts(renderer.block()),
+        };
+        let quiet = args.session.quiet;
+        let mut session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
+        let mut schedule = Schedule::new(prepared.origin.settings.pixels());
+        let stopped_by = session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
+            let save = |writer: &mut Writer| {
+                writer.save_checkpoint(renderer, steer.autopilot(), session.elapsed())
+            };
+            schedule.write_when_due(&mut writer, session, save, |writer| {
+                writer.save_image(&combined(renderer, steer))
+            });
+        })?;
+        session.progress.finish();
+        let pilot = steer.autopilot();
+        // The checkpoint first: with it, a full disk costs no work.
+        writer.save_checkpoint(&renderer, pilot, session.elapsed())?;
+        let image = combined(&renderer, &steer);
+        writer.save_image(&image)?;
+        if let Some(path) = &args.noise {
+            save_noise(path, prepared, &renderer, &session.progress)?;
+        }
+
+        let name = |path: &Path| path.to_string_lossy().into_owned();
+        let (variance, luminance) = (image.pooled_variance(), image.mean_luminance());
+        let rms = variance.map(|(variance, _)| variance.sqrt());
+        let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
+        let report = Report {
+            run: session.report((image.iterations(), luminance), stopped_by, writer.time),
+            automatic: pilot.is_some(),
+            blocks: block_reports(&image, renderer.blocks()),
+            rms,
+            rms_error: error.filter(|error| error.is_finite()),
+            relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
+            promise: pilot.and_then(|pilot| pilot.promise().copied()),
+            merge_bias: MergeBias::new(renderer.blocks(), &image),
+            exr: name(&writer.outputs.exr),
+            png: name(&writer.outputs.png),
+            noise: args.noise.as_deref().map(name),
+            checkpoint: writer.outputs.checkpoint.as_deref().map(name),
+        };
+        Ok(match (args.session.scene.json, quiet) {
+            (true, _) => json(&report),
+            (false, true) => String::new(),
+            (false, false) => text(&report),
+        })
+    }
+}
+
+/// The image of all blocks.
+fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer) -> Combined<'a> {
+    Combined::new(renderer.blocks(), steer.weights(renderer.blocks()))
+}
+
+fn block_reports(image: &Combined, blocks: &[Block]) -> Vec<BlockReport> {
+    let report = |(block, &weight): (&Block, &f64)| BlockReport {
+        iterations: block.film.iterations,
+        light_paths: block.counts.light_paths,
+        camera_paths: block.counts.camera_paths.mean(),
+        least_camera_paths: block.counts.camera_paths.least(),
+        most_camera_paths: block.counts.camera_paths.most(),
+        weight,
+        variance: block.film.pooled_variance().map(|(variance, _)| variance),
     };
-    format!(
-        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{rms}{stopped}\n",
-        report.exr,
-        report.png,
-        report.run.iterations,
-        human_time(report.run.seconds.render),
-        report.run.rays_per_second / 1e6,
-        report.run.mean_luminance
-    )
+    blocks.iter().zip(image.weights()).map(report).collect()
+}
+
+/// The counts of a block in words.
+pub fn describe_counts(block: &Block) -> String {
+    let camera = &block.counts.camera_paths;
+    let (least, most) = (camera.least(), camera.most());
+    let light = block.counts.light_paths;
+    if least == most {
+        format!("{light} light paths, {least} camera paths per pixel")
+    } else {
+        format!("{light} light paths, {:.2} ({least} to {most}) camera paths per pixel", camera.mean())
+    }
 }
 
 /// Refuses to go on to fewer iterations than there are.
-fn check_goal(goal: Goal, film: &Film) -> Result<()> {
-    match goal {
-        Goal::Iterations(wanted) if wanted < film.iterations => Err(Error::new(
-            format!("the checkpoint holds {} iterations, more than {wanted}", film.iterations),
-            format!("give --iterations {} or more, or --time", film.iterations),
+fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
+    let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
+    match goal.iterations {
+        Some(wanted) if wanted < done => Err(Error::new(
+            format!("the checkpoint holds {done} iterations, more than {wanted}"),
+            format!("give --iterations {done} or more, or --time"),
         )),
         _ => Ok(()),
     }
 }
 
 /// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
-fn check_grain(args: &Args, noise: Option<&NoiseFilm>) -> Result<()> {
+fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
     let Some(path) = &args.noise else { return Ok(()) };
-    match noise.map(NoiseFilm::grain) {
-        Some(BatchGrain::Tile) => Err(Error::new(
+    let by_tile = |block: &Block| {
+        block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+    };
+    if blocks.iter().any(by_tile) {
+        return Err(Error::new(
             "the checkpoint was begun without --noise and lacks the batches of single pixels",
             "resume without --noise, or begin anew with it",
         )
-        .at(path)),
-        _ => Ok(()),
+        .at(path));
     }
+    Ok(())
 }
 
-/// Writes what the measuring iterations found.
+/// Writes what the measuring iterations of the block with the most of them found.
 fn save_noise(
     path: &Path,
     prepared: &Prepared,
     renderer: &Renderer,
     progress: &Progress,
 ) -> Result<()> {
-    let measured = renderer.noise().filter(|noise| noise.iterations >= 2);
-    let Some(measured) = measured else {
+    let measured = renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
+    let most = measured.max_by_key(|(_, noise)| noise.iterations);
+    let Some((block, measured)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
         progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
         return Ok(());
     };
-    let Settings { light_paths, camera_paths, .. } = *renderer.settings();
-    let noise = NoiseImage::new(renderer.film(), measured, (light_paths, camera_paths));
-    noise_file(prepared, renderer.film(), noise, Measure::Pairs).write(path)
+    let counts = (block.counts.light_paths, block.counts.camera_paths.most());
+    let noise = NoiseImage::new(&block.film, measured, counts);
+    noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }
 
 /// Files to write.
@@ -232,14 +390,20 @@ impl Schedule {
     }
 
     /// A failure here may be gone at the end: only the last write must succeed.
-    fn write_when_due(&mut self, writer: &mut Writer, renderer: &Renderer, session: &Session) {
+    fn write_when_due(
+        &mut self,
+        writer: &mut Writer,
+        session: &Session,
+        save_checkpoint: impl Fn(&mut Writer) -> Result<()>,
+        save_image: impl Fn(&mut Writer) -> Result<()>,
+    ) {
         if session.elapsed() >= self.next_checkpoint {
-            warn_of_failure(&session.progress, writer.save_checkpoint(renderer));
+            warn_of_failure(&session.progress, save_checkpoint(writer));
             self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
         }
         if session.elapsed() >= self.next_image {
             let before = Instant::now();
-            warn_of_failure(&session.progress, writer.save_image(renderer.film()));
+            warn_of_failure(&session.progress, save_image(writer));
             let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
             self.next_image = session.elapsed() + pause;
         }
@@ -260,29 +424,37 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    fn save_checkpoint(&mut self, renderer: &Renderer) -> Result<()> {
+    fn save_checkpoint(
+        &mut self,
+        renderer: &Renderer,
+        pilot: Option<&Autopilot>,
+        elapsed: Duration,
+    ) -> Result<()> {
         let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
         let start = Instant::now();
         let checkpoint = Checkpoint {
             origin: self.origin.clone(),
-            film: Cow::Borrowed(renderer.film()),
-            noise: renderer.noise().map(Cow::Borrowed),
+            blocks: Cow::Borrowed(renderer.blocks()),
+            autopilot: pilot.map(|pilot| pilot.state(elapsed.as_secs_f64())),
         };
         let saved = checkpoint.save(path);
         self.time += start.elapsed();
         saved
     }
 
-    fn save_image(&mut self, film: &Film) -> Result<()> {
+    fn save_image(&mut self, combined: &Combined) -> Result<()> {
         let start = Instant::now();
-        let (width, height) = film.resolution();
-        let pixels = film.mean();
+        let (width, height) = combined.resolution();
+        let pixels = combined.mean();
         let mut layers = vec![Layer::rgb("", &pixels)];
-        if let Some(rms) = film.rms() {
+        if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        let image =
-            Image { width, height, layers, metadata: metadata(self.origin, film.iterations) };
+        let mut metadata = self.origin.to_metadata();
+        let iterations = Value::Number(combined.iterations() as f64);
+        metadata.insert("iterations".into(), iterations);
+        let mut image = Image { width, height, layers, metadata };
+        Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let saved = output::write_exr(&self.outputs.exr, &image).and_then(|()| {
             output::write_png(&self.outputs.png, width, height, &pixels).map(|_exposure| ())
         });

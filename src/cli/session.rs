@@ -1,17 +1,16 @@
 //! What `render` and `analyze` have in common: from the arguments to the last iteration.
 
-use super::progress::{Goal, Progress, Totals};
+use super::progress::{Progress, Status, Totals};
 use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
 use bdpm::accel::backend::{self, Backend};
-use bdpm::checkpoint::Origin;
 use bdpm::error::{Error, Result};
-use bdpm::film::Film;
-use bdpm::noise::Measure;
-use bdpm::output::{Metadata, Value};
+use bdpm::goal::{Goal, Standing, StoppedBy};
+use bdpm::origin::Origin;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::{Scene, load::load};
 use bdpm::settings::{Length, RenderDefaults, Settings};
+use bdpm::steer::Steer;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -30,25 +29,6 @@ pub struct SessionArgs {
     /// Show nothing but errors
     #[arg(long, short)]
     pub quiet: bool,
-}
-
-impl SessionArgs {
-    /// When to stop.
-    pub fn goal(&self, iterations: Option<u64>, default: u64) -> Goal {
-        match (self.time, iterations) {
-            (Some(time), _) => Goal::Time(time),
-            (None, iterations) => Goal::Iterations(iterations.unwrap_or(default)),
-        }
-    }
-}
-
-/// Why rendering ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StoppedBy {
-    Iterations,
-    Time,
-    Interrupt,
 }
 
 /// The part of the result that tells of the run.
@@ -169,6 +149,9 @@ pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicU32> {
     Ok(&PRESSES)
 }
 
+/// Time between two looks at the whole image's noise, seconds, once some have passed.
+const LOOK_EVERY: f64 = 0.5;
+
 /// Iterations under way.
 pub struct Session<'a> {
     prepared: &'a Prepared,
@@ -177,30 +160,32 @@ pub struct Session<'a> {
     least: u64,
     pub progress: Progress,
     pub totals: Totals,
+    status: Status,
+    last_look: f64,
     start: Instant,
     presses: &'static AtomicU32,
 }
 
 impl<'a> Session<'a> {
-    /// Announces the start; `verb` is what is done to the scene.
+    /// Announces the start; `verb` is what is done to the scene, `counts` how.
     pub fn new(
         prepared: &'a Prepared,
         (goal, least): (Goal, u64),
         quiet: bool,
-        verb: &str,
+        (verb, counts): (&str, &str),
     ) -> Result<Self> {
         let progress = Progress::new(goal, quiet);
         let presses = catch_interrupts(progress.clone())?;
-        let Settings { width, height, light_paths, camera_paths, .. } = prepared.origin.settings;
+        let Settings { width, height, .. } = prepared.origin.settings;
         progress.note(&format!(
-            "{verb} {}: {width}x{height} pixels, {light_paths} light paths, {camera_paths} camera \
-             paths per pixel, {} threads, {}",
+            "{verb} {}: {width}x{height} pixels, {counts}, {} threads, {}",
             prepared.origin.scene,
             prepared.threads.current_num_threads(),
             prepared.accel.describe().name,
         ));
         let (totals, start) = (Totals::default(), Instant::now());
-        Ok(Self { prepared, goal, least, progress, totals, start, presses })
+        let (status, last_look) = (Status::default(), 0.0);
+        Ok(Self { prepared, goal, least, progress, totals, status, last_look, start, presses })
     }
 
     /// Time since the first iteration began.
@@ -209,44 +194,72 @@ impl<'a> Session<'a> {
     }
 
     /// Iterates up to the goal or an interrupt; calls `between` after every iteration but the last.
-    pub fn iterate(
+    ///
+    /// # Errors
+    /// Those of `steer`.
+    pub fn iterate<S: Steer>(
         &mut self,
         renderer: &mut Renderer,
-        measure: impl Fn(&Renderer) -> Measure,
-        mut between: impl FnMut(&Self, &Renderer),
-    ) -> StoppedBy {
+        steer: &mut S,
+        mut between: impl FnMut(&Self, &Renderer, &S),
+    ) -> Result<StoppedBy> {
         loop {
-            if let Some(reason) = self.finished(renderer.film()) {
-                return reason;
+            if let Some(reason) = self.finished(renderer) {
+                return Ok(reason);
             }
-            let measure = measure(renderer);
-            let report = self.prepared.threads.install(|| renderer.iterate(measure));
+            let elapsed = self.elapsed().as_secs_f64();
+            let threads = &self.prepared.threads;
+            let measure = threads.install(|| steer.steer(renderer, elapsed))?;
+            let report = threads.install(|| renderer.iterate(measure));
             self.totals.add(&report);
-            let film = renderer.film();
-            self.warn_of_bad_pixels(&report, film.iterations - 1);
-            self.progress.update(&self.totals, film.iterations, self.start.elapsed());
+            self.warn_of_bad_pixels(&report, renderer.iterations() - 1);
+            self.look(renderer, steer);
+            self.progress.update(&self.totals, &self.status, self.start.elapsed());
             if self.presses.load(Ordering::Relaxed) > 0 {
-                return StoppedBy::Interrupt;
+                return Ok(StoppedBy::Interrupt);
             }
-            between(self, renderer);
+            between(self, renderer, steer);
         }
     }
 
-    /// Why no further iteration is to be begun, if so.
-    fn finished(&self, film: &Film) -> Option<StoppedBy> {
-        match self.goal {
-            Goal::Iterations(wanted) => {
-                (film.iterations >= wanted).then_some(StoppedBy::Iterations)
-            }
-            Goal::Time(time) => {
-                // One that would end past the goal by more than half of its time is not begun.
-                let done = self.totals.iterations;
-                let elapsed = self.start.elapsed().as_secs_f64();
-                let half = 0.5 * elapsed / done.max(1) as f64;
-                (done >= self.least && elapsed + half > time.as_secs_f64())
-                    .then_some(StoppedBy::Time)
-            }
+    /// Finds where the image stands. That takes a pass over its pixels, so not too often.
+    fn look(&mut self, renderer: &Renderer, steer: &impl Steer) {
+        self.status.iterations = renderer.iterations();
+        let elapsed = self.elapsed().as_secs_f64();
+        if elapsed > 10.0 * LOOK_EVERY && elapsed < self.last_look + LOOK_EVERY {
+            return;
         }
+        self.last_look = elapsed;
+        let standing = Standing::with_weights(renderer.blocks(), steer.weights(renderer.blocks()));
+        if standing.variance.is_none() && self.status.standing.is_some() {
+            return; // A block's first iteration: what was known before is the better knowledge.
+        }
+        let pace = steer.pace(renderer, self.totals.iterations, elapsed);
+        self.status.forecast = standing.per_iteration.zip(pace).and_then(|(variance, tau)| {
+            standing.forecast(&self.goal, variance, tau, elapsed)
+        });
+        self.status.standing = Some(standing);
+    }
+
+    /// Why no further iteration is to be begun, if so.
+    fn finished(&self, renderer: &Renderer) -> Option<StoppedBy> {
+        let Goal { iterations, time, target } = self.goal;
+        let done = self.totals.iterations;
+        if iterations.is_some_and(|wanted| renderer.iterations() >= wanted) {
+            return Some(StoppedBy::Iterations);
+        }
+        if done < self.least {
+            return None;
+        }
+        let standing = self.status.standing.as_ref();
+        if target.is_some_and(|target| standing.is_some_and(|now| now.reaches(target))) {
+            return Some(StoppedBy::Target);
+        }
+        // An iteration that would end past the time by more than half of its own is not begun.
+        let elapsed = self.start.elapsed().as_secs_f64();
+        let half = 0.5 * elapsed / done.max(1) as f64;
+        let over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
+        over.then_some(StoppedBy::Time)
     }
 
     /// Tells of the first pixel value that was left out, with what it takes to replay it.
@@ -266,12 +279,12 @@ impl<'a> Session<'a> {
     /// What to report of the run, `write_time` being the time spent on writing files.
     pub fn report(
         &self,
-        film: &Film,
+        (iterations, mean_luminance): (u64, f64),
         stopped_by: StoppedBy,
         write_time: Duration,
     ) -> RunReport<'a> {
         let Prepared { threads, origin, load_time, build_time, .. } = self.prepared;
-        let Totals { iterations, rays, photons, non_finite, times } = self.totals;
+        let Totals { iterations: new, rays, photons, non_finite, times } = self.totals;
         let threads = threads.current_num_threads();
         let busy = |time: Duration| time.as_secs_f64() / threads as f64;
         RunReport {
@@ -281,8 +294,8 @@ impl<'a> Session<'a> {
             backend: &origin.backend,
             threads,
             settings: &origin.settings,
-            iterations: film.iterations,
-            new_iterations: iterations,
+            iterations,
+            new_iterations: new,
             stopped_by,
             seconds: Seconds {
                 load: load_time.as_secs_f64(),
@@ -295,31 +308,9 @@ impl<'a> Session<'a> {
             },
             rays,
             rays_per_second: self.totals.rays_per_second(),
-            photons_per_iteration: photons as f64 / iterations.max(1) as f64,
-            mean_luminance: film.mean_luminance(),
+            photons_per_iteration: photons as f64 / new.max(1) as f64,
+            mean_luminance,
             non_finite,
         }
     }
-}
-
-/// All that it takes to render the image again.
-pub fn metadata(origin: &Origin, iterations: u64) -> Metadata {
-    let Origin { version, scene, fingerprint, backend, settings } = origin;
-    let mut facts = Metadata::from([
-        ("version".into(), Value::Text(version.clone())),
-        ("scene".into(), Value::Text(scene.clone())),
-        ("fingerprint".into(), Value::Text(format!("{fingerprint:016x}"))),
-        ("backend".into(), Value::Text(backend.clone())),
-        ("iterations".into(), Value::Number(iterations as f64)),
-    ]);
-    for (name, value) in settings.to_map() {
-        let value = match value {
-            serde_json::Value::String(text) => Value::Text(text),
-            // Seeds may have more digits than a number keeps.
-            serde_json::Value::Number(number) if name == "seed" => Value::Text(number.to_string()),
-            other => Value::Number(other.as_f64().unwrap_or(f64::NAN)),
-        };
-        facts.insert(name, value);
-    }
-    facts
 }

@@ -168,6 +168,12 @@ impl NoiseFilm {
         self.grain
     }
 
+    /// Iterations in a batch.
+    pub fn batch_size(&self, batch: usize) -> u64 {
+        let batches = BATCHES as u64;
+        self.iterations / batches + u64::from((batch as u64) < self.iterations % batches)
+    }
+
     /// The [`BATCHES`] batches of each pixel or tile, in tile order.
     pub fn batches(&self) -> impl Iterator<Item = &[BatchSums]> {
         self.batches.chunks_exact(BATCHES)

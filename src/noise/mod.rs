@@ -12,6 +12,7 @@
 //!
 //! none of which depends on the two counts.
 
+pub mod bias;
 pub mod file;
 pub mod film;
 pub mod halves;
@@ -44,6 +45,12 @@ impl Coefficients {
     pub fn variance(&self, n_light: f64, n_camera: f64) -> f64 {
         let [interaction, camera, light] = self.terms(n_light, n_camera);
         interaction + camera + light
+    }
+
+    /// Without negative ones.
+    #[must_use]
+    pub fn clamped(self) -> Self {
+        Self { a: self.a.max(0.0), b: self.b.max(0.0), f: self.f.max(0.0) }
     }
 
     /// The three summands of [`Self::variance`].

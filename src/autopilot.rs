@@ -1,0 +1,304 @@
+//! Automatic counts: a pilot that measures noise and times, then the optimum, chosen again at a few
+//! moments from all that is known by then.
+
+use crate::block::{self, Block, Clock};
+use crate::counts::{CameraCounts, Counts};
+use crate::error::Result;
+use crate::film::pool;
+use crate::goal::{Goal, Standing};
+use crate::noise::{Coefficients, Measure};
+use crate::optimize::{Bounds, Objective, Problem};
+use crate::render::Renderer;
+use crate::steer::Steer;
+use crate::timing::{Phase, Sample, TimeModel, fit};
+use serde::{Deserialize, Serialize};
+
+/// Camera paths per pixel in the pilot: as many as measuring takes.
+const PILOT_CAMERA_PATHS: u32 = 2;
+/// Light paths in the second block of the pilot over those in the first. Times at two sizes tell
+/// what is paid per light path and what is paid anyway.
+const PILOT_RATIO: u32 = 16;
+/// Iterations of each block of the pilot, at the least and at the most.
+const PILOT_ITERATIONS: std::ops::Range<u64> = 8..64;
+/// Unless its share of the time is over: then so many, one of them measured.
+const SHORTEST_PILOT: u64 = 3;
+/// Share of the time that each block of the pilot may take.
+const PILOT_SHARE: f64 = 0.04;
+/// Seconds that each block of the pilot takes at least, if it may.
+const PILOT_TIME: f64 = 0.5;
+/// After the pilot, one iteration in so many is measured.
+const MEASURE_EVERY: u64 = 8;
+/// Far more camera paths per pixel than can pay.
+const MOST_CAMERA_PATHS: u32 = 1 << 16;
+/// Most blocks: each keeps an image in memory.
+const MOST_BLOCKS: usize = 6;
+/// A new block must save this share of the time, and so must counts per pixel.
+const WORTHWHILE: f64 = 0.01;
+const WORTHWHILE_PER_PIXEL: f64 = 0.03;
+/// Among counts whose cost is this close to the best, the shortest iteration is taken.
+const SLACK: f64 = 0.01;
+/// Iterations of the chosen kind that fit in the rest at the least.
+const LEAST_ITERATIONS: f64 = 32.0;
+
+/// Chooses the counts of a renderer while it renders.
+#[derive(Debug)]
+pub struct Autopilot {
+    goal: Goal,
+    threads: usize,
+    /// Whether counts may differ from pixel to pixel.
+    per_pixel: bool,
+    /// Rendering time before this run.
+    earlier: f64,
+    state: State,
+}
+
+/// What an interrupted run needs to go on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    stage: Stage,
+    /// Rendering time when it was saved, seconds.
+    elapsed: f64,
+    /// Rendering time when the block under way began.
+    block_began: f64,
+    /// Rendering time when counts are chosen next.
+    next_choice: f64,
+    /// The first choice, with what it promised.
+    promise: Option<Promise>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
+enum Stage {
+    #[default]
+    Start,
+    FewLightPaths,
+    ManyLightPaths,
+    Chosen,
+}
+
+/// What was expected when counts were first chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Promise {
+    /// Pooled RMS at the end, W/(m^2 sr).
+    pub rms: f64,
+    /// Rendering time to the end, from the very first iteration, seconds.
+    pub seconds: f64,
+    /// Rendering time that the pilot had taken.
+    pub pilot_seconds: f64,
+    /// Time that one light path per pixel and one camera path per pixel would take for the same
+    /// noise, over that of the chosen counts.
+    pub gain_over_one_each: f64,
+    /// The same for the best counts that are equal in all pixels.
+    pub gain_over_uniform: f64,
+}
+
+/// Counts, and what they should lead to.
+struct Choice {
+    counts: Counts,
+    /// Pooled variance of one iteration and its time, seconds.
+    variance: f64,
+    tau: f64,
+    /// Costs relative to that of the choice: of the present counts, of one path each, and of the
+    /// best uniform ones.
+    present: f64,
+    one_each: f64,
+    uniform: f64,
+}
+
+impl Autopilot {
+    /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
+    pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
+        let state = state.unwrap_or_default();
+        Self { goal, threads, per_pixel: true, earlier: state.elapsed, state }
+    }
+
+    /// Takes the same counts in all pixels.
+    #[must_use]
+    pub fn uniform(self) -> Self {
+        Self { per_pixel: false, ..self }
+    }
+
+    /// The state after `elapsed` seconds of this run.
+    pub fn state(&self, elapsed: f64) -> State {
+        State { elapsed: self.earlier + elapsed, ..self.state }
+    }
+
+    /// What was promised when counts were first chosen.
+    pub fn promise(&self) -> Option<&Promise> {
+        self.state.promise.as_ref()
+    }
+
+    fn pilot_is_over(&self, renderer: &Renderer, now: f64) -> bool {
+        let iterations = renderer.film().iterations;
+        let elapsed = now - self.state.block_began;
+        let share = self.goal.time.map_or(f64::INFINITY, |time| PILOT_SHARE * time.as_secs_f64());
+        let enough = iterations >= PILOT_ITERATIONS.start && elapsed >= PILOT_TIME;
+        let in_haste = iterations >= SHORTEST_PILOT && elapsed >= share;
+        enough || in_haste || iterations >= PILOT_ITERATIONS.end
+    }
+
+    /// Expectations at the first choice.
+    fn promised(&self, choice: &Choice, standing: &Standing, elapsed: f64) -> Option<Promise> {
+        let forecast = standing.forecast(&self.goal, choice.variance, choice.tau, elapsed)?;
+        Some(Promise {
+            rms: forecast.rms,
+            seconds: self.earlier + elapsed + forecast.seconds,
+            pilot_seconds: self.earlier + elapsed,
+            gain_over_one_each: choice.one_each,
+            gain_over_uniform: choice.uniform,
+        })
+    }
+
+    /// The best counts by all that has been measured.
+    fn choose(&self, renderer: &Renderer, standing: &Standing, elapsed: f64) -> Result<Choice> {
+        let blocks = renderer.blocks();
+        let settings = renderer.settings();
+        let model = times(blocks, settings.pixels(), self.threads)?;
+        let measured = block::coefficients(blocks).expect("the pilot measures");
+        let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
+        let luminance = vec![standing.mean_luminance; smoothed.len()];
+        let problem = |iteration_time| {
+            let bounds = Bounds {
+                light_paths: 2..=renderer.most_light_paths(),
+                camera_paths: 1..=MOST_CAMERA_PATHS,
+                iteration_time,
+            };
+            Problem::new(&smoothed, &luminance, Objective::Pooled, model, &bounds)
+        };
+        // Enough iterations must fit in the rest, whose length depends on the counts where a
+        // target ends it: a few rounds settle that.
+        let mut longest = f64::INFINITY;
+        for _ in 0..4 {
+            let best = problem(longest).uniform();
+            let (variance, tau) = (best.variance, best.iteration_time);
+            let rest = standing.forecast(&self.goal, variance, tau, elapsed);
+            longest = rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS);
+        }
+        let problem = problem(longest);
+        let uniform = problem.shortest_uniform(SLACK);
+        let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
+        let mut cost = uniform.cost;
+        if self.per_pixel {
+            let best = problem.shortest_per_pixel(SLACK);
+            if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
+                let camera_paths = CameraCounts::PerPixel(best.camera_paths);
+                counts = Counts { light_paths: best.light_paths, camera_paths };
+                cost = best.cost;
+            }
+        }
+        let relative = |other: f64| if cost > 0.0 { other / cost } else { 1.0 };
+        let cost_of = |counts: &Counts| {
+            let (n_light, camera) = (counts.light_paths, &counts.camera_paths);
+            relative(match camera {
+                CameraCounts::Uniform(n_camera) => problem.evaluate_uniform(n_light, *n_camera).cost,
+                CameraCounts::PerPixel(list) => problem.evaluate(n_light, list.clone()).cost,
+            })
+        };
+        let one_each = Counts::uniform(settings.pixels() as u32, 1);
+        Ok(Choice {
+            variance: block::pooled_variance(&measured, &counts),
+            tau: model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean()),
+            present: cost_of(&renderer.block().counts),
+            one_each: cost_of(&one_each),
+            uniform: relative(uniform.cost),
+            counts,
+        })
+    }
+}
+
+impl Steer for Autopilot {
+    fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+        let now = self.earlier + elapsed;
+        let begin = |state: &mut State, renderer: &mut Renderer, counts| {
+            state.block_began = now;
+            renderer.begin_block(counts)
+        };
+        match self.state.stage {
+            Stage::Start => {
+                self.state.stage = Stage::FewLightPaths;
+                let counts = pilot_counts(renderer, PILOT_RATIO);
+                begin(&mut self.state, renderer, counts)?;
+            }
+            Stage::FewLightPaths if self.pilot_is_over(renderer, now) => {
+                self.state.stage = Stage::ManyLightPaths;
+                let counts = pilot_counts(renderer, 1);
+                begin(&mut self.state, renderer, counts)?;
+            }
+            Stage::ManyLightPaths if self.pilot_is_over(renderer, now) => {
+                self.state.stage = Stage::Chosen;
+                let standing = Standing::new(renderer.blocks());
+                let choice = self.choose(renderer, &standing, elapsed)?;
+                self.state.promise = self.promised(&choice, &standing, elapsed);
+                self.state.next_choice = 2.0 * now;
+                begin(&mut self.state, renderer, choice.counts)?;
+            }
+            Stage::Chosen if now >= self.state.next_choice => {
+                self.state.next_choice = 2.0 * now;
+                if renderer.blocks().len() < MOST_BLOCKS {
+                    let standing = Standing::new(renderer.blocks());
+                    let choice = self.choose(renderer, &standing, elapsed)?;
+                    if choice.present > 1.0 + WORTHWHILE {
+                        begin(&mut self.state, renderer, choice.counts)?;
+                    }
+                }
+            }
+            _ => {}
+        }
+        // The first iteration of a block is measured, so that its start-up is not in the times.
+        let every = if self.state.stage == Stage::Chosen { MEASURE_EVERY } else { 2 };
+        let measures = renderer.film().iterations.is_multiple_of(every);
+        Ok(if measures { Measure::Pairs } else { Measure::Off })
+    }
+
+    fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
+        let iterations = renderer.film().iterations;
+        let known = self.state.stage == Stage::Chosen && iterations >= MEASURE_EVERY;
+        let since = self.earlier + elapsed - self.state.block_began;
+        known.then(|| since / iterations as f64)
+    }
+
+    fn autopilot(&self) -> Option<&Autopilot> {
+        Some(self)
+    }
+}
+
+/// About as many light paths as camera paths, which most scenes are not far from, or a fraction.
+fn pilot_counts(renderer: &Renderer, fraction: u32) -> Counts {
+    let paths = renderer.settings().pixels() as u32 * PILOT_CAMERA_PATHS;
+    let light_paths = paths.clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
+    Counts::uniform((light_paths / fraction).max(2), PILOT_CAMERA_PATHS)
+}
+
+/// Fits the time model to the production iterations of all blocks.
+fn times(blocks: &[Block], pixels: usize, threads: usize) -> Result<TimeModel> {
+    let mut samples = Vec::new();
+    for block in blocks.iter().filter(|block| block.clock.iterations > 0) {
+        let Clock { iterations, times } = block.clock;
+        for phase in Phase::ALL {
+            samples.push(Sample {
+                phase,
+                light_paths: f64::from(block.counts.light_paths),
+                camera_paths: block.counts.camera_paths.mean(),
+                seconds: phase.time(&times, threads).as_secs_f64() / iterations as f64,
+                error: None,
+            });
+        }
+    }
+    Ok(fit(&samples, pixels)?.model)
+}
+
+/// Degrees of freedom that the mean over a neighborhood counts as beside a pixel's own: estimates
+/// of single pixels come from heavy-tailed values.
+const PRIOR_FREEDOM: f64 = 200.0;
+
+/// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as
+/// long as little is known about the pixel itself, then more and more its own.
+fn smoothed(blocks: &[Block], measured: &[Coefficients], width: u32, height: u32) -> Vec<Coefficients> {
+    let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
+    let pooled = pool(&values, width, height);
+    let freedom = block::degrees_of_freedom(blocks);
+    let mixed = |((&own, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+        let share = freedom / (freedom + PRIOR_FREEDOM);
+        (own * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
+    };
+    measured.iter().zip(pooled).zip(freedom).map(mixed).collect()
+}
