@@ -10,6 +10,7 @@ pub mod light_paths;
 pub mod math;
 pub mod merge;
 pub mod noise;
+pub mod optimize;
 pub mod output;
 pub mod photon_map;
 mod pool;
