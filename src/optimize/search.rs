@@ -36,30 +36,30 @@ impl Goal {
     }
 
     fn score_cost(&self, time: f64, cost: f64) -> Score {
-        let mut violation: f64 = 0.0;
-        if !self.allows(time) {
-            violation = time / self.most_time;
-        }
-        if let Some(most) = self.most_cost.filter(|&most| cost > most) {
-            violation = violation.max(cost / most);
-        }
-        Score { violation, value: if self.most_cost.is_some() { time } else { cost }, cost, time }
+        let factor = |value, most| if value <= most { 0.0 } else { value / most };
+        let excess =
+            [factor(time, self.most_time), self.most_cost.map_or(0.0, |m| factor(cost, m))];
+        Score { excess, value: if self.most_cost.is_some() { time } else { cost }, cost, time }
     }
 }
 
-/// How good counts are: first by the violation of the limits, then by the value.
-///
-/// Violations are maxima of times and costs, so that this order is convex where those are.
+/// How good counts are: first by the time above its limit, then by the cost above its limit, then by
+/// the value. All sets of counts at least as good as others are convex where times and costs are.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Score {
-    /// The factor by which a limit is exceeded; 0 within all limits.
-    pub(super) violation: f64,
+    /// The factors by which time and cost exceed their limits; 0 within these.
+    excess: [f64; 2],
     value: f64,
     pub(super) cost: f64,
     pub(super) time: f64,
 }
 
 impl Score {
+    /// Within the limits of time and cost.
+    pub(super) fn is_valid(&self) -> bool {
+        self.excess == [0.0; 2]
+    }
+
     /// The same counts by another goal.
     pub(super) fn with_goal(&self, goal: &Goal) -> Self {
         goal.score_cost(self.time, self.cost)
@@ -67,8 +67,8 @@ impl Score {
 
     /// Strictly better; among equals the shorter iteration is.
     pub(super) fn beats(&self, other: &Self) -> bool {
-        if self.violation != other.violation {
-            return self.violation < other.violation;
+        if self.excess != other.excess {
+            return self.excess < other.excess;
         }
         let less = |a: f64, b: f64| a < b * (1.0 - EQUAL);
         less(self.value, other.value)

@@ -49,7 +49,7 @@ impl Problem {
         let least = score(best[0]);
         let flat = |n| {
             let score = score(n);
-            score.violation == least.violation && score.cost <= least.cost * (1.0 + slack)
+            score.is_valid() == least.is_valid() && score.cost <= least.cost * (1.0 + slack)
         };
         // The flat numbers adjoin the best on both sides: halve the distance to one that is not.
         let end = |bound: u32| {
@@ -162,6 +162,6 @@ impl Line<'_> {
     fn at(&self, constant: u32) -> Scanned<[u32; 2]> {
         let (bound, other) = self.relaxed(f64::from(constant));
         let found = self.rounded(other, constant);
-        (bound, (found.0.violation == 0.0).then_some(found))
+        (bound, (found.0.is_valid()).then_some(found))
     }
 }

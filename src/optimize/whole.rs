@@ -43,7 +43,7 @@ impl Slice<'_> {
     /// Exact unless the percentile leaves pixels out or the window had to be narrowed.
     pub(super) fn best(&self, light_paths: u32, incumbent: Option<&Score>) -> Scanned<Allocation> {
         let (bound, relaxed) = self.relaxed();
-        if bound.violation > 0.0 || incumbent.is_some_and(|old| !bound.beats(old)) {
+        if !bound.is_valid() || incumbent.is_some_and(|old| !bound.beats(old)) {
             return (bound, None);
         }
         let allocation = |threshold, extra| Allocation { light_paths, threshold, extra };
@@ -57,7 +57,7 @@ impl Slice<'_> {
             let [from, to] = self.window(threshold, incumbent);
             self.sweep(from, to)
         };
-        let found = (score.violation == 0.0).then(|| (score, allocation(threshold, extra)));
+        let found = (score.is_valid()).then(|| (score, allocation(threshold, extra)));
         (bound, found)
     }
 
@@ -113,7 +113,7 @@ impl Slice<'_> {
         let [low, high] = self.thresholds;
         let level = self.goal.most_cost().unwrap_or_else(|| {
             let rounded = self.score_counts(&self.counts(relaxed));
-            let rounded = (rounded.violation == 0.0).then_some(rounded.cost);
+            let rounded = (rounded.is_valid()).then_some(rounded.cost);
             // Rounding down is always short enough.
             let down = self.score_counts(&self.counts_below(relaxed)).cost;
             let costs = [rounded, incumbent.map(|score| score.cost)];
