@@ -156,3 +156,172 @@ fn counts_per_pixel_are_the_best_of_all() {
         assert!(best.cost <= case.problem.uniform().cost * ROUNDING, "uniform: {shown}");
     }
 }
+
+#[test]
+fn larger_uniform_problems_agree_too() {
+    for index in 0..12 {
+        let rng = &mut rng(20_000 + index);
+        let bounds = [1..=whole(rng, 500..=4000), 1..=200];
+        let case = Case::new(rng, Objective::Pooled, 5, bounds);
+        let [best, shortest] = [case.problem.uniform(), case.problem.shortest_uniform(SLACK)];
+        let pair = |u: &Uniform| [u.iteration_time, u.cost];
+        let all: Vec<_> = case.uniform().iter().map(pair).collect();
+        let shown = format!("{index} {best:?} {shortest:?} {:?}", case.problem);
+        check(&all, pair(&best), pair(&shortest), case.iteration_time, &shown);
+    }
+}
+
+/// The percentile is not convex: nearly the best is enough.
+#[test]
+fn the_percentile_of_many_pixels_is_nearly_the_least() {
+    for index in 0..40 {
+        let rng = &mut rng(30_000 + index);
+        let pixels = whole(rng, 200..=600) as usize;
+        let case = Case::new(rng, Objective::MaxRms, pixels, [1..=40, 1..=12]);
+        let (best, per_pixel) = (case.problem.uniform(), case.problem.per_pixel());
+        assert!(per_pixel.cost <= best.cost * ROUNDING, "{index}: {best:?} {per_pixel:?}");
+        let least = case.uniform().iter().map(|u| u.cost).fold(f64::INFINITY, f64::min);
+        assert!(least.is_infinite() || best.cost <= 1.001 * least, "{index}: {best:?} {least}");
+    }
+}
+
+/// `V` of every objective from its definition.
+#[test]
+fn aggregates_are_the_defined_ones() {
+    let rng = &mut rng(40_000);
+    let coefficients: Vec<_> = (0..400).map(|_| coefficients(rng)).collect();
+    let luminance: Vec<_> = (0..400).map(|_| size(rng, 1e-3, 10.0)).collect();
+    let counts: Vec<_> = (0..400).map(|_| whole(rng, 1..=9)).collect();
+    let time = TimeModel {
+        fixed: 1.0,
+        light_path: 0.1,
+        camera_path: 0.02,
+        look_up: 0.01,
+        merge_pair: 0.001,
+        pixels: 500.0,
+    };
+    let bounds = Bounds { light_paths: 1..=99, camera_paths: 2..=9, iteration_time: 1e9 };
+    let variances: Vec<_> =
+        coefficients.iter().zip(&counts).map(|(c, &n)| c.variance(7.0, n.into())).collect();
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let floor = 0.01 * mean(&luminance).powi(2);
+    let weights: Vec<_> = luminance.iter().map(|l| 1.0 / (l * l + floor)).collect();
+    let weighted: Vec<_> = variances.iter().zip(&weights).map(|(v, w)| v * w).collect();
+    let rms: Vec<_> = variances.iter().map(|v| v.sqrt()).collect();
+    let mut sorted = variances.clone();
+    sorted.sort_by(f64::total_cmp);
+    let expected =
+        [mean(&variances), mean(&weighted) / mean(&weights), mean(&rms).powi(2), sorted[397]];
+    let paths = f64::from(counts.iter().sum::<u32>()) + 200.0;
+    let tau = 1.0 + 0.7 + 0.03 * paths + 0.001 * 7.0 * paths;
+    for (objective, expected) in OBJECTIVES.into_iter().zip(expected) {
+        let problem = Problem::new(&coefficients, &luminance, objective, time, &bounds);
+        let found = problem.evaluate(7, counts.clone());
+        assert!((found.variance / expected - 1.0).abs() < 1e-12, "{objective:?} {found:?}");
+        assert!((found.iteration_time / tau - 1.0).abs() < 1e-12, "{objective:?} {found:?}");
+        let [same, uniform] =
+            [problem.evaluate(7, vec![4; 400]).variance, problem.evaluate_uniform(7, 4).variance];
+        assert!((same / uniform - 1.0).abs() < 1e-12, "{objective:?} {same} {uniform}");
+    }
+}
+
+/// One pixel with the paper's coefficients and times: sections 1 and 5 of the noise theory.
+fn paper(camera_paths: RangeInclusive<u32>) -> Problem {
+    let time = TimeModel {
+        fixed: 0.0,
+        light_path: 5.67e-7,
+        camera_path: 6.0 / 25.0,
+        look_up: 0.2 / 25.0,
+        merge_pair: 5.03e-5 / 25.0,
+        pixels: 1.0,
+    };
+    let coefficients = [Coefficients { a: 3595.0, b: 37.18, f: 0.3788 }];
+    let bounds =
+        Bounds { light_paths: 1..=10_000_000, camera_paths, iteration_time: f64::INFINITY };
+    Problem::new(&coefficients, &[1.0], Objective::Pooled, time, &bounds)
+}
+
+#[test]
+fn the_papers_optimum_is_found() {
+    let best = paper(25..=25).uniform();
+    assert!(best.light_paths.abs_diff(3438) <= 2, "{best:?}");
+    let rms = (best.cost / 1000.0).sqrt();
+    assert!((rms - 0.0988).abs() < 5e-5, "{rms}");
+    let flat = paper(25..=25).flat_range(25, SLACK);
+    let cost = |n| paper(25..=25).evaluate_uniform(n, 25).cost / best.cost;
+    let (first, last) = (*flat.start(), *flat.end());
+    assert!(cost(first) <= 1.01 && cost(first - 1) > 1.01, "{flat:?}");
+    assert!(cost(last) <= 1.01 && cost(last + 1) > 1.01, "{flat:?}");
+    for most in [1, 2, 5, 25, 100, 100_000] {
+        let problem = paper(1..=most);
+        let best = problem.uniform();
+        assert!((3000..=3500).contains(&best.light_paths), "{most}: {best:?}");
+        // Within 1 % an iteration of few camera paths is as good as any.
+        let shortest = problem.shortest_uniform(SLACK);
+        assert!(shortest.camera_paths <= best.camera_paths, "{most}: {shortest:?}");
+        assert!(shortest.light_paths < best.light_paths, "{most}: {shortest:?}");
+        assert!(shortest.cost <= best.cost * 1.0101, "{most}: {shortest:?}");
+    }
+}
+
+/// Coefficients and times of which any may be 0, with bounds as wide as they get.
+#[test]
+fn nothing_is_nan_or_endless() {
+    let time = |zeros: u32| {
+        let value = |bit: u32, value| if zeros >> bit & 1 == 1 { 0.0 } else { value };
+        TimeModel {
+            fixed: value(0, 0.1),
+            light_path: value(1, 1e-6),
+            camera_path: value(2, 1e-6),
+            look_up: 0.0,
+            merge_pair: value(3, 1e-11),
+            pixels: 100.0,
+        }
+    };
+    let kinds = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [50.0, 1.0, 0.1],
+        [f64::NAN, -1.0, 1e-300],
+    ];
+    for (zeros, kind, objective, iteration_time) in (0..16).flat_map(|zeros| {
+        kinds.iter().flat_map(move |kind| {
+            OBJECTIVES.iter().flat_map(move |o| [0.0, 2.0, 1e9].map(|t| (zeros, kind, *o, t)))
+        })
+    }) {
+        for (pixels, mixed) in [(0, false), (1, false), (4, false), (4, true)] {
+            let [a, b, f] = *kind;
+            let mut coefficients = vec![Coefficients { a, b, f }; pixels];
+            if mixed {
+                coefficients[1] = Coefficients { a: 9.0, b: 1.0, f: 0.01 };
+                coefficients[2] = Coefficients::default();
+            }
+            let bounds =
+                Bounds { light_paths: 1..=u32::MAX, camera_paths: 2..=1_000_000, iteration_time };
+            let luminance = vec![0.0; pixels];
+            let problem = Problem::new(&coefficients, &luminance, objective, time(zeros), &bounds);
+            let uniform = [problem.uniform(), problem.shortest_uniform(SLACK)];
+            let each = [problem.per_pixel(), problem.shortest_per_pixel(SLACK)];
+            let shown = format!("{zeros:b} {kind:?} {mixed} {objective:?} {uniform:?} {each:?}");
+            let outcome = |time: f64, cost: f64, paths: u32| {
+                assert!(time.is_finite() && cost.is_finite(), "{shown}");
+                assert!(time <= iteration_time || paths == 1, "{shown}");
+            };
+            uniform.iter().for_each(|u| outcome(u.iteration_time, u.cost, u.light_paths));
+            each.iter().for_each(|p| outcome(p.iteration_time, p.cost, p.light_paths));
+            if iteration_time == 0.0 && time(zeros).iteration(1.0, 1.0) > 0.0 {
+                assert_eq!((uniform[0].light_paths, uniform[0].camera_paths), (1, 2), "{shown}");
+                assert!(each[0].camera_paths.iter().all(|&n| n == 2), "{shown}");
+            }
+            // Without noise nothing is worth its time.
+            if *kind == [0.0; 3] && !mixed {
+                assert_eq!((uniform[0].light_paths, uniform[0].camera_paths), (1, 2), "{shown}");
+                assert!(each[0].camera_paths.iter().all(|&n| n == 2), "{shown}");
+                assert_eq!(each[0].light_paths, 1, "{shown}");
+            }
+            assert!(each[0].cost <= uniform[0].cost * ROUNDING, "{shown}");
+        }
+    }
+}
