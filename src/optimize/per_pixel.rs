@@ -10,7 +10,7 @@ const CENTER_WIDTH: f64 = 1e-4;
 
 /// Pixels of all the numbers of light paths that are tried without gaps: the more pixels, the less
 /// rounding matters.
-const DENSE: usize = 16_384;
+const DENSE: usize = 4096;
 
 type Found = (Score, Allocation);
 

@@ -14,7 +14,7 @@ use super::slice::{Slice, cap_excluded};
 const WINDOW_WIDTH: f64 = 1e-4;
 
 /// Most paths in the window, beside some per pixel. Only what is flat over a wide range needs more.
-const MOST_STEPS: f64 = 65_536.0;
+const MOST_STEPS: f64 = 4096.0;
 
 /// Relative steps and their number to either side where the percentile is scanned.
 const SCAN_STEP: f64 = 1.02;
