@@ -292,10 +292,10 @@ fn nothing_is_nan_or_endless() {
     ];
     for (zeros, kind, objective, iteration_time) in (0..16).flat_map(|zeros| {
         kinds.iter().flat_map(move |kind| {
-            OBJECTIVES.iter().flat_map(move |o| [0.0, 2.0, 1e9].map(|t| (zeros, kind, *o, t)))
+            OBJECTIVES.iter().flat_map(move |o| [0.0, 1e9].map(|t| (zeros, kind, *o, t)))
         })
     }) {
-        for (pixels, mixed) in [(0, false), (1, false), (4, false), (4, true)] {
+        for (pixels, mixed) in [(0, false), (1, false), (4, true)] {
             let [a, b, f] = *kind;
             let mut coefficients = vec![Coefficients { a, b, f }; pixels];
             if mixed {
@@ -303,7 +303,7 @@ fn nothing_is_nan_or_endless() {
                 coefficients[2] = Coefficients::default();
             }
             let bounds =
-                Bounds { light_paths: 1..=u32::MAX, camera_paths: 2..=1_000_000, iteration_time };
+                Bounds { light_paths: 1..=u32::MAX, camera_paths: 2..=10_000, iteration_time };
             let luminance = vec![0.0; pixels];
             let problem = Problem::new(&coefficients, &luminance, objective, time(zeros), &bounds);
             let uniform = [problem.uniform(), problem.shortest_uniform(SLACK)];

@@ -85,7 +85,7 @@ pub struct PerPixel {
 
 /// Pixels that a search looks at; of more, an even selection. A prime number, so that the
 /// selection does not follow the rows of the image.
-const MOST_PIXELS: usize = 8191;
+const MOST_PIXELS: usize = 4093;
 
 /// The search for the best counts for the pixels of a region.
 #[derive(Clone, Debug)]

@@ -22,6 +22,11 @@ impl Goal {
         Self { most_cost: Some(cost * (1.0 + slack.max(0.0)) * (1.0 + 10.0 * EQUAL)), ..self }
     }
 
+    /// The least cost of iterations as short.
+    pub(super) fn without_cost_limit(self) -> Self {
+        Self { most_cost: None, ..self }
+    }
+
     /// The iteration is short enough.
     pub(super) fn allows(&self, time: f64) -> bool {
         time <= self.most_time
@@ -138,6 +143,9 @@ pub(super) fn turn([low, high]: [f64; 2], width: f64, holds: impl Fn(f64) -> boo
     [no, yes]
 }
 
+/// Relative improvement for which another scan is made.
+const WORTH_A_SCAN: f64 = 1e-5;
+
 /// What is known of one whole number: a bound, and what it leads to if it could beat the incumbent.
 pub(super) type Scanned<T> = (Score, Option<(Score, T)>);
 
@@ -145,7 +153,8 @@ pub(super) type Scanned<T> = (Score, Option<(Score, T)>);
 /// until the bound says that nothing better follows.
 ///
 /// After `dense` numbers the steps double, and again after as many: what is skipped then differs
-/// little from its neighbors. A new best starts another scan around it.
+/// little from its neighbors. A best that is noticeably better
+/// than the one before starts another scan around it.
 pub(super) fn scan<T>(
     [least, most]: [u32; 2],
     center: f64,
@@ -154,6 +163,7 @@ pub(super) fn scan<T>(
     at: impl Fn(u32, Option<&Score>) -> Scanned<T>,
 ) -> Option<(Score, T)> {
     let mut center = (center as u32).clamp(least, most);
+    let mut before = None;
     loop {
         let mut best = center;
         for direction in [-1, 1] {
@@ -175,9 +185,11 @@ pub(super) fn scan<T>(
                 visited += 1;
             }
         }
-        if best.abs_diff(center) <= dense {
+        let score = incumbent.as_ref().map(|(score, _)| score.value);
+        let improved = score.zip(before).is_none_or(|(now, old)| now < old * (1.0 - WORTH_A_SCAN));
+        if best.abs_diff(center) <= dense || !improved {
             return incumbent;
         }
-        center = best;
+        (center, before) = (best, score);
     }
 }

@@ -7,8 +7,12 @@ use super::pixel::Pixel;
 use super::search::{Goal, Score, minimize, turn};
 use super::{Objective, Problem, excluded};
 
-/// Relative width of the search for the best threshold, at which the cost is flat.
-const WIDTH: f64 = 1e-7;
+/// Relative widths of the search for the best threshold, at which the cost is flat: for few pixels,
+/// where single paths count, and for many.
+const WIDTHS: [f64; 2] = [1e-7, 1e-5];
+
+/// Few pixels.
+const FEW: usize = 256;
 
 /// A problem at a fixed number of light paths.
 pub(super) struct Slice<'a> {
@@ -82,21 +86,19 @@ impl<'a> Slice<'a> {
         }
     }
 
-    fn score_totals(&self, [paths, sum]: [f64; 2]) -> Score {
+    pub(super) fn score(&self, threshold: f64) -> Score {
+        let [paths, sum] = self.totals(threshold);
         self.goal.score(self.time(paths), self.variance(sum))
     }
 
-    pub(super) fn score(&self, threshold: f64) -> Score {
-        self.score_totals(self.totals(threshold))
-    }
-
-    /// The score that no whole numbers beat, with its threshold; `None` for the latter where the
-    /// fewest paths are best, or not even they are allowed.
+    /// The score that no whole numbers beat, with the thresholds of the least cost and of the goal;
+    /// `None` for these where the fewest paths are best, or not even they are allowed.
     ///
     /// The minimum of the product of time and `sum^k` over the total of paths is where
     /// `per_path sum = k time threshold`. Below, at higher thresholds, more paths help.
-    pub(super) fn relaxed(&self) -> (Score, Option<f64>) {
+    pub(super) fn relaxed(&self) -> (Score, Option<[f64; 2]>) {
         let [low, high] = self.thresholds;
+        let width = WIDTHS[usize::from(self.pixels.len() > FEW)];
         let fewest = self.fewest();
         // Written so that a NaN ends here too.
         if !(low > 0.0 && low < high && self.goal.allows(fewest.time)) {
@@ -104,7 +106,12 @@ impl<'a> Slice<'a> {
         }
         let best = match self.objective() {
             Objective::MaxRms => {
-                minimize([low, high], WIDTH, self.problem.is_convex(), |v| self.score(v))
+                let goal = self.goal.without_cost_limit();
+                let score = |v| {
+                    let [paths, variance] = self.totals(v);
+                    goal.score(self.time(paths), variance)
+                };
+                minimize([low, high], width, self.problem.is_convex(), score)
             }
             objective => {
                 let power = if objective == Objective::MeanRms { 2.0 } else { 1.0 };
@@ -114,17 +121,17 @@ impl<'a> Slice<'a> {
                     let gain = power * time * threshold;
                     self.goal.allows(time) && gain > self.per_path * sum * (1.0 + 1e-12)
                 };
-                turn([low, high], WIDTH, more_help)[1]
+                turn([low, high], width, more_help)[1]
             }
         };
         // The shortest iteration has the highest threshold that the cost allows.
-        let best = match self.goal.most_cost() {
+        let chosen = match self.goal.most_cost() {
             Some(most) if self.score(best).cost <= most => {
-                turn([best, high], WIDTH, |threshold| self.score(threshold).cost > most)[0]
+                turn([best, high], width, |threshold| self.score(threshold).cost > most)[0]
             }
             _ => best,
         };
-        (self.score(best), Some(best))
+        (self.score(chosen), Some([best, chosen]))
     }
 
     pub(super) fn fewest(&self) -> Score {

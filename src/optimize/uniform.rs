@@ -26,7 +26,7 @@ type Found = (Score, [u32; 2]);
 impl Problem {
     /// The counts of least cost; among equals the shortest iteration.
     ///
-    /// Exact for up to 8191 pixels and for any number with the objectives `pooled` and `relative`,
+    /// Exact for up to 4093 pixels and for any number with the objectives `pooled` and `relative`,
     /// except for `max-rms` from 200 pixels on, whose percentile is not convex.
     pub fn uniform(&self) -> Uniform {
         self.best_uniform(None)

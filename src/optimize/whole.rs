@@ -5,20 +5,25 @@
 //! are sorted by gain, and the best total is looked for. For the maximum the same holds with the
 //! variance in place of the gain.
 
+use super::MOST_PIXELS;
 use super::Objective;
 use super::pixel::Pixel;
 use super::search::{Scanned, Score, turn};
 use super::slice::{Slice, cap_excluded};
+use rayon::prelude::*;
 
 /// Relative width to which the window of the sweep is known.
 const WINDOW_WIDTH: f64 = 1e-4;
 
+/// First relative step by which the window grows to take in what rounding moves.
+const STEP_OUT: f64 = 1e-3;
+
 /// Most paths in the window, beside some per pixel. Only what is flat over a wide range needs more.
 const MOST_STEPS: f64 = 4096.0;
 
-/// Relative steps and their number to either side where the percentile is scanned.
-const SCAN_STEP: f64 = 1.02;
-const SCAN_STEPS: i32 = 16;
+/// Thresholds that are tried for the percentile, and how far beyond the best ones without rounding.
+const SCAN_STEPS: i32 = 32;
+const SCAN_MARGIN: f64 = 1.3;
 
 /// A solution in whole numbers.
 #[derive(Clone)]
@@ -47,12 +52,12 @@ impl Slice<'_> {
             return (bound, None);
         }
         let allocation = |threshold, extra| Allocation { light_paths, threshold, extra };
-        let Some(threshold) = relaxed else {
+        let Some(thresholds @ [_, threshold]) = relaxed else {
             return (bound, Some((bound, allocation(f64::INFINITY, Vec::new()))));
         };
         let percentile = self.objective() == Objective::MaxRms && !self.problem.is_convex();
         let (score, threshold, extra) = if percentile {
-            self.scan_percentile(threshold)
+            self.scan_percentile(thresholds)
         } else {
             let [from, to] = self.window(threshold, incumbent);
             self.sweep(from, to)
@@ -77,7 +82,8 @@ impl Slice<'_> {
                 n as u32
             }
         };
-        let mut counts: Vec<_> = self.pixels.iter().map(count).collect();
+        let pixels = self.pixels.par_iter().with_min_len(MOST_PIXELS);
+        let mut counts: Vec<_> = pixels.map(count).collect();
         if objective == Objective::MaxRms {
             cap_excluded(&mut counts, u32::cmp);
         }
@@ -87,17 +93,13 @@ impl Slice<'_> {
     /// The counts of an allocation, found for this slice or for some of its pixels. Of the latter the
     /// time is not known exactly: the threshold rises until the iteration is short enough.
     pub(super) fn allocate(&self, allocation: &Allocation) -> Vec<u32> {
-        let fits = |threshold| {
-            let paths = self.counts(threshold).iter().map(|&n| f64::from(n)).sum();
-            self.goal.allows(self.time(paths))
-        };
+        let fits = |counts: &[u32]| self.goal.allows(self.time(total(counts)));
         let threshold = allocation.threshold;
-        let high = self.thresholds[1].max(threshold);
-        let mut counts = if fits(threshold) {
-            self.counts(threshold)
-        } else {
-            self.counts(turn([threshold, high], WINDOW_WIDTH, fits)[1])
-        };
+        let mut counts = self.counts(threshold);
+        if !fits(&counts) {
+            let range = [threshold, self.thresholds[1].max(threshold)];
+            counts = self.counts(turn(range, WINDOW_WIDTH, |t| fits(&self.counts(t)))[1]);
+        }
         allocation.extra.iter().for_each(|&pixel| counts[pixel as usize] += 1);
         counts
     }
@@ -128,17 +130,17 @@ impl Slice<'_> {
         let mut to = turn([low, relaxed], WINDOW_WIDTH, can_win)[0];
         // Rounding may have moved the totals into the window.
         let [[fewest, _], [most, _]] = [self.totals(from), self.totals(to)];
-        let mut factor = 1.0 + WINDOW_WIDTH;
+        let mut factor = 1.0 + STEP_OUT;
         while from < high && total(&self.counts(from)) > fewest {
             from = (from * factor).min(high);
             factor *= factor;
         }
-        let mut factor = 1.0 + WINDOW_WIDTH;
+        let mut factor = 1.0 + STEP_OUT;
         while to > low && total(&self.counts(to)) < most {
             to = (to / factor).max(low);
             factor *= factor;
         }
-        let most_steps = MOST_STEPS + 64.0 * self.pixels.len() as f64;
+        let most_steps = MOST_STEPS + 4.0 * self.pixels.len() as f64;
         while total(&self.counts(to)) - total(&self.counts(from)) > most_steps {
             from = relaxed * (from / relaxed).sqrt();
             to = relaxed * (to / relaxed).sqrt();
@@ -197,13 +199,15 @@ impl Slice<'_> {
         steps
     }
 
-    /// Tries thresholds around the best one without rounding.
-    fn scan_percentile(&self, relaxed: f64) -> (Score, f64, Vec<u32>) {
+    /// Tries thresholds around the best ones without rounding.
+    fn scan_percentile(&self, [first, last]: [f64; 2]) -> (Score, f64, Vec<u32>) {
+        let start = first / SCAN_MARGIN;
+        let ratio = last * SCAN_MARGIN / start;
         let scored = |step| {
-            let threshold = relaxed * SCAN_STEP.powi(step);
+            let threshold = start * ratio.powf(f64::from(step) / f64::from(SCAN_STEPS));
             (self.score_counts(&self.counts(threshold)), threshold)
         };
-        let steps = (-SCAN_STEPS..=SCAN_STEPS).map(scored);
+        let steps = (0..=SCAN_STEPS).map(scored);
         let best = steps.reduce(|best, other| if other.0.beats(&best.0) { other } else { best });
         let (score, threshold) = best.unwrap_or((self.fewest(), f64::INFINITY));
         (score, threshold, Vec::new())
