@@ -62,8 +62,9 @@ impl Pixel {
                 let q = scaled / (2.0 * threshold);
                 let start = (q / rest.sqrt()).sqrt().min((q / (2.0 * threshold)).cbrt()).min(most);
                 (0..4).fold(start, |n, _| {
-                    let excess = rest * n + scaled - (q / n) * (q / (n * n));
-                    n - n * excess / (4.0 * rest * n + 3.0 * scaled)
+                    let square = n * n;
+                    let excess = square * n * (rest * n + scaled) - q * q;
+                    n - excess / (square * (4.0 * rest * n + 3.0 * scaled))
                 })
             }
         };

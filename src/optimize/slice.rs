@@ -6,10 +6,14 @@
 use super::pixel::Pixel;
 use super::search::{Goal, Score, minimize, turn};
 use super::{Objective, Problem, excluded};
+use rayon::prelude::*;
 
 /// Relative widths of the search for the best threshold, at which the cost is flat: for few pixels,
 /// where single paths count, and for many.
-const WIDTHS: [f64; 2] = [1e-7, 1e-5];
+const WIDTHS: [f64; 2] = [1e-7, 1e-4];
+
+/// Pixels that a thread takes at once.
+const CHUNK: usize = 512;
 
 /// Few pixels.
 const FEW: usize = 256;
@@ -66,10 +70,20 @@ impl<'a> Slice<'a> {
             cap_excluded(&mut counts, f64::total_cmp);
             return [counts.iter().sum(), threshold];
         }
-        self.pixels.iter().fold([0.0; 2], |[paths, sum], p| {
-            let n = demand(p);
-            [paths + n, sum + p.term(objective, n)]
-        })
+        let add = |[paths, sum]: [f64; 2], [n, term]: [f64; 2]| [paths + n, sum + term];
+        let part = |pixels: &[Pixel]| {
+            let pair = |p| {
+                let n = demand(p);
+                [n, p.term(objective, n)]
+            };
+            pixels.iter().map(pair).fold([0.0; 2], add)
+        };
+        // Summed in the same order by any number of threads.
+        if self.pixels.len() <= CHUNK {
+            return part(&self.pixels);
+        }
+        let parts: Vec<_> = self.pixels.par_chunks(CHUNK).map(part).collect();
+        parts.into_iter().fold([0.0; 2], add)
     }
 
     pub(super) fn time(&self, paths: f64) -> f64 {

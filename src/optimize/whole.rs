@@ -62,7 +62,7 @@ impl Slice<'_> {
             let [from, to] = self.window(threshold, incumbent);
             self.sweep(from, to)
         };
-        let found = (score.is_valid()).then(|| (score, allocation(threshold, extra)));
+        let found = score.is_valid().then(|| (score, allocation(threshold, extra)));
         (bound, found)
     }
 
@@ -93,12 +93,13 @@ impl Slice<'_> {
     /// The counts of an allocation, found for this slice or for some of its pixels. Of the latter the
     /// time is not known exactly: the threshold rises until the iteration is short enough.
     pub(super) fn allocate(&self, allocation: &Allocation) -> Vec<u32> {
-        let fits = |counts: &[u32]| self.goal.allows(self.time(total(counts)));
-        let threshold = allocation.threshold;
+        let mut threshold = allocation.threshold;
         let mut counts = self.counts(threshold);
-        if !fits(&counts) {
-            let range = [threshold, self.thresholds[1].max(threshold)];
-            counts = self.counts(turn(range, WINDOW_WIDTH, |t| fits(&self.counts(t)))[1]);
+        let mut factor = 1.0 + STEP_OUT;
+        while !self.goal.allows(self.time(total(&counts))) && threshold < self.thresholds[1] {
+            threshold = (threshold * factor).min(self.thresholds[1]);
+            factor *= factor;
+            counts = self.counts(threshold);
         }
         allocation.extra.iter().for_each(|&pixel| counts[pixel as usize] += 1);
         counts
@@ -115,7 +116,7 @@ impl Slice<'_> {
         let [low, high] = self.thresholds;
         let level = self.goal.most_cost().unwrap_or_else(|| {
             let rounded = self.score_counts(&self.counts(relaxed));
-            let rounded = (rounded.is_valid()).then_some(rounded.cost);
+            let rounded = rounded.is_valid().then_some(rounded.cost);
             // Rounding down is always short enough.
             let down = self.score_counts(&self.counts_below(relaxed)).cost;
             let costs = [rounded, incumbent.map(|score| score.cost)];
