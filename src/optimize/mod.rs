@@ -1,15 +1,16 @@
 //! The best numbers of light and camera paths.
 //!
 //! An iteration with `N_F` light paths and `n_p` camera paths in pixel `p` takes the time `tau` of
-//! [`TimeModel`] and leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of [`Coefficients`]
-//! in the pixel: equation (1). After a time `T` of rendering the variance is `tau V_p / T`, hence the
-//! best counts minimize the *cost* `tau * aggregate(V)`.
+//! [`TimeModel`] and leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
+//! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is `tau
+//! V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`.
 //!
 //! Both `tau` and every `V_p` are sums of products of powers of the counts, with coefficients of at
-//! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts, and
-//! so are those of their products, means, maxima and powers: without rounding to whole numbers there
-//! is one minimum, it is found by descending in one count after the other, and it is a lower bound of
-//! what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is not convex.
+//! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts,
+//! and so are those of their products, means, maxima and powers: without rounding to whole numbers
+//! there is one minimum, searches along one count inside searches along the other find it, and it
+//! is a lower bound of what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is
+//! not convex.
 
 mod per_pixel;
 mod pixel;

@@ -18,8 +18,9 @@ impl Problem {
     /// The counts of least cost; among equals the shortest iteration.
     ///
     /// Exact for small problems except for `max-rms` from 200 pixels on, whose percentile is not
-    /// convex. With more pixels some numbers of light paths are skipped, and of more than 4093 pixels
-    /// an even selection leads to the number of light paths and to the gain that a camera path needs.
+    /// convex. With more pixels some numbers of light paths are skipped, and of more than 4093
+    /// pixels an even selection leads to the number of light paths and to the gain that a camera
+    /// path needs.
     pub fn per_pixel(&self) -> PerPixel {
         let found = self.best_per_pixel(None);
         // Where the search is not exact, it may not be worse than equal counts either.

@@ -22,8 +22,9 @@ impl Pixel {
         }
     }
 
-    /// What camera path `n + 1` gains: the decrease of [`Self::term`], without its cancellation. For
-    /// `max-rms` the variance before it, as only a pixel above the threshold needs another path.
+    /// What camera path `n + 1` gains: the decrease of [`Self::term`], without its cancellation.
+    /// For `max-rms` the variance before it, as only a pixel above the threshold needs another
+    /// path.
     pub(super) fn gain(&self, objective: Objective, n: f64) -> f64 {
         let decrease = self.scaled / (n * (n + 1.0));
         match objective {

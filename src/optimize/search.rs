@@ -48,8 +48,9 @@ impl Goal {
     }
 }
 
-/// How good counts are: first by the time above its limit, then by the cost above its limit, then by
-/// the value. All sets of counts at least as good as others are convex where times and costs are.
+/// How good counts are: first by the time above its limit, then by the cost above its limit, then
+/// by the value. All sets of counts at least as good as others are convex where times and costs
+/// are.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Score {
     /// The factors by which time and cost exceed their limits; 0 within these.

@@ -1,7 +1,7 @@
 //! The best camera paths of each pixel at a fixed number of light paths.
 //!
-//! With `s = b + a/N_F` and `d = f/N_F` the variance of a pixel is `V = d + s/n`. All solutions, whole
-//! or not, belong to a *threshold*: a camera path is spent where it gains more than that.
+//! With `s = b + a/N_F` and `d = f/N_F` the variance of a pixel is `V = d + s/n`. All solutions,
+//! whole or not, belong to a *threshold*: a camera path is spent where it gains more than that.
 
 use super::pixel::Pixel;
 use super::search::{Goal, Score, minimize, turn};

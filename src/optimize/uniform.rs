@@ -110,7 +110,8 @@ impl Problem {
 /// A search at a constant number of either light or camera paths.
 ///
 /// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`: the cost is convex in
-/// `x`, and the best whole number is beside the best `x`. The other objectives are convex in `ln x`.
+/// `x`, and the best whole number is beside the best `x`. The other objectives are convex in `ln
+/// x`.
 struct Line<'a> {
     problem: &'a Problem,
     goal: &'a Goal,

@@ -1,9 +1,9 @@
 //! Whole camera paths at a fixed number of light paths.
 //!
-//! The terms of the aggregate are convex in each count, hence spending path after path where it gains
-//! most gives the least sum for every total of paths (marginal allocation; Fox 1966). So the paths
-//! are sorted by gain, and the best total is looked for. For the maximum the same holds with the
-//! variance in place of the gain.
+//! The terms of the aggregate are convex in each count, hence spending path after path where it
+//! gains most gives the least sum for every total of paths (marginal allocation; Fox 1966). So the
+//! paths are sorted by gain, and the best total is looked for. For the maximum the same holds with
+//! the variance in place of the gain.
 
 use super::MOST_PIXELS;
 use super::Objective;
@@ -72,8 +72,8 @@ impl Slice<'_> {
         let [least, most] = self.bounds;
         let count = |p: &Pixel| {
             let n = p.demand(objective, threshold, most).floor().max(least);
-            // The whole path after the last one may gain enough, as gains exceed rates; and the last
-            // one may not by rounding errors.
+            // The whole path after the last one may gain enough, as gains exceed rates; and the
+            // last one may not by rounding errors.
             if n < most && p.gain(objective, n) > threshold {
                 n as u32 + 1
             } else if n > least && p.gain(objective, n - 1.0) <= threshold {
@@ -90,8 +90,8 @@ impl Slice<'_> {
         counts
     }
 
-    /// The counts of an allocation, found for this slice or for some of its pixels. Of the latter the
-    /// time is not known exactly: the threshold rises until the iteration is short enough.
+    /// The counts of an allocation, found for this slice or for some of its pixels. Of the latter
+    /// the time is not known exactly: the threshold rises until the iteration is short enough.
     pub(super) fn allocate(&self, allocation: &Allocation) -> Vec<u32> {
         let mut threshold = allocation.threshold;
         let mut counts = self.counts(threshold);
@@ -182,7 +182,8 @@ impl Slice<'_> {
             sum -= next;
         }
         let (score, spent) = best.unwrap_or((self.fewest(), 0));
-        // All steps before `equal` gain more than the threshold, those from it up to `spent` as much.
+        // All steps before `equal` gain more than the threshold, those from it up to `spent` as
+        // much.
         let threshold = steps.get(spent).map_or(to, |step| step.gain);
         let equal = steps[..spent].partition_point(|step| step.gain > threshold);
         (score, threshold, steps[equal..spent].iter().map(|step| step.pixel).collect())
