@@ -17,7 +17,7 @@ pub mod render;
 pub mod rng;
 pub mod scene;
 pub mod settings;
-pub mod time_model;
+pub mod timing;
 mod worker;
 
 pub use error::{Error, Result};

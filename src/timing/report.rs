@@ -1,0 +1,113 @@
+//! Times as tables: the coefficients, the residuals of their fit, and the published times beside.
+
+use super::file::Timings;
+use super::fit::TimeErrors;
+use std::fmt::Write;
+
+/// Camera paths per pixel in the paper's Table 2.
+pub const TABLE_2_CAMERA_PATHS: f64 = 25.0;
+
+/// The paper's Table 2: `N_F`, and the seconds `tau_BMCRT`, `tau_FMCRT` (about 0 where 0) and
+/// `tau_merge` of one iteration.
+pub const TABLE_2: [[f64; 4]; 6] = [
+    [1e3, 6.0, 0.0, 0.25],
+    [3e3, 6.0, 0.0, 0.33],
+    [1e4, 6.0, 0.0, 0.7],
+    [3e4, 6.0, 0.0, 1.7],
+    [1e5, 6.0, 0.05, 5.2],
+    [3e5, 6.0, 0.17, 15.3],
+];
+
+/// All tables.
+pub fn text(timings: &Timings) -> String {
+    let [points, coefficients, beside] =
+        [points(timings), coefficients(timings), beside_table_2(timings)];
+    let setup = timings.setup.iter().fold(String::new(), |_, setup| format!("{setup}\n\n"));
+    format!("{setup}{points}\n{coefficients}\n{beside}")
+}
+
+/// The five coefficients with their standard errors, a line each.
+pub fn coefficients(timings: &Timings) -> String {
+    let model = &timings.model;
+    let errors = timings.errors.unwrap_or_default();
+    let TimeErrors { fixed, light_path, camera_path, look_up, merge_pair } = errors;
+    let mut text = String::new();
+    for (name, value, error, unit) in [
+        ("fixed", model.fixed, fixed, "iteration"),
+        ("light_path", model.light_path, light_path, "light path"),
+        ("camera_path", model.camera_path, camera_path, "camera path"),
+        ("look_up", model.look_up, look_up, "camera path"),
+        ("merge_pair", model.merge_pair, merge_pair, "light path and camera path"),
+    ] {
+        let error = error.map_or(String::new(), |error| format!("+- {error:.1e}"));
+        let row = format!("{name:<11} {value:>10.3e} {error:<10} s per {unit}");
+        writeln!(text, "{row}").expect("strings take everything");
+    }
+    for note in &timings.notes {
+        writeln!(text, "note: {note}").expect("strings take everything");
+    }
+    text
+}
+
+/// Measured times, a line each, with what the fit says.
+fn points(timings: &Timings) -> String {
+    let mut text = format!(
+        "{:<7} {:>8} {:>4} {:>12}    {:<10} {:>10} {:>9}\n",
+        "phase", "N_F", "N_B", "seconds", "", "fitted", "residual"
+    );
+    for point in &timings.points {
+        let error = point.error.map_or(String::new(), |error| format!("+- {error:.2e}"));
+        // The time of a phase may be too small for a clock.
+        let residual = match point.measured / point.fitted - 1.0 {
+            residual if residual.is_finite() => format!("{:+.1} %", 100.0 * residual),
+            _ => String::new(),
+        };
+        writeln!(
+            text,
+            "{:<7} {:>8} {:>4} {:>12.4e} {error:<13} {:>10.3e} {residual:>9}",
+            point.phase.name(),
+            point.light_paths,
+            point.camera_paths,
+            point.measured,
+            point.fitted,
+        )
+        .expect("strings take everything");
+    }
+    text
+}
+
+/// The model's times at the counts of Table 2 beside the published ones, in seconds and over their
+/// own camera time: machines differ, shapes less.
+fn beside_table_2(timings: &Timings) -> String {
+    let mut text = format!(
+        "one iteration at N_B = {TABLE_2_CAMERA_PATHS}, beside the paper's Table 2\n\
+         {:>7} | {:^38} | {:^38}\n{:>7} |",
+        "", "seconds: paper, here", "over the camera time: paper, here", "N_F"
+    );
+    for _ in 0..2 {
+        for name in ["camera", "light", "merge"] {
+            write!(text, " {name:>12}").expect("strings take everything");
+        }
+        text.push_str(" |");
+    }
+    text.pop();
+    text = text.trim_end().to_owned() + "\n";
+    for [n_light, paper @ ..] in TABLE_2 {
+        let [_, light, camera, merge] = timings.model.parts(n_light, TABLE_2_CAMERA_PATHS);
+        let ours = [camera, light, merge];
+        write!(text, "{n_light:>7} |").expect("strings take everything");
+        for (paper, here) in paper.iter().zip(ours) {
+            write!(text, " {paper:>5} {here:>6.3}").expect("strings take everything");
+        }
+        text.push_str(" |");
+        for (published, here) in paper.iter().zip(ours) {
+            let (published, here) = (published / paper[0], here / camera);
+            write!(text, " {published:>5.2} {here:>6.3}").expect("strings take everything");
+        }
+        text.push('\n');
+    }
+    let fixed = timings.model.fixed;
+    writeln!(text, "besides, {fixed:.4} s per iteration here whatever the counts")
+        .expect("strings take everything");
+    text
+}
