@@ -20,7 +20,7 @@ use bdpm::timing::sample::Phase;
 use bdpm::timing::setup::Setup;
 use bdpm::timing::{Timings, report};
 use bdpm::{Renderer, Result, Scene, Settings};
-use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use std::cell::Cell;
 use std::path::Path;
 use std::time::Duration;
@@ -82,7 +82,8 @@ impl Subject {
         let iterations = Cell::new(0);
         let mut group = criterion.benchmark_group(GROUP);
         group.sampling_mode(SamplingMode::Flat);
-        group.bench_function(&entry.id[..], |bencher| {
+        let size = format!("{light_paths}x{camera_paths}");
+        group.bench_function(BenchmarkId::new(phase.name(), size), |bencher| {
             bencher.iter_custom(|count| {
                 iterations.set(iterations.get() + count);
                 (0..count)

@@ -243,7 +243,7 @@ mod tests {
         refused(here, "this estimate is missing");
         for (from, to, problem) in [
             ("\"median\"", "\"medium\"", "missing field `median`"),
-            ("}", "", "these are no timings: EOF"),
+            ("}}", "", "these are no timings: EOF"),
             ("\"point_estimate\":", "\"point_estimate\":-", "is no time"),
             ("1000.0", "-1", "is no time"),
             ("1000.0", "null", "invalid type: null"),

@@ -57,13 +57,12 @@ impl Timings {
     /// # Errors
     /// Names the key.
     pub fn parse(text: &str) -> Result<Self> {
-        let bare = serde_json::from_str::<serde_json::Value>(text)
-            .is_ok_and(|json| json.get("model").is_none());
-        if bare {
-            return Ok(TimeModel::parse(text)?.into());
-        }
         let advice = "give a file that bdpm calibrate wrote, or a JSON object with the keys fixed, \
                       light_path, camera_path, look_up, merge_pair (seconds) and pixels";
+        let json: serde_json::Value = from_json(text, advice)?;
+        if json.get("model").is_none() {
+            return Ok(TimeModel::parse(text)?.into());
+        }
         let timings: Self = from_json(text, advice)?;
         timings.model.validate()?;
         Ok(timings)
@@ -146,7 +145,7 @@ mod tests {
         for (text, problem, advice) in [
             (good.replace("\"notes\"", "\"nodes\""), "unknown field `nodes`", "bdpm calibrate"),
             (good.replace("\"light\"", "\"dark\""), "unknown variant `dark`", "bdpm calibrate"),
-            (good.replace("4.0", "-4"), "look_up is -4", "at least 0"),
+            (good.replace("\"look_up\":4.0", "\"look_up\":-4"), "look_up is -4", "at least 0"),
             (BARE.replace("\"fixed\"", "\"fixd\""), "unknown field `fixd`", "keys fixed"),
             (BARE.replace('}', ""), "no timings: EOF", "bdpm calibrate wrote, or"),
             ("[]".into(), "no timings", "keys fixed"),

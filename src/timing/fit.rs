@@ -22,6 +22,12 @@ use super::solve;
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
+/// Refinements of the weights: the iteration's time hardly changes after the first.
+const ROUNDS: usize = 3;
+
+/// Seconds that no clock tells apart.
+const CLOCK: f64 = 1e-9;
+
 /// A fitted model, how certain it is, and how well it fits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
@@ -80,7 +86,7 @@ enum Term {
 }
 
 impl Term {
-    const COUNT: usize = 4;
+    const ALL: [Self; 4] = [Self::One, Self::LightPaths, Self::CameraPaths, Self::Pairs];
 
     fn of(self, sample: &Sample, pixels: f64) -> f64 {
         match self {
@@ -116,8 +122,8 @@ impl Term {
 /// The coefficients of one phase by [`Term`], and their variances where they are known.
 #[derive(Clone, Copy, Debug)]
 struct PhaseFit {
-    values: [f64; Term::COUNT],
-    variances: [Option<f64>; Term::COUNT],
+    values: [f64; Term::ALL.len()],
+    variances: [Option<f64>; Term::ALL.len()],
 }
 
 /// Fits samples of an image of so many pixels, in any order. The light, camera and merge phases need
@@ -126,33 +132,46 @@ struct PhaseFit {
 /// iterations of a render returns will do: with two numbers of light paths and a single one of camera
 /// paths, the camera phase is taken as proportional to its paths.
 ///
-/// Residuals are weighted by their variance, which is that of the sample plus that of a relative
-/// deviation common to the phase; the latter is just so large that residuals are as large as they
-/// should be (Mandel and Paule, 1970). Thus a model that is off by a few percent counts small times as
-/// much as large ones, and says so in its errors.
+/// Residuals are weighted by their variance: that of the sample, and that of a deviation of the model
+/// relative to the whole iteration's time at the sample's counts, which is what predictions need: the
+/// times of light paths matter where they are many. The relative deviation is common to the samples of
+/// a phase and just so large that their residuals are as large as they should be (Mandel and Paule,
+/// 1970), so that a model that bends away from the measured times says so in its errors.
 ///
 /// # Errors
 /// If samples are missing, or are no times.
 pub fn fit(samples: &[Sample], pixels: f64) -> Result<Fit> {
     samples.iter().try_for_each(check)?;
-    let mut points = Vec::new();
-    let mut notes = Vec::new();
-    let mut phases = Vec::new();
-    for phase in Phase::ALL {
-        let own: Vec<Sample> = samples.iter().filter(|s| s.phase == phase).copied().collect();
-        if own.is_empty() && phase != Phase::Rest {
+    for phase in [Phase::Light, Phase::Camera, Phase::Merge] {
+        if samples.iter().all(|sample| sample.phase != phase) {
             return Err(Error::new(
                 format!("no time of the {} phase was measured", phase.name()),
                 "measure the light, camera and merge phases",
             ));
         }
-        let (fit, note) = fit_phase(phase, &own, pixels);
+    }
+    // The iteration's time is that of the model of the round before; at first the phase's own.
+    let mut fit = fit_phases(samples, pixels, |sample| sample.seconds);
+    for _ in 0..ROUNDS {
+        let model = fit.model;
+        fit = fit_phases(samples, pixels, |s| model.iteration(s.light_paths, s.camera_paths));
+    }
+    fit.model.validate()?;
+    Ok(fit)
+}
+
+/// Fits all phases; deviations are relative to `scale`, seconds.
+fn fit_phases(samples: &[Sample], pixels: f64, scale: impl Fn(&Sample) -> f64) -> Fit {
+    let (mut points, mut notes, mut phases) = (Vec::new(), Vec::new(), Vec::new());
+    for phase in Phase::ALL {
+        let own: Vec<Sample> = samples.iter().filter(|s| s.phase == phase).copied().collect();
+        let scales: Vec<f64> = own.iter().map(|sample| scale(sample).max(CLOCK)).collect();
+        let (fit, note) = fit_phase(phase, &own, &scales, pixels);
         notes.extend(note);
         points.extend(own.iter().map(|sample| {
-            let terms = [Term::One, Term::LightPaths, Term::CameraPaths, Term::Pairs];
-            let fitted = terms.map(|term| fit.values[term as usize] * term.of(sample, pixels));
             let Sample { phase, light_paths, camera_paths, seconds: measured, error } = *sample;
-            let fitted = fitted.into_iter().sum();
+            let part = |term: Term| fit.values[term as usize] * term.of(sample, pixels);
+            let fitted = Term::ALL.map(part).into_iter().sum();
             Point { phase, light_paths, camera_paths, measured, error, fitted }
         }));
         phases.push(fit);
@@ -163,21 +182,27 @@ pub fn fit(samples: &[Sample], pixels: f64) -> Result<Fit> {
         let variance: Option<f64> = parts.map(|fit| fit.variances[term as usize]).sum();
         (value, variance.map(f64::sqrt))
     };
-    let (fixed, fixed_error) = all(Term::One, &Phase::ALL);
-    let (light_path, light_path_error) = all(Term::LightPaths, &[Phase::Light, Phase::Rest]);
-    let (camera_path, camera_path_error) = all(Term::CameraPaths, &[Phase::Camera, Phase::Rest]);
-    let (look_up, look_up_error) = all(Term::CameraPaths, &[Phase::Merge]);
-    let (merge_pair, merge_pair_error) = all(Term::Pairs, &[Phase::Merge, Phase::Rest]);
-    let model = TimeModel { fixed, light_path, camera_path, look_up, merge_pair, pixels };
-    model.validate()?;
-    let errors = TimeErrors {
-        fixed: fixed_error,
-        light_path: light_path_error,
-        camera_path: camera_path_error,
-        look_up: look_up_error,
-        merge_pair: merge_pair_error,
+    let fixed = all(Term::One, &Phase::ALL);
+    let light_path = all(Term::LightPaths, &[Phase::Light, Phase::Rest]);
+    let camera_path = all(Term::CameraPaths, &[Phase::Camera, Phase::Rest]);
+    let look_up = all(Term::CameraPaths, &[Phase::Merge]);
+    let merge_pair = all(Term::Pairs, &[Phase::Merge, Phase::Rest]);
+    let model = TimeModel {
+        fixed: fixed.0,
+        light_path: light_path.0,
+        camera_path: camera_path.0,
+        look_up: look_up.0,
+        merge_pair: merge_pair.0,
+        pixels,
     };
-    Ok(Fit { model, errors, points, notes })
+    let errors = TimeErrors {
+        fixed: fixed.1,
+        light_path: light_path.1,
+        camera_path: camera_path.1,
+        look_up: look_up.1,
+        merge_pair: merge_pair.1,
+    };
+    Fit { model, errors, points, notes }
 }
 
 /// Refuses what is no measurement.
@@ -201,13 +226,18 @@ fn check(sample: &Sample) -> Result<()> {
 }
 
 /// Fits one phase; says which coefficients had to be left out.
-fn fit_phase(phase: Phase, samples: &[Sample], pixels: f64) -> (PhaseFit, Option<String>) {
+fn fit_phase(
+    phase: Phase,
+    samples: &[Sample],
+    scales: &[f64],
+    pixels: f64,
+) -> (PhaseFit, Option<String>) {
     let terms = Term::all_of(phase);
     let column = |term: Term| samples.iter().map(|s| term.of(s, pixels)).collect();
     let columns: Vec<Vec<f64>> = terms.iter().map(|&term| column(term)).collect();
     let kept = solve::independent(&columns);
     let used: Vec<&[f64]> = kept.iter().map(|&index| &columns[index][..]).collect();
-    let solution = solve::fit(&used, samples);
+    let solution = solve::fit(&used, samples, scales);
 
     // A term that is left out is part of another one: its share is not known to be 0, only merged.
     let mut fit = PhaseFit { values: [0.0; 4], variances: [Some(0.0); 4] };
@@ -216,22 +246,23 @@ fn fit_phase(phase: Phase, samples: &[Sample], pixels: f64) -> (PhaseFit, Option
         fit.values[term] = solution.values[place];
         fit.variances[term] = solution.variances.as_ref().map(|all| all[place]);
     }
-    let names = |left: bool| {
-        let mut names = (0..terms.len()).filter(|i| kept.contains(i) != left);
-        let first = names.next().map(|i| terms[i].coefficient(phase).to_owned());
-        names.fold(first, |all, i| {
-            all.map(|all| format!("{all} and {}", terms[i].coefficient(phase)))
-        })
-    };
+    let left: Vec<Term> =
+        (0..terms.len()).filter(|i| !kept.contains(i)).map(|i| terms[i]).collect();
     // What the rest does not tell by itself belongs to `fixed`, as it should.
-    let note = names(true).filter(|_| phase != Phase::Rest).map(|left| {
-        for (index, term) in terms.iter().enumerate() {
-            if !kept.contains(&index) {
-                fit.variances[*term as usize] = None;
-            }
-        }
-        let kept = names(false).unwrap_or_default();
-        format!("the sizes of the {} phase do not tell {left} from {kept}", phase.name())
-    });
-    (fit, note)
+    if left.is_empty() || phase == Phase::Rest {
+        return (fit, None);
+    }
+    left.iter().for_each(|&term| fit.variances[term as usize] = None);
+    let names = |terms: &[Term]| {
+        let names: Vec<_> = terms.iter().map(|term| term.coefficient(phase)).collect();
+        names.join(" and ")
+    };
+    let kept: Vec<Term> = kept.iter().map(|&index| terms[index]).collect();
+    let note = format!(
+        "the sizes of the {} phase do not tell {} from {}",
+        phase.name(),
+        names(&left),
+        names(&kept)
+    );
+    (fit, Some(note))
 }

@@ -49,27 +49,32 @@ pub fn coefficients(timings: &Timings) -> String {
     text
 }
 
-/// Measured times, a line each, with what the fit says.
+/// Measured times, a line each, with what the fit says; the residual also as a share of the whole
+/// iteration.
 fn points(timings: &Timings) -> String {
     let mut text = format!(
-        "{:<7} {:>8} {:>4} {:>12}    {:<10} {:>10} {:>9}\n",
-        "phase", "N_F", "N_B", "seconds", "", "fitted", "residual"
+        "{:<7} {:>8} {:>4} {:>12}    {:<10} {:>10} {:>10} {:>13}\n",
+        "phase", "N_F", "N_B", "seconds", "", "fitted", "residual", "of iteration"
     );
     for point in &timings.points {
         let error = point.error.map_or(String::new(), |error| format!("+- {error:.2e}"));
+        let residual = point.measured - point.fitted;
+        let iteration = timings.model.iteration(point.light_paths, point.camera_paths);
         // The time of a phase may be too small for a clock.
-        let residual = match point.measured / point.fitted - 1.0 {
-            residual if residual.is_finite() => format!("{:+.1} %", 100.0 * residual),
+        let share = |whole: f64| match 100.0 * residual / whole {
+            share if share.is_finite() => format!("{share:+.1} %"),
             _ => String::new(),
         };
         writeln!(
             text,
-            "{:<7} {:>8} {:>4} {:>12.4e} {error:<13} {:>10.3e} {residual:>9}",
+            "{:<7} {:>8} {:>4} {:>12.4e} {error:<13} {:>10.3e} {:>10} {:>13}",
             point.phase.name(),
             point.light_paths,
             point.camera_paths,
             point.measured,
             point.fitted,
+            share(point.fitted),
+            share(iteration),
         )
         .expect("strings take everything");
     }

@@ -8,8 +8,6 @@ const INDEPENDENT: f64 = 1e-4;
 /// Relative deviation of the model at the least: keeps the weights of exact samples finite.
 const LEAST_DEVIATION: f64 = 1e-6;
 
-const NANOSECOND: f64 = 1e-9;
-
 /// Coefficients of columns.
 pub struct Solution {
     /// At least 0.
@@ -39,14 +37,15 @@ pub fn independent(columns: &[Vec<f64>]) -> Vec<usize> {
     kept
 }
 
-/// Fits the samples' times by combinations of independent columns.
-pub fn fit(columns: &[&[f64]], samples: &[Sample]) -> Solution {
+/// Fits the samples' times by combinations of independent columns; deviations of the model are
+/// relative to `scales`, seconds.
+pub fn fit(columns: &[&[f64]], samples: &[Sample], scales: &[f64]) -> Solution {
     let spare = samples.len() - columns.len();
     let errors_known = samples.iter().all(|sample| sample.error.is_some());
-    let solve = |deviation: f64| Weighted::new(columns, samples, deviation);
+    let solve = |deviation: f64| Weighted::new(columns, samples, scales, deviation);
     let deviation = match (spare, errors_known) {
         (0, true) => LEAST_DEVIATION,
-        // Relative residuals, should a bound keep the fit from being exact.
+        // Weights should a bound keep the fit from being exact.
         (0, false) => 1.0,
         (spare, _) => {
             // Mandel and Paule: the square sum of weighted residuals falls with the deviation.
@@ -76,24 +75,14 @@ struct Weighted {
 }
 
 impl Weighted {
-    fn new(columns: &[&[f64]], samples: &[Sample], deviation: f64) -> Self {
-        // A time near 0 is no more exact than the others, nor than a clock.
-        let largest = samples.iter().map(|s| s.seconds).fold(NANOSECOND, f64::max);
-        let seconds: Vec<f64> = samples.iter().map(|s| s.seconds).collect();
-        let mut scale = seconds.clone();
-        let mut found = Self { values: Vec::new(), weights: Vec::new(), square_sum: 0.0 };
-        // Deviations are relative to the fitted times: relative to the measured ones, those that
-        // happen to be low would count more.
-        for _ in 0..3 {
-            let weight = |(sample, scale): (&Sample, &f64)| {
-                let deviation = deviation * scale.max(1e-3 * largest);
-                sample.error.unwrap_or(0.0).hypot(deviation).powi(2).recip()
-            };
-            found.weights = samples.iter().zip(&scale).map(weight).collect();
-            (found.values, found.square_sum) = not_negative(columns, &found.weights, &seconds);
-            scale = combine(columns, &found.values, seconds.len());
-        }
-        found
+    fn new(columns: &[&[f64]], samples: &[Sample], scales: &[f64], deviation: f64) -> Self {
+        let weight = |(sample, scale): (&Sample, &f64)| {
+            sample.error.unwrap_or(0.0).hypot(deviation * scale).powi(2).recip()
+        };
+        let weights: Vec<f64> = samples.iter().zip(scales).map(weight).collect();
+        let seconds: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
+        let (values, square_sum) = not_negative(columns, &weights, &seconds);
+        Self { values, weights, square_sum }
     }
 
     fn variances(&self, columns: &[&[f64]]) -> Vec<f64> {
@@ -132,6 +121,7 @@ fn not_negative(columns: &[&[f64]], weights: &[f64], seconds: &[f64]) -> (Vec<f6
     best
 }
 
+/// The sums of the columns times the values, row by row.
 fn combine(columns: &[&[f64]], values: &[f64], rows: usize) -> Vec<f64> {
     let row = |i: usize| columns.iter().zip(values).map(|(column, v)| column[i] * v).sum();
     (0..rows).map(row).collect()
