@@ -93,7 +93,7 @@ fn calibrate_measures_and_predict_takes_its_file() {
     assert!((predicted / tau - 1.0).abs() < 1e-9, "{predicted} {tau}");
     let table = predict(times, &[]);
     let table = succeed(&table);
-    for part in ["t.json, for cornell-box, 16x12 pixels, 1 threads", "bvh", "merge_pair", "+-"] {
+    for part in ["t.json, for cornell-box, 16x12 pixels, 1 thread", "bvh", "merge_pair", "+-"] {
         assert!(table.contains(part), "{part} in {table}");
     }
 

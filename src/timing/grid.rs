@@ -2,7 +2,7 @@
 
 use super::sample::Phase;
 
-/// Numbers of light paths; the last for the light phase alone.
+/// Numbers of light paths.
 const LIGHT_PATHS: [u32; 4] = [1000, 10_000, 100_000, 1_000_000];
 /// Numbers of camera paths per pixel: few, so that iterations are short.
 const CAMERA_PATHS: [u32; 3] = [1, 2, 4];
@@ -23,17 +23,15 @@ pub fn sizes_of(phase: Phase, pixels: usize) -> Vec<Size> {
     // More than a few light paths per pixel take long and are no good choice for the image.
     let most = (4 * pixels).max(10_000);
     let light = LIGHT_PATHS.into_iter().filter(|&n| n as usize <= most);
-    let merged = light.clone().filter(|&n| n <= 100_000);
     let [few, _, many] = CAMERA_PATHS;
     match phase {
         Phase::Light => light.map(|n| size(n, few)).collect(),
         Phase::Camera => CAMERA_PATHS.map(|n| size(LIGHT_PATHS[0], n)).into(),
-        Phase::Merge => merged.flat_map(|n| [size(n, few), size(n, many)]).collect(),
-        Phase::Rest => light
-            .filter(|n| LIGHT_PATHS[1] != *n || most < LIGHT_PATHS[2] as usize)
-            .flat_map(|n| [Some(size(n, few)), (n <= 100_000).then_some(size(n, many))])
-            .flatten()
-            .collect(),
+        // What depends on both counts is measured at pairs of them, but for the largest.
+        Phase::Merge | Phase::Rest => {
+            let many = light.clone().filter(|&n| n < LIGHT_PATHS[3]).map(|n| size(n, many));
+            light.map(|n| size(n, few)).chain(many).collect()
+        }
     }
 }
 

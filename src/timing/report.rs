@@ -85,34 +85,37 @@ fn points(timings: &Timings) -> String {
 /// own camera time: machines differ, shapes less.
 fn beside_table_2(timings: &Timings) -> String {
     let mut text = format!(
-        "one iteration at N_B = {TABLE_2_CAMERA_PATHS}, beside the paper's Table 2\n\
-         {:>7} | {:^38} | {:^38}\n{:>7} |",
-        "", "seconds: paper, here", "over the camera time: paper, here", "N_F"
+        "one iteration at N_B = {TABLE_2_CAMERA_PATHS}, the paper's Table 2 on the left, here on \
+         the right\n{:>7} | {:^51} | {:^38}\n{:>7} | {:>12} {:>12} {:>12} {:>12} | {:>12} {:>12} \
+         {:>12}\n",
+        "",
+        "seconds",
+        "over the camera time",
+        "N_F",
+        "camera",
+        "light",
+        "merge",
+        "whole",
+        "light",
+        "merge",
+        "whole",
     );
-    for _ in 0..2 {
-        for name in ["camera", "light", "merge"] {
-            write!(text, " {name:>12}").expect("strings take everything");
-        }
-        text.push_str(" |");
-    }
-    text.pop();
-    text = text.trim_end().to_owned() + "\n";
-    for [n_light, paper @ ..] in TABLE_2 {
-        let [_, light, camera, merge] = timings.model.parts(n_light, TABLE_2_CAMERA_PATHS);
-        let ours = [camera, light, merge];
-        write!(text, "{n_light:>7} |").expect("strings take everything");
-        for (paper, here) in paper.iter().zip(ours) {
-            write!(text, " {paper:>5} {here:>6.3}").expect("strings take everything");
-        }
-        text.push_str(" |");
-        for (published, here) in paper.iter().zip(ours) {
-            let (published, here) = (published / paper[0], here / camera);
-            write!(text, " {published:>5.2} {here:>6.3}").expect("strings take everything");
-        }
+    for [n_light, camera, light, merge] in TABLE_2 {
+        let parts = timings.model.parts(n_light, TABLE_2_CAMERA_PATHS);
+        let [_, here_light, here_camera, here_merge] = parts;
+        let paper = [camera, light, merge, camera + light + merge];
+        let here = [here_camera, here_light, here_merge, parts.iter().sum()];
+        write!(text, "{n_light:>7}").expect("strings take everything");
+        let mut columns = |scales: [f64; 2], first: usize| {
+            text.push_str(" |");
+            for (paper, here) in paper.iter().zip(here).skip(first) {
+                write!(text, " {:>5.2} {:>6.3}", paper / scales[0], here / scales[1])
+                    .expect("strings take everything");
+            }
+        };
+        columns([1.0; 2], 0);
+        columns([camera, here_camera], 1);
         text.push('\n');
     }
-    let fixed = timings.model.fixed;
-    writeln!(text, "besides, {fixed:.4} s per iteration here whatever the counts")
-        .expect("strings take everything");
     text
 }

@@ -115,7 +115,8 @@ impl Setup {
 impl fmt::Display for Setup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, width, height, threads, backend, build, version, .. } = self;
-        write!(f, "{scene}, {width}x{height} pixels, {threads} threads")?;
+        let plural = if *threads == 1 { "" } else { "s" };
+        write!(f, "{scene}, {width}x{height} pixels, {threads} thread{plural}")?;
         if let Some(processor) = &self.processor {
             write!(f, " of {processor}")?;
         }
