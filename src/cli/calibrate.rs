@@ -28,9 +28,13 @@ const LEAST_ROUNDS: u64 = 2;
 const ITERATIONS: usize = 2;
 
 #[derive(clap::Args)]
-#[command(mut_arg("time", |arg| arg.help(
-    "Measure for about this long, such as 30s or 2m; at least two rounds [default: 45s]"
-)))]
+#[command(
+    mut_arg("time", |arg| arg.help(
+        "Measure for about this long, such as 30s or 2m; at least two rounds [default: 45s]"
+    )),
+    mut_arg("light_paths", |arg| arg.hide(true)),
+    mut_arg("camera_paths", |arg| arg.hide(true)),
+)]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
