@@ -3,6 +3,7 @@
 
 #![allow(missing_docs)]
 
+mod home;
 mod raw;
 
 use bdpm::accel::backend::{Backend, build};
@@ -202,11 +203,9 @@ fn iterations(criterion: &mut Criterion) {
 
 /// Median of a benchmark of this run, seconds.
 fn median(group: &str, name: &str) -> Option<f64> {
-    let home = std::env::var_os("CRITERION_HOME").map(std::path::PathBuf::from);
-    let target = std::env::var_os("CARGO_TARGET_DIR").map(std::path::PathBuf::from);
-    let home = home.unwrap_or_else(|| target.unwrap_or_else(|| "target".into()).join("criterion"));
     let folder = |name: &str| name.replace('/', "_");
-    let file = home.join(folder(group)).join(folder(name)).join("new/estimates.json");
+    let file =
+        home::criterion_home().join(folder(group)).join(folder(name)).join("new/estimates.json");
     let json: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
     Some(json["median"]["point_estimate"].as_f64()? * 1e-9)

@@ -10,7 +10,9 @@ use crate::noise::{Coefficients, Measure};
 use crate::optimize::{Bounds, Objective, Problem};
 use crate::render::Renderer;
 use crate::steer::Steer;
-use crate::timing::{Phase, Sample, TimeModel, fit};
+use crate::timing::TimeModel;
+use crate::timing::fit::fit;
+use crate::timing::sample::{Phase, Sample};
 use serde::{Deserialize, Serialize};
 
 /// Camera paths per pixel in the pilot: as many as measuring takes.
@@ -32,9 +34,13 @@ const MEASURE_EVERY: u64 = 8;
 const MOST_CAMERA_PATHS: u32 = 1 << 16;
 /// Most blocks: each keeps an image in memory.
 const MOST_BLOCKS: usize = 6;
-/// A new block must save this share of the time, and so must counts per pixel.
-const WORTHWHILE: f64 = 0.01;
-const WORTHWHILE_PER_PIXEL: f64 = 0.03;
+/// Iterations at chosen counts before anything is promised or chosen anew.
+const FIRST_ITERATIONS: u64 = 16;
+/// A new block must save this share of the time.
+const WORTHWHILE: f64 = 0.02;
+/// Counts per pixel must save this share. They follow the noise of what they are chosen from, which
+/// makes them look better than they are.
+const WORTHWHILE_PER_PIXEL: f64 = 0.05;
 /// Among counts whose cost is this close to the best, the shortest iteration is taken.
 const SLACK: f64 = 0.01;
 /// Iterations of the chosen kind that fit in the rest at the least.
@@ -62,8 +68,20 @@ pub struct State {
     block_began: f64,
     /// Rendering time when counts are chosen next.
     next_choice: f64,
-    /// The first choice, with what it promised.
+    /// What the first choice gains.
+    gains: Gains,
+    /// What the first choice promised, once a few of its iterations were rendered.
     promise: Option<Promise>,
+}
+
+/// Times that other counts would take for the same noise, over that of the chosen ones, as
+/// predicted when counts were first chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gains {
+    /// As many light paths as pixels, and one camera path per pixel.
+    pub over_one_each: f64,
+    /// The best counts that are equal in all pixels.
+    pub over_uniform: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
@@ -75,33 +93,26 @@ enum Stage {
     Chosen,
 }
 
-/// What was expected when counts were first chosen.
+/// What was expected after the first iterations at the first choice of counts: these are new
+/// samples, so that a choice which followed the pilot's noise does not look better than it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Promise {
     /// Pooled RMS at the end, W/(m^2 sr).
     pub rms: f64,
     /// Rendering time to the end, from the very first iteration, seconds.
     pub seconds: f64,
-    /// Rendering time that the pilot had taken.
-    pub pilot_seconds: f64,
-    /// Time that one light path per pixel and one camera path per pixel would take for the same
-    /// noise, over that of the chosen counts.
-    pub gain_over_one_each: f64,
-    /// The same for the best counts that are equal in all pixels.
-    pub gain_over_uniform: f64,
+    /// Rendering time when this was said.
+    pub said_after: f64,
+    /// What the choice gains.
+    pub gains: Gains,
 }
 
 /// Counts, and what they should lead to.
 struct Choice {
     counts: Counts,
-    /// Pooled variance of one iteration and its time, seconds.
-    variance: f64,
-    tau: f64,
-    /// Costs relative to that of the choice: of the present counts, of one path each, and of the
-    /// best uniform ones.
+    /// Cost of the present counts, relative to that of the choice.
     present: f64,
-    one_each: f64,
-    uniform: f64,
+    gains: Gains,
 }
 
 impl Autopilot {
@@ -136,16 +147,14 @@ impl Autopilot {
         enough || in_haste || iterations >= PILOT_ITERATIONS.end
     }
 
-    /// Expectations at the first choice.
-    fn promised(&self, choice: &Choice, standing: &Standing, elapsed: f64) -> Option<Promise> {
-        let forecast = standing.forecast(&self.goal, choice.variance, choice.tau, elapsed)?;
-        Some(Promise {
-            rms: forecast.rms,
-            seconds: self.earlier + elapsed + forecast.seconds,
-            pilot_seconds: self.earlier + elapsed,
-            gain_over_one_each: choice.one_each,
-            gain_over_uniform: choice.uniform,
-        })
+    /// Expectations from the first iterations at the chosen counts.
+    fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
+        let standing = Standing::new(renderer.blocks());
+        let tau = self.pace(renderer, 0, elapsed)?;
+        let forecast = standing.forecast(&self.goal, standing.per_iteration?, tau, elapsed)?;
+        let said_after = self.earlier + elapsed;
+        let seconds = said_after + forecast.seconds;
+        Some(Promise { rms: forecast.rms, seconds, said_after, gains: self.state.gains })
     }
 
     /// The best counts by all that has been measured.
@@ -194,14 +203,8 @@ impl Autopilot {
             })
         };
         let one_each = Counts::uniform(settings.pixels() as u32, 1);
-        Ok(Choice {
-            variance: block::pooled_variance(&measured, &counts),
-            tau: model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean()),
-            present: cost_of(&renderer.block().counts),
-            one_each: cost_of(&one_each),
-            uniform: relative(uniform.cost),
-            counts,
-        })
+        let gains = Gains { over_one_each: cost_of(&one_each), over_uniform: relative(uniform.cost) };
+        Ok(Choice { present: cost_of(&renderer.block().counts), gains, counts })
     }
 }
 
@@ -227,9 +230,13 @@ impl Steer for Autopilot {
                 self.state.stage = Stage::Chosen;
                 let standing = Standing::new(renderer.blocks());
                 let choice = self.choose(renderer, &standing, elapsed)?;
-                self.state.promise = self.promised(&choice, &standing, elapsed);
+                self.state.gains = choice.gains;
                 self.state.next_choice = 2.0 * now;
                 begin(&mut self.state, renderer, choice.counts)?;
+            }
+            Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
+            Stage::Chosen if self.state.promise.is_none() => {
+                self.state.promise = self.promised(renderer, elapsed);
             }
             Stage::Chosen if now >= self.state.next_choice => {
                 self.state.next_choice = 2.0 * now;
@@ -283,7 +290,7 @@ fn times(blocks: &[Block], pixels: usize, threads: usize) -> Result<TimeModel> {
             });
         }
     }
-    Ok(fit(&samples, pixels)?.model)
+    Ok(fit(&samples, pixels as f64)?.model)
 }
 
 /// Degrees of freedom that the mean over a neighborhood counts as beside a pixel's own: estimates

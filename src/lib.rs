@@ -25,7 +25,6 @@ pub mod rng;
 pub mod scene;
 pub mod settings;
 pub mod steer;
-pub mod time_model;
 pub mod timing;
 mod worker;
 

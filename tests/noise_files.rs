@@ -10,7 +10,7 @@ use bdpm::noise::predict::{Budget, Predicted, Source};
 use bdpm::noise::{Coefficients, Measure, region};
 use bdpm::output::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::scene::Region;
-use bdpm::time_model::TimeModel;
+use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Settings};
 use common::*;
 

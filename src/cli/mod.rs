@@ -4,6 +4,7 @@
 
 mod analyze;
 mod analyze_text;
+mod calibrate;
 mod compare;
 mod info;
 mod predict;
@@ -37,6 +38,8 @@ enum Command {
     Analyze(analyze::Args),
     /// Predict the noise at other numbers of paths from what `analyze` measured
     Predict(predict::Args),
+    /// Measure how long the phases of an iteration take, for `predict --timings`
+    Calibrate(calibrate::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
     /// Tell how far an image is from a reference
@@ -49,6 +52,7 @@ pub fn run() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
     };

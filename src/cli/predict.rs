@@ -7,10 +7,12 @@ use bdpm::noise::file::NoiseFile;
 use bdpm::noise::predict::{Budget, Optimum, Predicted, Prediction, Source};
 use bdpm::noise::{Coefficients, region};
 use bdpm::settings::MAX_LIGHT_PATHS;
-use bdpm::time_model::TimeModel;
+use bdpm::timing::fit::TimeErrors;
+use bdpm::timing::setup::Setup;
+use bdpm::timing::{TimeModel, Timings, report as timing_report};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 #[derive(clap::Args)]
@@ -34,9 +36,10 @@ pub struct Args {
     /// the origin at the top left [default: the whole image]
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
-    /// Time of an iteration: JSON file with the keys fixed, light_path, camera_path, look_up,
+    /// Time of an iteration: file that `bdpm calibrate` wrote, folder that `cargo bench --bench tau`
+    /// left (target/criterion), or JSON file with the keys fixed, light_path, camera_path, look_up,
     /// merge_pair (seconds) and pixels
-    #[arg(long, value_name = "T.json", requires = "time")]
+    #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
     /// Time of rendering to predict the noise after, such as 1000s or 1h
     #[arg(long, value_name = "TIME", requires = "timings", value_parser = humantime::parse_duration)]
@@ -51,6 +54,8 @@ struct Report {
     region: Option<String>,
     /// Seconds, if a time was given.
     time: Option<f64>,
+    /// Where the time of an iteration comes from, if a time was given.
+    times: Option<Times>,
     predictions: Vec<Prediction>,
     /// Best number of light paths for each number of camera paths asked for.
     best_light_paths: Vec<Optimum>,
@@ -58,24 +63,54 @@ struct Report {
     optimum: Option<Optimum>,
 }
 
+/// The time of an iteration, and how well it is known.
+#[derive(Serialize)]
+struct Times {
+    /// File or folder.
+    from: String,
+    setup: Option<Setup>,
+    model: TimeModel,
+    errors: Option<TimeErrors>,
+    #[serde(skip)]
+    table: String,
+}
+
+impl Times {
+    fn new(path: &Path, timings: &Timings) -> Self {
+        Self {
+            from: path.to_string_lossy().into_owned(),
+            setup: timings.setup.clone(),
+            model: timings.model,
+            errors: timings.errors,
+            table: timing_report::coefficients(timings),
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<String> {
-    let budget = match (&args.timings, args.time) {
-        (Some(path), Some(time)) => Some(budget(TimeModel::load(path)?, time)?),
+    let timings = args.timings.as_deref().map(Timings::load).transpose()?;
+    let budget = match (&timings, args.time) {
+        (Some(timings), Some(time)) => Some(budget(timings.model, time)?),
         _ => None,
     };
-    let report = match (&args.coefficients, &args.file) {
+    let mut report = match (&args.coefficients, &args.file) {
         (Some(text), _) => {
             let source = Source::Given(coefficients(text)?);
             report(args, source, None, budget.as_ref())
         }
         (None, Some(path)) => {
-            let NoiseFile { noise, regions, .. } = NoiseFile::read(path)?;
+            let NoiseFile { noise, regions, facts, .. } = NoiseFile::read(path)?;
+            if let (Some(timings), Some(from)) = (&timings, &args.timings) {
+                let fits = timings.check_fits(&facts, noise.width, noise.height);
+                fits.map_err(|e| e.at(from))?;
+            }
             let region = region::find(args.region.as_deref(), &regions)?;
             let pixels = region::pixels(&region, &noise)?;
             report(args, Source::Measured(&noise, &pixels), Some(region.name), budget.as_ref())
         }
         (None, None) => unreachable!("the parser requires one of them"),
     };
+    report.times = timings.zip(args.timings.as_ref()).map(|(all, from)| Times::new(from, &all));
     Ok(if args.json { json(&report) } else { text(&report) })
 }
 
@@ -112,6 +147,7 @@ fn report(args: &Args, source: Source, region: Option<String>, budget: Option<&B
     Report {
         region,
         time: budget.map(|budget| budget.time),
+        times: None,
         predictions: counts.map(|(n, m)| source.predict(n, m, budget)).collect(),
         best_light_paths: budget.map(best).unwrap_or_default(),
         optimum: budget.map(|budget| source.optimum(budget)),
@@ -160,6 +196,12 @@ fn text(report: &Report) -> String {
                 best.light_paths.error.map_or(String::new(), |e| format!("  N_F +- {e:.0}"));
             line(&format!("{}{error}", row(&best.prediction)));
         }
+    }
+    if let Some(Times { from, setup, errors, table, .. }) = &report.times {
+        let setup = setup.as_ref().map_or("a setup that it does not tell".into(), Setup::to_string);
+        let certain = if errors.is_some() { "" } else { ", without uncertainty" };
+        line(&format!("\ntime of an iteration from {from}, for {setup}{certain}:"));
+        line(table);
     }
     text
 }

@@ -49,12 +49,12 @@ fn choice(report: &Report) -> String {
     let mut text = format!(
         "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
          path per pixel would take {:.2} times as long\n",
-        last.light_paths, promise.gain_over_one_each
+        last.light_paths, promise.gains.over_one_each
     );
     if let Some(rms) = report.rms {
         text += &format!(
             "promised after {}: RMS {:.4} in {}; came: {rms:.4} in {}\n",
-            human_time(promise.pilot_seconds),
+            human_time(promise.said_after),
             promise.rms,
             human_time(promise.seconds),
             human_time(report.run.seconds.render),

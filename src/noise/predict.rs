@@ -3,7 +3,7 @@
 use super::Coefficients;
 use super::image::{NoiseImage, NoiseSample, mean};
 use crate::settings::MAX_LIGHT_PATHS;
-use crate::time_model::TimeModel;
+use crate::timing::TimeModel;
 use serde::Serialize;
 
 /// Where the coefficients come from.

@@ -20,7 +20,7 @@ mod uniform;
 mod whole;
 
 use crate::noise::Coefficients;
-use crate::time_model::TimeModel;
+use crate::timing::TimeModel;
 use search::Goal;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;

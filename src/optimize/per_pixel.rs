@@ -77,7 +77,7 @@ mod tests {
     use super::*;
     use crate::noise::Coefficients;
     use crate::rng::{Stream, StreamKey};
-    use crate::time_model::TimeModel;
+    use crate::timing::TimeModel;
 
     #[test]
     fn the_relaxation_is_below_all_whole_numbers_and_its_minimum_is_tight() {

@@ -2,7 +2,6 @@
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// `tau(N_F, n) = fixed + light_path N_F + (camera_path + look_up) sum_p n_p
 /// + merge_pair N_F sum_p n_p`, in seconds, `n_p` being the camera paths of pixel `p`.
@@ -27,16 +26,11 @@ pub struct TimeModel {
 }
 
 impl TimeModel {
-    /// Reads a JSON file.
+    /// Reads a JSON object with exactly the six keys.
     ///
     /// # Errors
-    /// If it cannot be read or is not a valid model; names the file and the key.
-    pub fn load(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
-        Self::parse(&text).map_err(|e| e.at(path))
-    }
-
-    fn parse(text: &str) -> Result<Self> {
+    /// If it is not a valid model; names the key.
+    pub fn parse(text: &str) -> Result<Self> {
         let model: Self = serde_json::from_str(text).map_err(|e| {
             Error::new(
                 format!("these are no timings: {e}"),
@@ -89,6 +83,19 @@ impl TimeModel {
         base + per_light_path * n_light
     }
 
+    /// Seconds of an iteration by what takes them: `fixed`, light paths, camera paths, merging with
+    /// its look-ups. The last three are the paper's `tau_FMCRT`, `tau_BMCRT` and `tau_merge`
+    /// (Table 2).
+    pub fn parts(&self, n_light: f64, n_camera: f64) -> [f64; 4] {
+        let camera_paths = self.pixels * n_camera;
+        [
+            self.fixed,
+            self.light_path * n_light,
+            self.camera_path * camera_paths,
+            (self.look_up + self.merge_pair * n_light) * camera_paths,
+        ]
+    }
+
     /// Seconds per iteration without light paths, and seconds per light path, at `n_camera` camera
     /// paths in each pixel.
     pub fn in_light_paths(&self, n_camera: f64) -> [f64; 2] {
@@ -111,6 +118,7 @@ mod tests {
     fn the_time_is_the_sum_of_its_parts() {
         let model = TimeModel::parse(GOOD).unwrap();
         assert_eq!(model.iteration(7.0, 2.0), 0.5 + 14.0 + 7.0 * 20.0 + 5.0 * 7.0 * 20.0);
+        assert_eq!(model.parts(7.0, 2.0), [0.5, 14.0, 60.0, 80.0 + 700.0]);
         let text = serde_json::to_string(&model).unwrap();
         assert_eq!(TimeModel::parse(&text).unwrap(), model);
     }
