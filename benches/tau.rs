@@ -10,8 +10,8 @@ mod home;
 
 use bdpm::accel::Intersect;
 use bdpm::accel::backend::{Backend, build};
-use bdpm::origin::Origin;
 use bdpm::noise::Measure;
+use bdpm::origin::Origin;
 use bdpm::scene::load;
 use bdpm::settings::RenderDefaults;
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};

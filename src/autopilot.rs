@@ -14,20 +14,20 @@ use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Sample};
 use serde::{Deserialize, Serialize};
+use std::time::Instant;
 
-/// Camera paths per pixel in the pilot: as many as measuring takes.
-const PILOT_CAMERA_PATHS: u32 = 2;
+/// Camera paths per pixel in the pilot: few, but more than the two that measuring takes, as their
+/// sample variance has one degree of freedom less.
+const PILOT_CAMERA_PATHS: u32 = 4;
 /// Light paths in the second block of the pilot over those in the first. Times at two sizes tell
 /// what is paid per light path and what is paid anyway.
 const PILOT_RATIO: u32 = 16;
-/// Iterations of each block of the pilot, at the least and at the most.
-const PILOT_ITERATIONS: std::ops::Range<u64> = 8..64;
-/// Unless its share of the time is over: then so many, one of them measured.
-const SHORTEST_PILOT: u64 = 3;
-/// Share of the time that each block of the pilot may take.
+/// Iterations of each block of the pilot: at the least, at the most, and in haste.
+const PILOT_ITERATIONS: [u64; 3] = [8, 512, 3];
+/// Share of the time that each block of the pilot takes where the time is given, and its bounds in
+/// seconds; the first where no time is given.
 const PILOT_SHARE: f64 = 0.04;
-/// Seconds that each block of the pilot takes at least, if it may.
-const PILOT_TIME: f64 = 0.5;
+const PILOT_TIME: [f64; 2] = [1.0, 5.0];
 /// After the pilot, one iteration in so many is measured.
 const MEASURE_EVERY: u64 = 8;
 /// Far more camera paths per pixel than can pay.
@@ -68,20 +68,21 @@ pub struct State {
     block_began: f64,
     /// Rendering time when counts are chosen next.
     next_choice: f64,
-    /// What the first choice gains.
-    gains: Gains,
+    /// What is known of the first choice.
+    expected: Expected,
     /// What the first choice promised, once a few of its iterations were rendered.
     promise: Option<Promise>,
 }
 
-/// Times that other counts would take for the same noise, over that of the chosen ones, as
-/// predicted when counts were first chosen.
+/// Costs, time times variance of an iteration, by model and formula.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Gains {
-    /// As many light paths as pixels, and one camera path per pixel.
-    pub over_one_each: f64,
-    /// The best counts that are equal in all pixels.
-    pub over_uniform: f64,
+struct Expected {
+    /// Time of an iteration at the chosen counts, seconds.
+    tau: f64,
+    /// Cost of as many light paths as pixels and one camera path per pixel.
+    one_each: f64,
+    /// Cost of the best counts that are equal in all pixels.
+    uniform: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
@@ -103,16 +104,21 @@ pub struct Promise {
     pub seconds: f64,
     /// Rendering time when this was said.
     pub said_after: f64,
-    /// What the choice gains.
-    pub gains: Gains,
+    /// Time that as many light paths as pixels and one camera path per pixel would take for the same
+    /// noise, over that of the chosen counts.
+    pub gain_over_one_each: f64,
+    /// The same for the best counts that are equal in all pixels.
+    pub gain_over_uniform: f64,
 }
 
 /// Counts, and what they should lead to.
 struct Choice {
     counts: Counts,
-    /// Cost of the present counts, relative to that of the choice.
-    present: f64,
-    gains: Gains,
+    /// Cost, time times variance of an iteration.
+    cost: f64,
+    expected: Expected,
+    /// Time of an iteration at the present counts, seconds.
+    present_tau: f64,
 }
 
 impl Autopilot {
@@ -141,20 +147,29 @@ impl Autopilot {
     fn pilot_is_over(&self, renderer: &Renderer, now: f64) -> bool {
         let iterations = renderer.film().iterations;
         let elapsed = now - self.state.block_began;
-        let share = self.goal.time.map_or(f64::INFINITY, |time| PILOT_SHARE * time.as_secs_f64());
-        let enough = iterations >= PILOT_ITERATIONS.start && elapsed >= PILOT_TIME;
-        let in_haste = iterations >= SHORTEST_PILOT && elapsed >= share;
-        enough || in_haste || iterations >= PILOT_ITERATIONS.end
+        let [least, most, in_haste] = PILOT_ITERATIONS;
+        let [shortest, longest] = PILOT_TIME;
+        let share = self.goal.time.map(|time| PILOT_SHARE * time.as_secs_f64());
+        let time = share.map_or(shortest, |share| share.min(longest));
+        let enough = if share.is_some() { in_haste } else { least };
+        iterations >= most || iterations >= enough && elapsed >= time
     }
 
     /// Expectations from the first iterations at the chosen counts.
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = Standing::new(renderer.blocks());
-        let tau = self.pace(renderer, 0, elapsed)?;
-        let forecast = standing.forecast(&self.goal, standing.per_iteration?, tau, elapsed)?;
+        let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
+        let forecast = standing.forecast(&self.goal, variance, tau, elapsed)?;
+        let Expected { tau, one_each, uniform } = self.state.expected;
+        let gain = |other: f64| if variance > 0.0 { other / (variance * tau) } else { 1.0 };
         let said_after = self.earlier + elapsed;
-        let seconds = said_after + forecast.seconds;
-        Some(Promise { rms: forecast.rms, seconds, said_after, gains: self.state.gains })
+        Some(Promise {
+            rms: forecast.rms,
+            seconds: said_after + forecast.seconds,
+            said_after,
+            gain_over_one_each: gain(one_each),
+            gain_over_uniform: gain(uniform),
+        })
     }
 
     /// The best counts by all that has been measured.
@@ -194,25 +209,20 @@ impl Autopilot {
                 cost = best.cost;
             }
         }
-        let relative = |other: f64| if cost > 0.0 { other / cost } else { 1.0 };
-        let cost_of = |counts: &Counts| {
-            let (n_light, camera) = (counts.light_paths, &counts.camera_paths);
-            relative(match camera {
-                CameraCounts::Uniform(n_camera) => problem.evaluate_uniform(n_light, *n_camera).cost,
-                CameraCounts::PerPixel(list) => problem.evaluate(n_light, list.clone()).cost,
-            })
+        let tau = |counts: &Counts| {
+            model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
         };
-        let one_each = Counts::uniform(settings.pixels() as u32, 1);
-        let gains = Gains { over_one_each: cost_of(&one_each), over_uniform: relative(uniform.cost) };
-        Ok(Choice { present: cost_of(&renderer.block().counts), gains, counts })
+        let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
+        let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
+        Ok(Choice { present_tau: tau(&renderer.block().counts), counts, cost, expected })
     }
 }
 
 impl Steer for Autopilot {
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
-        let now = self.earlier + elapsed;
+        let (now, entered) = (self.earlier + elapsed, Instant::now());
         let begin = |state: &mut State, renderer: &mut Renderer, counts| {
-            state.block_began = now;
+            state.block_began = now + entered.elapsed().as_secs_f64();
             renderer.begin_block(counts)
         };
         match self.state.stage {
@@ -230,7 +240,7 @@ impl Steer for Autopilot {
                 self.state.stage = Stage::Chosen;
                 let standing = Standing::new(renderer.blocks());
                 let choice = self.choose(renderer, &standing, elapsed)?;
-                self.state.gains = choice.gains;
+                self.state.expected = choice.expected;
                 self.state.next_choice = 2.0 * now;
                 begin(&mut self.state, renderer, choice.counts)?;
             }
@@ -243,7 +253,9 @@ impl Steer for Autopilot {
                 if renderer.blocks().len() < MOST_BLOCKS {
                     let standing = Standing::new(renderer.blocks());
                     let choice = self.choose(renderer, &standing, elapsed)?;
-                    if choice.present > 1.0 + WORTHWHILE {
+                    // The samples of the block tell what its counts cost.
+                    let present = standing.per_iteration.unwrap_or(0.0) * choice.present_tau;
+                    if choice.cost < present * (1.0 - WORTHWHILE) {
                         begin(&mut self.state, renderer, choice.counts)?;
                     }
                 }
@@ -268,10 +280,10 @@ impl Steer for Autopilot {
     }
 }
 
-/// About as many light paths as camera paths, which most scenes are not far from, or a fraction.
+/// Two light paths per pixel, within reason, or a fraction.
 fn pilot_counts(renderer: &Renderer, fraction: u32) -> Counts {
-    let paths = renderer.settings().pixels() as u32 * PILOT_CAMERA_PATHS;
-    let light_paths = paths.clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
+    let pixels = renderer.settings().pixels() as u32;
+    let light_paths = (2 * pixels).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
     Counts::uniform((light_paths / fraction).max(2), PILOT_CAMERA_PATHS)
 }
 
@@ -299,7 +311,12 @@ const PRIOR_FREEDOM: f64 = 200.0;
 
 /// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as
 /// long as little is known about the pixel itself, then more and more its own.
-fn smoothed(blocks: &[Block], measured: &[Coefficients], width: u32, height: u32) -> Vec<Coefficients> {
+fn smoothed(
+    blocks: &[Block],
+    measured: &[Coefficients],
+    width: u32,
+    height: u32,
+) -> Vec<Coefficients> {
     let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
     let pooled = pool(&values, width, height);
     let freedom = block::degrees_of_freedom(blocks);

@@ -138,13 +138,7 @@ impl Standing {
     /// `variance`, after `elapsed` seconds of rendering; `None` before the noise is known.
     ///
     /// Information, the reciprocal of the variance, adds up over iterations.
-    pub fn forecast(
-        &self,
-        goal: &Goal,
-        variance: f64,
-        tau: f64,
-        elapsed: f64,
-    ) -> Option<Forecast> {
+    pub fn forecast(&self, goal: &Goal, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
         let (now, error) = self.variance?;
         if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
             return Some(Forecast { rms: now.sqrt(), seconds: 0.0 });

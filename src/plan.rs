@@ -189,7 +189,10 @@ mod tests {
             (r#"[{"light_paths":1,"camera_paths":"plan0"}]"#, "no layer plan0"),
             (r#"[{"light_paths":1,"camera_paths":1,"iterations":0,"weight":1}]"#, "not positive"),
             (r#"[{"light_paths":1,"camera_paths":1,"iterations":1,"weight":-1}]"#, "not positive"),
-            (r#"[{"light_paths":1,"camera_paths":1},{"light_paths":1,"camera_paths":1}]"#, "missing"),
+            (
+                r#"[{"light_paths":1,"camera_paths":1},{"light_paths":1,"camera_paths":1}]"#,
+                "missing",
+            ),
         ] {
             let mut image = image();
             image.metadata.insert(ATTRIBUTE.into(), Value::Text(text.into()));

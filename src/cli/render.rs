@@ -1,10 +1,10 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
+use super::json;
 use super::progress::Progress;
 use super::render_text::text;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
-use super::json;
 use bdpm::autopilot::{Autopilot, Promise};
 use bdpm::block::{Block, Combined};
 use bdpm::checkpoint::Checkpoint;
@@ -219,14 +219,15 @@ impl Task<'_> {
         let quiet = args.session.quiet;
         let mut session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
-        let stopped_by = session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
-            let save = |writer: &mut Writer| {
-                writer.save_checkpoint(renderer, steer.autopilot(), session.elapsed())
-            };
-            schedule.write_when_due(&mut writer, session, save, |writer| {
-                writer.save_image(&combined(renderer, steer))
-            });
-        })?;
+        let stopped_by =
+            session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
+                let save = |writer: &mut Writer| {
+                    writer.save_checkpoint(renderer, steer.autopilot(), session.elapsed())
+                };
+                schedule.write_when_due(&mut writer, session, save, |writer| {
+                    writer.save_image(&combined(renderer, steer))
+                });
+            })?;
         session.progress.finish();
         let pilot = steer.autopilot();
         // The checkpoint first: with it, a full disk costs no work.
@@ -289,7 +290,10 @@ pub fn describe_counts(block: &Block) -> String {
     if least == most {
         format!("{light} light paths, {least} camera paths per pixel")
     } else {
-        format!("{light} light paths, {:.2} ({least} to {most}) camera paths per pixel", camera.mean())
+        format!(
+            "{light} light paths, {:.2} ({least} to {most}) camera paths per pixel",
+            camera.mean()
+        )
     }
 }
 
@@ -308,9 +312,8 @@ fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
 /// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
 fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
     let Some(path) = &args.noise else { return Ok(()) };
-    let by_tile = |block: &Block| {
-        block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
-    };
+    let by_tile =
+        |block: &Block| block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile);
     if blocks.iter().any(by_tile) {
         return Err(Error::new(
             "the checkpoint was begun without --noise and lacks the batches of single pixels",
@@ -328,7 +331,8 @@ fn save_noise(
     renderer: &Renderer,
     progress: &Progress,
 ) -> Result<()> {
-    let measured = renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
+    let measured =
+        renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
     let most = measured.max_by_key(|(_, noise)| noise.iterations);
     let Some((block, measured)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
         progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");

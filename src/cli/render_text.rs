@@ -49,7 +49,7 @@ fn choice(report: &Report) -> String {
     let mut text = format!(
         "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
          path per pixel would take {:.2} times as long\n",
-        last.light_paths, promise.gains.over_one_each
+        last.light_paths, promise.gain_over_one_each
     );
     if let Some(rms) = report.rms {
         text += &format!(

@@ -235,9 +235,10 @@ impl<'a> Session<'a> {
             return; // A block's first iteration: what was known before is the better knowledge.
         }
         let pace = steer.pace(renderer, self.totals.iterations, elapsed);
-        self.status.forecast = standing.per_iteration.zip(pace).and_then(|(variance, tau)| {
-            standing.forecast(&self.goal, variance, tau, elapsed)
-        });
+        self.status.forecast = standing
+            .per_iteration
+            .zip(pace)
+            .and_then(|(variance, tau)| standing.forecast(&self.goal, variance, tau, elapsed));
         self.status.standing = Some(standing);
     }
 

@@ -1,7 +1,7 @@
 //! What times were measured with, and what they may be used for.
 
-use crate::origin::Origin;
 use crate::error::{Error, Result};
+use crate::origin::Origin;
 use crate::output::{Metadata, Value};
 use crate::settings::{Direct, Roulette};
 use serde::{Deserialize, Serialize};
