@@ -53,6 +53,8 @@ pub struct Autopilot {
     threads: usize,
     /// Whether counts may differ from pixel to pixel.
     per_pixel: bool,
+    /// Times that are known beforehand.
+    times: Option<TimeModel>,
     /// Rendering time before this run.
     earlier: f64,
     state: State,
@@ -125,13 +127,19 @@ impl Autopilot {
     /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
     pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
         let state = state.unwrap_or_default();
-        Self { goal, threads, per_pixel: true, earlier: state.elapsed, state }
+        Self { goal, threads, per_pixel: true, times: None, earlier: state.elapsed, state }
     }
 
     /// Takes the same counts in all pixels.
     #[must_use]
     pub fn uniform(self) -> Self {
         Self { per_pixel: false, ..self }
+    }
+
+    /// Chooses by times that are known beforehand, instead of by those of the iterations.
+    #[must_use]
+    pub fn with_times(self, times: TimeModel) -> Self {
+        Self { times: Some(times), ..self }
     }
 
     /// The state after `elapsed` seconds of this run.
@@ -176,7 +184,10 @@ impl Autopilot {
     fn choose(&self, renderer: &Renderer, standing: &Standing, elapsed: f64) -> Result<Choice> {
         let blocks = renderer.blocks();
         let settings = renderer.settings();
-        let model = times(blocks, settings.pixels(), self.threads)?;
+        let model = match self.times {
+            Some(known) => known,
+            None => times(blocks, settings.pixels(), self.threads)?,
+        };
         let measured = block::coefficients(blocks).expect("the pilot measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let luminance = vec![standing.mean_luminance; smoothed.len()];

@@ -19,7 +19,9 @@ use bdpm::origin::Origin;
 use bdpm::output::{self, Image, Layer, Value};
 use bdpm::plan::Plan;
 use bdpm::render::Renderer;
+use bdpm::settings::Settings;
 use bdpm::steer::{Fixed, Replay, Steer};
+use bdpm::timing::{TimeModel, Timings};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -59,6 +61,10 @@ pub struct Args {
     /// rendered again bit for bit
     #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
     plan: Option<PathBuf>,
+    /// Choose counts by these times instead of measuring them on the way: a file that `calibrate`
+    /// wrote, or Criterion's folder after `cargo bench --bench tau`
+    #[arg(long, value_name = "TIMES", conflicts_with = "plan")]
+    timings: Option<PathBuf>,
     /// Write the noise coefficients that were measured on the way to this file, for predict
     #[arg(long, value_name = "NOISE.exr")]
     noise: Option<PathBuf>,
@@ -155,6 +161,10 @@ pub fn run(args: &Args) -> Result<String> {
             let pilot = Autopilot::new(goal, threads, state);
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
+            let pilot = match &args.timings {
+                Some(path) => pilot.with_times(known_times(path, &prepared)?),
+                None => pilot,
+            };
             task.render(renderer, pilot)
         }
     }
@@ -197,6 +207,15 @@ fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
         .at(path));
     }
     Ok((plan, origin))
+}
+
+/// Times that belong to this scene and these settings.
+fn known_times(path: &Path, prepared: &Prepared) -> Result<TimeModel> {
+    let timings = Timings::load(path)?;
+    let Settings { width, height, .. } = prepared.origin.settings;
+    let facts = prepared.origin.to_metadata();
+    timings.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
+    Ok(timings.model)
 }
 
 /// A render that is ready to begin.

@@ -1,0 +1,136 @@
+//! `bdpm render` that chooses its own counts: goals, promises, plans, checkpoints.
+
+use bdpm::output::{Value, read_exr};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+
+fn render(output: &Path, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
+    command.args(["render", SCENE, "--accel", "bvh", "--json", "--quiet", "--output"]);
+    command.arg(output).args(more).stdin(Stdio::null());
+    command
+}
+
+fn run(mut command: Command) -> Output {
+    command.output().unwrap()
+}
+
+fn report(command: Command) -> serde_json::Value {
+    let output = run(command);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn fail(command: Command, code: i32) -> String {
+    let output = run(command);
+    let shown = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{shown}");
+    shown
+}
+
+fn folder() -> (tempfile::TempDir, impl Fn(&str) -> PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_owned();
+    (folder, move |name| path.join(name))
+}
+
+/// All values of an image, as bits.
+fn bits(path: &Path) -> Vec<u32> {
+    let image = read_exr(path).unwrap();
+    let channels = image.layers.iter().flat_map(|layer| &layer.channels);
+    channels.flat_map(|(_, values)| values.iter().map(|v| v.to_bits())).collect()
+}
+
+fn iterations(report: &serde_json::Value) -> u64 {
+    report["iterations"].as_u64().unwrap()
+}
+
+#[test]
+fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
+    let (_folder, at) = folder();
+    let (first, again) = (at("a.exr"), at("b.exr"));
+    let wishes = ["--resolution", "40x30", "--target-rms", "4%"];
+    let found = report(render(&first, &wishes));
+    assert_eq!((&found["automatic"], &found["stopped_by"]), (&true.into(), &"target".into()));
+    assert!(found["relative_rms"].as_f64().unwrap() < 0.04, "{found}");
+    assert!(iterations(&found) >= 32);
+    let blocks = found["blocks"].as_array().unwrap();
+    assert!(blocks.len() >= 3, "a pilot of two blocks, then what was chosen: {found}");
+    let sum: u64 = blocks.iter().map(|block| block["iterations"].as_u64().unwrap()).sum();
+    assert_eq!(sum, iterations(&found));
+
+    let plan = first.to_string_lossy().into_owned();
+    let replayed = report(render(&again, &["--plan", &plan, "--threads", "1"]));
+    assert_eq!(iterations(&replayed), iterations(&found));
+    assert_eq!((&replayed["automatic"], &replayed["blocks"]), (&false.into(), &found["blocks"]));
+    assert_eq!(bits(&first), bits(&again));
+
+    // What the plan was made for must agree.
+    let shown = fail(render(&again, &["--plan", &plan, "--seed", "5"]), 1);
+    assert!(shown.contains("seed is 1, not 5") && shown.contains("a.exr"), "{shown}");
+    let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
+    let shown = fail(render(&again, &["--plan", &plan, "--checkpoint", &checkpoint]), 1);
+    assert!(shown.contains("without checkpoints"), "{shown}");
+}
+
+#[test]
+fn a_time_is_kept_and_an_interrupted_choice_goes_on() {
+    let (_folder, at) = folder();
+    let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
+    let wishes = ["--resolution", "32x32", "--time", "2s", "--checkpoint", &checkpoint];
+    let first = report(render(&at("a.exr"), &wishes));
+    assert_eq!(first["stopped_by"], "time");
+    let more = ["--resume", &checkpoint, "--time", "1s"];
+    let second = report(render(&at("b.exr"), &more));
+    assert!(second["automatic"].as_bool().unwrap() && iterations(&second) > iterations(&first));
+    // What was promised stays promised, and the pilot is not repeated.
+    assert!(first["promise"].is_null() || second["promise"] == first["promise"]);
+    let pilot = |report: &serde_json::Value| {
+        let count = |k: usize| report["blocks"][k]["iterations"].as_u64().unwrap();
+        [count(0), count(1)]
+    };
+    assert_eq!(pilot(&second), pilot(&first));
+    assert!(second["rms"].as_f64().unwrap() < first["rms"].as_f64().unwrap());
+}
+
+#[test]
+fn whatever_comes_first_ends_the_render() {
+    let (_folder, at) = folder();
+    let fixed = ["--resolution", "16x12", "--light-paths", "500", "--camera-paths", "2"];
+    let stop = |more: &[&str]| {
+        let found = report(render(&at("a.exr"), &[&fixed[..], more].concat()));
+        assert!(!found["automatic"].as_bool().unwrap() && found["promise"].is_null());
+        (found["stopped_by"].as_str().unwrap().to_owned(), iterations(&found))
+    };
+    assert_eq!(stop(&["--iterations", "5", "--time", "1h"]), ("iterations".into(), 5));
+    let (reason, count) = stop(&["--iterations", "100000", "--target-rms", "30%"]);
+    assert_eq!(reason, "target");
+    assert!((32..100_000).contains(&count));
+    assert_eq!(stop(&["--target-rms", "1e-9", "--time", "200ms"]).0, "time");
+}
+
+#[test]
+fn the_image_file_tells_its_plan() {
+    let (_folder, at) = folder();
+    report(render(&at("a.exr"), &["--resolution", "16x12", "--iterations", "3"]));
+    let image = read_exr(&at("a.exr")).unwrap();
+    let expected = r#"[{"light_paths":200000,"camera_paths":4,"iterations":3,"weight":1.0}]"#;
+    assert_eq!(image.metadata["plan"], Value::Text(expected.into()));
+}
+
+#[test]
+fn wrong_wishes_are_refused() {
+    let (_folder, at) = folder();
+    for bad in ["0", "-1", "0%", "x", "nan"] {
+        let shown = fail(render(&at("a.exr"), &["--target-rms", bad]), 2);
+        assert!(shown.contains("positive luminance"), "{bad}: {shown}");
+    }
+    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/cornell-box-classic.png");
+    let shown = fail(render(&at("a.exr"), &["--plan", picture]), 1);
+    assert!(shown.contains("help: "), "{shown}");
+    fail(render(&at("a.exr"), &["--plan", "b.exr", "--camera-paths", "3"]), 2);
+    let missing = fail(render(&at("a.exr"), &["--timings", "none.json"]), 1);
+    assert!(missing.contains("none.json"), "{missing}");
+}
