@@ -33,9 +33,9 @@ const MEASURE_EVERY: u64 = 8;
 /// Far more camera paths per pixel than can pay.
 const MOST_CAMERA_PATHS: u32 = 1 << 16;
 /// Most blocks: each keeps an image in memory.
-const MOST_BLOCKS: usize = 6;
+const MOST_BLOCKS: usize = 7;
 /// Iterations at chosen counts before anything is promised or chosen anew.
-const FIRST_ITERATIONS: u64 = 16;
+const FIRST_ITERATIONS: u64 = 12;
 /// A new block must save this share of the time.
 const WORTHWHILE: f64 = 0.02;
 /// Counts per pixel must save this share. They follow the noise of what they are chosen from, which
@@ -44,7 +44,7 @@ const WORTHWHILE_PER_PIXEL: f64 = 0.05;
 /// Among counts whose cost is this close to the best, the shortest iteration is taken.
 const SLACK: f64 = 0.01;
 /// Iterations of the chosen kind that fit in the rest at the least.
-const LEAST_ITERATIONS: f64 = 32.0;
+const LEAST_ITERATIONS: f64 = 64.0;
 
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
@@ -93,6 +93,8 @@ enum Stage {
     Start,
     FewLightPaths,
     ManyLightPaths,
+    /// The first iterations at chosen counts.
+    First,
     Chosen,
 }
 
@@ -116,11 +118,9 @@ pub struct Promise {
 /// Counts, and what they should lead to.
 struct Choice {
     counts: Counts,
-    /// Cost, time times variance of an iteration.
-    cost: f64,
     expected: Expected,
-    /// Time of an iteration at the present counts, seconds.
-    present_tau: f64,
+    /// Whether that is worth a new block.
+    saves: bool,
 }
 
 impl Autopilot {
@@ -181,7 +181,8 @@ impl Autopilot {
     }
 
     /// The best counts by all that has been measured.
-    fn choose(&self, renderer: &Renderer, standing: &Standing, elapsed: f64) -> Result<Choice> {
+    fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<Choice> {
+        let standing = Standing::new(renderer.blocks());
         let blocks = renderer.blocks();
         let settings = renderer.settings();
         let model = match self.times {
@@ -225,7 +226,9 @@ impl Autopilot {
         };
         let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
         let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
-        Ok(Choice { present_tau: tau(&renderer.block().counts), counts, cost, expected })
+        // The samples of the block tell what its counts cost.
+        let present = standing.per_iteration.unwrap_or(0.0) * tau(&renderer.block().counts);
+        Ok(Choice { saves: cost < present * (1.0 - WORTHWHILE), counts, expected })
     }
 }
 
@@ -248,25 +251,31 @@ impl Steer for Autopilot {
                 begin(&mut self.state, renderer, counts)?;
             }
             Stage::ManyLightPaths if self.pilot_is_over(renderer, now) => {
-                self.state.stage = Stage::Chosen;
-                let standing = Standing::new(renderer.blocks());
-                let choice = self.choose(renderer, &standing, elapsed)?;
+                self.state.stage = Stage::First;
+                let choice = self.choose(renderer, elapsed)?;
                 self.state.expected = choice.expected;
-                self.state.next_choice = 2.0 * now;
                 begin(&mut self.state, renderer, choice.counts)?;
             }
-            Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
+            Stage::First | Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
+            // The pilot's coefficients are coarse: the first iterations that follow them correct
+            // them, before anything is promised.
+            Stage::First => {
+                self.state.stage = Stage::Chosen;
+                self.state.next_choice = 2.0 * now;
+                let choice = self.choose(renderer, elapsed)?;
+                if choice.saves {
+                    self.state.expected = choice.expected;
+                    begin(&mut self.state, renderer, choice.counts)?;
+                }
+            }
             Stage::Chosen if self.state.promise.is_none() => {
                 self.state.promise = self.promised(renderer, elapsed);
             }
             Stage::Chosen if now >= self.state.next_choice => {
                 self.state.next_choice = 2.0 * now;
                 if renderer.blocks().len() < MOST_BLOCKS {
-                    let standing = Standing::new(renderer.blocks());
-                    let choice = self.choose(renderer, &standing, elapsed)?;
-                    // The samples of the block tell what its counts cost.
-                    let present = standing.per_iteration.unwrap_or(0.0) * choice.present_tau;
-                    if choice.cost < present * (1.0 - WORTHWHILE) {
+                    let choice = self.choose(renderer, elapsed)?;
+                    if choice.saves {
                         begin(&mut self.state, renderer, choice.counts)?;
                     }
                 }
@@ -274,14 +283,14 @@ impl Steer for Autopilot {
             _ => {}
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
-        let every = if self.state.stage == Stage::Chosen { MEASURE_EVERY } else { 2 };
+        let every = if self.state.stage >= Stage::First { MEASURE_EVERY } else { 2 };
         let measures = renderer.film().iterations.is_multiple_of(every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
 
     fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
         let iterations = renderer.film().iterations;
-        let known = self.state.stage == Stage::Chosen && iterations >= MEASURE_EVERY;
+        let known = self.state.stage >= Stage::First && iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
         known.then(|| since / iterations as f64)
     }

@@ -4,7 +4,7 @@ use super::analyze::{check_counts, noise_file};
 use super::json;
 use super::progress::Progress;
 use super::render_text::text;
-use super::session::{Prepared, RunReport, Session, SessionArgs};
+use super::session::{Expectation, Prepared, RunReport, Session, SessionArgs};
 use bdpm::autopilot::{Autopilot, Promise};
 use bdpm::block::{Block, Combined};
 use bdpm::checkpoint::Checkpoint;
@@ -89,6 +89,8 @@ pub struct Report<'a> {
     pub relative_rms: Option<f64>,
     /// What was expected when the counts were first chosen.
     pub promise: Option<Promise>,
+    /// What was expected of this run's time when half of it had passed.
+    pub half_way: Option<Expectation>,
     pub merge_bias: Option<MergeBias>,
     pub exr: String,
     pub png: String,
@@ -248,6 +250,7 @@ impl Task<'_> {
                 });
             })?;
         session.progress.finish();
+        let half_way = session.half_way();
         let pilot = steer.autopilot();
         // The checkpoint first: with it, a full disk costs no work.
         writer.save_checkpoint(&renderer, pilot, session.elapsed())?;
@@ -269,6 +272,7 @@ impl Task<'_> {
             rms_error: error.filter(|error| error.is_finite()),
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
             promise: pilot.and_then(|pilot| pilot.promise().copied()),
+            half_way,
             merge_bias: MergeBias::new(renderer.blocks(), &image),
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),

@@ -149,6 +149,20 @@ pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicU32> {
     Ok(&PRESSES)
 }
 
+/// Relative growth of the time between two expectations that are remembered.
+const REMEMBER_EVERY: f64 = 1.02;
+
+/// A forecast of this run's rendering time.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Expectation {
+    /// Rendering time when it was made, seconds.
+    pub said_after: f64,
+    /// Time in all that was expected, seconds.
+    pub seconds: f64,
+    /// Time that it took.
+    pub took: f64,
+}
+
 /// Time between two looks at the whole image's noise, seconds, once some have passed.
 const LOOK_EVERY: f64 = 0.5;
 
@@ -162,6 +176,8 @@ pub struct Session<'a> {
     pub totals: Totals,
     status: Status,
     last_look: f64,
+    /// What was expected and when, at times that grow by [`REMEMBER_EVERY`].
+    expectations: Vec<Expectation>,
     start: Instant,
     presses: &'static AtomicU32,
 }
@@ -184,8 +200,18 @@ impl<'a> Session<'a> {
             prepared.accel.describe().name,
         ));
         let (totals, start) = (Totals::default(), Instant::now());
-        let (status, last_look) = (Status::default(), 0.0);
-        Ok(Self { prepared, goal, least, progress, totals, status, last_look, start, presses })
+        Ok(Self {
+            prepared,
+            goal,
+            least,
+            progress,
+            totals,
+            status: Status::default(),
+            last_look: 0.0,
+            expectations: Vec::new(),
+            start,
+            presses,
+        })
     }
 
     /// Time since the first iteration began.
@@ -240,6 +266,20 @@ impl<'a> Session<'a> {
             .zip(pace)
             .and_then(|(variance, tau)| standing.forecast(&self.goal, variance, tau, elapsed));
         self.status.standing = Some(standing);
+        let last = self.expectations.last().map_or(0.0, |last| last.said_after);
+        if let Some(forecast) = self.status.forecast
+            && elapsed > last * REMEMBER_EVERY
+        {
+            let seconds = elapsed + forecast.seconds;
+            self.expectations.push(Expectation { said_after: elapsed, seconds, took: 0.0 });
+        }
+    }
+
+    /// What was expected when half of the time had passed.
+    pub fn half_way(&self) -> Option<Expectation> {
+        let took = self.start.elapsed().as_secs_f64();
+        let half = self.expectations.iter().find(|expected| expected.said_after >= 0.5 * took)?;
+        Some(Expectation { took, ..*half })
     }
 
     /// Why no further iteration is to be begun, if so.
