@@ -8,7 +8,7 @@ use crate::film::pool;
 use crate::goal::{Goal, Standing};
 use crate::noise::{Coefficients, Measure};
 use crate::optimize::{Bounds, Objective, Problem};
-use crate::render::Renderer;
+use crate::render::{MOST_BLOCKS, Renderer};
 use crate::steer::Steer;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
@@ -32,8 +32,6 @@ const PILOT_TIME: [f64; 2] = [1.0, 5.0];
 const MEASURE_EVERY: u64 = 8;
 /// Far more camera paths per pixel than can pay.
 const MOST_CAMERA_PATHS: u32 = 1 << 16;
-/// Most blocks: each keeps an image in memory.
-const MOST_BLOCKS: usize = 7;
 /// Iterations at chosen counts before anything is promised or chosen anew.
 const FIRST_ITERATIONS: u64 = 12;
 /// A new block must save this share of the time.

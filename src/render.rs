@@ -25,6 +25,9 @@ const PILOT: u64 = 8;
 /// Of the others, one in so many is measured: their extra cost is at most a tenth each.
 const MEASURE_EVERY: u64 = 8;
 
+/// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
+pub(crate) const MOST_BLOCKS: usize = 7;
+
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
     scene: &'a Scene,
@@ -137,7 +140,7 @@ impl<'a> Renderer<'a> {
     /// The most light paths that take no more than half of the memory that is left.
     pub fn most_light_paths(&self) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(&self.settings)).max(0.0);
+        let for_light = 0.5 * (available - film_bytes(&self.settings, MOST_BLOCKS)).max(0.0);
         let most = for_light / bytes_per_light_path(self.scene);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
@@ -271,16 +274,20 @@ fn bytes_per_light_path(scene: &Scene) -> f64 {
     photons_per_path * (3 * size_of::<Photon>() + 16) as f64
 }
 
-/// Bytes of the image under way: sums, image and what is being written, and sums of the noise.
-fn film_bytes(settings: &Settings) -> f64 {
-    let per_pixel = 3 * size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
+/// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
+/// and what is being written.
+fn film_bytes(settings: &Settings, blocks: usize) -> f64 {
+    let written = 2 * size_of::<PixelSums>();
+    let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
+    let per_pixel = written + blocks * (block + size_of::<u32>());
     settings.pixels() as f64 * per_pixel as f64
 }
 
 /// Refuses counts that cannot fit, before anything is allocated.
 fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<()> {
     let light = f64::from(light_paths) * bytes_per_light_path(scene);
-    let film = film_bytes(settings);
+    // Those of earlier blocks are no longer available.
+    let film = film_bytes(settings, 1);
     let needed = light + film;
     match available_memory() {
         Some(available) if needed > available => Err(Error::new(
