@@ -1,5 +1,7 @@
 //! The shipped scenes, the documented example and the OBJ features are what they are said to be.
 
+use bdpm::accel::Ray;
+use bdpm::accel::backend::{Backend, build};
 use bdpm::scene::{Emitter, FieldOfView, Scene, load};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
 use glam::Vec3;
@@ -129,6 +131,27 @@ fn the_classic_cornell_box_has_its_lamp_and_colors() {
     // In the photographs red is on the left, and the camera has +x on its left.
     assert_eq!(color("left-wall"), Vec3::new(0.63, 0.065, 0.05));
     assert_eq!(color("right-wall"), Vec3::new(0.14, 0.45, 0.091));
+    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+}
+
+#[test]
+fn no_lamp_light_shines_straight_through_the_keyhole() {
+    let loaded = load(&root("scenes/keyhole")).unwrap();
+    let scene = &loaded.scene;
+    assert_eq!(loaded.notes, Vec::<String>::new());
+    assert_eq!((scene.name.as_str(), scene.triangle_count()), ("keyhole", 64));
+    let [Emitter::Point { position, .. }] = scene.lights.emitters() else { panic!("one lamp") };
+    let accel = build(Backend::Bvh, scene).unwrap();
+    // The opening on the lamp's side; rays through it end before the camera's room at x = 0, those
+    // straight ahead do not.
+    for i in 0..400 {
+        let share = |k: i32| 0.4 * (k as f32 + 0.5) / 20.0;
+        let entry = Vec3::new(-0.2, 1.0 + share(i % 20), 1.8 + share(i / 20));
+        let end = |direction| entry.x + accel.closest_hit(&Ray::new(entry, direction)).t;
+        let direction = entry - *position;
+        assert!(end(direction / direction.x) < 0.0, "{entry}");
+        assert!(end(Vec3::X) > 0.0, "{entry}");
+    }
     Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
 }
 
