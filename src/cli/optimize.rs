@@ -14,7 +14,7 @@ use bdpm::noise::region;
 use bdpm::optimize::Objective;
 use bdpm::optimize::subject::{End, Subject};
 use bdpm::origin::Origin;
-use bdpm::output::{self, Image, Layer, Value};
+use bdpm::output::{self, Image, Layer, Metadata, Value};
 use bdpm::plan::Plan;
 use bdpm::render::light_paths_in;
 use bdpm::settings::MAX_LIGHT_PATHS;
@@ -82,8 +82,8 @@ pub struct Report {
     pub region: Option<String>,
     pub objective: Objective,
     pub end: End,
-    /// The most light paths that were looked at.
-    pub most_light_paths: u32,
+    /// The most light paths that fit in the memory, if it was given.
+    pub most_light_paths: Option<u32>,
     pub rows: Vec<Row>,
     /// Light paths whose cost at the best uniform number of camera paths is within 1 % of the least.
     pub flat_range: [u32; 2],
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> Result<String> {
         region: region_name,
         objective: args.objective,
         end,
-        most_light_paths: *light_paths.end(),
+        most_light_paths: args.max_memory.map(|_| *light_paths.end()),
         rows: candidates.rows(&subject, end),
         flat_range: [*flat.start(), *flat.end()],
         times: Times::new(from, &timings),
@@ -220,7 +220,8 @@ impl Args {
                 .at(path));
             }
         };
-        let origin = Origin::from_metadata(&file.metadata()).map_err(|e| e.at(path))?;
+        let counts = Counts::uniform(1, 1); // not part of what is asked for
+        let origin = Origin::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
         let most = light_paths_in(bytes as f64, photons, &origin.settings);
         if most < 1.0 {
             return Err(Error::new(
@@ -232,11 +233,20 @@ impl Args {
     }
 }
 
-/// Writes the measured image with its facts and the plan to render it.
+/// What the measured image was made of, but with these counts.
+fn facts(file: &NoiseFile, counts: &Counts) -> Metadata {
+    let camera_paths = counts.camera_paths.mean().round();
+    let mut facts = file.facts.clone();
+    facts.insert("light_paths".into(), Value::Number(counts.light_paths.into()));
+    facts.insert("camera_paths".into(), Value::Number(camera_paths));
+    facts
+}
+
+/// Writes the measured image and the plan for rendering it.
 fn write_plan(path: &Path, file: &NoiseFile, counts: &Counts) -> Result<()> {
     let layers = vec![Layer::rgb("", &file.pixels)];
     let (width, height) = (file.noise.width, file.noise.height);
-    let mut image = Image { width, height, layers, metadata: file.metadata() };
+    let mut image = Image { width, height, layers, metadata: facts(file, counts) };
     Plan::new(counts.clone()).write_to(&mut image);
     output::write_exr(path, &image)
 }

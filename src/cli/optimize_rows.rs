@@ -28,7 +28,7 @@ pub struct Row {
     /// Seconds up to the target, if one was given.
     pub time_to_target: Option<Predicted>,
     /// Time for the same noise over that of the recommended counts.
-    pub time_ratio: Predicted,
+    pub relative_time: Predicted,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -112,7 +112,7 @@ impl Candidates {
                 rms,
                 rms_after,
                 time_to_target,
-                time_ratio: subject.gain(self.recommended(), counts),
+                relative_time: subject.relative_time(self.recommended(), counts),
             }
         };
         self.all.iter().map(row).collect()

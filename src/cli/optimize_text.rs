@@ -27,7 +27,7 @@ pub fn text(report: &Report) -> String {
     };
     line(&format!(
         "{:<26} {:>10} {:>9} {:>11} {:>12}    {:<10} {:>12}    {:<10} {:>12}",
-        "", "N_F", "N_B", "seconds", "RMS", "", "time ratio", "", last
+        "", "N_F", "N_B", "seconds", "RMS", "", "relative time", "", last
     ));
     for row in &report.rows {
         line(&self::row(row));
@@ -46,11 +46,13 @@ pub fn text(report: &Report) -> String {
             row.least_camera_paths, row.most_camera_paths, row.camera_paths
         ));
     }
-    let chosen = "the recommended counts are those of time ratio 1: ";
-    line(&format!(
-        "{chosen}the shortest iteration whose cost is within 1 % of the least;\nseconds and RMS are \
-         those of one iteration, time ratio is the time for the same noise over theirs"
-    ));
+    if let Some(most) = report.most_light_paths {
+        line(&format!("at most {most} light paths fit in the memory"));
+    }
+    line(
+        "recommended, with relative time 1: the shortest iteration whose cost is within 1 % of the least",
+    );
+    line("relative time is that for the same noise; seconds and RMS are those of one iteration");
     let setup = report.times.setup.as_ref();
     let setup = setup.map_or("a setup that it does not tell".into(), Setup::to_string);
     let certain = if report.times.errors.is_some() { "" } else { ", without uncertainty" };
@@ -98,6 +100,6 @@ fn row(row: &Row) -> String {
         "{name:<26} {:>10} {camera_paths:>9} {seconds:>11} {} {} {last}",
         row.light_paths,
         shown(row.rms),
-        shown(row.time_ratio),
+        shown(row.relative_time),
     )
 }

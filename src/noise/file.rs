@@ -59,7 +59,7 @@ impl NoiseFile {
 
     /// Layers and metadata.
     pub fn to_image(&self) -> Image {
-        let Self { noise, pixels, .. } = self;
+        let Self { noise, pixels, regions, facts } = self;
         let counts = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
         let values = |of: &dyn Fn(&PixelEstimate) -> f64| -> Vec<f32> {
             noise.pixels.iter().map(|pixel| of(pixel) as f32).collect()
@@ -109,23 +109,17 @@ impl NoiseFile {
                 ],
             ));
         }
-        Image { width: noise.width, height: noise.height, layers, metadata: self.metadata() }
-    }
-
-    /// All facts, with counts, iterations and regions.
-    pub fn metadata(&self) -> Metadata {
-        let Self { noise, regions, facts, .. } = self;
         let mut metadata = facts.clone();
         metadata.extend([
-            ("light_paths".into(), Value::Number(noise.light_paths.into())),
-            ("camera_paths".into(), Value::Number(noise.camera_paths.into())),
+            ("light_paths".into(), Value::Number(counts.0)),
+            ("camera_paths".into(), Value::Number(counts.1)),
             ("iterations".into(), Value::Number(noise.iterations as f64)),
         ]);
         for Region { name, rectangles } in regions {
             let text = rectangles_to_text(rectangles);
             metadata.insert(format!("{REGION}{name}"), Value::Text(text));
         }
-        metadata
+        Image { width: noise.width, height: noise.height, layers, metadata }
     }
 
     /// From layers and metadata.

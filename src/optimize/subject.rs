@@ -47,15 +47,9 @@ impl<'a> Subject<'a> {
     pub fn new(source: Source<'a>, objective: Objective, model: TimeModel) -> Self {
         let (smoothed, luminance) = match source {
             Source::Measured(noise, region) => {
-                let all = noise.pixels.iter().map(|pixel| pixel.noise.coefficients);
-                let all: Vec<_> = all.map(|c| [c.a, c.b, c.f]).collect();
-                let pooled = pool(&all, noise.width, noise.height);
-                let smoothed = |&i: &usize| {
-                    let [a, b, f] = pooled[i];
-                    Coefficients { a, b, f }.clamped()
-                };
+                let all: Vec<_> = noise.pixels.iter().map(|p| p.noise.coefficients).collect();
                 let luminance = region.iter().map(|&i| noise.pixels[i].luminance).collect();
-                (region.iter().map(smoothed).collect(), luminance)
+                (smoothed(&all, (noise.width, noise.height), region), luminance)
             }
             Source::Given(coefficients) => (vec![coefficients.clamped()], vec![1.0]),
         };
@@ -108,29 +102,65 @@ impl<'a> Subject<'a> {
         self.model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
     }
 
-    /// Root of the objective for one iteration by (1), luminance, W/(m^2 sr). It is about the
-    /// coefficients as measured, neither pooled nor clamped.
+    /// Root of the objective for one iteration by (1), luminance, W/(m^2 sr).
     pub fn rms(&self, counts: &Counts) -> Predicted {
-        self.source.statistic(|pixels| self.variance(pixels, counts).max(0.0).sqrt())
+        self.statistic(|coefficients| self.variance(coefficients, counts).max(0.0).sqrt())
     }
 
     /// The time that `other` takes for the same noise, over that of `counts`. Both share their
     /// fluctuations, so that its error is smaller than those of two [`Self::rms`].
-    pub fn gain(&self, counts: &Counts, other: &Counts) -> Predicted {
+    pub fn relative_time(&self, counts: &Counts, other: &Counts) -> Predicted {
+        if counts == other {
+            return Predicted { value: 1.0, error: None };
+        }
         let times = self.time(other) / self.time(counts);
-        self.source.statistic(|pixels| {
-            let variance = self.variance(pixels, counts);
+        self.statistic(|coefficients| {
+            let variance = self.variance(coefficients, counts);
             // Without noise nothing is gained.
-            if variance > 0.0 { times * self.variance(pixels, other) / variance } else { 1.0 }
+            if variance > 0.0 { times * self.variance(coefficients, other) / variance } else { 1.0 }
         })
     }
 
-    fn variance(&self, pixels: &[NoiseSample], counts: &Counts) -> f64 {
+    /// A function of the coefficients as measured, with its standard error. Only a percentile is
+    /// about means over 5 by 5 pixels: that of single pixels would tell how noisy they are.
+    fn statistic(&self, of: impl Fn(&[Coefficients]) -> f64) -> Predicted {
+        let coefficients = |pixels: &[NoiseSample]| -> Vec<_> {
+            pixels.iter().map(|pixel| pixel.coefficients).collect()
+        };
+        match (self.objective, self.source) {
+            (Objective::MaxRms, Source::Measured(noise, region)) => {
+                let all: Vec<_> = (0..noise.pixels.len()).collect();
+                let (width, height) = (noise.width, noise.height);
+                Source::Measured(noise, &all).statistic(|pixels| {
+                    of(&smoothed(&coefficients(pixels), (width, height), region))
+                })
+            }
+            _ => self.source.statistic(|pixels| of(&coefficients(pixels))),
+        }
+    }
+
+    /// The objective for the coefficients of the region's pixels.
+    fn variance(&self, coefficients: &[Coefficients], counts: &Counts) -> f64 {
         let n_light = f64::from(counts.light_paths);
-        self.objective.aggregate(pixels.iter().enumerate().map(|(i, pixel)| {
+        self.objective.aggregate(coefficients.iter().enumerate().map(|(i, pixel)| {
             let index = if let Source::Measured(_, region) = self.source { region[i] } else { i };
             let n_camera = f64::from(counts.camera_paths.at(index));
-            self.weights[i] * pixel.coefficients.variance(n_light, n_camera)
+            self.weights[i] * pixel.variance(n_light, n_camera)
         }))
     }
+}
+
+/// Means over 5 by 5 pixels, at least 0, of the pixels of a region; `all` are those of the image.
+fn smoothed(
+    all: &[Coefficients],
+    (width, height): (u32, u32),
+    region: &[usize],
+) -> Vec<Coefficients> {
+    let values: Vec<_> = all.iter().map(|c| [c.a, c.b, c.f]).collect();
+    let pooled = pool(&values, width, height);
+    let smoothed = |&i: &usize| {
+        let [a, b, f] = pooled[i];
+        Coefficients { a, b, f }.clamped()
+    };
+    region.iter().map(smoothed).collect()
 }
