@@ -12,14 +12,17 @@ use std::path::Path;
 /// Numbers of camera paths per pixel that have a curve, besides the best one.
 const CAMERA_PATHS: [u32; 4] = [1, 5, 25, 100];
 
+/// Width and height.
+const SIZE: (u32, u32) = (1200, 840);
+
 /// Points of a curve.
-const POINTS: u32 = 120;
+const POINTS: u32 = 80;
 
 /// Light paths at both ends over the best number.
 const SPREAD: f64 = 50.0;
 
 /// Top of the plot over the least RMS.
-const HEIGHT: f64 = 4.0;
+const HEIGHT: f64 = 3.5;
 
 /// Colors that color-blind people can tell apart (Okabe and Ito 2008).
 const COLORS: [RGBColor; 5] = [
@@ -69,22 +72,23 @@ fn draw(
 
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, (800, 560)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(&root)
-            .margin(16)
-            .x_label_area_size(56)
-            .y_label_area_size(84)
-            .caption(format!("Noise after {}", shown_time(time)), ("sans-serif", 22))
+            .margin(24)
+            .x_label_area_size(84)
+            .y_label_area_size(120)
+            .caption(format!("Noise after {}", shown_time(time)), ("sans-serif", 32))
             .build_cartesian_2d((least..most).log_scale(), 0.0..top)?;
         chart
             .configure_mesh()
             .x_desc("light paths per iteration, N_F")
             .y_desc("RMS, W/(m² sr)")
-            .label_style(("sans-serif", 15))
-            .axis_desc_style(("sans-serif", 18))
+            .label_style(("sans-serif", 23))
+            .axis_desc_style(("sans-serif", 27))
             .x_label_formatter(&|n| shown_count(*n))
             .y_label_formatter(&|rms| shown_rms(*rms, top))
+            .y_max_light_lines(1)
             .light_line_style(RGBColor(240, 240, 240))
             .bold_line_style(RGBColor(210, 210, 210))
             .draw()?;
@@ -93,34 +97,35 @@ fn draw(
             all.push(best.camera_paths);
             all.sort_unstable();
         }
-        for (n_camera, color) in all.into_iter().zip(COLORS) {
+        for (index, (n_camera, color)) in all.into_iter().zip(COLORS).enumerate() {
             let points = (0..=POINTS).map(|i| at(step(i).max(1), n_camera));
             let points = points.filter(|(_, rms)| *rms <= top);
-            let style = color.stroke_width(if n_camera == best.camera_paths { 3 } else { 2 });
+            // Curves that coincide stay visible below each other.
+            let style = color.stroke_width(10 - 2 * index as u32);
             chart
                 .draw_series(LineSeries::new(points, style))?
                 .label(format!("N_B = {n_camera}"))
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 24, y)], style));
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 36, y)], style));
         }
         let marked = at(best.light_paths, best.camera_paths);
         let label = format!(
             "least {}: N_F = {}, N_B = {}",
-            shown_rms(marked.1, 0.01 * marked.1),
+            shown_rms(marked.1, 0.1 * marked.1),
             best.light_paths,
             best.camera_paths
         );
         chart
-            .draw_series([Circle::new(marked, 6, BLACK.filled())])?
+            .draw_series([Circle::new(marked, 9, BLACK.filled())])?
             .label(label)
-            .legend(|(x, y)| Circle::new((x + 12, y), 6, BLACK.filled()));
+            .legend(|(x, y)| Circle::new((x + 18, y), 9, BLACK.filled()));
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::LowerRight)
-            .margin(12)
-            .legend_area_size(32)
+            .position(SeriesLabelPosition::UpperMiddle)
+            .margin(18)
+            .legend_area_size(48)
             .background_style(WHITE)
             .border_style(RGBColor(160, 160, 160))
-            .label_font(("sans-serif", 15))
+            .label_font(("sans-serif", 23))
             .draw()?;
         root.present()?;
     }
