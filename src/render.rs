@@ -271,7 +271,15 @@ impl<'a> Renderer<'a> {
 fn bytes_per_light_path(scene: &Scene) -> f64 {
     let albedo = scene.materials.iter().map(|m| m.bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    photons_per_path * (3 * size_of::<Photon>() + 16) as f64
+    photons_per_path * BYTES_PER_PHOTON
+}
+
+const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 16) as f64;
+
+/// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
+/// the image; below 1 where not even one fits.
+pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
+    (memory - film_bytes(settings)) / (photons_per_path * BYTES_PER_PHOTON)
 }
 
 /// Bytes of the image under way: sums of the image and the noise and counts of each block, the image

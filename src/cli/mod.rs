@@ -7,6 +7,10 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod info;
+mod optimize;
+mod optimize_plot;
+mod optimize_rows;
+mod optimize_text;
 mod predict;
 mod progress;
 mod render;
@@ -38,7 +42,9 @@ enum Command {
     Analyze(analyze::Args),
     /// Predict the noise at other numbers of paths from what `analyze` measured
     Predict(predict::Args),
-    /// Measure how long the phases of an iteration take, for `predict --timings`
+    /// Find the numbers of paths with the least noise after a time, also for each pixel
+    Optimize(optimize::Args),
+    /// Measure how long the phases of an iteration take, for `--timings`
     Calibrate(calibrate::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
@@ -52,6 +58,7 @@ pub fn run() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
+        Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),

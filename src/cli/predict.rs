@@ -65,18 +65,18 @@ struct Report {
 
 /// The time of an iteration, and how well it is known.
 #[derive(Serialize)]
-struct Times {
+pub struct Times {
     /// File or folder.
-    from: String,
-    setup: Option<Setup>,
+    pub from: String,
+    pub setup: Option<Setup>,
     model: TimeModel,
-    errors: Option<TimeErrors>,
+    pub errors: Option<TimeErrors>,
     #[serde(skip)]
-    table: String,
+    pub table: String,
 }
 
 impl Times {
-    fn new(path: &Path, timings: &Timings) -> Self {
+    pub fn new(path: &Path, timings: &Timings) -> Self {
         Self {
             from: path.to_string_lossy().into_owned(),
             setup: timings.setup.clone(),
@@ -123,7 +123,7 @@ fn budget(model: TimeModel, time: Duration) -> Result<Budget> {
 }
 
 /// Reads `a,b,f`.
-fn coefficients(text: &str) -> Result<Coefficients> {
+pub fn coefficients(text: &str) -> Result<Coefficients> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[a, b, f]) if [a, b, f].iter().all(|x| *x >= 0.0 && x.is_finite()) => {

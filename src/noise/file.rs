@@ -21,6 +21,9 @@ use crate::render::{GIB, available_memory};
 use crate::scene::Region;
 use std::path::Path;
 
+/// Name of the attribute for the mean number of photons that a light path leaves.
+pub const PHOTONS_PER_LIGHT_PATH: &str = "photons_per_light_path";
+
 /// Goes before the names of regions among the metadata.
 const REGION: &str = "region.";
 

@@ -2,6 +2,7 @@
 
 use super::Coefficients;
 use super::image::{NoiseImage, NoiseSample, mean};
+use crate::optimize::{Bounds, LEAST_ITERATIONS, Objective, Problem};
 use crate::settings::MAX_LIGHT_PATHS;
 use crate::timing::TimeModel;
 use serde::Serialize;
@@ -72,10 +73,6 @@ pub struct Budget {
     pub time: f64,
 }
 
-/// At least this many iterations must fit in the time at the optimum, so that a coefficient of 0
-/// does not lead to infinite counts.
-const LEAST_ITERATIONS: f64 = 16.0;
-
 /// Root that a negative estimate does not have.
 fn root(x: f64) -> f64 {
     x.max(0.0).sqrt()
@@ -83,7 +80,7 @@ fn root(x: f64) -> f64 {
 
 impl Source<'_> {
     /// A function of the pixels' coefficients, with its standard error.
-    fn statistic(&self, of: impl Fn(&[NoiseSample]) -> f64) -> Predicted {
+    pub fn statistic(&self, of: impl Fn(&[NoiseSample]) -> f64) -> Predicted {
         match self {
             Self::Measured(noise, region) => {
                 let found = noise.statistic(region, of);
@@ -125,47 +122,26 @@ impl Source<'_> {
     }
 
     /// The pair of counts with the least pooled RMS, `N_B` being whole.
-    ///
-    /// The product of time and variance is a sum of products of powers of both counts, hence convex
-    /// in their logarithms: `N_B` is found by trisection, with the best `N_F` for each.
     pub fn optimum(&self, budget: &Budget) -> Optimum {
         let coefficients = match self {
             Self::Measured(noise, region) => noise.mean_coefficients(region),
             Self::Given(coefficients) => *coefficients,
         };
-        let clamped = clamp(coefficients);
-        let cost = |n_camera: f64| {
-            let n_light = best_light_paths(clamped, n_camera, budget);
-            budget.model.iteration(n_light, n_camera) * clamped.variance(n_light, n_camera)
+        let bounds = Bounds {
+            light_paths: 1..=MAX_LIGHT_PATHS,
+            camera_paths: 1..=u32::MAX,
+            iteration_time: budget.time / LEAST_ITERATIONS,
         };
-        let per_camera_path = budget.model.iteration(1.0, 1.0) - budget.model.iteration(1.0, 0.0);
-        let rest = budget.model.iteration(1.0, 0.0);
-        let most = (budget.time / LEAST_ITERATIONS - rest) / per_camera_path;
-        let (mut low, mut high) = (0.0, most.clamp(1.0, f64::from(u32::MAX)).ln());
-        for _ in 0..100 {
-            let third = (high - low) / 3.0;
-            // Where both are equal, fewer paths make the shorter iteration.
-            if cost((low + third).exp()) <= cost((high - third).exp()) * (1.0 + 1e-12) {
-                high -= third;
-            } else {
-                low += third;
-            }
-        }
-        let found = low.exp();
-        let (below, above) = (found.floor().max(1.0), found.ceil());
-        let n_camera = if cost(below) <= cost(above) { below } else { above };
-        self.best_light_paths(n_camera, budget)
+        let time = budget.model;
+        let best = Problem::new(&[coefficients], &[1.0], Objective::Pooled, time, &bounds);
+        self.best_light_paths(f64::from(best.uniform().camera_paths), budget)
     }
-}
-
-fn clamp(Coefficients { a, b, f }: Coefficients) -> Coefficients {
-    Coefficients { a: a.max(0.0), b: b.max(0.0), f: f.max(0.0) }
 }
 
 /// Mean coefficients, not below 0.
 fn pooled(pixels: &[NoiseSample]) -> Coefficients {
     let sum: Coefficients = pixels.iter().map(|p| p.coefficients).sum();
-    clamp(sum * (1.0 / pixels.len() as f64))
+    (sum * (1.0 / pixels.len() as f64)).clamped()
 }
 
 /// Minimizes `(t + s x) (q + p/x)` over the light paths `x`: at `sqrt(t p / (s q))`, within bounds.

@@ -16,6 +16,7 @@ mod per_pixel;
 mod pixel;
 mod search;
 mod slice;
+pub mod subject;
 mod uniform;
 mod whole;
 
@@ -40,6 +41,27 @@ pub enum Objective {
     MeanRms,
     /// The 99.5th percentile of the variances; for fewer than 200 pixels their maximum.
     MaxRms,
+}
+
+impl Objective {
+    /// Weights of the variances of pixels of these luminances, W/(m^2 sr); their mean is 1.
+    fn weights(self, luminance: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Relative => relative_weights(luminance),
+            _ => vec![1.0; luminance.len()],
+        }
+    }
+
+    /// The aggregate of weighted variances, squared luminance.
+    fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
+        let count = variances.len().max(1) as f64;
+        let root = |variance: f64| variance.max(0.0).sqrt();
+        match self {
+            Self::Pooled | Self::Relative => variances.sum::<f64>() / count,
+            Self::MeanRms => (variances.map(root).sum::<f64>() / count).powi(2),
+            Self::MaxRms => percentile(&mut variances.collect::<Vec<_>>()),
+        }
+    }
 }
 
 /// The counts to choose from.
@@ -84,6 +106,10 @@ pub struct PerPixel {
     pub cost: f64,
 }
 
+/// Iterations that should fit in a time of rendering at the least: they average out what a single one
+/// finds by chance, and no coefficient of 0 leads to infinite counts.
+pub const LEAST_ITERATIONS: f64 = 16.0;
+
 /// Pixels that a search looks at; of more, an even selection. A prime number, so that the
 /// selection does not follow the rows of the image.
 const MOST_PIXELS: usize = 4093;
@@ -122,14 +148,9 @@ impl Problem {
         bounds: &Bounds,
     ) -> Self {
         assert_eq!(coefficients.len(), luminance.len(), "each pixel has a luminance");
-        let weights = match objective {
-            Objective::Relative => relative_weights(luminance),
-            _ => vec![1.0; luminance.len()],
-        };
-        let clamp = |(c, weight): (&Coefficients, f64)| {
-            Coefficients { a: c.a.max(0.0), b: c.b.max(0.0), f: c.f.max(0.0) } * weight
-        };
-        let pixels: Vec<_> = coefficients.iter().zip(weights).map(clamp).collect();
+        let weights = objective.weights(luminance);
+        let weigh = |(c, weight): (&Coefficients, f64)| c.clamped() * weight;
+        let pixels: Vec<_> = coefficients.iter().zip(weights).map(weigh).collect();
         let count = pixels.len() as f64;
         let ordered = |range: &RangeInclusive<u32>| {
             let least = (*range.start()).max(1);
@@ -169,7 +190,7 @@ impl Problem {
         let iteration_time = base + per_path * paths;
         let variances =
             self.pixels.iter().zip(&camera_paths).map(|(c, &n)| c.variance(n_light, f64::from(n)));
-        let variance = self.aggregate(variances);
+        let variance = self.objective.aggregate(variances);
         let cost = iteration_time * variance;
         PerPixel { light_paths, camera_paths, iteration_time, variance, cost }
     }
@@ -187,17 +208,9 @@ impl Problem {
         match self.objective {
             // The mean variance is the variance of the mean coefficients.
             Objective::Pooled | Objective::Relative => self.mean.variance(n_light, n_camera),
-            _ => self.aggregate(self.pixels.iter().map(|c| c.variance(n_light, n_camera))),
-        }
-    }
-
-    /// The aggregate of the pixels' weighted variances.
-    fn aggregate(&self, variances: impl Iterator<Item = f64>) -> f64 {
-        let count = self.pixels.len().max(1) as f64;
-        match self.objective {
-            Objective::Pooled | Objective::Relative => variances.sum::<f64>() / count,
-            Objective::MeanRms => (variances.map(f64::sqrt).sum::<f64>() / count).powi(2),
-            Objective::MaxRms => percentile(&mut variances.collect::<Vec<_>>()),
+            _ => {
+                self.objective.aggregate(self.pixels.iter().map(|c| c.variance(n_light, n_camera)))
+            }
         }
     }
 

@@ -43,7 +43,7 @@ impl<'a> Slice<'a> {
         let [base, per_path] = problem.time_in_camera_paths(n_light);
         let bounds = problem.camera_paths.map(f64::from);
         let objective = problem.objective;
-        let variance = |n| problem.aggregate(pixels.iter().map(|p| p.variance(n)));
+        let variance = |n| problem.objective.aggregate(pixels.iter().map(|p| p.variance(n)));
         let rates = |n| pixels.iter().map(move |p| p.rate(objective, n)).filter(|&rate| rate > 0.0);
         let thresholds = match objective {
             Objective::MaxRms => [variance(bounds[1]), variance(bounds[0])],
@@ -150,7 +150,8 @@ impl<'a> Slice<'a> {
 
     pub(super) fn fewest(&self) -> Score {
         let [least, _] = self.bounds;
-        let variance = self.problem.aggregate(self.pixels.iter().map(|p| p.variance(least)));
+        let variance =
+            self.problem.objective.aggregate(self.pixels.iter().map(|p| p.variance(least)));
         self.goal.score(self.time(least * self.pixels.len() as f64), variance)
     }
 }

@@ -107,7 +107,7 @@ impl Slice<'_> {
 
     fn score_counts(&self, counts: &[u32]) -> Score {
         let variances = self.pixels.iter().zip(counts).map(|(p, &n)| p.variance(f64::from(n)));
-        self.goal.score(self.time(total(counts)), self.problem.aggregate(variances))
+        self.goal.score(self.time(total(counts)), self.problem.objective.aggregate(variances))
     }
 
     /// Thresholds `[from, to]`, falling, between which the best whole numbers lie: totals of paths

@@ -1,0 +1,257 @@
+//! `bdpm optimize NOISE.exr`.
+
+use super::optimize_plot::plot;
+use super::optimize_rows::{Candidates, Row, SLACK};
+use super::optimize_text::text;
+use super::predict::{Times, coefficients};
+use super::{choice, json};
+use bdpm::counts::Counts;
+use bdpm::error::{Error, Result};
+use bdpm::goal::Target;
+use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
+use bdpm::noise::predict::Source;
+use bdpm::noise::region;
+use bdpm::optimize::Objective;
+use bdpm::optimize::subject::{End, Subject};
+use bdpm::origin::Origin;
+use bdpm::output::{self, Image, Layer, Metadata, Value};
+use bdpm::plan::Plan;
+use bdpm::render::light_paths_in;
+use bdpm::settings::MAX_LIGHT_PATHS;
+use bdpm::timing::Timings;
+use serde::Serialize;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// File that `bdpm analyze` wrote
+    #[arg(value_name = "NOISE.exr", required_unless_present = "coefficients")]
+    file: Option<PathBuf>,
+    /// Coefficients to use instead of a file; they have no uncertainty
+    #[arg(long, value_name = "a,b,f", conflicts_with_all = ["file", "region"],
+          allow_hyphen_values = true)]
+    coefficients: Option<String>,
+    /// Time of an iteration: file that `bdpm calibrate` wrote, folder that `cargo bench --bench tau`
+    /// left (target/criterion), or JSON file with the keys fixed, light_path, camera_path, look_up,
+    /// merge_pair (seconds) and pixels
+    #[arg(long, value_name = "T.json|FOLDER")]
+    timings: Option<PathBuf>,
+    /// What is to be least: the mean variance, the same relative to the squared luminance, the mean
+    /// RMS, or the RMS that 99.5 % of the pixels stay below
+    #[arg(long, default_value = "pooled", value_parser = choice(&[
+        ("pooled", Objective::Pooled),
+        ("relative", Objective::Relative),
+        ("mean-rms", Objective::MeanRms),
+        ("max-rms", Objective::MaxRms),
+    ]))]
+    objective: Objective,
+    /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
+    /// the origin at the top left [default: the whole image]
+    #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
+    region: Option<String>,
+    /// Time of rendering, such as 60s or 1h; at least 16 iterations must fit in
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration,
+          conflicts_with = "target_rms")]
+    time: Option<Duration>,
+    /// Noise to reach, in what is to be least: an RMS as luminance, or as a share of the region's
+    /// mean luminance; at least 32 iterations are planned
+    #[arg(long, value_name = "X|X%", allow_negative_numbers = true)]
+    target_rms: Option<Target>,
+    /// Find a number of camera paths for each pixel as well
+    #[arg(long)]
+    per_pixel: bool,
+    /// Write the plan to this file, for `bdpm render --plan`
+    #[arg(long, short, value_name = "PLAN.exr")]
+    output: Option<PathBuf>,
+    /// Plot the RMS against the numbers of paths to this file
+    #[arg(long, value_name = "PLOT.svg")]
+    plot: Option<PathBuf>,
+    /// Memory that rendering may take, such as 500MB or 2GiB: bounds the number of light paths
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    max_memory: Option<u64>,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// The result; luminances in W/(m^2 sr).
+#[derive(Serialize)]
+pub struct Report {
+    pub region: Option<String>,
+    pub objective: Objective,
+    pub end: End,
+    /// The most light paths that fit in the memory, if it was given.
+    pub most_light_paths: Option<u32>,
+    pub rows: Vec<Row>,
+    /// Light paths whose cost at the best uniform number of camera paths is within 1 % of the least.
+    pub flat_range: [u32; 2],
+    pub times: Times,
+    pub output: Option<String>,
+    pub plot: Option<String>,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let (from, timings) = args.checked()?;
+    let file = args.file.as_deref().map(NoiseFile::read).transpose()?;
+    let mut region_name = None;
+    let pixels;
+    let source = match (&file, &args.coefficients) {
+        (Some(NoiseFile { noise, regions, facts, .. }), _) => {
+            let fits = timings.check_fits(facts, noise.width, noise.height);
+            fits.map_err(|e| e.at(from))?;
+            let region = region::find(args.region.as_deref(), regions)?;
+            pixels = region::pixels(&region, noise)?;
+            region_name = Some(region.name);
+            Source::Measured(noise, &pixels)
+        }
+        (None, Some(text)) => Source::Given(coefficients(text)?),
+        (None, None) => unreachable!("the parser requires one of them"),
+    };
+    let end = args.end(&source)?;
+    let light_paths = args.light_paths(file.as_ref())?;
+    let subject = Subject::new(source, args.objective, timings.model);
+    let problem = subject.problem(light_paths.clone(), end);
+    let best = problem.uniform();
+    let flat = problem.flat_range(best.camera_paths, SLACK);
+    let pixels = timings.model.pixels as u32;
+    let candidates = Candidates::new(&subject, &problem, &light_paths, pixels, args.per_pixel);
+
+    let name = |path: &Path| path.to_string_lossy().into_owned();
+    if let (Some(path), Some(file)) = (&args.output, &file) {
+        write_plan(path, file, candidates.recommended())?;
+    }
+    if let Some(path) = &args.plot {
+        plot(path, &problem, &light_paths, end)?;
+    }
+    let report = Report {
+        region: region_name,
+        objective: args.objective,
+        end,
+        most_light_paths: args.max_memory.map(|_| *light_paths.end()),
+        rows: candidates.rows(&subject, end),
+        flat_range: [*flat.start(), *flat.end()],
+        times: Times::new(from, &timings),
+        output: args.output.as_deref().map(name),
+        plot: args.plot.as_deref().map(name),
+    };
+    Ok(if args.json { json(&report) } else { text(&report) })
+}
+
+impl Args {
+    /// Finds problems with the arguments before any work is done.
+    fn checked(&self) -> Result<(&Path, Timings)> {
+        if self.file.is_none() {
+            for (given, option) in [
+                (self.per_pixel, "--per-pixel"),
+                (self.output.is_some(), "--output"),
+                (self.max_memory.is_some(), "--max-memory"),
+            ] {
+                if given {
+                    return Err(Error::new(
+                        format!(
+                            "{option} needs more than coefficients: pixels, scene and settings"
+                        ),
+                        format!(
+                            "give the .exr file that `bdpm analyze` wrote, or leave {option} out"
+                        ),
+                    ));
+                }
+            }
+        }
+        if let Some(path) = &self.output {
+            output::check_writable(path, Some("exr"))?;
+        }
+        if let Some(path) = &self.plot {
+            output::check_writable(path, Some("svg"))?;
+        }
+        let from = self.timings.as_deref().ok_or_else(|| {
+            Error::new(
+                "the best numbers of paths depend on how long an iteration takes",
+                "measure that with `bdpm calibrate SCENE --output times.json` and give --timings \
+                 times.json",
+            )
+        })?;
+        Ok((from, Timings::load(from)?))
+    }
+
+    fn end(&self, source: &Source) -> Result<End> {
+        let time = self.time.map(|time| time.as_secs_f64());
+        match (time, self.target_rms) {
+            (Some(time), _) if time > 0.0 => Ok(End::Time(time)),
+            (Some(_), _) => {
+                Err(Error::new("nothing can be rendered in 0 seconds", "give --time 1s or more"))
+            }
+            (None, Some(Target::Absolute(rms))) => Ok(End::Rms(rms)),
+            (None, Some(target)) => {
+                let Source::Measured(noise, pixels) = source else {
+                    return Err(Error::new(
+                        "coefficients alone do not tell the mean luminance",
+                        "give --target-rms as luminance, without %",
+                    ));
+                };
+                let sum: f64 = pixels.iter().map(|&i| noise.pixels[i].luminance).sum();
+                let rms = target.absolute(sum / pixels.len() as f64);
+                if rms > 0.0 {
+                    return Ok(End::Rms(rms));
+                }
+                Err(Error::new(
+                    "the region is black, no noise is a share of that",
+                    "give --target-rms as luminance, without %, or another --region",
+                ))
+            }
+            (None, None) => Ok(End::Open),
+        }
+    }
+
+    /// The numbers of light paths to choose from.
+    fn light_paths(&self, file: Option<&NoiseFile>) -> Result<RangeInclusive<u32>> {
+        let (Some(bytes), Some(file), Some(path)) = (self.max_memory, file, &self.file) else {
+            return Ok(1..=MAX_LIGHT_PATHS);
+        };
+        let photons = match file.facts.get(PHOTONS_PER_LIGHT_PATH) {
+            Some(&Value::Number(photons)) if photons >= 0.0 => photons,
+            _ => {
+                return Err(Error::new(
+                    "the file does not tell how many photons a light path leaves",
+                    "measure it anew with bdpm analyze, or leave --max-memory out",
+                )
+                .at(path));
+            }
+        };
+        let counts = Counts::uniform(1, 1); // not part of what is asked for
+        let origin = Origin::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
+        let most = light_paths_in(bytes as f64, photons, &origin.settings);
+        if most < 1.0 {
+            return Err(Error::new(
+                format!("the image alone takes more than the {bytes} bytes of --max-memory"),
+                "allow more memory, or measure at a lower --resolution",
+            ));
+        }
+        Ok(1..=most.min(f64::from(MAX_LIGHT_PATHS)) as u32)
+    }
+}
+
+/// What the measured image was made of, but with these counts.
+fn facts(file: &NoiseFile, counts: &Counts) -> Metadata {
+    let camera_paths = counts.camera_paths.mean().round();
+    let mut facts = file.facts.clone();
+    facts.insert("light_paths".into(), Value::Number(counts.light_paths.into()));
+    facts.insert("camera_paths".into(), Value::Number(camera_paths));
+    facts
+}
+
+/// Writes the measured image and the plan for rendering it.
+fn write_plan(path: &Path, file: &NoiseFile, counts: &Counts) -> Result<()> {
+    let layers = vec![Layer::rgb("", &file.pixels)];
+    let (width, height) = (file.noise.width, file.noise.height);
+    let mut image = Image { width, height, layers, metadata: facts(file, counts) };
+    Plan::new(counts.clone()).write_to(&mut image);
+    output::write_exr(path, &image)
+}
+
+/// Reads an amount of memory such as 2GiB.
+fn memory(text: &str) -> std::result::Result<u64, &'static str> {
+    parse_size::parse_size(text).map_err(|_| "give an amount of memory, such as 500MB or 2GiB")
+}

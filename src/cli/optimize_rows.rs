@@ -1,0 +1,120 @@
+//! The counts that `bdpm optimize` tells of, and what they lead to.
+
+use bdpm::counts::Counts;
+use bdpm::noise::predict::Predicted;
+use bdpm::optimize::Problem;
+use bdpm::optimize::subject::{End, Subject};
+use serde::Serialize;
+use std::ops::RangeInclusive;
+
+/// Costs that exceed the least by this fraction are as good.
+pub const SLACK: f64 = 0.01;
+
+/// What some counts lead to.
+#[derive(Serialize)]
+pub struct Row {
+    pub name: Name,
+    pub light_paths: u32,
+    /// Mean, least and greatest number of camera paths of any pixel.
+    pub camera_paths: f64,
+    pub least_camera_paths: u32,
+    pub most_camera_paths: u32,
+    /// Seconds.
+    pub iteration_time: f64,
+    /// RMS of one iteration.
+    pub rms: Predicted,
+    /// RMS after the time, if one was given.
+    pub rms_after: Option<Predicted>,
+    /// Seconds up to the target, if one was given.
+    pub time_to_target: Option<Predicted>,
+    /// Time for the same noise over that of the recommended counts.
+    pub relative_time: Predicted,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Name {
+    /// Least cost, the same counts everywhere.
+    BestUniform,
+    /// Shortest iteration within 1 % of that.
+    Uniform,
+    /// Shortest iteration within 1 % of the least cost with a number for each pixel.
+    PerPixel,
+    /// One camera path per pixel, with the best number of light paths for that.
+    OneCameraPath,
+    /// One camera path and one light path per pixel.
+    OneEach,
+}
+
+/// The counts to compare.
+pub struct Candidates {
+    all: Vec<(Name, Counts)>,
+    recommended: usize,
+}
+
+impl Candidates {
+    /// Finds the best counts; `pixels` are those of the image.
+    pub fn new(
+        subject: &Subject,
+        problem: &Problem,
+        light_paths: &RangeInclusive<u32>,
+        pixels: u32,
+        per_pixel: bool,
+    ) -> Self {
+        let (best, shortest) = (problem.uniform(), problem.shortest_uniform(SLACK));
+        let mut all = vec![
+            (Name::BestUniform, Counts::uniform(best.light_paths, best.camera_paths)),
+            (Name::Uniform, Counts::uniform(shortest.light_paths, shortest.camera_paths)),
+        ];
+        if per_pixel {
+            let found = problem.shortest_per_pixel(SLACK);
+            all.push((Name::PerPixel, subject.whole_image(found)));
+        }
+        let recommended = all.len() - 1;
+        all.push((Name::OneCameraPath, subject.one_camera_path(light_paths.clone())));
+        all.push((Name::OneEach, Counts::uniform(pixels, 1)));
+        Self { all, recommended }
+    }
+
+    /// The shortest iteration whose cost is within 1 % of the least.
+    pub fn recommended(&self) -> &Counts {
+        &self.all[self.recommended].1
+    }
+
+    /// What they lead to, up to `end`.
+    pub fn rows(&self, subject: &Subject, end: End) -> Vec<Row> {
+        let row = |(name, counts): &(Name, Counts)| {
+            let (iteration_time, rms) = (subject.time(counts), subject.rms(counts));
+            let scaled = |scale: f64, error_scale: f64| Predicted {
+                value: rms.value * scale,
+                error: rms.error.map(|error| error * error_scale),
+            };
+            let (mut rms_after, mut time_to_target) = (None, None);
+            match end {
+                End::Open => {}
+                End::Time(time) => {
+                    let scale = (iteration_time / time).sqrt();
+                    rms_after = Some(scaled(scale, scale));
+                }
+                // tau (rms/target)^2, whose relative error is twice that of the RMS.
+                End::Rms(target) => {
+                    let scale = iteration_time * rms.value / (target * target);
+                    time_to_target = Some(scaled(scale, 2.0 * scale));
+                }
+            }
+            Row {
+                name: *name,
+                light_paths: counts.light_paths,
+                camera_paths: counts.camera_paths.mean(),
+                least_camera_paths: counts.camera_paths.least(),
+                most_camera_paths: counts.camera_paths.most(),
+                iteration_time,
+                rms,
+                rms_after,
+                time_to_target,
+                relative_time: subject.relative_time(self.recommended(), counts),
+            }
+        };
+        self.all.iter().map(row).collect()
+    }
+}
