@@ -19,7 +19,7 @@ number() {
 
 echo "| scene | ends by | promised / found | reported / found | expected half way / took |"
 echo "|---|---|---|---|---|"
-for scene in cornell-box cornell-box-classic; do
+for scene in cornell-box cornell-box-classic keyhole; do
     common=(scenes/$scene --resolution "${side}x$side" --quiet --json)
     reference=$("$bdpm" render "${common[@]}" --time "$((4 * seconds))s" --seed 1000 \
         --output "$folder/reference.exr")

@@ -279,7 +279,7 @@ const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 16) as f64;
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.
 pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
-    (memory - film_bytes(settings)) / (photons_per_path * BYTES_PER_PHOTON)
+    (memory - film_bytes(settings, 1)) / (photons_per_path * BYTES_PER_PHOTON)
 }
 
 /// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
