@@ -3,7 +3,7 @@
 use bdpm::noise::Coefficients;
 use bdpm::optimize::{Bounds, Objective, PerPixel, Problem, Uniform};
 use bdpm::rng::{Rng, Stream, StreamKey};
-use bdpm::time_model::TimeModel;
+use bdpm::timing::TimeModel;
 use std::ops::RangeInclusive;
 
 const OBJECTIVES: [Objective; 4] =
