@@ -1,7 +1,7 @@
 //! `bdpm analyze SCENE`.
 
 use super::analyze_text::text;
-use super::render::describe_counts;
+use super::render_report::describe_counts;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
 use super::{choice, json};
 use bdpm::error::{Error, Result};

@@ -14,7 +14,8 @@ mod optimize_text;
 mod predict;
 mod progress;
 mod render;
-mod render_text;
+mod render_files;
+mod render_report;
 mod session;
 
 use bdpm::accel::backend::Backend;

@@ -3,9 +3,10 @@
 use super::analyze::{check_counts, noise_file};
 use super::json;
 use super::progress::Progress;
-use super::render_text::text;
-use super::session::{Expectation, Prepared, RunReport, Session, SessionArgs};
-use bdpm::autopilot::{Autopilot, Promise};
+use super::render_files::{Outputs, Schedule, Writer};
+use super::render_report::{Report, block_reports, describe_counts, text};
+use super::session::{Prepared, Session, SessionArgs};
+use bdpm::autopilot::Autopilot;
 use bdpm::block::{Block, Combined};
 use bdpm::checkpoint::Checkpoint;
 use bdpm::error::{Error, Result};
@@ -16,39 +17,25 @@ use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::origin::Origin;
-use bdpm::output::{self, Image, Layer, Value};
+use bdpm::output::{self};
 use bdpm::plan::Plan;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
 use bdpm::steer::{Fixed, Replay, Steer};
 use bdpm::timing::{TimeModel, Timings};
-use serde::Serialize;
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The target when neither --iterations nor --time nor --target-rms is given.
 const DEFAULT_TARGET: Target = Target::Share(0.01);
 
-/// Time between checkpoints.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
-
-/// When the image is first written while rendering goes on.
-const FIRST_WRITE: Duration = Duration::from_secs(10);
-
-/// Rendering time per time of writing, at least: writing takes at most 2 % of the time.
-const WRITE_SHARE: u32 = 50;
-
-/// Time to write a pixel, assumed until it is known.
-const WRITE_PIXEL: Duration = Duration::from_nanos(200);
-
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    session: SessionArgs,
+    pub session: SessionArgs,
     /// Image to write; the PNG preview beside it has the same name
     #[arg(long, short, value_name = "OUT.exr")]
-    output: PathBuf,
+    pub output: PathBuf,
     /// Iterations in all, those of a resumed image included; the counts are then not chosen
     /// automatically
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -67,50 +54,13 @@ pub struct Args {
     timings: Option<PathBuf>,
     /// Write the noise coefficients that were measured on the way to this file, for predict
     #[arg(long, value_name = "NOISE.exr")]
-    noise: Option<PathBuf>,
+    pub noise: Option<PathBuf>,
     /// Write a checkpoint to this file every minute, on Ctrl-C and at the end
     #[arg(long, value_name = "FILE")]
-    checkpoint: Option<PathBuf>,
+    pub checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     resume: Option<PathBuf>,
-}
-
-#[derive(Serialize)]
-pub struct Report<'a> {
-    #[serde(flatten)]
-    pub run: RunReport<'a>,
-    /// Whether counts were chosen automatically.
-    pub automatic: bool,
-    pub blocks: Vec<BlockReport>,
-    /// Pooled RMS of the image and its standard error, W/(m^2 sr); RMS over the mean luminance.
-    pub rms: Option<f64>,
-    pub rms_error: Option<f64>,
-    pub relative_rms: Option<f64>,
-    /// What was expected when the counts were first chosen.
-    pub promise: Option<Promise>,
-    /// What was expected of this run's time when half of it had passed.
-    pub half_way: Option<Expectation>,
-    pub merge_bias: Option<MergeBias>,
-    pub exr: String,
-    pub png: String,
-    pub noise: Option<String>,
-    pub checkpoint: Option<String>,
-}
-
-/// Iterations at equal counts.
-#[derive(Serialize)]
-pub struct BlockReport {
-    pub iterations: u64,
-    pub light_paths: u32,
-    /// Mean, least and greatest number of camera paths of any pixel.
-    pub camera_paths: f64,
-    pub least_camera_paths: u32,
-    pub most_camera_paths: u32,
-    /// Weight of each iteration in the image.
-    pub weight: f64,
-    /// Pooled variance of one iteration as sampled, squared luminance.
-    pub variance: Option<f64>,
 }
 
 /// Where the counts come from.
@@ -292,34 +242,6 @@ fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer) -> Combined<'a> {
     Combined::new(renderer.blocks(), steer.weights(renderer.blocks()))
 }
 
-fn block_reports(image: &Combined, blocks: &[Block]) -> Vec<BlockReport> {
-    let report = |(block, &weight): (&Block, &f64)| BlockReport {
-        iterations: block.film.iterations,
-        light_paths: block.counts.light_paths,
-        camera_paths: block.counts.camera_paths.mean(),
-        least_camera_paths: block.counts.camera_paths.least(),
-        most_camera_paths: block.counts.camera_paths.most(),
-        weight,
-        variance: block.film.pooled_variance().map(|(variance, _)| variance),
-    };
-    blocks.iter().zip(image.weights()).map(report).collect()
-}
-
-/// The counts of a block in words.
-pub fn describe_counts(block: &Block) -> String {
-    let camera = &block.counts.camera_paths;
-    let (least, most) = (camera.least(), camera.most());
-    let light = block.counts.light_paths;
-    if least == most {
-        format!("{light} light paths, {least} camera paths per pixel")
-    } else {
-        format!(
-            "{light} light paths, {:.2} ({least} to {most}) camera paths per pixel",
-            camera.mean()
-        )
-    }
-}
-
 /// Refuses to go on to fewer iterations than there are.
 fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
     let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
@@ -364,128 +286,4 @@ fn save_noise(
     let counts = (block.counts.light_paths, block.counts.camera_paths.most());
     let noise = NoiseImage::new(&block.film, measured, counts);
     noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
-}
-
-/// Files to write.
-struct Outputs {
-    exr: PathBuf,
-    png: PathBuf,
-    checkpoint: Option<PathBuf>,
-}
-
-impl Outputs {
-    /// Finds problems with the files before any work is done.
-    fn new(args: &Args) -> Result<Self> {
-        let exr = args.output.clone();
-        let png = exr.with_extension("png");
-        output::check_writable(&exr, Some("exr"))?;
-        output::check_writable(&png, Some("png"))?;
-        if let Some(noise) = &args.noise {
-            output::check_writable(noise, Some("exr"))?;
-            if *noise == exr {
-                return Err(Error::new(
-                    "the coefficients and the image have the same name",
-                    "give --noise another one",
-                )
-                .at(noise));
-            }
-        }
-        if let Some(checkpoint) = &args.checkpoint {
-            output::check_writable(checkpoint, None)?;
-            if *checkpoint == exr || *checkpoint == png {
-                return Err(Error::new(
-                    "the checkpoint and the image have the same name",
-                    "give --checkpoint another one",
-                )
-                .at(checkpoint));
-            }
-        }
-        Ok(Self { exr, png, checkpoint: args.checkpoint.clone() })
-    }
-}
-
-/// When files are written while rendering goes on.
-struct Schedule {
-    next_image: Duration,
-    next_checkpoint: Duration,
-}
-
-impl Schedule {
-    fn new(pixels: usize) -> Self {
-        let next_image = FIRST_WRITE.max(WRITE_PIXEL * pixels as u32 * WRITE_SHARE);
-        Self { next_image, next_checkpoint: CHECKPOINT_EVERY }
-    }
-
-    /// A failure here may be gone at the end: only the last write must succeed.
-    fn write_when_due(
-        &mut self,
-        writer: &mut Writer,
-        session: &Session,
-        save_checkpoint: impl Fn(&mut Writer) -> Result<()>,
-        save_image: impl Fn(&mut Writer) -> Result<()>,
-    ) {
-        if session.elapsed() >= self.next_checkpoint {
-            warn_of_failure(&session.progress, save_checkpoint(writer));
-            self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
-        }
-        if session.elapsed() >= self.next_image {
-            let before = Instant::now();
-            warn_of_failure(&session.progress, save_image(writer));
-            let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
-            self.next_image = session.elapsed() + pause;
-        }
-    }
-}
-
-fn warn_of_failure(progress: &Progress, result: Result<()>) {
-    if let Err(error) = result {
-        progress.note(&format!("warning: {error}"));
-    }
-}
-
-/// Writes the files and keeps the time that takes.
-struct Writer<'a> {
-    origin: &'a Origin,
-    outputs: Outputs,
-    time: Duration,
-}
-
-impl Writer<'_> {
-    fn save_checkpoint(
-        &mut self,
-        renderer: &Renderer,
-        pilot: Option<&Autopilot>,
-        elapsed: Duration,
-    ) -> Result<()> {
-        let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
-        let start = Instant::now();
-        let checkpoint = Checkpoint {
-            origin: self.origin.clone(),
-            blocks: Cow::Borrowed(renderer.blocks()),
-            autopilot: pilot.map(|pilot| pilot.state(elapsed.as_secs_f64())),
-        };
-        let saved = checkpoint.save(path);
-        self.time += start.elapsed();
-        saved
-    }
-
-    fn save_image(&mut self, combined: &Combined) -> Result<()> {
-        let start = Instant::now();
-        let (width, height) = combined.resolution();
-        let pixels = combined.mean();
-        let mut layers = vec![Layer::rgb("", &pixels)];
-        if let Some(rms) = combined.rms() {
-            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
-        }
-        let mut metadata = self.origin.to_metadata();
-        let iterations = Value::Number(combined.iterations() as f64);
-        metadata.insert("iterations".into(), iterations);
-        let mut image = Image { width, height, layers, metadata };
-        Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
-        let saved = output::write_exr(&self.outputs.exr, &image).and_then(|()| {
-            output::write_png(&self.outputs.png, width, height, &pixels).map(|_exposure| ())
-        });
-        self.time += start.elapsed();
-        saved
-    }
 }

@@ -1,0 +1,135 @@
+//! What `bdpm render` tells at the end, for programs and for people.
+
+use super::human_time;
+use super::session::{Expectation, RunReport};
+use bdpm::autopilot::Promise;
+use bdpm::block::{Block, Combined};
+use bdpm::goal::StoppedBy;
+use bdpm::noise::bias::MergeBias;
+use serde::Serialize;
+
+/// The result.
+#[derive(Serialize)]
+pub struct Report<'a> {
+    #[serde(flatten)]
+    pub run: RunReport<'a>,
+    /// Whether counts were chosen automatically.
+    pub automatic: bool,
+    pub blocks: Vec<BlockReport>,
+    /// Pooled RMS of the image and its standard error, W/(m^2 sr); RMS over the mean luminance.
+    pub rms: Option<f64>,
+    pub rms_error: Option<f64>,
+    pub relative_rms: Option<f64>,
+    /// What was expected when the counts were first chosen.
+    pub promise: Option<Promise>,
+    /// What was expected of this run's time when half of it had passed.
+    pub half_way: Option<Expectation>,
+    pub merge_bias: Option<MergeBias>,
+    pub exr: String,
+    pub png: String,
+    pub noise: Option<String>,
+    pub checkpoint: Option<String>,
+}
+
+/// Iterations at equal counts.
+#[derive(Serialize)]
+pub struct BlockReport {
+    pub iterations: u64,
+    pub light_paths: u32,
+    /// Mean, least and greatest number of camera paths of any pixel.
+    pub camera_paths: f64,
+    pub least_camera_paths: u32,
+    pub most_camera_paths: u32,
+    /// Weight of each iteration in the image.
+    pub weight: f64,
+    /// Pooled variance of one iteration as sampled, squared luminance.
+    pub variance: Option<f64>,
+}
+
+/// What was rendered at which counts.
+pub fn block_reports(image: &Combined, blocks: &[Block]) -> Vec<BlockReport> {
+    let report = |(block, &weight): (&Block, &f64)| BlockReport {
+        iterations: block.film.iterations,
+        light_paths: block.counts.light_paths,
+        camera_paths: block.counts.camera_paths.mean(),
+        least_camera_paths: block.counts.camera_paths.least(),
+        most_camera_paths: block.counts.camera_paths.most(),
+        weight,
+        variance: block.film.pooled_variance().map(|(variance, _)| variance),
+    };
+    blocks.iter().zip(image.weights()).map(report).collect()
+}
+
+/// The counts of a block in words.
+pub fn describe_counts(block: &Block) -> String {
+    let camera = &block.counts.camera_paths;
+    let (least, most) = (camera.least(), camera.most());
+    let light = block.counts.light_paths;
+    if least == most {
+        format!("{light} light paths, {least} camera paths per pixel")
+    } else {
+        format!(
+            "{light} light paths, {:.2} ({least} to {most}) camera paths per pixel",
+            camera.mean()
+        )
+    }
+}
+
+/// The report in a few lines.
+pub fn text(report: &Report) -> String {
+    let run = &report.run;
+    let stopped = if run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
+    let rms = match (report.rms, report.relative_rms) {
+        (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
+        _ => String::new(),
+    };
+    let mut text = format!(
+        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{rms}{stopped}\n",
+        report.exr,
+        report.png,
+        run.iterations,
+        human_time(run.seconds.render),
+        run.rays_per_second / 1e6,
+        run.mean_luminance
+    );
+    text += &choice(report);
+    if let Some(bias) = &report.merge_bias
+        && bias.share_beyond_noise >= 0.01
+    {
+        text += &format!(
+            "warning: the merge bias exceeds the noise in {:.0} % of the image, up to {:.1} times\n\
+             help: lower --radius; the bias falls as its square\n",
+            100.0 * bias.share_beyond_noise,
+            bias.worst_over_noise
+        );
+    }
+    text
+}
+
+/// The counts that were chosen, and how what was promised compares to what came.
+fn choice(report: &Report) -> String {
+    let (Some(promise), Some(last)) = (&report.promise, report.blocks.last()) else {
+        return String::new();
+    };
+    let camera = if last.least_camera_paths == last.most_camera_paths {
+        last.least_camera_paths.to_string()
+    } else {
+        let (least, most) = (last.least_camera_paths, last.most_camera_paths);
+        format!("{:.2} ({least} to {most})", last.camera_paths)
+    };
+    let mut text = format!(
+        "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
+         path per pixel would take {:.2} times as long\n",
+        last.light_paths, promise.gain_over_one_each
+    );
+    if let Some(rms) = report.rms {
+        text += &format!(
+            "promised after {}: RMS {:.4} in {}; came: {rms:.4} in {}\n",
+            human_time(promise.said_after),
+            promise.rms,
+            human_time(promise.seconds),
+            human_time(report.run.seconds.render),
+        );
+    }
+    text
+}
