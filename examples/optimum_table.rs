@@ -46,7 +46,9 @@ struct Args {
 }
 
 /// Rounds at the least; in each, every setting has its turn.
-const LEAST_ROUNDS: u32 = 32;
+const LEAST_ROUNDS: usize = 32;
+/// Independent measurements of the coefficients, for the variance by formula (1) and its error.
+const CHECKS: usize = 8;
 /// The chosen counts, which all others are compared with, have a turn after so many others too.
 const REFERENCE_EVERY: usize = 8;
 /// So many iterations of the chosen kind fit in `--time` at the least.
@@ -65,8 +67,6 @@ const Z90: f64 = 1.2816;
 struct Candidate {
     name: String,
     counts: Counts,
-    /// Cost by the time model and formula (1).
-    predicted: f64,
 }
 
 /// What a pilot led to.
@@ -137,8 +137,7 @@ fn candidates(
             Some(same) if !name.is_empty() => same.name += &format!(", {name}"),
             Some(_) => {}
             None => {
-                let predicted = problem.evaluate_uniform(light_paths, camera_paths).cost;
-                all.push(Candidate { name: name.into(), counts, predicted });
+                all.push(Candidate { name: name.into(), counts });
             }
         }
     };
@@ -163,9 +162,7 @@ fn candidates(
         map = Counts { light_paths: best.light_paths, camera_paths };
         name = "per pixel, which the automatic choice declined";
     }
-    let CameraCounts::PerPixel(camera_paths) = &map.camera_paths else { unreachable!() };
-    let predicted = problem.evaluate(map.light_paths, camera_paths.clone()).cost;
-    all.push(Candidate { name: name.into(), counts: map, predicted });
+    all.push(Candidate { name: name.into(), counts: map });
     Ok(all)
 }
 
@@ -175,11 +172,14 @@ struct Run<'a> {
     seconds: Vec<f64>,
 }
 
-/// Time and cost of an iteration, the logarithm of the cost with its variance.
+/// Time and variance of an iteration.
 struct Cost {
-    tau: f64,
-    log: f64,
-    log_variance: f64,
+    /// Median time, seconds, and its relative error.
+    tau: (f64, f64),
+    /// Sampled variance, and its relative error.
+    sampled: (f64, f64),
+    /// Variance by formula (1) from the coefficients of each check.
+    by_formula: Vec<f64>,
 }
 
 impl Run<'_> {
@@ -188,7 +188,7 @@ impl Run<'_> {
         self.seconds.push(times.wall.as_secs_f64());
     }
 
-    fn cost(&self) -> Cost {
+    fn cost(&self, checks: &[Vec<Coefficients>]) -> Cost {
         let (variance, error) = self.renderer.film().pooled_variance().expect("many iterations");
         let mut sorted = self.seconds.clone();
         sorted.sort_by(f64::total_cmp);
@@ -196,12 +196,16 @@ impl Run<'_> {
         let n = sorted.len();
         let low = (0.5 * (n as f64 - (n as f64).sqrt())) as usize;
         let (tau, tau_error) = (sorted[n / 2], 0.5 * (sorted[n - 1 - low] - sorted[low]));
-        let log_variance = (error / variance).powi(2) + (tau_error / tau).powi(2);
-        Cost { tau, log: (tau * variance).ln(), log_variance }
+        let formula = |check: &Vec<_>| block::pooled_variance(check, &self.renderer.block().counts);
+        Cost {
+            tau: (tau, tau_error / tau),
+            sampled: (variance, error / variance),
+            by_formula: checks.iter().map(formula).collect(),
+        }
     }
 }
 
-/// Lets all candidates take turns, each with a seed of its own.
+/// Lets all candidates take turns, each with a seed of its own, and so do the checks.
 fn measure(
     scene: &Scene,
     accel: &dyn Intersect,
@@ -209,14 +213,18 @@ fn measure(
     candidates: &[Candidate],
     time: Duration,
 ) -> Result<Vec<Cost>> {
-    let run = |(seed, candidate): (u64, &Candidate)| {
+    let run = |(seed, counts): (u64, &Counts)| {
         let settings = Settings { seed, ..settings.clone() };
         let mut renderer = Renderer::new(scene, accel, settings)?;
-        renderer.begin_block(candidate.counts.clone())?;
+        renderer.begin_block(counts.clone())?;
         Ok(Run { renderer, seconds: Vec::new() })
     };
     let seeds = settings.seed + 1..;
-    let mut runs: Vec<_> = seeds.zip(candidates).map(run).collect::<Result<_>>()?;
+    let all = candidates.iter().map(|candidate| &candidate.counts);
+    let mut runs: Vec<_> = seeds.zip(all).map(run).collect::<Result<_>>()?;
+    let seeds = settings.seed + 1 + runs.len() as u64..;
+    let chosen = std::iter::repeat_n(&candidates[0].counts, CHECKS);
+    let mut checks: Vec<_> = seeds.zip(chosen).map(run).collect::<Result<_>>()?;
     let start = Instant::now();
     let mut rounds = 0;
     while rounds < LEAST_ROUNDS || start.elapsed() < time {
@@ -226,61 +234,76 @@ fn measure(
                 runs[0].iterate();
             }
         }
+        checks[rounds % CHECKS].renderer.iterate(Measure::Pairs);
         rounds += 1;
     }
-    Ok(runs.iter().map(Run::cost).collect())
+    let known = |run: &Run| block::coefficients(run.renderer.blocks()).expect("measured");
+    let checks: Vec<_> = checks.iter().map(known).collect();
+    Ok(runs.iter().map(|run| run.cost(&checks)).collect())
 }
 
-/// RMS after equal time over that of `reference`, with its standard error.
-fn ratio(cost: &Cost, reference: &Cost) -> (f64, f64) {
-    let ratio = (0.5 * (cost.log - reference.log)).exp();
-    (ratio, 0.5 * ratio * (cost.log_variance + reference.log_variance).sqrt())
+/// RMS after equal time over that of `reference` with its standard error, as sampled.
+fn sampled(cost: &Cost, reference: &Cost) -> (f64, f64) {
+    let (Cost { tau, sampled, .. }, other) = (cost, reference);
+    let ratio = (tau.0 * sampled.0 / (other.tau.0 * other.sampled.0)).sqrt();
+    let errors = [tau.1, sampled.1, other.tau.1, other.sampled.1];
+    (ratio, 0.5 * ratio * errors.map(|error| error * error).iter().sum::<f64>().sqrt())
+}
+
+/// The same with the variance by formula; what both fluctuate by together drops out.
+fn by_formula(cost: &Cost, reference: &Cost) -> (f64, f64) {
+    let count = CHECKS as f64;
+    let mean = |cost: &Cost| cost.by_formula.iter().sum::<f64>() / count;
+    let (own, other) = (mean(cost), mean(reference));
+    let pairs = cost.by_formula.iter().zip(&reference.by_formula);
+    let deviations: f64 = pairs.map(|(v, w)| (v / own - w / other).powi(2)).sum();
+    let error2 =
+        deviations / (count * (count - 1.0)) + cost.tau.1.powi(2) + reference.tau.1.powi(2);
+    let ratio = (cost.tau.0 * own / (reference.tau.0 * other)).sqrt();
+    (ratio, 0.5 * ratio * error2.sqrt())
 }
 
 fn print(scene: &Scene, settings: &Settings, candidates: &[Candidate], costs: &[Cost]) {
     let Settings { width, height, .. } = settings;
     println!("### {}, {width}x{height} pixels\n", scene.name);
-    println!("| counts | N_F | N_B | time of an iteration | RMS after equal time | predicted |");
+    println!("| counts | N_F | N_B | time of an iteration | RMS, sampled | RMS, by formula |");
     println!("|---|---|---|---|---|---|");
-    let (chosen, reference) = (&candidates[0], &costs[0]);
+    let reference = &costs[0];
     let mut order: Vec<usize> = (1..candidates.len()).collect();
     order.sort_by_key(|&index| {
         let Counts { light_paths, camera_paths } = &candidates[index].counts;
         (matches!(camera_paths, CameraCounts::PerPixel(_)), camera_paths.least(), *light_paths)
     });
     for index in std::iter::once(0).chain(order) {
-        let (Candidate { name, counts, predicted }, cost) = (&candidates[index], &costs[index]);
+        let (Candidate { name, counts }, cost) = (&candidates[index], &costs[index]);
         let camera_paths = match &counts.camera_paths {
             CameraCounts::Uniform(count) => count.to_string(),
             map => format!("{} to {}, mean {:.1}", map.least(), map.most(), map.mean()),
         };
-        let rms = match ratio(cost, reference) {
-            _ if index == 0 => "1".into(),
-            (ratio, error) => format!("{ratio:.3} +- {error:.3}"),
+        let rms = |(ratio, error): (f64, f64)| match index {
+            0 => "1".into(),
+            _ => format!("{ratio:.3} +- {error:.3}"),
         };
-        let tau = cost.tau / reference.tau;
-        let predicted = (predicted / chosen.predicted).sqrt();
-        let light_paths = counts.light_paths;
-        println!("| {name} | {light_paths} | {camera_paths} | {tau:.3} | {rms} | {predicted:.3} |");
+        let (sampled, formula) = (rms(sampled(cost, reference)), rms(by_formula(cost, reference)));
+        let (tau, light_paths) = (cost.tau.0 / reference.tau.0, counts.light_paths);
+        println!("| {name} | {light_paths} | {camera_paths} | {tau:.3} | {sampled} | {formula} |");
     }
 
     let (map, uniform) = costs.split_last().expect("counts per pixel come last");
-    // The chosen counts' RMS over that of the others; 1 for themselves.
-    let losses = || uniform[1..].iter().map(|cost| ratio(reference, cost));
-    let loss = losses().map(|(ratio, _)| ratio).fold(1.0, f64::max);
-    // Whichever is truly the best, its own bound is among these.
-    let bound = losses().map(|(ratio, error)| ratio + Z90 * error).fold(1.0, f64::max);
-    let (gain, error) = ratio(reference, map);
-    println!(
-        "\nLoss of the chosen counts against the best of the table: {:.1} %, at most {:.1} % (90 %).",
-        100.0 * (loss - 1.0),
-        100.0 * (bound - 1.0)
-    );
-    println!(
-        "RMS of the chosen counts over that of counts per pixel: {gain:.3} +- {error:.3}; time for \
-         equal noise: {:.2} times.\n",
-        gain * gain
-    );
+    for (way, ratio) in [("sampled", sampled as fn(&_, &_) -> _), ("by formula", by_formula)] {
+        // The chosen counts' RMS over that of the others; 1 for themselves.
+        let losses = || uniform[1..].iter().map(|cost| ratio(reference, cost));
+        let loss = losses().map(|(ratio, _)| ratio).fold(1.0, f64::max);
+        // Whichever is truly the best, its own bound is among these.
+        let bound = losses().map(|(ratio, error)| ratio + Z90 * error).fold(1.0, f64::max);
+        let [loss, bound] = [loss, bound].map(|ratio| 100.0 * (ratio - 1.0));
+        let (gain, error) = ratio(reference, map);
+        println!(
+            "\n{way}: loss against the best of the table {loss:.1} %, at most {bound:.1} % (90 %); \
+             RMS over that of counts per pixel {gain:.3} +- {error:.3}"
+        );
+    }
+    println!();
 }
 
 fn table(path: &Path, args: &Args) -> Result<()> {
