@@ -16,11 +16,11 @@ use crate::timing::sample::{Phase, Sample};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Camera paths per pixel in the pilot: few, but more than the two that measuring takes, as their
-/// sample variance has one degree of freedom less.
-const PILOT_CAMERA_PATHS: u32 = 4;
-/// Light paths in the second block of the pilot over those in the first. Times at two sizes tell
-/// what is paid per light path and what is paid anyway.
+/// Camera paths per pixel in the two blocks of the pilot: few, but more than the two that measuring
+/// takes, as their sample variance has one degree of freedom less.
+const PILOT_CAMERA_PATHS: [u32; 2] = [3, 6];
+/// Light paths in the second block over those in the first. Times at two sizes of either kind tell
+/// what is paid per path and what is paid anyway.
 const PILOT_RATIO: u32 = 16;
 /// Iterations of each block of the pilot: at the least, at the most, and in haste.
 const PILOT_ITERATIONS: [u64; 3] = [8, 512, 3];
@@ -240,12 +240,12 @@ impl Steer for Autopilot {
         match self.state.stage {
             Stage::Start => {
                 self.state.stage = Stage::FewLightPaths;
-                let counts = pilot_counts(renderer, PILOT_RATIO);
+                let counts = pilot_counts(renderer, PILOT_RATIO, PILOT_CAMERA_PATHS[0]);
                 begin(&mut self.state, renderer, counts)?;
             }
             Stage::FewLightPaths if self.pilot_is_over(renderer, now) => {
                 self.state.stage = Stage::ManyLightPaths;
-                let counts = pilot_counts(renderer, 1);
+                let counts = pilot_counts(renderer, 1, PILOT_CAMERA_PATHS[1]);
                 begin(&mut self.state, renderer, counts)?;
             }
             Stage::ManyLightPaths if self.pilot_is_over(renderer, now) => {
@@ -299,10 +299,10 @@ impl Steer for Autopilot {
 }
 
 /// Two light paths per pixel, within reason, or a fraction.
-fn pilot_counts(renderer: &Renderer, fraction: u32) -> Counts {
+fn pilot_counts(renderer: &Renderer, fraction: u32, camera_paths: u32) -> Counts {
     let pixels = renderer.settings().pixels() as u32;
     let light_paths = (2 * pixels).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
-    Counts::uniform((light_paths / fraction).max(2), PILOT_CAMERA_PATHS)
+    Counts::uniform((light_paths / fraction).max(2), camera_paths)
 }
 
 /// Fits the time model to the production iterations of all blocks.
