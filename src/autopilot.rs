@@ -286,11 +286,17 @@ impl Steer for Autopilot {
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
 
+    /// Production and measuring iterations in the shares that they have in the long run.
     fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
-        let iterations = renderer.film().iterations;
-        let known = self.state.stage >= Stage::First && iterations >= MEASURE_EVERY;
+        let Block { film, clock, .. } = renderer.block();
+        let measured = film.iterations - clock.iterations;
+        let known = self.state.stage >= Stage::First && film.iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
-        known.then(|| since / iterations as f64)
+        let production = clock.times.wall.as_secs_f64();
+        let share = 1.0 / MEASURE_EVERY as f64;
+        let per_production = production / clock.iterations as f64;
+        let per_measured = (since - production).max(0.0) / measured as f64;
+        known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
     fn autopilot(&self) -> Option<&Autopilot> {
