@@ -128,7 +128,7 @@ fn choice(report: &Report) -> String {
             human_time(promise.said_after),
             promise.rms,
             human_time(promise.seconds),
-            human_time(report.run.seconds.render),
+            human_time(report.half_way.map_or(report.run.seconds.render, |half| half.took)),
         );
     }
     text
