@@ -68,9 +68,9 @@ pub struct State {
     block_began: f64,
     /// Rendering time when counts are chosen next.
     next_choice: f64,
-    /// What is known of the first choice.
+    /// What is known of the choice that the promise is about.
     expected: Expected,
-    /// What the first choice promised, once a few of its iterations were rendered.
+    /// What was promised, once a few iterations at the second choice were rendered.
     promise: Option<Promise>,
 }
 
@@ -96,8 +96,8 @@ enum Stage {
     Chosen,
 }
 
-/// What was expected after the first iterations at the first choice of counts: these are new
-/// samples, so that a choice which followed the pilot's noise does not look better than it is.
+/// What was expected after the first iterations at the second choice of counts: these are new
+/// samples, so that a choice which followed the noise of its data does not look better than it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Promise {
     /// Pooled RMS at the end, W/(m^2 sr).
@@ -145,7 +145,7 @@ impl Autopilot {
         State { elapsed: self.earlier + elapsed, ..self.state }
     }
 
-    /// What was promised when counts were first chosen.
+    /// What was promised, if that has been said.
     pub fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
@@ -289,7 +289,7 @@ impl Steer for Autopilot {
     /// Production and measuring iterations in the shares that they have in the long run.
     fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
         let Block { film, clock, .. } = renderer.block();
-        let measured = film.iterations - clock.iterations;
+        let measured = film.iterations.saturating_sub(clock.iterations);
         let known = self.state.stage >= Stage::First && film.iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
         let production = clock.times.wall.as_secs_f64();
@@ -307,7 +307,8 @@ impl Steer for Autopilot {
 /// Two light paths per pixel, within reason, or a fraction.
 fn pilot_counts(renderer: &Renderer, fraction: u32, camera_paths: u32) -> Counts {
     let pixels = renderer.settings().pixels() as u32;
-    let light_paths = (2 * pixels).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
+    let light_paths =
+        pixels.saturating_mul(2).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
     Counts::uniform((light_paths / fraction).max(2), camera_paths)
 }
 

@@ -17,7 +17,7 @@ use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::origin::Origin;
-use bdpm::output::{self};
+use bdpm::output;
 use bdpm::plan::Plan;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
@@ -148,6 +148,15 @@ fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
     let image = output::read_exr(path)?;
     let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
     let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
+    let Settings { width, height, .. } = origin.settings;
+    if (image.width, image.height) != (width, height) {
+        let size = format!("{}x{}", image.width, image.height);
+        return Err(Error::new(
+            format!("the image has {size} pixels, but says that it was made with {width}x{height}"),
+            "give the file as bdpm wrote it",
+        )
+        .at(path));
+    }
     if plan.iterations().is_none() {
         origin.version = env!("CARGO_PKG_VERSION").into();
         origin.settings.seed = args.session.scene.seed.unwrap_or(origin.settings.seed);
