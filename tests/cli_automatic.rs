@@ -1,6 +1,6 @@
 //! `bdpm render` that chooses its own counts: goals, promises, plans, checkpoints.
 
-use bdpm::output::{Value, read_exr};
+use bdpm::output::{Value, read_exr, write_exr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -118,6 +118,13 @@ fn the_image_file_tells_its_plan() {
     let image = read_exr(&at("a.exr")).unwrap();
     let expected = r#"[{"light_paths":200000,"camera_paths":4,"iterations":3,"weight":1.0}]"#;
     assert_eq!(image.metadata["plan"], Value::Text(expected.into()));
+
+    let mut forged = image;
+    forged.metadata.insert("width".into(), Value::Number(17.0));
+    write_exr(&at("forged.exr"), &forged).unwrap();
+    let plan = at("forged.exr").to_string_lossy().into_owned();
+    let shown = fail(render(&at("b.exr"), &["--plan", &plan]), 1);
+    assert!(shown.contains("16x12 pixels, but says that it was made with 17x12"), "{shown}");
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! `bdpm analyze` and `bdpm predict` as their users meet them.
 
+mod program;
+
 use bdpm::math::Rgb;
 use bdpm::output::{Image, Layer, Metadata, write_exr};
-use serde_json::Value;
+use program::{assert_refused, json, succeed, text};
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::Path;
@@ -25,31 +27,6 @@ fn analyze(output: &Path, more: &[&str]) -> Output {
 }
 
 const QUICK: [&str; 6] = ["--light-paths", "200", "--camera-paths", "4", "--iterations", "40"];
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn succeed(output: &Output) -> &str {
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-#[track_caller]
-fn json(output: &Output) -> Value {
-    serde_json::from_str(succeed(output)).unwrap()
-}
-
-/// Asserts exit code 1 with `problem` and then `advice` on stderr.
-#[track_caller]
-fn assert_refused(output: &Output, problem: &str, advice: &str) {
-    let shown = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{shown}");
-    assert!(output.stdout.is_empty());
-    let (found, help) = shown.split_once("\nhelp: ").unwrap_or_else(|| panic!("{shown}"));
-    assert!(found.contains(problem) && help.contains(advice), "{shown}");
-}
 
 fn png_size(path: &Path) -> (u32, u32) {
     let mut reader =

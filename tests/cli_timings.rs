@@ -1,5 +1,8 @@
 //! `bdpm calibrate` and `predict --timings` as their users meet them.
 
+mod program;
+
+use program::{assert_refused, json, succeed, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -28,31 +31,6 @@ fn analyze(output: &Path) {
     let done =
         bdpm(&[&["analyze", SCENE, "--output", output, "--quiet"], &SMALL[..], &counts].concat());
     succeed(&done);
-}
-
-fn text(bytes: &[u8]) -> &str {
-    std::str::from_utf8(bytes).unwrap()
-}
-
-#[track_caller]
-fn succeed(output: &Output) -> &str {
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-#[track_caller]
-fn json(output: &Output) -> Value {
-    serde_json::from_str(succeed(output)).unwrap()
-}
-
-/// Asserts exit code 1 with `problem` and then `advice` on stderr.
-#[track_caller]
-fn assert_refused(output: &Output, problem: &str, advice: &str) {
-    let shown = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{shown}");
-    assert!(output.stdout.is_empty());
-    let (found, help) = shown.split_once("\nhelp: ").unwrap_or_else(|| panic!("{shown}"));
-    assert!(found.contains(problem) && help.contains(advice), "{shown}");
 }
 
 #[test]
