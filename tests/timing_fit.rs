@@ -1,8 +1,8 @@
 //! The fit of the time model: known coefficients come back, and its errors are what they say.
 
+use bdpm::reproduce::implied;
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::{Fit, fit};
-use bdpm::timing::report::{TABLE_2, TABLE_2_CAMERA_PATHS};
 use bdpm::timing::sample::{Phase, Sample};
 use rand_core::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
@@ -219,22 +219,7 @@ fn what_is_no_measurement_is_refused() {
 
 #[test]
 fn the_papers_times_give_the_papers_model() {
-    // As for a single pixel; printed values have the error of their last digit.
-    let mut samples = Vec::new();
-    for [light_paths, camera, light, merge] in TABLE_2 {
-        let mut add = |phase, seconds, digit: f64| {
-            let error = Some(digit / 12f64.sqrt());
-            let camera_paths = TABLE_2_CAMERA_PATHS;
-            samples.push(Sample { phase, light_paths, camera_paths, seconds, error });
-        };
-        add(Phase::Camera, camera, 0.01);
-        // "About 0" is no number.
-        if light > 0.0 {
-            add(Phase::Light, light, 0.01);
-        }
-        add(Phase::Merge, merge, if light_paths < 5e4 { 0.01 } else { 0.1 });
-    }
-    let fit = fit(&samples, 1.0).unwrap();
+    let fit = fit(&implied::times(), 1.0).unwrap();
     for ((name, value, error), (published, tolerance)) in coefficients(&fit).into_iter().zip([
         (0.0, 1e-9),
         (5.67e-7, 1e-8),

@@ -16,6 +16,7 @@ mod progress;
 mod render;
 mod render_files;
 mod render_report;
+mod reproduce;
 mod session;
 
 use bdpm::accel::backend::Backend;
@@ -47,6 +48,8 @@ enum Command {
     Optimize(optimize::Args),
     /// Measure how long the phases of an iteration take, for `--timings`
     Calibrate(calibrate::Args),
+    /// Repeat the paper's experiment and report it beside the published values
+    Reproduce(reproduce::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
     /// Tell how far an image is from a reference
@@ -61,6 +64,7 @@ pub fn run() -> ExitCode {
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
+        Command::Reproduce(args) => reproduce::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
     };

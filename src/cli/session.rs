@@ -80,6 +80,22 @@ impl Prepared {
     /// Loads the scene and builds its hierarchy; `begun` is what the image to go on with was made
     /// of, and its file.
     pub fn new(args: &SessionArgs, begun: Option<(&Origin, &Path)>) -> Result<Self> {
+        Self::with_wishes(args, args.scene.wishes(), begun)
+    }
+
+    /// The same for the first time, at `resolution` unless the arguments say otherwise: that of the
+    /// scene file does not count.
+    pub fn with_resolution(args: &SessionArgs, resolution: [u32; 2]) -> Result<Self> {
+        let mut wishes = args.scene.wishes();
+        wishes.resolution.get_or_insert(resolution);
+        Self::with_wishes(args, wishes, None)
+    }
+
+    fn with_wishes(
+        args: &SessionArgs,
+        asked: RenderDefaults,
+        begun: Option<(&Origin, &Path)>,
+    ) -> Result<Self> {
         let threads = rayon::ThreadPoolBuilder::new()
             .num_threads(args.threads.unwrap_or(0).into())
             .build()
@@ -93,7 +109,7 @@ impl Prepared {
         let scene = loaded.scene;
         // A resumed image has its own settings; arguments that agree with them do no harm.
         let defaults = begun.map_or(loaded.defaults, |(origin, _)| wishes(&origin.settings));
-        let settings = Settings::resolve(&args.scene.wishes(), &defaults, scene.size())?;
+        let settings = Settings::resolve(&asked, &defaults, scene.size())?;
         let begun_backend = begun.and_then(|(origin, _)| {
             Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
         });

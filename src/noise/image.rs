@@ -48,7 +48,7 @@ pub struct NoiseSample {
 }
 
 /// A statistic with its standard error by the jackknife over batches.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Statistic {
     /// The statistic of all iterations.
     pub value: f64,

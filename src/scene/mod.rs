@@ -20,6 +20,7 @@ use crate::accel::{Hit, Ray, TriangleMesh};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// A triangle mesh of one material, in world space.
 #[derive(Clone, Debug)]
@@ -113,7 +114,7 @@ pub struct Surface<'a> {
 
 /// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
 /// image's width and height, origin top left, so that it survives another resolution.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Region {
     /// Name on the command line.
     pub name: String,

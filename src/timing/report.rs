@@ -2,21 +2,8 @@
 
 use super::file::Timings;
 use super::fit::TimeErrors;
+use crate::published::{CAMERA_PATHS, TABLE_2};
 use std::fmt::Write;
-
-/// Camera paths per pixel in the paper's Table 2.
-pub const TABLE_2_CAMERA_PATHS: f64 = 25.0;
-
-/// The paper's Table 2: `N_F`, and the seconds `tau_BMCRT`, `tau_FMCRT` (about 0 where 0) and
-/// `tau_merge` of one iteration.
-pub const TABLE_2: [[f64; 4]; 6] = [
-    [1e3, 6.0, 0.0, 0.25],
-    [3e3, 6.0, 0.0, 0.33],
-    [1e4, 6.0, 0.0, 0.7],
-    [3e4, 6.0, 0.0, 1.7],
-    [1e5, 6.0, 0.05, 5.2],
-    [3e5, 6.0, 0.17, 15.3],
-];
 
 /// All tables.
 pub fn text(timings: &Timings) -> String {
@@ -84,8 +71,9 @@ fn points(timings: &Timings) -> String {
 /// The model's times at the counts of Table 2 beside the published ones, in seconds and over their
 /// own camera time: machines differ, shapes less.
 fn beside_table_2(timings: &Timings) -> String {
+    let n_camera = f64::from(CAMERA_PATHS[0]);
     let mut text = format!(
-        "one iteration at N_B = {TABLE_2_CAMERA_PATHS}, the paper's Table 2 on the left, here on \
+        "one iteration at N_B = {n_camera}, the paper's Table 2 on the left, here on \
          the right\n{:>7} | {:^51} | {:^38}\n{:>7} | {:>12} {:>12} {:>12} {:>12} | {:>12} {:>12} \
          {:>12}\n",
         "",
@@ -100,8 +88,9 @@ fn beside_table_2(timings: &Timings) -> String {
         "merge",
         "whole",
     );
-    for [n_light, camera, light, merge] in TABLE_2 {
-        let parts = timings.model.parts(n_light, TABLE_2_CAMERA_PATHS);
+    for row in TABLE_2 {
+        let (n_light, [camera, light, merge]) = (f64::from(row.light_paths), row.parts);
+        let parts = timings.model.parts(n_light, n_camera);
         let [_, here_light, here_camera, here_merge] = parts;
         let paper = [camera, light, merge, camera + light + merge];
         let here = [here_camera, here_light, here_merge, parts.iter().sum()];

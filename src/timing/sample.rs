@@ -48,7 +48,7 @@ impl Phase {
 }
 
 /// A measured time of one phase.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The phase.
     pub phase: Phase,

@@ -1,0 +1,126 @@
+//! What the experiment measures, part by part.
+
+use crate::noise::Measure;
+use crate::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
+use serde::{Deserialize, Serialize};
+
+/// Share of the time that goes to each of the three measurements of the noise in every pixel.
+const NOISE_SHARE: f64 = 0.2;
+
+/// Share of the time that goes to all cells of the tables.
+const CELLS_SHARE: f64 = 0.36;
+
+/// One in so many iterations of a cell is not measured: its time is that of production.
+const TIMED_EVERY: u64 = 3;
+
+/// Iterations at certain counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Part {
+    /// What for.
+    pub purpose: Purpose,
+    /// `N_F`.
+    pub light_paths: u32,
+    /// `N_B`.
+    pub camera_paths: u32,
+}
+
+/// What a part is measured for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Purpose {
+    /// The noise of every pixel from all pairs: Figures 1 to 3, and all predictions.
+    Pairs,
+    /// The same by the paper's halves, from the same paths as the first part.
+    Halves,
+    /// A cell of Table 1 or 2: noise of the region, and times.
+    Cell,
+}
+
+impl Part {
+    /// All of them, in order.
+    pub fn all() -> Vec<Self> {
+        let part = |purpose, light_paths, camera_paths| Self { purpose, light_paths, camera_paths };
+        let [few, many] = CAMERA_PATHS;
+        let noise = [(Purpose::Pairs, few), (Purpose::Halves, few), (Purpose::Pairs, many)];
+        let mut all: Vec<Self> =
+            noise.into_iter().map(|(purpose, n)| part(purpose, LIGHT_PATHS, n)).collect();
+        for (n_light, _) in TABLE_1 {
+            all.extend(TABLE_1_CAMERA_PATHS.map(|n| part(Purpose::Cell, n_light, n)));
+        }
+        for row in TABLE_2 {
+            let cell = part(Purpose::Cell, row.light_paths, few);
+            if !all.contains(&cell) {
+                all.push(cell);
+            }
+        }
+        all
+    }
+
+    /// Its share of the time.
+    pub fn share(&self) -> f64 {
+        match self.purpose {
+            Purpose::Pairs | Purpose::Halves => NOISE_SHARE,
+            Purpose::Cell => {
+                let cells = Self::all().iter().filter(|p| p.purpose == Purpose::Cell).count();
+                CELLS_SHARE / cells as f64
+            }
+        }
+    }
+
+    /// How iteration number `iteration` of this part is measured.
+    pub fn measure(&self, iteration: u64) -> Measure {
+        match self.purpose {
+            Purpose::Pairs => Measure::Pairs,
+            Purpose::Halves => Measure::Halves,
+            Purpose::Cell if iteration % TIMED_EVERY == TIMED_EVERY - 1 => Measure::Off,
+            Purpose::Cell => Measure::Pairs,
+        }
+    }
+
+    /// Seed of its random numbers. Parts are independent, so that a prediction from one is tested by
+    /// another; only the two estimators of the noise get the same paths to work on.
+    pub fn seed(&self, seed: u64) -> u64 {
+        let source = match self.purpose {
+            Purpose::Halves => Self { purpose: Purpose::Pairs, ..*self },
+            Purpose::Pairs | Purpose::Cell => *self,
+        };
+        let index = Self::all().iter().position(|part| *part == source);
+        seed.wrapping_add(index.expect("it is one of them") as u64)
+    }
+
+    /// Its name, for files.
+    pub fn name(&self) -> String {
+        let purpose = match self.purpose {
+            Purpose::Pairs => "pairs",
+            Purpose::Halves => "halves",
+            Purpose::Cell => "cell",
+        };
+        format!("{purpose}-{}x{}", self.light_paths, self.camera_paths)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_cell_of_both_tables_is_measured_once_with_a_seed_of_its_own() {
+        let all = Part::all();
+        assert_eq!(all.len(), 3 + 24 + 1);
+        let names: HashSet<_> = all.iter().map(Part::name).collect();
+        assert_eq!(names.len(), all.len());
+        let seeds: HashSet<_> = all.iter().map(|part| part.seed(u64::MAX)).collect();
+        assert_eq!(seeds.len(), all.len() - 1);
+        assert_eq!(all[0].seed(7), all[1].seed(7));
+        let share: f64 = all.iter().map(Part::share).sum();
+        assert!(share > 0.9 && share < 1.0, "some time is for the report: {share}");
+    }
+
+    #[test]
+    fn cells_time_a_third_of_their_iterations() {
+        let cell = Part { purpose: Purpose::Cell, light_paths: 100, camera_paths: 5 };
+        let off = (0..300).filter(|&i| cell.measure(i) == Measure::Off).count();
+        assert_eq!(off, 100);
+    }
+}
