@@ -4,13 +4,8 @@ use super::analyze::Report;
 use super::human_time;
 use bdpm::noise::image::Statistic;
 use bdpm::noise::summary::{Compared, Summary};
+use bdpm::output::digits;
 use std::fmt::Write;
-
-/// Digits after the point that show an error with two significant digits.
-fn digits(value: f64, error: f64) -> usize {
-    let size = if error > 0.0 && error.is_finite() { error * 0.1 } else { value.abs() * 1e-3 };
-    if size > 0.0 { (-size.log10().floor()).clamp(0.0, 12.0) as usize } else { 4 }
-}
 
 /// `value +- error`, aligned at the sign between them.
 pub fn with_error(value: f64, error: Option<f64>) -> String {

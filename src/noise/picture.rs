@@ -3,7 +3,7 @@
 use super::image::NoiseImage;
 use crate::error::Result;
 use crate::film::pool;
-use crate::output::Canvas;
+use crate::output::{Canvas, number, quantile, tick_step};
 use colorgrad::Gradient;
 use std::path::Path;
 
@@ -11,9 +11,6 @@ use std::path::Path;
 const SIDE: u32 = 512;
 
 const MARGIN: u32 = 12;
-
-/// Share of the values that the scale covers; single bright pixels must not darken the rest.
-const COVERED: f64 = 0.995;
 
 /// What the picture of the terms shows.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -109,7 +106,7 @@ pub fn write_rms(path: &Path, noise: &NoiseImage) -> Result<()> {
         let share = 1.0 - (f64::from(y) + 0.5) / f64::from(plot_height);
         canvas.fill((left, MARGIN + y), (BAR, 1), color(share));
     }
-    let step = tick_step(scale);
+    let step = tick_step(scale, 10.0);
     for tick in 0..=(scale / step + 1e-9) as u32 {
         let value = f64::from(tick) * step;
         let y = MARGIN + ((1.0 - value / scale) * f64::from(plot_height - 1)).round() as u32;
@@ -147,50 +144,4 @@ fn plot(canvas: &mut Canvas, noise: &NoiseImage, color: impl Fn(usize) -> [u8; 3
 
 fn byte(share: f64) -> u8 {
     (255.0 * share.clamp(0.0, 1.0)).round() as u8
-}
-
-/// The value that [`COVERED`] of them do not exceed; positive.
-fn quantile(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    let index = (COVERED * (values.len() - 1) as f64).ceil() as usize;
-    let found = values.get(index).copied().unwrap_or(0.0);
-    if found > 0.0 { found } else { 1.0 }
-}
-
-/// 1, 2 or 5 times a power of ten, such that 4 to 10 steps fill the scale.
-fn tick_step(scale: f64) -> f64 {
-    let rough = scale / 10.0;
-    let power = 10f64.powf(rough.log10().floor());
-    let factor = [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= rough * (1.0 - 1e-9));
-    factor.unwrap_or(10.0) * power
-}
-
-/// Few digits.
-fn number(value: f64) -> String {
-    if value == 0.0 {
-        "0".into()
-    } else if (1e-3..1e5).contains(&value) {
-        let digits = (2 - value.log10().floor() as i32).max(0) as usize;
-        let text = format!("{value:.digits$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').into()
-        } else {
-            text
-        }
-    } else {
-        format!("{value:.2e}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scales_have_4_to_10_steps_of_round_numbers() {
-        for (scale, step) in [(1.0, 0.1), (1.9, 0.2), (2.1, 0.5), (0.00499, 5e-4), (740.0, 100.0)] {
-            assert!((tick_step(scale) / step - 1.0).abs() < 1e-9, "{scale}: {}", tick_step(scale));
-        }
-        assert_eq!(["0.05", "120", "1.00e-5"].map(String::from), [0.05, 120.0, 1e-5].map(number));
-    }
 }

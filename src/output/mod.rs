@@ -7,12 +7,14 @@ mod atomic;
 mod canvas;
 mod exr_file;
 mod png_file;
+mod scale;
 mod tone;
 
 pub use atomic::{check_writable, write_atomically};
 pub use canvas::Canvas;
 pub use exr_file::{read_exr, write_exr};
-pub use png_file::{write_png, write_png_bytes};
+pub use png_file::{encode_png, write_png, write_png_bytes};
+pub use scale::{digits, number, quantile, tick_step};
 pub use tone::{auto_exposure, tone_map};
 
 use crate::math::Rgb;

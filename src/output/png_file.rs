@@ -1,8 +1,8 @@
 //! The PNG beside an EXR.
 
 use super::{auto_exposure, tone_map, write_atomically};
-use crate::error::Result;
 use crate::math::Rgb;
+use std::io::Write;
 use std::path::Path;
 
 /// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`]; returns the exposure.
@@ -12,7 +12,7 @@ use std::path::Path;
 ///
 /// # Panics
 /// If the number of pixels is not `width * height`.
-pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> Result<f32> {
+pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate::Result<f32> {
     assert_eq!(pixels.len(), width as usize * height as usize);
     let exposure = auto_exposure(pixels);
     let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| tone_map(pixel, exposure)).collect();
@@ -27,20 +27,37 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> Result
 ///
 /// # Panics
 /// If there are not three bytes per pixel.
-pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> crate::Result<()> {
     assert_eq!(bytes.len(), 3 * width as usize * height as usize);
-    write_atomically(path, |mut to| {
-        let mut encoder = png::Encoder::new(&mut to, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::Fast);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-        encoder.add_text_chunk("Software".into(), "bdpm".into())?;
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(bytes)?;
-        writer.finish()?;
-        Ok(())
-    })
+    write_atomically(path, |to| Ok(encode(to, width, height, bytes)?))
+}
+
+/// The bytes of a PNG file of 8-bit sRGB pixels, row by row.
+///
+/// # Panics
+/// If there are not three bytes per pixel.
+pub fn encode_png(width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
+    assert_eq!(bytes.len(), 3 * width as usize * height as usize);
+    let mut file = Vec::new();
+    encode(&mut file, width, height, bytes).expect("memory takes everything");
+    file
+}
+
+fn encode(
+    to: impl Write,
+    width: u32,
+    height: u32,
+    bytes: &[u8],
+) -> Result<(), png::EncodingError> {
+    let mut encoder = png::Encoder::new(to, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    encoder.add_text_chunk("Software".into(), "bdpm".into())?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()
 }
 
 #[cfg(test)]
