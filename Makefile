@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup build demo test bench memcheck
+.PHONY: setup build demo test bench memcheck check-report
 
 setup:
 	@scripts/setup.sh
@@ -34,3 +34,9 @@ bench: setup
 # Embree's layer under valgrind: reads and writes outside of what either side allocated.
 memcheck: setup
 	scripts/valgrind.sh
+
+# The paper's experiment in short, and its report in a browser at the widths of phones and desktops.
+check-report: build
+	rm -rf out/report-quick
+	$(CARGO) run $(FLAGS) --release --quiet -- reproduce --quick --output out/report-quick
+	scripts/check-report.sh out/report-quick

@@ -82,11 +82,8 @@ pub fn run(args: &Args) -> Result<String> {
     let folder = Folder::new(&args.output)?;
     let experiment = folder.open(identity)?;
 
-    let bench = Bench {
-        scene: &prepared.scene,
-        accel: &*prepared.accel,
-        threads: &prepared.threads,
-    };
+    let bench =
+        Bench { scene: &prepared.scene, accel: &*prepared.accel, threads: &prepared.threads };
     let mut run = Run::new(bench, folder.clone(), experiment);
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
@@ -99,9 +96,7 @@ pub fn run(args: &Args) -> Result<String> {
     results.write_data(&folder)?;
     let html = report::write(&results, &folder)?.to_string_lossy().into_owned();
     Ok(match (scene.json, args.session.quiet) {
-        (true, _) => {
-            json(&Report { complete: true, report: Some(html), results: Some(&results) })
-        }
+        (true, _) => json(&Report { complete: true, report: Some(html), results: Some(&results) }),
         (false, true) => String::new(),
         (false, false) => text(&results, &html),
     })

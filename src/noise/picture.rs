@@ -12,6 +12,9 @@ const SIDE: u32 = 512;
 
 const MARGIN: u32 = 12;
 
+/// Share of the values that a scale covers; single bright pixels must not darken the rest.
+const COVERED: f64 = 0.995;
+
 /// What the picture of the terms shows.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TermsPicture {
@@ -34,7 +37,7 @@ pub fn write_terms(path: &Path, noise: &NoiseImage) -> Result<TermsPicture> {
     let negative = [0, 1, 2].map(|k| pooled.iter().filter(|terms| terms[k] < 0.0).count());
     let roots: Vec<_> = pooled.iter().map(|terms| terms.map(|t| t.max(0.0).sqrt())).collect();
     let largest = roots.iter().map(|r| r.iter().copied().fold(0.0, f64::max)).collect();
-    let scale = quantile(largest);
+    let scale = quantile(largest, COVERED);
     let magnification = magnification(noise);
     let captions = [
         format!("Noise of one iteration: square roots of the terms of (1), N_F {n}, N_B {m}"),
@@ -79,7 +82,7 @@ pub fn write_rms(path: &Path, noise: &NoiseImage) -> Result<()> {
         noise.pixels.iter().map(|p| p.noise.coefficients.variance(n, m).max(0.0).sqrt()).collect();
     let negative =
         noise.pixels.iter().filter(|p| p.noise.coefficients.variance(n, m) < 0.0).count();
-    let scale = quantile(rms.clone());
+    let scale = quantile(rms.clone(), COVERED);
     let above = rms.iter().filter(|&&x| x > scale).count();
     let viridis = colorgrad::preset::viridis();
     let color = |share: f64| {

@@ -43,12 +43,7 @@ pub fn encode_png(width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
     file
 }
 
-fn encode(
-    to: impl Write,
-    width: u32,
-    height: u32,
-    bytes: &[u8],
-) -> Result<(), png::EncodingError> {
+fn encode(to: impl Write, width: u32, height: u32, bytes: &[u8]) -> Result<(), png::EncodingError> {
     let mut encoder = png::Encoder::new(to, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);

@@ -1,12 +1,9 @@
 //! Scales of pictures and plots, and numbers with as many digits as they deserve.
 
-/// Share of the values that a scale covers; single bright pixels must not darken the rest.
-const COVERED: f64 = 0.995;
-
-/// The value that 99.5 % of them do not exceed; positive.
-pub fn quantile(mut values: Vec<f64>) -> f64 {
+/// The value that this share of them does not exceed, in \[0, 1\]; positive, 1 if it were not.
+pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
-    let index = (COVERED * values.len().saturating_sub(1) as f64).ceil() as usize;
+    let index = (share * values.len().saturating_sub(1) as f64).ceil() as usize;
     let found = values.get(index).copied().unwrap_or(0.0);
     if found > 0.0 { found } else { 1.0 }
 }
@@ -65,8 +62,8 @@ mod tests {
 
     #[test]
     fn a_scale_leaves_out_the_brightest() {
-        assert_eq!(quantile((1..=1000).map(f64::from).collect()), 996.0);
-        assert_eq!(quantile(vec![-1.0, -2.0]), 1.0);
-        assert_eq!(quantile(Vec::new()), 1.0);
+        assert_eq!(quantile((1..=1000).map(f64::from).collect(), 0.995), 996.0);
+        assert_eq!(quantile(vec![-1.0, -2.0], 0.5), 1.0);
+        assert_eq!(quantile(Vec::new(), 0.5), 1.0);
     }
 }

@@ -1,11 +1,12 @@
 //! What is the same as published, what is not, and why: from the numbers.
 
 use super::implied;
-use super::optimum::{Optima, implied_over_least, over_least};
+use super::optimum::{Optima, implied_over_least, over_least, rescaled};
 use super::tables::{Cell, find};
 use super::terms::{Terms, quotient, share};
 use crate::noise::image::NoiseImage;
 use crate::noise::predict::Predicted;
+use crate::output::number;
 use crate::published::{
     BEST_LIGHT_PATHS, CAMERA_PATHS, FIGURE_2, FIGURE_3, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS,
     TABLE_2,
@@ -143,7 +144,8 @@ fn finding(
         (Verdict::Uncertain, Some(error)) => {
             // The error falls as the root of the time. A tolerance of two errors is enough.
             let times = (2.0 * error / tolerance).powi(2).max(2.0);
-            format!("the standard error {error:.1e} wants about {times:.0} times the time budget")
+            let error = number(error);
+            format!("the standard error {error} wants about {times:.0} times the time budget")
         }
         (Verdict::Uncertain, None) => "the standard error is unknown".into(),
         _ => why(verdict),
@@ -221,7 +223,8 @@ fn halving(evidence: &Evidence) -> Vec<Finding> {
         all.push(finding((Topic::Halving, name), values, here, tolerance, why));
     }
     let printed = FIGURE_3[1].total / FIGURE_3[0].total;
-    let by_formula = implied::rms(LIGHT_PATHS.into(), n_many) / implied::rms(LIGHT_PATHS.into(), n_few);
+    let by_formula =
+        implied::rms(LIGHT_PATHS.into(), n_many) / implied::rms(LIGHT_PATHS.into(), n_few);
     let why = |verdict| by_its_own_numbers(verdict, "formula (1) gives from N_B = 25");
     for (name, here) in [
         ("total by formula", quotient(many.formula, few.formula)),
@@ -240,10 +243,11 @@ fn light_paths(evidence: &Evidence) -> Vec<Finding> {
     let n_first = f64::from(reference.light_paths);
     let one = |row: &crate::published::Row| {
         let n = f64::from(row.light_paths);
-        let here = super::terms::corrected(evidence.noise[0].statistic(evidence.region, |pixels| {
-            super::terms::mean_rms(pixels, n, n_camera)
-                / super::terms::mean_rms(pixels, n_first, n_camera)
-        }));
+        let here =
+            super::terms::corrected(evidence.noise[0].statistic(evidence.region, |pixels| {
+                super::terms::mean_rms(pixels, n, n_camera)
+                    / super::terms::mean_rms(pixels, n_first, n_camera)
+            }));
         let implied = implied::rms(n, n_camera) / implied::rms(n_first, n_camera);
         let limit = implied::rms(f64::INFINITY, n_camera) / implied::rms(n_first, n_camera);
         let printed = row.rms / reference.rms;
@@ -265,12 +269,19 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
     let Evidence { noise, region, model, optima, .. } = *evidence;
     let best = optima.here.light_paths.value;
     let here = |n: f64| over_least(noise[0], region, model, best, n);
+    // As if the image were so large that light paths take the paper's share of the time.
+    let larger = rescaled(*model);
+    let best_larger = optima.rescaled.light_paths.value;
+    let side = larger.pixels.sqrt();
+    let in_larger = |n: f64| over_least(noise[0], region, &larger, best_larger, n).value;
     let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]).unwrap_or(0);
     let least = TABLE_1.iter().map(|(_, cells)| cells[column]).fold(f64::INFINITY, f64::min);
     let factors = |i: usize| optima.here.factors[i] / optima.implied.factors[i];
     let decomposed = format!(
         "the best N_F is {best:.0} here and {:.0} by the printed numbers: {:.2} times as many by \
-         the times (an iteration without light paths over one light path), {:.2} times by the noise",
+         the times (an iteration without light paths over one light path), {:.2} times by the \
+         noise; it would be {best_larger:.0} in an image of {side:.0} by {side:.0} pixels, where \
+         light paths take the share of the time that they take in Table 2",
         optima.implied.light_paths.value,
         factors(0),
         factors(1),
@@ -291,9 +302,12 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
             ),
             _ => format!(
                 "with many light paths the time decides: an iteration without light paths takes as \
-                 long as {:.2e} light paths here, {:.2e} by Table 2",
-                optima.here.factors[0].powi(2),
-                optima.implied.factors[0].powi(2),
+                 long as {:.0} thousand light paths here, {:.0} thousand by Table 2; in an image of \
+                 {side:.0} by {side:.0} pixels, where they take the share of the time that they \
+                 take there, it would be {:.3}",
+                1e-3 * optima.here.factors[0].powi(2),
+                1e-3 * optima.implied.factors[0].powi(2),
+                in_larger(n),
             ),
         };
         let name = format!("RMS at N_F = {n_light} over the least, N_B = 25");
@@ -309,10 +323,19 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
         let here = quotient(few.model_after, many.model_after);
         // The two predictions are from the same coefficients: their errors nearly cancel.
         let here = Predicted { error: Some(0.0), ..here };
+        let alone = |model: &TimeModel| {
+            let [fixed, light, ..] = model.parts(LIGHT_PATHS.into(), first.into());
+            100.0 * (fixed + light) / model.iteration(LIGHT_PATHS.into(), first.into())
+        };
         let why = |_| {
             format!(
-                "measured {:.3} and {:.3} W/(m² sr), by formula and time model {:.3} and {:.3}",
-                few.after.value, many.after.value, few.model_after.value, many.model_after.value
+                "an iteration spends {:.1} % of its time on what camera paths do not change here at \
+                 N_B = {first}, {:.1} % by Table 2, and {:.1} % in an image of {side:.0} by \
+                 {side:.0} pixels; measured without the formula the ratio is {:.3}",
+                alone(model),
+                alone(&implied::time_model()),
+                alone(&larger),
+                few.after.value / many.after.value,
             )
         };
         let values = (cells[0] / cells[3], None);

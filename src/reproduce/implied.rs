@@ -5,8 +5,8 @@ use crate::noise::predict::{Budget, Source};
 use crate::published::{
     CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, Row, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME,
 };
-use crate::timing::fit::fit;
 use crate::timing::TimeModel;
+use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Sample};
 use serde::Serialize;
 

@@ -1,7 +1,7 @@
 //! Where noise times time is least, here and by the published numbers, and why there.
 
 use super::implied;
-use super::terms::mean_rms;
+use super::terms::pooled_rms;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseImage;
 use crate::noise::predict::{Budget, Optimum, Predicted, Source};
@@ -29,6 +29,11 @@ pub struct Best {
 pub struct Optima {
     /// Measured here.
     pub here: Best,
+    /// The same for an image of so many pixels that a light path takes the share of an iteration
+    /// that it takes in Table 2; by the time model.
+    pub rescaled: Best,
+    /// Number of these pixels.
+    pub pixels: f64,
     /// By Figure 3a and the times of Table 2.
     pub implied: Best,
     /// Read off Figure 4 by the authors.
@@ -62,8 +67,12 @@ impl Optima {
         let source = Source::Measured(noise, region);
         let published = implied::coefficients();
         let given = Source::Given(published);
+        let mean = noise.mean_coefficients(region).clamped();
+        let rescaled = rescaled(model);
         Self {
-            here: Best::new(&source, noise.mean_coefficients(region).clamped(), model),
+            here: Best::new(&source, mean, model),
+            rescaled: Best::new(&source, mean, rescaled),
+            pixels: rescaled.pixels,
             implied: Best::new(&given, published, implied::time_model()),
             published: BEST_LIGHT_PATHS,
             free: source.optimum(&Budget { model, time: TIME }),
@@ -71,7 +80,15 @@ impl Optima {
     }
 }
 
-/// Mean RMS after any time at `n_light` over that at the best number of light paths, `N_B = 25`.
+/// The time model for an image of so many pixels that tracing a light path takes the same share of
+/// tracing the camera paths as in Table 2. The paper does not tell its resolution.
+pub fn rescaled(model: TimeModel) -> TimeModel {
+    let there = implied::time_model();
+    let share = there.light_path / (there.camera_path * there.pixels);
+    TimeModel { pixels: (model.light_path / (model.camera_path * share)).max(1.0), ..model }
+}
+
+/// Pooled RMS after any time at `n_light` over that at the best number of light paths, `N_B = 25`.
 pub fn over_least(
     noise: &NoiseImage,
     region: &[usize],
@@ -82,7 +99,7 @@ pub fn over_least(
     let m = f64::from(CAMERA_PATHS[0]);
     let time = (model.iteration(n_light, m) / model.iteration(best, m)).sqrt();
     let source = Source::Measured(noise, region);
-    source.statistic(|pixels| time * mean_rms(pixels, n_light, m) / mean_rms(pixels, best, m))
+    source.statistic(|pixels| time * pooled_rms(pixels, n_light, m) / pooled_rms(pixels, best, m))
 }
 
 /// The same by the published numbers.

@@ -118,6 +118,8 @@ impl Results {
                 error(cell.sampled.error),
                 cell.formula.value,
                 error(cell.formula.error),
+                cell.mean_of_roots.value,
+                error(cell.mean_of_roots.error),
                 cell.time.value,
                 error(cell.time.error),
                 camera,
@@ -151,7 +153,7 @@ impl Results {
     }
 }
 
-const CELL_COLUMNS: [&str; 18] = [
+const CELL_COLUMNS: [&str; 20] = [
     "light_paths",
     "camera_paths",
     "iterations",
@@ -159,6 +161,8 @@ const CELL_COLUMNS: [&str; 18] = [
     "rms_sampled_error",
     "rms_formula",
     "rms_formula_error",
+    "mean_of_roots_sampled_over_formula",
+    "mean_of_roots_sampled_over_formula_error",
     "seconds",
     "seconds_error",
     "seconds_camera",

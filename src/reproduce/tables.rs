@@ -1,9 +1,12 @@
 //! Tables 1 and 2 and the points of Figure 4: noise and times at many counts, measured one by one,
 //! beside what the formula and the time model say from a single run.
+//!
+//! The RMS is the pooled one, `sqrt(mean_p V_p)`. The paper's mean of roots, `mean_p sqrt(V_p)`, is low
+//! where it is sampled from few iterations of heavy-tailed values; by how much is told beside it.
 
 use super::folder::Measured;
 use super::part::Purpose;
-use super::terms::{corrected, mean_rms, quotient};
+use super::terms::{corrected, mean_rms, pooled_rms, quotient};
 use crate::noise::image::NoiseImage;
 use crate::noise::predict::Predicted;
 use crate::published::TIME;
@@ -20,17 +23,19 @@ pub struct Cell {
     pub camera_paths: u32,
     /// Iterations whose noise was measured.
     pub iterations: u64,
-    /// Mean RMS of one iteration, sampled.
+    /// Pooled RMS of one iteration, sampled.
     pub sampled: Predicted,
     /// The same by formula (1), from the run at the paper's counts.
     pub formula: Predicted,
+    /// The paper's mean RMS sampled, as it is, over that by formula.
+    pub mean_of_roots: Predicted,
     /// Time of an iteration, median.
     pub time: Predicted,
     /// Its parts: camera, light and merge phase, and the rest.
     pub parts: [f64; 4],
     /// The same by the time model.
     pub model_time: f64,
-    /// Mean RMS after [`TIME`], from the sampled noise and the measured time.
+    /// Pooled RMS after [`TIME`], from the sampled noise and the measured time.
     pub after: Predicted,
     /// The same by formula and model.
     pub model_after: Predicted,
@@ -49,7 +54,12 @@ impl Cell {
         let value = phases.iter().map(|(seconds, _)| seconds).sum();
         let time = Predicted { value, error: squares.map(f64::sqrt) };
         let sampled = measured.rms();
-        let formula = corrected(noise.statistic(region, |pixels| mean_rms(pixels, n, m)));
+        let formula = corrected(noise.statistic(region, |pixels| pooled_rms(pixels, n, m)));
+        let roots = corrected(noise.statistic(region, |pixels| mean_rms(pixels, n, m)));
+        let sampled_roots = Predicted {
+            value: measured.mean_rms.value,
+            error: Some(measured.mean_rms.error).filter(|error| error.is_finite()),
+        };
         let model_time = model.iteration(n, m);
         Self {
             light_paths: part.light_paths,
@@ -57,6 +67,7 @@ impl Cell {
             iterations: measured.iterations,
             sampled,
             formula,
+            mean_of_roots: quotient(sampled_roots, roots),
             time,
             parts: phases.map(|(seconds, _)| seconds),
             model_time,
@@ -70,13 +81,10 @@ impl Cell {
         TIME / self.time.value
     }
 
-    /// RMS after [`TIME`] over that of another cell.
+    /// RMS after [`TIME`] over that of another cell by formula and time model, which are far more
+    /// certain than a sample.
     pub fn over(&self, reference: &Self) -> Predicted {
-        if (self.light_paths, self.camera_paths) == (reference.light_paths, reference.camera_paths)
-        {
-            return Predicted { value: 1.0, error: Some(0.0) };
-        }
-        quotient(self.after, reference.after)
+        quotient(self.after, reference.model_after)
     }
 }
 

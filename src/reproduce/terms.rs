@@ -52,6 +52,11 @@ pub fn mean_rms(pixels: &[NoiseSample], n_light: f64, n_camera: f64) -> f64 {
     mean(pixels, |p| root(p.coefficients.variance(n_light, n_camera)))
 }
 
+/// Pooled RMS of one iteration at any counts by the formula.
+pub fn pooled_rms(pixels: &[NoiseSample], n_light: f64, n_camera: f64) -> f64 {
+    root(mean(pixels, |p| p.coefficients.variance(n_light, n_camera)))
+}
+
 /// Region mean of the root of term `k` at any counts.
 fn mean_root(pixels: &[NoiseSample], k: usize, n_light: f64, n_camera: f64) -> f64 {
     mean(pixels, |p| root(p.coefficients.paper_terms(n_light, n_camera)[k]))
@@ -96,8 +101,8 @@ impl Terms {
 }
 
 impl Measured {
-    /// Mean RMS of one iteration, sampled, without its bias.
+    /// Pooled RMS of one iteration, sampled.
     pub fn rms(&self) -> Predicted {
-        corrected(self.mean_rms)
+        corrected(self.pooled_rms)
     }
 }

@@ -8,7 +8,7 @@ use crate::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::implied;
 use crate::reproduce::results::Results;
 use crate::reproduce::tables::Cell;
-use crate::reproduce::terms::mean_rms;
+use crate::reproduce::terms::pooled_rms;
 
 /// Names of the three terms.
 pub const TERMS: [&str; 3] = ["C: pairs of paths", "B: camera paths", "F: light paths"];
@@ -51,8 +51,9 @@ impl Figures {
             })
             .collect();
         let sequential = (Colors::Sequential, RADIANCE);
-        let (few_terms, many_terms) = (roots(few, m), roots(many, f64::from(CAMERA_PATHS[1])));
-        let from_many = roots(many, m);
+        let (few_terms, many_terms) =
+            (roots(few, m, false), roots(many, f64::from(CAMERA_PATHS[1]), false));
+        let from_many = roots(many, m, true);
         let single = |k: usize, name, terms: &[[f64; 3]]| {
             let values: Vec<f64> = terms.iter().map(|terms| terms[k]).collect();
             Picture::values((name, TERMS[k]), size, &values, sequential)
@@ -96,17 +97,14 @@ impl Figures {
     }
 }
 
-/// Roots of the three terms of (1) at `N_F` as measured, pooled over 5 by 5 pixels before.
-fn roots(file: &NoiseFile, n_camera: f64) -> Vec<[f64; 3]> {
+/// Roots of the three terms of (1) at `N_F` as measured, if wanted pooled over 5 by 5 pixels before.
+fn roots(file: &NoiseFile, n_camera: f64, pooled: bool) -> Vec<[f64; 3]> {
     let noise = &file.noise;
     let n_light = f64::from(noise.light_paths);
-    let terms: Vec<[f64; 3]> = noise
-        .pixels
-        .iter()
-        .map(|p| p.noise.coefficients.paper_terms(n_light, n_camera))
-        .collect();
-    let pooled = pool(&terms, noise.width, noise.height);
-    pooled.iter().map(|terms| terms.map(|term| term.max(0.0).sqrt())).collect()
+    let terms: Vec<[f64; 3]> =
+        noise.pixels.iter().map(|p| p.noise.coefficients.paper_terms(n_light, n_camera)).collect();
+    let terms = if pooled { pool(&terms, noise.width, noise.height) } else { terms };
+    terms.iter().map(|terms| terms.map(|term| term.max(0.0).sqrt())).collect()
 }
 
 /// Top of both plots: all that was measured, up to twice the least.
@@ -120,13 +118,13 @@ pub fn least(results: &Results) -> f64 {
     rms_after(results, results.optima.here.light_paths.value, CAMERA_PATHS[0])
 }
 
-/// Mean RMS after the time, by formula and time model.
+/// Pooled RMS after the time, by formula and time model.
 fn rms_after(results: &Results, n_light: f64, n_camera: u32) -> f64 {
     let noise = &results.noise[0].noise;
     let pixels: Vec<_> = results.region.iter().map(|&i| noise.pixels[i].noise).collect();
     let m = f64::from(n_camera);
     let time = results.timings.model.iteration(n_light, m) / crate::published::TIME;
-    mean_rms(&pixels, n_light, m) * time.sqrt()
+    pooled_rms(&pixels, n_light, m) * time.sqrt()
 }
 
 fn plot_here(results: &Results) -> String {

@@ -13,7 +13,18 @@ use super::results::Results;
 use crate::error::Result;
 use crate::output::write_atomically;
 use figures::Figures;
+use maud::{Markup, html};
 use std::path::PathBuf;
+
+/// A table that scrolls by itself where it is wider than the page, its caption not.
+fn table(class: &str, caption: &Markup, rows: &Markup) -> Markup {
+    html! {
+        div .table {
+            p .caption { (caption) }
+            div .scroll { table class=(class) { (rows) } }
+        }
+    }
+}
 
 /// Writes `report.html`, and each figure as a file.
 ///

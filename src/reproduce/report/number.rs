@@ -49,6 +49,9 @@ mod tests {
         assert_eq!(value(0.29884, Some(0.00123)), "0.2988<span class=\"error\"> ± 0.0012</span>");
         assert_eq!(value(0.29884, None), "0.2988");
         assert_eq!(value(1.0, Some(f64::INFINITY)), "1.000");
-        assert_eq!([count(100), count(1000), count(300_000)], ["100", "1\u{202f}000", "300\u{202f}000"]);
+        assert_eq!(
+            [count(100), count(1000), count(300_000)],
+            ["100", "1\u{202f}000", "300\u{202f}000"]
+        );
     }
 }

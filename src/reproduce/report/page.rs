@@ -3,7 +3,7 @@
 use super::figures::Figures;
 use super::number::{count, fixed, shown, significant};
 use super::plot::Marker;
-use super::{summary, tables};
+use super::{summary, table, tables};
 use crate::published::{FIGURE_2, FIGURE_3, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::folder::Identity;
 use crate::reproduce::optimum::{Best, FLAT};
@@ -112,8 +112,7 @@ fn figure_3(results: &Results, figures: &Figures) -> Markup {
             @for (picture, terms) in figures.terms.iter().zip(&results.terms) {
                 (picture.figure(boxes(results), &html! {
                     "Roots of the three terms of (1) as red, green and blue on one linear scale, N_F = "
-                    (terms.light_paths) ", N_B = " (terms.camera_paths) "; terms are pooled over 5 by 5 "
-                    "pixels before the root."
+                    (terms.light_paths) ", N_B = " (terms.camera_paths) "."
                 }))
             }
         }
@@ -122,16 +121,18 @@ fn figure_3(results: &Results, figures: &Figures) -> Markup {
             @for (k, picture) in figures.single.iter().enumerate() {
                 (picture.figure(&[], &html! {
                     (super::figures::TERMS[k])
-                    @if k == 2 { ", measured at N_B = 100, where it is more certain" }
+                    @if k == 2 {
+                        ": measured at N_B = 100, where it is more certain, and pooled over 5 by 5 "
+                        "pixels before the root"
+                    }
+                    "."
                 }))
             }
         }
-        div .scroll {
-            table {
-                caption {
+        (table("", &html! {
                     "Region means of the roots: W/(m² sr) here; over the mean RMS here | "
                     span .paper { "paper" }
-                }
+                }, &html! {
                 thead {
                     tr {
                         th scope="col" { "N_B" } th scope="col" { "C" } th scope="col" { "B" }
@@ -144,8 +145,7 @@ fn figure_3(results: &Results, figures: &Figures) -> Markup {
                         (terms_row(terms, published))
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
@@ -198,37 +198,42 @@ fn figure_4(results: &Results, figures: &Figures) -> Markup {
                 }
             }
         }
-        div .scroll {
-            table {
-                caption { "The best number of light paths at N_B = 25" }
+        (table("", &html! {
+                    "The best number of light paths at N_B = 25: here; here in an image of so many "
+                    "pixels that light paths take the share of the time that they take in Table 2, by "
+                    "the time model; by the paper’s other numbers; and as its authors read it off"
+                }, &html! {
                 thead {
                     tr {
-                        th {} th scope="col" { "here" } th scope="col" .paper { "paper, implied" }
-                        th scope="col" .paper { "paper, read off" }
+                        th {} th scope="col" { "here" }
+                        th scope="col" { (fixed(optima.pixels.sqrt(), 0)) "² pixels" }
+                        th scope="col" .paper { "implied" } th scope="col" .paper { "read off" }
                     }
                 }
                 tbody {
                     tr {
                         th scope="row" { "best N_F" }
                         td { (shown(optima.here.light_paths)) }
+                        td { (shown(optima.rescaled.light_paths)) }
                         td .paper { (count(optima.implied.light_paths.value)) }
                         td .paper { (count(optima.published)) }
                     }
                     tr {
                         th scope="row" { "N_F within " (100.0 * FLAT) " % of the least RMS" }
-                        td { (flat(&optima.here)) } td .paper { (flat(&optima.implied)) } td {}
+                        td { (flat(&optima.here)) } td { (flat(&optima.rescaled)) }
+                        td .paper { (flat(&optima.implied)) } td {}
                     }
                     @for (k, name) in ["√(t/s), from the times", "√(p/q), from the noise"]
                         .into_iter().enumerate() {
                         tr {
                             th scope="row" { (name) }
                             td { (significant(optima.here.factors[k])) }
+                            td { (significant(optima.rescaled.factors[k])) }
                             td .paper { (significant(optima.implied.factors[k])) } td {}
                         }
                     }
                 }
-            }
-        }
+            }))
         p {
             "An iteration takes the time t + s N_F and leaves the variance q + p/N_F; the best N_F is "
             "√(t/s) √(p/q). With N_B free as well, the least noise here is at N_F = "
@@ -278,13 +283,11 @@ fn setup(results: &Results) -> Markup {
         pre { code { (settings_json) } }
         h3 { "Times per path and pair" }
         pre { code { (crate::timing::report::coefficients(&results.timings)) } }
-        div .scroll {
-            table {
-                caption { "All runs" }
+        (table("", &html! { "All runs" }, &html! {
                 thead {
                     tr {
                         th scope="col" { "run" } th scope="col" { "iterations" }
-                        th scope="col" { "seconds" } th scope="col" { "√V sampled, W/(m² sr)" }
+                        th scope="col" { "seconds" } th scope="col" { "√V sampled, pooled, W/(m² sr)" }
                     }
                 }
                 tbody {
@@ -297,7 +300,6 @@ fn setup(results: &Results) -> Markup {
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }

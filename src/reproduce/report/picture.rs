@@ -10,6 +10,10 @@ use maud::{Markup, html};
 /// Colors along a scale.
 const STOPS: u32 = 24;
 
+/// Share of the values that a scale covers: the bright spot on the ceiling, under the light, is left
+/// out.
+const COVERED: f64 = 0.97;
+
 /// Steps of a scale at the most, so that their numbers have room on a phone.
 const STEPS: f64 = 5.0;
 
@@ -23,6 +27,8 @@ pub struct Picture {
     /// The PNG file.
     pub png: Vec<u8>,
     scale: Scale,
+    /// Pixels that exceed it.
+    above: usize,
 }
 
 enum Scale {
@@ -63,6 +69,7 @@ impl Picture {
             height,
             png: encode_png(width, height, &bytes),
             scale: Scale::Bar { colors, ticks, unit: "W/(m² sr)" },
+            above: 0,
         }
     }
 
@@ -73,7 +80,7 @@ impl Picture {
         values: &[f64],
         (colors, unit): (Colors, &'static str),
     ) -> Self {
-        let most = quantile(values.iter().map(|value| value.abs()).collect());
+        let most = quantile(values.iter().map(|value| value.abs()).collect(), COVERED);
         let step = tick_step(most, STEPS);
         let most = (most / step).ceil() * step;
         let least = match colors {
@@ -91,7 +98,8 @@ impl Picture {
         // Looked up: a gradient is slow for every pixel.
         let table: Vec<[u8; 3]> = (0..=255).map(|i| color(f64::from(i) / 255.0)).collect();
         let index = |value: f64| (255.0 * ((value - least) / (most - least))).round() as usize;
-        let bytes: Vec<u8> = values.iter().flat_map(|&value| table[index(value).min(255)]).collect();
+        let bytes: Vec<u8> =
+            values.iter().flat_map(|&value| table[index(value).min(255)]).collect();
         let step = if least < 0.0 { tick_step(2.0 * most, STEPS) } else { step };
         let ticks = ticks((least, most), step, number);
         Self {
@@ -101,6 +109,7 @@ impl Picture {
             height,
             png: encode_png(width, height, &bytes),
             scale: Scale::Bar { colors: stops(color), ticks, unit },
+            above: values.iter().filter(|value| value.abs() > most).count(),
         }
     }
 
@@ -112,7 +121,7 @@ impl Picture {
         names: [&'static str; 3],
     ) -> Self {
         let largest = values.iter().map(|v| v.iter().copied().fold(0.0, f64::max)).collect();
-        let full = quantile(largest);
+        let full = quantile(largest, COVERED);
         let byte = |x: f64| (255.0 * (x / full).clamp(0.0, 1.0)).round() as u8;
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.map(byte)).collect();
         Self {
@@ -122,6 +131,7 @@ impl Picture {
             height,
             png: encode_png(width, height, &bytes),
             scale: Scale::Channels { names, full: number(full) },
+            above: values.iter().filter(|v| v.iter().any(|x| *x > full)).count(),
         }
     }
 
@@ -141,7 +151,10 @@ impl Picture {
                     }
                 }
                 (self.scale.markup())
-                figcaption { (caption) }
+                figcaption {
+                    (caption)
+                    @if self.above > 0 { " " (self.above) " pixels lie beyond the scale." }
+                }
             }
         }
     }
@@ -214,7 +227,8 @@ mod tests {
         let values: Vec<f64> = (0..256).map(f64::from).collect();
         for colors in [Colors::Sequential, Colors::Diverging] {
             let picture = Picture::values(("a", "b"), (16, 16), &values, (colors, "%"));
-            let mut reader = png::Decoder::new(std::io::Cursor::new(&picture.png)).read_info().unwrap();
+            let mut reader =
+                png::Decoder::new(std::io::Cursor::new(&picture.png)).read_info().unwrap();
             let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
             reader.next_frame(&mut bytes).unwrap();
             let [r, g, b, _] = match colors {

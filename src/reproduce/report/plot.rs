@@ -18,12 +18,8 @@ pub const MESH: RGBColor = RGBColor(221, 221, 221);
 
 /// One for each number of camera paths: colors that color-blind people can tell apart (Okabe and Ito
 /// 2008).
-pub const COLORS: [RGBColor; 4] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-];
+pub const COLORS: [RGBColor; 4] =
+    [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
 
 /// What a plot shows; RMS over the least one.
 pub struct Plot<'a> {

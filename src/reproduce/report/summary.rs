@@ -1,6 +1,7 @@
 //! What is the same, what is not and why; and where the paper contradicts itself.
 
-use super::number::{shown, significant};
+use super::number::{fixed, shown, significant};
+use super::table;
 use crate::noise::predict::Predicted;
 use crate::reproduce::findings::{Finding, Topic, Verdict};
 use crate::reproduce::results::Results;
@@ -45,8 +46,7 @@ pub fn summary(results: &Results) -> Markup {
 
 /// All findings in tables, topic by topic.
 pub fn findings(results: &Results) -> Markup {
-    let topics =
-        [Topic::Formula, Topic::Terms, Topic::Halving, Topic::LightPaths, Topic::Minimum];
+    let topics = [Topic::Formula, Topic::Terms, Topic::Halving, Topic::LightPaths, Topic::Minimum];
     html! {
         p {
             "“Printed” is the number in the paper, “implied” what formula (1) makes of its other "
@@ -54,9 +54,7 @@ pub fn findings(results: &Results) -> Markup {
             "is no larger than that."
         }
         @for topic in topics {
-            div .scroll {
-                table {
-                    caption { (topic.title()) }
+            (table("findings", &html! { (topic.title()) }, &html! {
                     thead {
                         tr {
                             th scope="col" .text { "quantity" }
@@ -72,8 +70,7 @@ pub fn findings(results: &Results) -> Markup {
                             (row(finding))
                         }
                     }
-                }
-            }
+                }))
         }
     }
 }
@@ -83,10 +80,12 @@ fn row(finding: &Finding) -> Markup {
     html! {
         tr {
             th scope="row" .text { (finding.name) }
-            td .paper { (significant(finding.printed)) }
-            td .paper { @if let Some(implied) = finding.implied { (significant(implied)) } }
-            td { (shown(finding.here)) }
-            td { (finding.tolerance) }
+            td .paper data-label="printed" { (significant(finding.printed)) }
+            td .paper data-label="implied" {
+                @if let Some(implied) = finding.implied { (significant(implied)) } @else { "–" }
+            }
+            td data-label="here" { (shown(finding.here)) }
+            td data-label="tolerance" { (finding.tolerance) }
             td .text {
                 span .verdict .(verdict.replace(' ', "-")) { (verdict) }
                 @if !finding.reason.is_empty() { span .minor { (sentence(&finding.reason)) } }
@@ -102,8 +101,7 @@ pub fn inconsistencies(results: &Results) -> Markup {
             "Found by computing from the printed numbers alone; they explain what is “as implied” "
             "above."
         }
-        div .scroll {
-            table {
+        (table("findings", &html! {}, &html! {
                 thead {
                     tr {
                         th scope="col" .text { "number" }
@@ -116,14 +114,13 @@ pub fn inconsistencies(results: &Results) -> Markup {
                     @for found in &results.inconsistencies {
                         tr {
                             th scope="row" .text { (found.place) }
-                            td .paper { (significant(found.printed)) }
-                            td .paper { (significant(found.implied)) }
+                            td .paper data-label="printed" { (fixed(found.printed, 5)) }
+                            td .paper data-label="implied" { (fixed(found.implied, 5)) }
                             td .text { (sentence(&found.reason)) }
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
@@ -141,12 +138,10 @@ pub fn estimators(results: &Results) -> Markup {
             (format!("{:.3}", per_iteration(1) / per_iteration(0)))
             " times as long as one with all pairs."
         }
-        div .scroll {
-            table {
-                caption {
+        (table("", &html! {
                     "Region means in (W/(m² sr))², and how many iterations the halves need for the "
                     "certainty of one iteration with all pairs"
-                }
+                }, &html! {
                 thead {
                     tr {
                         th {} th colspan="3" scope="colgroup" { "region mean" }
@@ -173,13 +168,14 @@ pub fn estimators(results: &Results) -> Markup {
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
 /// With a capital and a full stop.
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
+    letters
+        .next()
+        .map_or(String::new(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }

@@ -1,10 +1,9 @@
 //! Tables 1 and 2 beside the published ones.
 
 use super::number::{count, fixed, shown, significant};
-use crate::noise::predict::Predicted;
-use crate::published::{
-    CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2,
-};
+use super::table;
+use crate::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
+use crate::reproduce::implied;
 use crate::reproduce::results::Results;
 use crate::reproduce::tables::{Cell, find};
 use maud::{Markup, html};
@@ -29,17 +28,16 @@ pub fn table_1(results: &Results) -> Markup {
         }
     };
     html! {
-        div .scroll {
-            table {
-                caption {
-                    "Mean RMS of the region after 1000 s, over that at N_F = 1000, N_B = 25"
+        (table("", &html! {
+                    "RMS of the region after 1000 s, over that by formula and time model at N_F = 1000, "
+                    "N_B = 25"
                     @if let Some(reference) = reference {
-                        " (" (shown(reference.after)) " W/(m² sr) here, "
-                        (significant(printed_reference)) " in the paper's unknown unit)"
+                        " (" (shown(reference.model_after)) " W/(m² sr) here, "
+                        (significant(printed_reference)) " in the paper’s unknown unit)"
                     }
                     ". Each cell: from sampled noise and measured time; from formula (1) and the time "
                     "model; in the paper."
-                }
+                }, &html! {
                 thead {
                     tr {
                         th scope="col" { "N_F" }
@@ -58,8 +56,7 @@ pub fn table_1(results: &Results) -> Markup {
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
@@ -68,25 +65,26 @@ pub fn table_2_noise(results: &Results) -> Markup {
     let reference = reference(&results.cells);
     let [first, ..] = TABLE_2;
     html! {
-        div .scroll {
-            table {
-                caption {
-                    "Noise at N_B = 25; the RMS of one iteration also over its first entry"
-                }
+        (table("", &html! {
+                    "Noise at N_B = 25: pooled RMS of one iteration; the same over its first entry, by "
+                    "formula here and as printed; the mean over pixels of sampled roots, which the paper "
+                    "uses, over what the formula gives; RMS after 1000 s over its first entry; "
+                    "iterations in 1000 s"
+                }, &html! {
                 thead {
                     tr {
                         th {} th colspan="2" scope="colgroup" { "√V, W/(m² sr)" }
-                        th colspan="3" scope="colgroup" { "√V over the first" }
+                        th colspan="2" scope="colgroup" { "√V over the first" }
+                        th colspan="2" scope="colgroup" { "mean of roots" }
                         th colspan="2" scope="colgroup" { "√V_T over the first" }
                         th colspan="2" scope="colgroup" { "N_I in 1000 s" }
                     }
                     tr {
                         th scope="col" { "N_F" }
                         th scope="col" { "sampled" } th scope="col" { "formula" }
-                        th scope="col" { "sampled" } th scope="col" { "formula" }
-                        th scope="col" .paper { "paper" }
-                        th scope="col" { "here" } th scope="col" .paper { "paper" }
-                        th scope="col" { "here" } th scope="col" .paper { "paper" }
+                        @for _ in 0..4 {
+                            th scope="col" { "here" } th scope="col" .paper { "paper" }
+                        }
                     }
                 }
                 tbody {
@@ -97,9 +95,10 @@ pub fn table_2_noise(results: &Results) -> Markup {
                                 th scope="row" { (count(row.light_paths)) }
                                 td { (shown(cell.sampled)) }
                                 td { (significant(cell.formula.value)) }
-                                td { (shown(over(cell, reference))) }
                                 td { (fixed(cell.formula.value / reference.formula.value, 4)) }
                                 td .paper { (fixed(row.rms / first.rms, 4)) }
+                                td { (shown(cell.mean_of_roots)) }
+                                td .paper { (fixed(row.rms / implied(row.light_paths), 4)) }
                                 td { (shown(cell.over(reference))) }
                                 td .paper { (fixed(row.rms_after / first.rms_after, 2)) }
                                 td { (count(cell.iterations_in_time())) }
@@ -108,21 +107,18 @@ pub fn table_2_noise(results: &Results) -> Markup {
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
 /// Table 2: the time of an iteration and its parts.
 pub fn table_2_times(results: &Results) -> Markup {
     html! {
-        div .scroll {
-            table {
-                caption {
+        (table("", &html! {
                     "Time of an iteration at N_B = 25: in milliseconds here, and with the camera phase "
                     "scaled to the paper's 6 s (here | "
                     span .paper { "paper" } ")"
-                }
+                }, &html! {
                 thead {
                     tr {
                         th {} th colspan="5" scope="colgroup" { "milliseconds here" }
@@ -142,8 +138,7 @@ pub fn table_2_times(results: &Results) -> Markup {
                         }
                     }
                 }
-            }
-        }
+            }))
     }
 }
 
@@ -165,12 +160,9 @@ fn times(cell: &Cell, [camera, light, merge]: [f64; 3], whole: f64) -> Markup {
     }
 }
 
-/// RMS of one iteration over that of the reference, sampled.
-fn over(cell: &Cell, reference: &Cell) -> Predicted {
-    if cell.light_paths == reference.light_paths {
-        return Predicted { value: 1.0, error: None };
-    }
-    crate::reproduce::terms::quotient(cell.sampled, reference.sampled)
+/// RMS of one iteration that Figure 3 implies.
+fn implied(n_light: u32) -> f64 {
+    implied::rms(n_light.into(), CAMERA_PATHS[0].into())
 }
 
 fn reference(cells: &[Cell]) -> Option<&Cell> {

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Opens a report of `bdpm reproduce` in a browser, at the width of phones and desktops, and checks that
+# all figures have loaded and nothing is cut off. Installs Chromium if there is none. Leaves a picture
+# of the report at both widths beside it.
+#
+#   scripts/check-report.sh FOLDER
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# shellcheck source=scripts/apt.sh
+. "$root/scripts/apt.sh"
+
+folder=$(cd "$1" && pwd)
+[ -e "$folder/report.html" ] || die "$folder has no report.html; bdpm reproduce writes one"
+
+browser() {
+    local name
+    for name in chromium chromium-browser google-chrome google-chrome-stable; do
+        command -v "$name" && return
+    done
+    return 1
+}
+browser >/dev/null || apt_install chromium fonts-dejavu-core
+chromium=$(browser) || die "there is still no Chromium on the PATH"
+
+profile=$(mktemp -d)
+trap 'rm -rf "$profile"' EXIT
+options=(
+    --headless=new --disable-gpu --hide-scrollbars --no-first-run --disable-dev-shm-usage
+    --allow-file-access-from-files "--user-data-dir=$profile"
+)
+# Chromium has no sandbox for root.
+[ "$(id -u)" -ne 0 ] || options+=(--no-sandbox)
+
+run() { timeout 120 "$chromium" "${options[@]}" "$@" 2>"$profile/log"; }
+
+# Chromium makes no window narrower than 500 pixels: the phone is a frame in a page.
+check=file://$root/scripts/check-report.html?file://$folder/report.html
+result=$(run --virtual-time-budget=60000 --dump-dom "$check" |
+    sed -n 's|.*<pre id="result">\(.*\)</pre>.*|\1|p')
+if [[ $result != fine* ]]; then
+    [ -n "$result" ] || result=$(tail -n 5 "$profile/log")
+    die "$folder/report.html: $result"
+fi
+
+phone=$profile/phone.html
+printf '<body style="margin:0"><iframe src="file://%s" style="%s"></iframe>' \
+    "$folder/report.html" 'border:0;width:390px;height:12000px' >"$phone"
+run --window-size=1280,8000 "--screenshot=$folder/desktop.png" "file://$folder/report.html" >/dev/null
+run --window-size=390,12000 "--screenshot=$folder/phone.png" "file://$phone" >/dev/null
+say "$result; pictures: $folder/desktop.png, $folder/phone.png"
