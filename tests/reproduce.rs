@@ -116,7 +116,7 @@ fn another_experiment_is_not_continued() {
     let other =
         Identity { settings: Settings { seed: 9, ..settings }, time_budget: 60.0, ..begun.clone() };
     let shown = files.open(other).unwrap_err().to_string();
-    assert!(shown.contains("its seed is 0, not 9; its time-budget is 0.0, not 60.0"), "{shown}");
+    assert!(shown.contains("its seed is 1, not 9; its time-budget is 0.0, not 60.0"), "{shown}");
     assert!(shown.contains("experiment.json") && shown.contains("\nhelp: "), "{shown}");
 
     fs::write(folder.path().join("experiment.json"), "{}").unwrap();
