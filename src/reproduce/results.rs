@@ -1,7 +1,8 @@
 //! Everything that the report tells, from the files of a complete experiment.
 
+use super::comparisons::{Evidence, findings};
 use super::estimators::{self, Row};
-use super::findings::{Evidence, Finding, findings};
+use super::findings::Finding;
 use super::folder::{Experiment, Folder};
 use super::implied::{Inconsistency, inconsistencies};
 use super::optimum::Optima;

@@ -5,6 +5,7 @@ mod number;
 mod page;
 mod picture;
 mod plot;
+mod sections;
 mod summary;
 mod tables;
 
