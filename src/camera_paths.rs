@@ -111,8 +111,10 @@ impl CameraPaths {
             let pixel = id.y * pass.settings.width + id.x;
             let mut rng = pass.key.rng(camera_path_index(pixel, id.index));
             let [dx, dy] = rng.next_2d();
-            self.segments.push(pass.view.ray(id.x as f32 + dx, id.y as f32 + dy));
-            self.walks.push(Walk { rng, throughput: Rgb::ONE, path: path as u32 });
+            let lens = if pass.view.has_aperture() { rng.next_2d() } else { [0.0; 2] };
+            let (ray, weight) = pass.view.ray(id.x as f32 + dx, id.y as f32 + dy, lens);
+            self.segments.push(ray);
+            self.walks.push(Walk { rng, throughput: Rgb::splat(weight), path: path as u32 });
         }
         self.direct.clear();
         self.direct.resize(self.walks.len(), Rgb::ZERO);
@@ -135,7 +137,7 @@ impl CameraPaths {
 
             // Emission hit later is carried by connections or photons.
             if vertex == 1 && front {
-                self.direct[walk.path as usize] += material.emission;
+                self.direct[walk.path as usize] += walk.throughput * material.emission;
             }
             let weight = walk.throughput * material.bsdf.eval();
             if direct == Direct::Connect

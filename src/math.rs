@@ -1,7 +1,7 @@
 //! Frames, sampling warps with their densities, and small vector helpers.
 
 use glam::Vec3;
-use std::f32::consts::{FRAC_1_PI, PI, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Linear Rec. 709 color: radiance, flux, albedo or throughput per channel.
 pub type Rgb = Vec3;
@@ -65,6 +65,22 @@ pub fn cosine_hemisphere(n: Vec3, [u, v]: [f32; 2]) -> Vec3 {
 #[inline]
 pub fn cosine_hemisphere_pdf_w(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
+}
+
+/// Point of the unit disc, uniform over its area: concentric circles of squares (Shirley and Chiu 1997).
+#[inline]
+pub fn uniform_disc(u: [f32; 2]) -> [f32; 2] {
+    let [x, y] = u.map(|u| 2.0 * u - 1.0);
+    if x == 0.0 && y == 0.0 {
+        return [0.0; 2];
+    }
+    let (r, angle) = if x.abs() > y.abs() {
+        (x, FRAC_PI_4 * (y / x))
+    } else {
+        (y, FRAC_PI_2 - FRAC_PI_4 * (x / y))
+    };
+    let (sin, cos) = angle.sin_cos();
+    [r * cos, r * sin]
 }
 
 /// Barycentric weights of the second and third vertex, uniform over a triangle's area.

@@ -278,6 +278,32 @@ fn impossible_cameras() {
     changed("target = [0, 0, 0]", "target = [0, 0, 5]")
         .refused(&["s.toml:1: ", "parallel or zero"]);
     changed("40", "180").refused(&["s.toml:1: the camera's field of view is 180"]);
+
+    let camera = |kind: &str, rest: &str| {
+        let keys = format!("type = \"{kind}\"\n{rest}");
+        changed("[camera]", &format!("[camera]\n{keys}"))
+    };
+    camera("thin-lens", "aperture_radius = 0.1").load();
+    camera("thin-lens", "").refused(&["s.toml:1: ", "\"thin-lens\" needs `aperture_radius`"]);
+    camera("thin-lens", "aperture_radius = 0").refused(&["s.toml:1: ", "aperture_radius is 0"]);
+    camera("pinhole", "focus_distance = 1").refused(&[
+        "s.toml:1: ",
+        "\"pinhole\" has no `focus_distance`",
+        "type = \"thin-lens\"",
+    ]);
+    camera("sensor", "").refused(&[
+        "s.toml:1: ",
+        "\"sensor\" has no `fov_y_deg`",
+        "or \"thin-lens\"",
+    ]);
+    camera("fisheye", "").refused(&["s.toml:2: ", "fisheye", "thin-lens"]);
+    let sensor = SCENE
+        .replace("[camera]", "[camera]\ntype = \"sensor\"\nsensor_width = 0.03")
+        .replace("fov_y_deg = 40", "disc_distance = 0.05");
+    toml(&sensor).refused(&["s.toml:1: ", "needs `disc_radius`"]);
+    toml(&sensor.replace("0.05", "0.05\ndisc_radius = 0.01")).load();
+    toml(&sensor.replace("0.05", "0.05\ndisc_radius = 0.01\nexposure = -1"))
+        .refused(&["s.toml:1: ", "exposure is -1"]);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use bdpm::accel::Ray;
 use bdpm::accel::backend::{Backend, build};
-use bdpm::scene::{Emitter, FieldOfView, Scene, load};
+use bdpm::scene::{Emitter, FieldOfView, Optics, Scene, load};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -90,7 +90,7 @@ fn the_cornell_box_is_the_paper_s() {
     );
     assert_eq!(scene.camera.position(), Vec3::new(278.0, 273.0, -800.0));
     assert_eq!(scene.camera.direction(), Vec3::Z);
-    assert_eq!(scene.camera.field_of_view(), FieldOfView::X(39.3077));
+    assert_eq!(scene.camera.optics(), Optics::Pinhole(FieldOfView::X(39.3077)));
     let expected = RenderDefaults {
         resolution: Some([512, 512]),
         light_paths: Some(1000),

@@ -4,7 +4,7 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::accel::backend;
 use bdpm::error::Result;
-use bdpm::scene::{Emitter, FieldOfView, Scene, load::load};
+use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics, Scene, load::load};
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::fmt::Write;
@@ -54,9 +54,55 @@ struct Camera {
     position: [f32; 3],
     direction: [f32; 3],
     up: [f32; 3],
-    /// Full angle across the image's width or height, degrees.
-    field_of_view: f32,
-    across: &'static str,
+    #[serde(flatten)]
+    optics: Optics,
+}
+
+/// Angles in degrees across the image's width or height, lengths in scene units, times in seconds.
+#[derive(Serialize)]
+#[serde(tag = "type", rename_all = "kebab-case")]
+enum Optics {
+    Pinhole { field_of_view: f32, across: &'static str },
+    ThinLens { field_of_view: f32, across: &'static str, aperture_radius: f32, focus_distance: f32 },
+    Sensor { sensor_width: f32, disc_distance: f32, disc_radius: f32, exposure: f32 },
+}
+
+impl Optics {
+    fn new(optics: SceneOptics) -> Self {
+        let angle = |field_of_view| match field_of_view {
+            FieldOfView::X(degrees) => (degrees, "width"),
+            FieldOfView::Y(degrees) => (degrees, "height"),
+        };
+        match optics {
+            SceneOptics::Pinhole(field_of_view) => {
+                let (field_of_view, across) = angle(field_of_view);
+                Self::Pinhole { field_of_view, across }
+            }
+            SceneOptics::ThinLens { field_of_view, aperture_radius, focus_distance } => {
+                let (field_of_view, across) = angle(field_of_view);
+                Self::ThinLens { field_of_view, across, aperture_radius, focus_distance }
+            }
+            SceneOptics::Sensor { width, disc_distance, disc_radius, exposure } => {
+                Self::Sensor { sensor_width: width, disc_distance, disc_radius, exposure }
+            }
+        }
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Self::Pinhole { field_of_view, across } => {
+                format!("pinhole, {field_of_view} degrees across the {across}")
+            }
+            Self::ThinLens { field_of_view, across, aperture_radius, focus_distance } => format!(
+                "thin lens of radius {aperture_radius}, sharp at {focus_distance}, {field_of_view} \
+                 degrees across the {across}"
+            ),
+            Self::Sensor { sensor_width, disc_distance, disc_radius, exposure } => format!(
+                "sensor {sensor_width} wide behind a disc of radius {disc_radius} at \
+                 {disc_distance}, exposed for {exposure} s: values are J/m^2"
+            ),
+        }
+    }
 }
 
 pub fn run(args: &Args) -> Result<String> {
@@ -73,10 +119,6 @@ impl<'a> Report<'a> {
     fn new(scene: &'a Scene, accel: &'a AccelInfo, settings: &'a Settings) -> Self {
         let emitters = scene.lights.emitters();
         let points = emitters.iter().filter(|e| matches!(e, Emitter::Point { .. })).count();
-        let (across, field_of_view) = match scene.camera.field_of_view() {
-            FieldOfView::X(degrees) => ("width", degrees),
-            FieldOfView::Y(degrees) => ("height", degrees),
-        };
         Self {
             scene: &scene.name,
             fingerprint: format!("{:016x}", scene.fingerprint()),
@@ -101,8 +143,7 @@ impl<'a> Report<'a> {
                 position: scene.camera.position().to_array(),
                 direction: scene.camera.direction().to_array(),
                 up: scene.camera.up().to_array(),
-                field_of_view,
-                across,
+                optics: Optics::new(scene.camera.optics()),
             },
             regions: scene.regions.iter().map(|region| &region.name[..]).collect(),
             settings,
@@ -156,11 +197,10 @@ fn text(report: &Report) -> String {
     row(
         "camera",
         format!(
-            "at {} toward {}, {} degrees across the {}",
+            "at {} toward {}: {}",
             numbers(&camera.position),
             numbers(&camera.direction),
-            camera.field_of_view,
-            camera.across
+            camera.optics.text()
         ),
     );
     row(

@@ -1,17 +1,49 @@
-//! Cameras: rays through uniform points of a pixel (box filter).
+//! Cameras: rays through uniform points of a pixel (box filter) and of the aperture.
 
 use crate::accel::Ray;
 use crate::error::{Error, Result};
+use crate::math::{disc_area, uniform_disc};
 use glam::Vec3;
 
-/// A pinhole camera. The mean radiance along a pixel's rays is the pixel's value.
+/// A camera: where it is, and how it gathers light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     position: Vec3,
     forward: Vec3,
     right: Vec3,
     up: Vec3,
-    field_of_view: FieldOfView,
+    optics: Optics,
+}
+
+/// How a camera gathers light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Optics {
+    /// A pinhole at the position. A pixel's value is the mean radiance along its rays.
+    Pinhole(FieldOfView),
+    /// An ideal lens with its center at the position, perpendicular to the direction. A pixel's value
+    /// is the mean radiance over the pixel and the aperture.
+    ThinLens {
+        /// As of the pinhole in its center.
+        field_of_view: FieldOfView,
+        /// Radius of the aperture, scene units.
+        aperture_radius: f32,
+        /// Distance of the plane that is sharp, along the direction, scene units.
+        focus_distance: f32,
+    },
+    /// A sensor whose center is the position and that faces the direction, behind real lenses in the
+    /// scene. It gathers the light that comes through a disc before it, such as the rear element of
+    /// the objective. A pixel's value is its mean radiant exposure, J/m^2; at an exposure of 1 s that
+    /// is its irradiance, W/m^2.
+    Sensor {
+        /// Width, scene units; its height follows, for pixels are square.
+        width: f32,
+        /// Distance of the disc's center along the direction, scene units.
+        disc_distance: f32,
+        /// Radius of the disc, scene units.
+        disc_radius: f32,
+        /// Exposure time, seconds.
+        exposure: f32,
+    },
 }
 
 /// Full opening angle across the image, degrees.
@@ -23,32 +55,79 @@ pub enum FieldOfView {
     Y(f32),
 }
 
+impl FieldOfView {
+    /// Side of a pixel at distance 1.
+    fn pixel(self, width: f32, height: f32) -> f32 {
+        let across = |degrees: f32| 2.0 * (0.5 * degrees).to_radians().tan();
+        match self {
+            Self::X(degrees) => across(degrees) / width,
+            Self::Y(degrees) => across(degrees) / height,
+        }
+    }
+}
+
+impl Optics {
+    /// Refuses what no camera can be.
+    fn validate(&self) -> Result<()> {
+        if let Self::Pinhole(field_of_view) | Self::ThinLens { field_of_view, .. } = self {
+            let (FieldOfView::X(degrees) | FieldOfView::Y(degrees)) = *field_of_view;
+            if !(degrees > 0.0 && degrees < 180.0) {
+                return Err(Error::new(
+                    format!("the camera's field of view is {degrees} degrees"),
+                    "give an angle between 0 and 180 degrees",
+                ));
+            }
+        }
+        let lengths: &[(&str, f32)] = match self {
+            Self::Pinhole(_) => &[],
+            Self::ThinLens { aperture_radius, focus_distance, .. } => {
+                &[("aperture_radius", *aperture_radius), ("focus_distance", *focus_distance)]
+            }
+            Self::Sensor { width, disc_distance, disc_radius, exposure } => &[
+                ("sensor_width", *width),
+                ("disc_distance", *disc_distance),
+                ("disc_radius", *disc_radius),
+                ("exposure", *exposure),
+            ],
+        };
+        match lengths.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
+            None => Ok(()),
+            Some((name, value)) => Err(Error::new(
+                format!("the camera's {name} is {value}"),
+                format!("give {name} as a positive number"),
+            )),
+        }
+    }
+}
+
 impl Camera {
-    /// A camera at `position` that looks along `direction` (any length) with `up` toward the
+    /// A pinhole camera at `position` that looks along `direction` (any length) with `up` toward the
     /// image's top. The frame is right-handed: looking along +z with +y up, +x is on the left.
     ///
     /// # Errors
-    /// If a vector is not finite, `direction` and `up` are parallel or zero, or the angle is not
-    /// between 0 and 180 degrees.
+    /// As [`Self::with_optics`].
     pub fn look(
         position: Vec3,
         direction: Vec3,
         up: Vec3,
         field_of_view: FieldOfView,
     ) -> Result<Self> {
-        let (FieldOfView::X(degrees) | FieldOfView::Y(degrees)) = field_of_view;
+        Self::with_optics(position, direction, up, Optics::Pinhole(field_of_view))
+    }
+
+    /// A camera with any optics.
+    ///
+    /// # Errors
+    /// If a vector is not finite, `direction` and `up` are parallel or zero, an angle is not between
+    /// 0 and 180 degrees, or a length is not positive.
+    pub fn with_optics(position: Vec3, direction: Vec3, up: Vec3, optics: Optics) -> Result<Self> {
         if !(position.is_finite() && direction.is_finite() && up.is_finite()) {
             return Err(Error::new(
                 "the camera has a coordinate that is not finite",
                 "give finite numbers for its position, direction and up vector",
             ));
         }
-        if !(degrees > 0.0 && degrees < 180.0) {
-            return Err(Error::new(
-                format!("the camera's field of view is {degrees} degrees"),
-                "give an angle between 0 and 180 degrees",
-            ));
-        }
+        optics.validate()?;
         let forward = direction.normalize_or_zero();
         let right = forward.cross(up.normalize_or_zero()).normalize_or_zero();
         if right == Vec3::ZERO {
@@ -58,10 +137,10 @@ impl Camera {
             ));
         }
         let up = right.cross(forward);
-        Ok(Self { position, forward, right, up, field_of_view })
+        Ok(Self { position, forward, right, up, optics })
     }
 
-    /// The pinhole.
+    /// The pinhole, or the center of the lens or the sensor.
     pub fn position(&self) -> Vec3 {
         self.position
     }
@@ -76,21 +155,34 @@ impl Camera {
         self.up
     }
 
-    /// The opening angle it was made with.
-    pub fn field_of_view(&self) -> FieldOfView {
-        self.field_of_view
+    /// How it gathers light.
+    pub fn optics(&self) -> Optics {
+        self.optics
     }
 
     /// The camera with square pixels on an image of `width` times `height` pixels.
     pub fn view(&self, width: u32, height: u32) -> View {
         let (w, h) = (width as f32, height as f32);
-        let pixel = match self.field_of_view {
-            FieldOfView::X(degrees) => 2.0 * (0.5 * degrees).to_radians().tan() / w,
-            FieldOfView::Y(degrees) => 2.0 * (0.5 * degrees).to_radians().tan() / h,
+        let disc = |radius: f32| [radius * self.right, radius * self.up];
+        // The plane of the pixels at a distance along the direction, and the side of a pixel there. A
+        // sensor is behind its lenses, which turn the image upside down.
+        let (distance, pixel, aperture) = match self.optics {
+            Optics::Pinhole(field_of_view) => (1.0, field_of_view.pixel(w, h), Aperture::Point),
+            Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => (
+                focus_distance,
+                focus_distance * field_of_view.pixel(w, h),
+                Aperture::Lens(disc(aperture_radius)),
+            ),
+            Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
+                let [x, y] = disc(disc_radius);
+                let center = disc_distance * self.forward;
+                let weight = exposure * disc_area(disc_radius) * disc_distance * disc_distance;
+                (0.0, -width / w, Aperture::Disc { center, x, y, weight })
+            }
         };
-        let dx = self.right * pixel;
-        let dy = -self.up * pixel;
-        View { position: self.position, corner: self.forward - 0.5 * (w * dx + h * dy), dx, dy }
+        let (dx, dy) = (self.right * pixel, -self.up * pixel);
+        let corner = distance * self.forward - 0.5 * (w * dx + h * dy);
+        View { position: self.position, corner, dx, dy, aperture }
     }
 }
 
@@ -98,25 +190,68 @@ impl Camera {
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     position: Vec3,
-    /// From the pinhole to the top left corner of the image plane at distance 1.
+    /// From the position to the top left corner of the plane of the pixels.
     corner: Vec3,
     /// One pixel to the right.
     dx: Vec3,
     /// One pixel down.
     dy: Vec3,
+    aperture: Aperture,
+}
+
+/// What light comes through.
+#[derive(Clone, Copy, Debug)]
+enum Aperture {
+    /// A pinhole.
+    Point,
+    /// A disc around the position, by two radii; the plane of the pixels is the sharp one.
+    Lens([Vec3; 2]),
+    /// A disc before the plane of the pixels, by its center and two radii; the latter's product of
+    /// area, squared distance of the planes, and exposure.
+    Disc { center: Vec3, x: Vec3, y: Vec3, weight: f32 },
 }
 
 impl View {
-    /// The ray of unit direction through `(x, y)`, in pixels from the image's top left corner.
+    /// Whether rays depend on a point of the aperture.
     #[inline]
-    pub fn ray(&self, x: f32, y: f32) -> Ray {
-        Ray::new(self.position, (self.corner + x * self.dx + y * self.dy).normalize())
+    pub fn has_aperture(&self) -> bool {
+        !matches!(self.aperture, Aperture::Point)
+    }
+
+    /// The ray of unit direction for the point `(x, y)`, in pixels from the image's top left corner,
+    /// through the point of the aperture that `lens` in [0, 1)^2 selects; with the weight of the
+    /// radiance along it in the pixel's value.
+    #[inline]
+    pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
+        let to_pixel = self.corner + x * self.dx + y * self.dy;
+        match self.aperture {
+            Aperture::Point => (Ray::new(self.position, to_pixel.normalize()), 1.0),
+            Aperture::Lens([right, up]) => {
+                let [u, v] = uniform_disc(lens);
+                let through = u * right + v * up;
+                (Ray::new(self.position + through, (to_pixel - through).normalize()), 1.0)
+            }
+            Aperture::Disc { center, x, y, weight } => {
+                let [u, v] = uniform_disc(lens);
+                let across = center + u * x + v * y - to_pixel;
+                // Irradiance from a disc of area A in a plane at distance d: the mean over the disc
+                // of L cos^2(theta) A / s^2, and cos(theta) = d/s.
+                let s2 = across.length_squared();
+                (Ray::new(self.position + to_pixel, across.normalize()), weight / (s2 * s2))
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::PI;
+
+    /// Toward a point of the image of a pinhole camera.
+    fn direction(view: &View, x: f32, y: f32) -> Vec3 {
+        view.ray(x, y, [0.5; 2]).0.direction
+    }
 
     #[test]
     fn a_known_point_lands_where_the_pinhole_says() {
@@ -124,21 +259,91 @@ mod tests {
         let fov = FieldOfView::X(39.3077);
         let camera = Camera::look(Vec3::new(278.0, 273.0, -800.0), Vec3::Z, Vec3::Y, fov).unwrap();
         let view = camera.view(100, 50);
-        let center = view.ray(50.0, 25.0);
-        assert!((center.direction - Vec3::Z).length() < 1e-6);
-        let left = view.ray(0.0, 25.0).direction;
+        assert!((direction(&view, 50.0, 25.0) - Vec3::Z).length() < 1e-6);
+        let left = direction(&view, 0.0, 25.0);
         assert!((left.x / left.z - 0.025 / 0.07).abs() < 1e-5, "{left}");
-        let top = view.ray(50.0, 0.0).direction;
+        let top = direction(&view, 50.0, 0.0);
         assert!((top.y / top.z - 0.5 * 0.025 / 0.07).abs() < 1e-5, "{top}");
     }
 
     #[test]
     fn the_vertical_angle_spans_the_height() {
         let camera = Camera::look(Vec3::ZERO, -Vec3::Z, Vec3::Y, FieldOfView::Y(90.0)).unwrap();
-        let top = camera.view(30, 20).ray(15.0, 0.0).direction;
+        let top = direction(&camera.view(30, 20), 15.0, 0.0);
         assert!((top.y / -top.z - 1.0).abs() < 1e-5, "{top}");
-        let right = camera.view(30, 20).ray(30.0, 10.0).direction;
+        let right = direction(&camera.view(30, 20), 30.0, 10.0);
         assert!((right.x / -right.z - 1.5).abs() < 1e-5, "{right}");
+    }
+
+    /// Points all over the unit square, the lens's edge among them.
+    fn lens_points() -> impl Iterator<Item = [f32; 2]> {
+        let steps = || (0..16).map(|i| i as f32 / 15.0 * 0.999_999);
+        steps().flat_map(move |u| steps().map(move |v| [u, v]))
+    }
+
+    /// Where a ray crosses the plane at `z`.
+    fn at(ray: &Ray, z: f32) -> Vec3 {
+        ray.origin + (z - ray.origin.z) / ray.direction.z * ray.direction
+    }
+
+    #[test]
+    fn a_thin_lens_is_sharp_at_its_focus_and_blurs_by_the_circle_of_confusion() {
+        let (aperture_radius, focus_distance) = (0.25, 4.0);
+        let field_of_view = FieldOfView::X(40.0);
+        let thin = Optics::ThinLens { field_of_view, aperture_radius, focus_distance };
+        let camera = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, thin).unwrap();
+        let pinhole = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, field_of_view).unwrap();
+        let (view, pinhole) = (camera.view(40, 30), pinhole.view(40, 30));
+        assert!(view.has_aperture() && !pinhole.has_aperture());
+        for (x, y) in [(20.0, 15.0), (0.0, 0.0), (33.0, 8.0)] {
+            let (center, _) = pinhole.ray(x, y, [0.0; 2]);
+            for (z, radius) in [(4.0, 0.0), (8.0, 0.25), (2.0, 0.125), (12.0, 0.5)] {
+                // By similar triangles: aperture radius times |z - focus| / focus.
+                let mut widest: f32 = 0.0;
+                for lens in lens_points() {
+                    let (ray, weight) = view.ray(x, y, lens);
+                    assert_eq!(weight, 1.0);
+                    assert!((ray.direction.length() - 1.0).abs() < 1e-6);
+                    widest = widest.max((at(&ray, z) - at(&center, z)).length());
+                }
+                assert!((widest - radius).abs() < 1e-4, "{x} {y} {z}: {widest}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sensor_before_a_uniform_disc_has_the_irradiance_of_the_formula() {
+        // On the axis, E = pi L R^2 / (R^2 + d^2).
+        let (disc_distance, disc_radius) = (2.0, 1.5);
+        let sensor = Optics::Sensor { width: 1e-6, disc_distance, disc_radius, exposure: 3.0 };
+        let view = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, sensor).unwrap().view(1, 1);
+        let n = 200;
+        let midpoints = || (0..n).map(|i| (i as f32 + 0.5) / n as f32);
+        let mut sum = 0.0;
+        for lens in midpoints().flat_map(|u| midpoints().map(move |v| [u, v])) {
+            let (ray, weight) = view.ray(0.5, 0.5, lens);
+            assert!(at(&ray, disc_distance).truncate().length() < disc_radius * 1.000_01);
+            sum += f64::from(weight);
+        }
+        let mean = sum / f64::from(n * n);
+        let (r2, d2) = (disc_radius * disc_radius, disc_distance * disc_distance);
+        let expected = f64::from(3.0 * PI * r2 / (r2 + d2));
+        assert!((mean / expected - 1.0).abs() < 1e-4, "{mean} {expected}");
+    }
+
+    #[test]
+    fn a_sensor_is_turned_so_that_its_picture_is_upright() {
+        let sensor =
+            Optics::Sensor { width: 0.4, disc_distance: 1.0, disc_radius: 1e-4, exposure: 1.0 };
+        let view = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, sensor).unwrap().view(20, 10);
+        // The top of the image is the lower edge of the sensor, whose light comes from above.
+        let (top, _) = view.ray(10.0, 0.0, [0.5; 2]);
+        assert!((top.origin - Vec3::new(0.0, -0.1, 0.0)).length() < 1e-6, "{top:?}");
+        assert!(top.direction.y > 0.0);
+        // The left of the image looks toward +x, as a pinhole camera's does.
+        let (left, _) = view.ray(0.0, 5.0, [0.5; 2]);
+        assert!((left.origin - Vec3::new(-0.2, 0.0, 0.0)).length() < 1e-6, "{left:?}");
+        assert!(left.direction.x > 0.0);
     }
 
     #[test]
@@ -149,6 +354,16 @@ mod tests {
         assert!(look(Vec3::new(f32::NAN, 0.0, 1.0), Vec3::Y, 40.0).is_err());
         for degrees in [0.0, -1.0, 180.0, f32::NAN] {
             assert!(look(Vec3::Z, Vec3::Y, degrees).is_err(), "{degrees}");
+        }
+        let field_of_view = FieldOfView::Y(40.0);
+        let lens = |aperture_radius, focus_distance| {
+            let optics = Optics::ThinLens { field_of_view, aperture_radius, focus_distance };
+            Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, optics)
+        };
+        lens(0.1, 1.0).unwrap();
+        for (radius, distance) in [(0.0, 1.0), (-0.1, 1.0), (0.1, 0.0), (f32::INFINITY, 1.0)] {
+            let shown = lens(radius, distance).unwrap_err().to_string();
+            assert!(shown.contains("as a positive number"), "{shown}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What makes two scenes the same, in 64 bits.
 
-use super::{Bsdf, Camera, Emitter, FieldOfView, Material, Scene};
+use super::{Bsdf, Camera, Emitter, FieldOfView, Material, Optics, Scene};
 use crate::math::Rgb;
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -79,7 +79,25 @@ impl Hash {
         self.vec3(camera.position());
         self.vec3(camera.direction());
         self.vec3(camera.up());
-        let (tag, degrees) = match camera.field_of_view() {
+        match camera.optics() {
+            Optics::Pinhole(field_of_view) => self.field_of_view(field_of_view),
+            Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => {
+                self.u32(3);
+                self.field_of_view(field_of_view);
+                self.f32(aperture_radius);
+                self.f32(focus_distance);
+            }
+            Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
+                self.u32(4);
+                for value in [width, disc_distance, disc_radius, exposure] {
+                    self.f32(value);
+                }
+            }
+        }
+    }
+
+    fn field_of_view(&mut self, field_of_view: FieldOfView) {
+        let (tag, degrees) = match field_of_view {
             FieldOfView::X(degrees) => (1, degrees),
             FieldOfView::Y(degrees) => (2, degrees),
         };
@@ -101,17 +119,26 @@ mod tests {
         lights: Vec<Emitter>,
         eye: Vec3,
         up: Vec3,
-        field_of_view: FieldOfView,
+        optics: Optics,
         regions: Vec<Region>,
     }
 
     impl Parts {
         fn fingerprint(self) -> u64 {
-            let camera = Camera::look(self.eye, Vec3::Z, self.up, self.field_of_view).unwrap();
+            let camera = Camera::with_optics(self.eye, Vec3::Z, self.up, self.optics).unwrap();
             let (meshes, materials) = (vec![self.mesh], vec![self.material]);
             Scene::new(self.name.into(), meshes, materials, self.lights, camera, self.regions)
                 .fingerprint()
         }
+    }
+
+    fn thin_lens(degrees: f32, aperture_radius: f32, focus_distance: f32) -> Optics {
+        let field_of_view = FieldOfView::X(degrees);
+        Optics::ThinLens { field_of_view, aperture_radius, focus_distance }
+    }
+
+    fn sensor([width, disc_distance, disc_radius, exposure]: [f32; 4]) -> Optics {
+        Optics::Sensor { width, disc_distance, disc_radius, exposure }
     }
 
     fn parts() -> Parts {
@@ -124,14 +151,14 @@ mod tests {
             lights: vec![Emitter::Point { position: Vec3::Y, intensity: Rgb::ONE }],
             eye: Vec3::ZERO,
             up: Vec3::Y,
-            field_of_view: FieldOfView::X(40.0),
+            optics: Optics::Pinhole(FieldOfView::X(40.0)),
             regions: vec![],
         }
     }
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 12] = [
+        let changes: [fn(&mut Parts); 21] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.triangles.push([1, 2, 3]),
@@ -142,8 +169,17 @@ mod tests {
             |p| p.lights.clear(),
             |p| p.eye = Vec3::X,
             |p| p.up = Vec3::X,
-            |p| p.field_of_view = FieldOfView::Y(40.0),
-            |p| p.field_of_view = FieldOfView::X(41.0),
+            |p| p.optics = Optics::Pinhole(FieldOfView::Y(40.0)),
+            |p| p.optics = Optics::Pinhole(FieldOfView::X(41.0)),
+            |p| p.optics = thin_lens(40.0, 0.1, 1.0),
+            |p| p.optics = thin_lens(41.0, 0.1, 1.0),
+            |p| p.optics = thin_lens(40.0, 0.2, 1.0),
+            |p| p.optics = thin_lens(40.0, 0.1, 2.0),
+            |p| p.optics = sensor([1.0, 1.0, 1.0, 1.0]),
+            |p| p.optics = sensor([2.0, 1.0, 1.0, 1.0]),
+            |p| p.optics = sensor([1.0, 2.0, 1.0, 1.0]),
+            |p| p.optics = sensor([1.0, 1.0, 2.0, 1.0]),
+            |p| p.optics = sensor([1.0, 1.0, 1.0, 2.0]),
         ];
         let mut seen = vec![parts().fingerprint()];
         for change in changes {

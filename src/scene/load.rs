@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Rgb};
 use crate::scene::obj::{self, ObjFile};
-use crate::scene::scene_file::{self, CameraTable, LightTable, MaterialTable, SceneFile};
+use crate::scene::scene_file::{self, LightTable, MaterialTable, SceneFile};
 use crate::scene::text::{self, list};
 use crate::scene::transform::Transform;
 use crate::scene::{
@@ -217,7 +217,7 @@ fn load_toml(path: &Path) -> Result<Loaded> {
     let text = text::read(path)?;
     let file = scene_file::parse(path, &text)?;
     let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
-    let camera = camera(file.camera.get_ref()).map_err(|e| place(e, file.camera.span().start))?;
+    let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
 
     let mut builder = Builder::default();
     let mut files: HashMap<PathBuf, ObjFile> = HashMap::new();
@@ -282,31 +282,6 @@ fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
         _ => format!("use one of {}, or define it in a table [materials.{name}]", list(known)),
     };
     Err(Error::new(format!("unknown material `{name}`"), advice))
-}
-
-fn camera(table: &CameraTable) -> Result<Camera> {
-    let position = table.position.0;
-    let direction = match (table.target, table.direction) {
-        (Some(target), None) => target.0 - position,
-        (None, Some(direction)) => direction.0,
-        _ => {
-            return Err(Error::new(
-                "the camera needs exactly one of `target` and `direction`",
-                "give the point it looks at as `target`, or a vector as `direction`",
-            ));
-        }
-    };
-    let field_of_view = match (table.fov_x_deg, table.fov_y_deg) {
-        (Some(degrees), None) => FieldOfView::X(degrees),
-        (None, Some(degrees)) => FieldOfView::Y(degrees),
-        _ => {
-            return Err(Error::new(
-                "the camera needs exactly one of `fov_x_deg` and `fov_y_deg`",
-                "give the full opening angle across the width or the height, such as 40",
-            ));
-        }
-    };
-    Camera::look(position, direction, table.up.map_or(Vec3::Y, |up| up.0), field_of_view)
 }
 
 fn load_obj(path: &Path) -> Result<Loaded> {

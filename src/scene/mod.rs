@@ -1,6 +1,7 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
 pub mod camera;
+mod camera_table;
 mod fingerprint;
 pub mod light;
 pub mod load;
@@ -11,7 +12,7 @@ mod scene_file;
 mod text;
 mod transform;
 
-pub use camera::{Camera, FieldOfView, View};
+pub use camera::{Camera, FieldOfView, Optics, View};
 pub use light::{Emission, Emitter, LightSample, Lights};
 pub use load::{Loaded, load};
 pub use material::{Bsdf, BsdfSample, Material};

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::math::Rgb;
+use crate::scene::camera_table::CameraTable;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::settings::{ADVICE, RenderDefaults, as_serde};
 use glam::{DVec3, Vec3};
@@ -26,18 +27,6 @@ pub(super) struct SceneFile {
     pub regions: BTreeMap<String, Rectangles>,
     #[serde(default)]
     pub render: RenderDefaults,
-}
-
-/// `[camera]`
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CameraTable {
-    pub position: Point,
-    pub target: Option<Point>,
-    pub direction: Option<Point>,
-    pub up: Option<Point>,
-    pub fov_x_deg: Option<f32>,
-    pub fov_y_deg: Option<f32>,
 }
 
 /// `[[mesh]]`
