@@ -42,6 +42,35 @@ impl Bounds {
     }
 }
 
+/// An orthonormal basis around a normal: directions to and from coordinates with the normal as z.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    tangent: Vec3,
+    bitangent: Vec3,
+    normal: Vec3,
+}
+
+impl Frame {
+    /// The frame of a unit normal.
+    #[inline]
+    pub fn new(normal: Vec3) -> Self {
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        Self { tangent, bitangent, normal }
+    }
+
+    /// Local coordinates of a direction.
+    #[inline]
+    pub fn to_local(&self, w: Vec3) -> Vec3 {
+        Vec3::new(w.dot(self.tangent), w.dot(self.bitangent), w.dot(self.normal))
+    }
+
+    /// The direction of local coordinates, of unit length again despite rounding.
+    #[inline]
+    pub fn to_world(&self, w: Vec3) -> Vec3 {
+        (w.x * self.tangent + w.y * self.bitangent + w.z * self.normal).normalize()
+    }
+}
+
 /// Uniform direction on the unit sphere; pdf in solid angle `1/(4 pi)`.
 #[inline]
 pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
