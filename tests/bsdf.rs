@@ -78,8 +78,12 @@ fn light_may_go_either_way() {
                 if wo.dot(NORMAL) * wi.dot(NORMAL) > 0.0 { 1.0 } else { index(wo) / index(wi) };
             let forth = bsdf.eval(&vertex(wo), wi);
             let back = bsdf.eval(&vertex(wi), wo) * scale * scale;
+            // Facets that refract little turn fast with rounding, where hardly any are.
             let size = forth.max_element().max(back.max_element());
-            assert!((forth - back).abs().max_element() <= 5e-3 * size, "{bsdf:?} {forth} {back}");
+            assert!(
+                (forth - back).abs().max_element() <= 1e-3 * size + 1e-5,
+                "{bsdf:?} {forth} {back}"
+            );
             compared += usize::from(size > 0.0);
         }
         assert!(compared > 200, "{bsdf:?}: {compared}");

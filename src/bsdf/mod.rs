@@ -156,10 +156,17 @@ impl Bsdf {
 
     /// The value of all lobes that are no single direction, 1/sr, for light that arrives from `wi`
     /// and leaves toward `wo` ([`Transport::Radiance`]).
+    #[inline]
     pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
         if let Some(value) = self.constant(at.front) {
             return if wi.dot(at.normal) > 0.0 { value } else { Rgb::ZERO };
         }
+        self.eval_locally(at, wi)
+    }
+
+    /// [`Self::eval`] of what is not Lambertian, in the frame of the normal.
+    #[inline(never)] // keeps the loops over diffuse vertices short
+    fn eval_locally(&self, at: &Vertex, wi: Vec3) -> Rgb {
         let frame = Frame::new(at.normal);
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
@@ -212,6 +219,7 @@ impl Bsdf {
     }
 
     /// [`Self::sample`] of what is not Lambertian, in the frame of the normal.
+    #[inline(never)] // as above
     fn sample_locally(
         &self,
         at: &Vertex,

@@ -3,6 +3,7 @@
 //! The format is described in `docs/scene-format.md`. Nothing in a file makes these functions
 //! panic, and whatever was chosen or left out for the user is told in [`Loaded::notes`].
 
+use crate::bsdf::Bsdf;
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Rgb};
 use crate::scene::obj::{self, ObjFile};
@@ -10,7 +11,7 @@ use crate::scene::scene_file::{self, CameraTable, LightTable, MaterialTable, Sce
 use crate::scene::text::{self, list};
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Bsdf, Camera, Emitter, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
+    Camera, Emitter, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
 };
 use crate::settings::RenderDefaults;
 use glam::Vec3;
@@ -208,7 +209,7 @@ impl Builder {
 fn from_table(name: &str, table: &MaterialTable) -> Material {
     let albedo = table.albedo.map_or(Rgb::splat(mtl::DEFAULT_ALBEDO), |albedo| albedo.0);
     let bsdf = match table.kind {
-        scene_file::MaterialKind::Lambertian => Bsdf::Lambertian { albedo },
+        scene_file::MaterialKind::Lambertian => Bsdf::diffuse(albedo),
     };
     Material { name: name.to_owned(), bsdf, emission: table.emission.map_or(Rgb::ZERO, |e| e.0) }
 }

@@ -3,10 +3,11 @@
 //! Read here and not through `tobj`, which panics when a color has fewer than three numbers and
 //! knows no lines.
 
+use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
+use crate::scene::Material;
 use crate::scene::text::{Lines, list, split_keyword};
-use crate::scene::{Bsdf, Material};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -15,7 +16,7 @@ pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 
 /// A material that only reflects.
 pub(super) fn grey(name: &str) -> Material {
-    let bsdf = Bsdf::Lambertian { albedo: Rgb::splat(DEFAULT_ALBEDO) };
+    let bsdf = Bsdf::diffuse(Rgb::splat(DEFAULT_ALBEDO));
     Material { name: name.to_owned(), bsdf, emission: Rgb::ZERO }
 }
 
@@ -69,7 +70,7 @@ pub(super) fn load(
                         lines.number()
                     ));
                 }
-                material.bsdf = Bsdf::Lambertian { albedo: color.min(Rgb::ONE) };
+                material.bsdf = Bsdf::diffuse(color.min(Rgb::ONE));
             }
             "Ke" => material.emission = color(&lines, rest)?,
             "d" if rest.parse::<f32>().is_ok_and(|opacity| opacity < 1.0) => {
