@@ -2,9 +2,10 @@
 //! points at which photons are gathered.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
+use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
-use crate::scene::{Scene, Surface, View};
+use crate::scene::{LightSample, Scene, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 
@@ -16,14 +17,39 @@ pub struct GatherPoint {
     /// Its camera path: index within the batch.
     pub path: u32,
     /// Throughput of the path times the BSDF toward the camera, 1/sr: what a photon's flux per
-    /// area (of the merge kernel) is multiplied with.
+    /// area (of the merge kernel) is multiplied with. The throughput alone if there is a `view`.
     pub weight: Rgb,
     /// Number of the diffuse vertex, `1..=k`: all photons are merged at `k`; before, only those that
     /// come from a light without a diffuse bounce.
     pub vertex: u32,
     /// Unit normal on the side that the camera path sees.
     pub normal: Vec3,
+    /// Index in [`CameraPaths::views`], or [`GatherPoint::NO_VIEW`] if the BSDF is the same for all
+    /// photons.
+    pub view: u32,
 }
+
+impl GatherPoint {
+    /// The BSDF does not depend on where photons come from.
+    pub const NO_VIEW: u32 = u32::MAX;
+}
+
+/// A surface whose BSDF depends on where photons come from, as a camera path sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct GatherView {
+    /// How it scatters.
+    pub bsdf: Bsdf,
+    /// Whence it is seen.
+    pub at: Vertex,
+}
+
+/// Camera paths whose throughput fell below this share play roulette where they pass through.
+const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
+
+/// From so many vertices on that a path passed through it may end at each of them with this
+/// probability: light may be caught between mirrors.
+const LONG_CHAIN: u32 = 16;
+const LONG_CHAIN_END: f32 = 0.1;
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +86,8 @@ pub struct CameraPaths {
     pub direct: Vec<Rgb>,
     /// In the order of their paths and, along a path, of its vertices.
     pub gather_points: Vec<GatherPoint>,
+    /// What some gather points refer to.
+    pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
     segments: Vec<Ray>,
@@ -76,29 +104,52 @@ pub struct CameraPaths {
 struct Walk {
     rng: Rng,
     throughput: Rgb,
+    /// Reciprocal of the weight that the camera gave it.
+    inverse_weight: f32,
     /// Index within the batch.
     path: u32,
+    /// Diffuse vertices so far.
+    vertices: u32,
+    /// Vertices passed through so far.
+    passed: u32,
+}
+
+impl Walk {
+    /// Roulette where the path passed through a vertex: whether it goes on.
+    #[inline(never)] // keeps the loop over diffuse vertices short
+    fn passes_on(&mut self) -> bool {
+        self.passed += 1;
+        let share = self.throughput.max_element() * self.inverse_weight;
+        let mut survival = (share / WEIGHT_FLOOR).min(1.0);
+        if self.passed >= LONG_CHAIN {
+            survival = survival.min(1.0 - LONG_CHAIN_END);
+        }
+        if survival < 1.0 {
+            if self.rng.next_1d() >= survival {
+                return false;
+            }
+            self.throughput /= survival;
+        }
+        true
+    }
 }
 
 impl CameraPaths {
     /// Traces one batch, in place of the one before.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.start(pass, paths);
-        let last = pass.settings.merge_vertex;
-        for vertex in 1..=last {
-            // Neighboring camera paths stay close up to their first vertex.
-            let coherence = match vertex {
-                1 => Coherence::Coherent,
-                _ => Coherence::Incoherent,
-            };
+        // Neighboring camera paths stay close up to their first vertex.
+        let mut coherence = Coherence::Coherent;
+        while !self.segments.is_empty() {
             self.rays += self.segments.len() as u64;
             self.hits.resize(self.segments.len(), Hit::MISS);
             pass.accel.closest_hits(&self.segments, &mut self.hits, coherence);
-            self.scatter(pass, vertex);
+            self.scatter(pass);
             self.add_connections(pass.accel, coherence);
+            coherence = Coherence::Incoherent;
         }
-        if last > 1 && pass.gather_early {
-            // Breadth-first order to path order.
+        // Breadth-first order to path order.
+        if !self.gather_points.is_sorted_by_key(|point| point.path) {
             self.gather_points.sort_unstable_by_key(|point| (point.path, point.vertex));
         }
     }
@@ -107,6 +158,7 @@ impl CameraPaths {
         self.segments.clear();
         self.walks.clear();
         self.gather_points.clear();
+        self.views.clear();
         for (path, id) in paths.enumerate() {
             let pixel = id.y * pass.settings.width + id.x;
             let mut rng = pass.key.rng(camera_path_index(pixel, id.index));
@@ -114,17 +166,23 @@ impl CameraPaths {
             let lens = if pass.view.has_aperture() { rng.next_2d() } else { [0.0; 2] };
             let (ray, weight) = pass.view.ray(id.x as f32 + dx, id.y as f32 + dy, lens);
             self.segments.push(ray);
-            self.walks.push(Walk { rng, throughput: Rgb::splat(weight), path: path as u32 });
+            self.walks.push(Walk {
+                rng,
+                throughput: Rgb::splat(weight),
+                inverse_weight: weight.recip(),
+                path: path as u32,
+                vertices: 0,
+                passed: 0,
+            });
         }
         self.direct.clear();
         self.direct.resize(self.walks.len(), Rgb::ZERO);
     }
 
-    /// At the hits that are the paths' diffuse vertices number `vertex`: emission, connection,
-    /// gathering, and the next segment; paths that end are squeezed out.
-    fn scatter(&mut self, pass: &CameraPass, vertex: u32) {
-        let Settings { direct, camera_roulette, merge_vertex, .. } = *pass.settings;
-        let last = vertex == merge_vertex;
+    /// At the hits: emission, connection, gathering, and the next segment; paths that end are
+    /// squeezed out.
+    fn scatter(&mut self, pass: &CameraPass) {
+        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         let mut alive = 0;
         for i in 0..self.walks.len() {
             let hit = self.hits[i];
@@ -132,38 +190,45 @@ impl CameraPaths {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let Surface { position, normal, off_surface, front, material } =
-                pass.scene.surface(&self.segments[i], &hit);
+            let surface = pass.scene.surface(&self.segments[i], &hit);
+            let bsdf = &surface.material.bsdf;
 
             // Emission hit later is carried by connections or photons.
-            if vertex == 1 && front {
-                self.direct[walk.path as usize] += walk.throughput * material.emission;
+            if walk.vertices == 0 && surface.front {
+                self.direct[walk.path as usize] += walk.throughput * surface.material.emission;
             }
-            let weight = walk.throughput * material.bsdf.eval();
-            if direct == Direct::Connect
-                && let Some(light) = pass.scene.lights.connect(position, &mut walk.rng)
-                && let cos_theta = light.wi.dot(normal)
-                && cos_theta > 0.0
-            {
-                // From the light: shadow rays to one point then share their origin.
-                self.shadow_rays.push(Ray::segment(light.target, off_surface));
-                self.connections.push((walk.path, weight * light.irradiance * cos_theta));
-            }
-            if last || pass.gather_early {
-                let path = walk.path;
-                self.gather_points.push(GatherPoint { position, path, weight, vertex, normal });
-            }
-            if last {
+            let vertex = walk.vertices + 1;
+            let merges = match bsdf.constant(surface.front) {
+                Some(value) => {
+                    self.connect_lambertian(pass, &surface, &mut walk, value);
+                    self.gather(pass, &surface, &walk, (value, GatherPoint::NO_VIEW));
+                    true
+                }
+                None => self.at_other_vertex(pass, &surface, &mut walk),
+            };
+            // Cut here, the path still goes on where the surface mirrors besides.
+            let cut = merges && vertex == merge_vertex;
+            let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
+            let at = surface.vertex();
+            let Some(sample) = bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng) else {
                 continue;
-            }
-            let sample = material.bsdf.sample(normal, walk.rng.next_2d());
+            };
             walk.throughput *= sample.weight;
-            if camera_roulette == Roulette::Albedo {
-                let survival = sample.weight.max_element().min(1.0);
-                if walk.rng.next_1d() >= survival {
+            let mut off_surface = surface.off_surface;
+            if sample.lobe.passes_through() {
+                off_surface = surface.start(sample.wi);
+                if !walk.passes_on() {
                     continue;
                 }
-                walk.throughput /= survival;
+            } else {
+                walk.vertices += 1;
+                if camera_roulette == Roulette::Albedo {
+                    let survival = sample.weight.max_element().min(1.0);
+                    if walk.rng.next_1d() >= survival {
+                        continue;
+                    }
+                    walk.throughput /= survival;
+                }
             }
             self.segments[alive] = Ray::new(off_surface, sample.wi);
             self.walks[alive] = walk;
@@ -171,6 +236,85 @@ impl CameraPaths {
         }
         self.segments.truncate(alive);
         self.walks.truncate(alive);
+    }
+
+    /// Connects a vertex whose BSDF is `value` in all directions.
+    #[inline(always)]
+    fn connect_lambertian(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        walk: &mut Walk,
+        value: Rgb,
+    ) {
+        if pass.settings.direct == Direct::Connect
+            && let Some(light) = pass.scene.lights.connect(surface.position, &mut walk.rng)
+            && light.wi.dot(surface.normal) > 0.0
+        {
+            self.send_shadow_ray(surface, surface.off_surface, walk, &light, value);
+        }
+    }
+
+    /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
+    #[inline(never)] // keeps the loop over diffuse vertices short
+    fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
+        let Scene { lights, .. } = pass.scene;
+        let bsdf = &surface.material.bsdf;
+        let merges = bsdf.merges();
+        let light = if merges && pass.settings.direct == Direct::Connect {
+            lights.connect(surface.position, &mut walk.rng)
+        } else if bsdf.spread() == Some(Lobe::Rough) && walk.vertices == 0 {
+            // Points cannot be hit; after a diffuse vertex photons carry such paths.
+            lights.connect_point(surface.position, &mut walk.rng)
+        } else {
+            None
+        };
+        if let Some(light) = light {
+            let value = bsdf.eval(&surface.vertex(), light.wi);
+            self.send_shadow_ray(surface, surface.start(light.wi), walk, &light, value);
+        }
+        if merges {
+            self.views.push(GatherView { bsdf: *bsdf, at: surface.vertex() });
+            let view = self.views.len() as u32 - 1;
+            self.gather(pass, surface, walk, (Rgb::ONE, view));
+        }
+        merges
+    }
+
+    /// Leaves a point at which photons are gathered, with the BSDF as a value or in one of `views`.
+    #[inline]
+    fn gather(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        walk: &Walk,
+        (value, view): (Rgb, u32),
+    ) {
+        let vertex = walk.vertices + 1;
+        if vertex < pass.settings.merge_vertex && !pass.gather_early {
+            return;
+        }
+        let weight = walk.throughput * value;
+        let Surface { position, normal, .. } = *surface;
+        let path = walk.path;
+        self.gather_points.push(GatherPoint { position, path, weight, vertex, normal, view });
+    }
+
+    /// Connects a vertex with a point on a light, toward which its BSDF is `value`.
+    #[inline]
+    fn send_shadow_ray(
+        &mut self,
+        surface: &Surface,
+        off_surface: Vec3,
+        walk: &Walk,
+        light: &LightSample,
+        value: Rgb,
+    ) {
+        let cos_theta = light.wi.dot(surface.normal).abs();
+        let contribution = walk.throughput * value * light.irradiance * cos_theta;
+        // From the light: shadow rays to one point then share their origin.
+        self.shadow_rays.push(Ray::segment(light.target, off_surface));
+        self.connections.push((walk.path, contribution));
     }
 
     /// Adds the light of all connections that nothing blocks.

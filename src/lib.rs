@@ -3,6 +3,7 @@
 pub mod accel;
 pub mod autopilot;
 pub mod block;
+pub mod bsdf;
 pub mod camera_paths;
 pub mod checkpoint;
 pub mod compare;

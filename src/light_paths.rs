@@ -1,11 +1,12 @@
 //! Light phase: traces light paths breadth-first and stores their photons in path order.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::math::Rgb;
+use crate::bsdf::{Transport, Wanted};
+use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
-use crate::scene::{Scene, Surface};
+use crate::scene::Scene;
 use crate::settings::{Direct, Roulette, Settings};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -19,7 +20,7 @@ const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
 /// Largest survival probability: paths end even between perfectly white walls.
 const MAX_SURVIVAL: f32 = 0.995;
 
-/// A light path's arrival at a surface: 32 bytes.
+/// A light path's arrival at a surface: 36 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Photon {
@@ -32,24 +33,41 @@ pub struct Photon {
     /// Surface normal on the side it arrived from, each coordinate in 1/127.
     normal: [i8; 3],
     class: PhotonClass,
+    /// Packed unit vector toward where it came from.
+    from: u32,
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PhotonClass {
-    /// No diffuse bounce since the light: merged at every vertex `1..=k`.
+    /// No diffuse bounce since the light, though it may have passed through vertices (a caustic):
+    /// merged at every vertex `1..=k`.
     EveryVertex,
     /// At least one diffuse bounce: merged at vertex `k` only.
     LastVertex,
 }
 
 impl Photon {
-    /// `normal` is the unit normal on the side of arrival.
-    pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
+    /// `normal` is the unit normal on the side of arrival, `from` points to where it came from.
+    pub fn new(
+        position: Vec3,
+        path: u32,
+        flux: Rgb,
+        normal: Vec3,
+        from: Vec3,
+        class: PhotonClass,
+    ) -> Self {
         let normal = (normal * 127.0).round();
         let normal = [normal.x as i8, normal.y as i8, normal.z as i8];
-        Self { position, path, flux, normal, class }
+        Self { position, path, flux, normal, class, from: pack_direction(from) }
+    }
+
+    /// Unit vector toward where it came from, turned along with the surface to a place of the unit
+    /// normal `normal`: what is merged there is the radiance that the surface has here.
+    pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
+        let own = Vec3::from_array(self.normal.map(f32::from)).normalize();
+        Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
     }
 
     /// Whether it arrived on the side of a surface that `normal` points to: a positive dot product
@@ -130,6 +148,7 @@ struct Walk {
     /// Reciprocal of the largest channel of the emitted flux.
     inverse_emitted: f32,
     path: u32,
+    /// Of its next photon; `None` if that comes straight from a light that is connected.
     class: Option<PhotonClass>,
 }
 
@@ -194,7 +213,7 @@ impl Batch {
         }
     }
 
-    /// Stores a photon at each hit and scatters the path; paths that end are squeezed out.
+    /// Stores a photon at each hit of a surface that merges, and scatters the path; paths that end are squeezed out.
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
         let mut alive = 0;
         for i in 0..self.walks.len() {
@@ -203,13 +222,25 @@ impl Batch {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let Surface { position, normal, off_surface, material, .. } =
-                scene.surface(&self.rays_in_flight[i], &hit);
-            if let Some(class) = walk.class {
-                self.arrivals.push(Photon::new(position, walk.path, walk.flux, normal, class));
+            let ray = &self.rays_in_flight[i];
+            let surface = scene.surface(ray, &hit);
+            let at = surface.vertex();
+            let bsdf = &surface.material.bsdf;
+            if bsdf.merges()
+                && let Some(class) = walk.class
+            {
+                let photon =
+                    Photon::new(surface.position, walk.path, walk.flux, at.normal, at.wo, class);
+                self.arrivals.push(photon);
             }
-            walk.class = Some(PhotonClass::LastVertex);
-            let sample = material.bsdf.sample(normal, walk.rng.next_2d());
+            let Some(sample) = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng) else {
+                continue;
+            };
+            walk.class = Some(match walk.class {
+                _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
+                Some(class) => class,
+                None => PhotonClass::EveryVertex,
+            });
             let survival = match roulette {
                 Roulette::Albedo => sample.weight.max_element().min(MAX_SURVIVAL),
                 Roulette::Weight => {
@@ -221,7 +252,7 @@ impl Batch {
                 continue;
             }
             walk.flux *= sample.weight / survival;
-            self.rays_in_flight[alive] = Ray::new(off_surface, sample.wi);
+            self.rays_in_flight[alive] = Ray::new(surface.start(sample.wi), sample.wi);
             self.walks[alive] = walk;
             alive += 1;
         }

@@ -42,6 +42,63 @@ impl Bounds {
     }
 }
 
+/// An orthonormal basis around a normal: directions to and from coordinates with the normal as z.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    tangent: Vec3,
+    bitangent: Vec3,
+    normal: Vec3,
+}
+
+impl Frame {
+    /// The frame of a unit normal.
+    #[inline]
+    pub fn new(normal: Vec3) -> Self {
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        Self { tangent, bitangent, normal }
+    }
+
+    /// Local coordinates of a direction.
+    #[inline]
+    pub fn to_local(&self, w: Vec3) -> Vec3 {
+        Vec3::new(w.dot(self.tangent), w.dot(self.bitangent), w.dot(self.normal))
+    }
+
+    /// The direction of local coordinates, of unit length again despite rounding.
+    #[inline]
+    pub fn to_world(&self, w: Vec3) -> Vec3 {
+        (w.x * self.tangent + w.y * self.bitangent + w.z * self.normal).normalize()
+    }
+}
+
+/// A unit vector in 32 bits, within 1e-4 radians: the sphere folded onto an octahedron, and that
+/// onto a square.
+#[inline]
+pub fn pack_direction(w: Vec3) -> u32 {
+    let [x, y] = fold([w.x, w.y].map(|c| c / (w.x.abs() + w.y.abs() + w.z.abs())), w.z);
+    let code = |c: f32| u32::from((c * 32767.0).round() as i16 as u16);
+    code(x) << 16 | code(y)
+}
+
+/// The direction of [`pack_direction`].
+#[inline]
+pub fn unpack_direction(packed: u32) -> Vec3 {
+    let number = |code: u32| f32::from(code as u16 as i16) / 32767.0;
+    let [x, y] = [number(packed >> 16), number(packed)];
+    let z = 1.0 - x.abs() - y.abs();
+    let [x, y] = fold([x, y], z);
+    Vec3::new(x, y, z).normalize()
+}
+
+/// Swaps the inside and the outside of the square `|x| + |y| = 1` where `z` is negative.
+#[inline]
+fn fold([x, y]: [f32; 2], z: f32) -> [f32; 2] {
+    if z >= 0.0 {
+        return [x, y];
+    }
+    [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)]
+}
+
 /// Uniform direction on the unit sphere; pdf in solid angle `1/(4 pi)`.
 #[inline]
 pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
@@ -145,6 +202,18 @@ mod tests {
             };
             assert_close(mean(inverse), 0.9 * std::f64::consts::TAU);
         }
+    }
+
+    #[test]
+    fn packed_directions_are_close() {
+        let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)];
+        let all = (0..100_000).map(|_| uniform_sphere(rng.next_2d()));
+        for w in all.chain(axes).chain(axes.map(|w| -w)) {
+            let off = (unpack_direction(pack_direction(w)) - w).length();
+            assert!(off < 1e-4, "{w}: {off}");
+        }
+        assert_eq!(unpack_direction(pack_direction(-Vec3::Z)), -Vec3::Z);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Merge phase: hands every pair (light path, camera path) that meets to a visitor.
 
-use crate::camera_paths::{CameraPaths, GatherPoint};
-use crate::light_paths::PhotonClass;
+use crate::camera_paths::{CameraPaths, GatherPoint, GatherView};
+use crate::light_paths::{Photon, PhotonClass};
 use crate::math::{Rgb, disc_area};
 use crate::photon_map::PhotonMap;
 
@@ -42,22 +42,36 @@ impl<'a> Merge<'a> {
             while let Some((point, rest)) = points.split_first()
                 && point.path as usize == path
             {
-                self.at_point(point, visitor);
+                match paths.views.get(point.view as usize) {
+                    None => self.at_point(point, visitor, |_| Rgb::ONE),
+                    Some(GatherView { bsdf, at }) => {
+                        self.at_point(point, visitor, |photon| {
+                            bsdf.eval(at, photon.from_as_at(point.normal))
+                        });
+                    }
+                }
                 points = rest;
             }
             visitor.end_path(direct);
         }
     }
 
-    /// Merges at one vertex of the current camera path.
+    /// Merges at one vertex of the current camera path, where photons count by `value` besides the
+    /// vertex' weight.
     #[inline]
-    fn at_point(&self, point: &GatherPoint, visitor: &mut impl PairVisitor) {
+    fn at_point(
+        &self,
+        point: &GatherPoint,
+        visitor: &mut impl PairVisitor,
+        value: impl Fn(&Photon) -> Rgb,
+    ) {
         let weight = point.weight * self.kernel;
         let last = point.vertex == self.merge_vertex;
         self.map.for_each_within(point.position, |photon, distance2| {
             let counts = last || photon.class() == PhotonClass::EveryVertex;
             if counts && photon.faces(point.normal) {
-                visitor.pair(photon.path, weight * photon.flux, distance2 <= self.inner_radius2);
+                let contribution = weight * photon.flux * value(photon);
+                visitor.pair(photon.path, contribution, distance2 <= self.inner_radius2);
             }
         });
     }

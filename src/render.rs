@@ -2,6 +2,7 @@
 
 use crate::accel::Intersect;
 use crate::block::Block;
+use crate::bsdf::Bsdf;
 use crate::camera_paths::CameraPass;
 use crate::counts::Counts;
 use crate::error::{Error, Result};
@@ -267,9 +268,10 @@ impl<'a> Renderer<'a> {
 }
 
 /// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons, held twice
-/// while sorting besides their buckets.
+/// while sorting besides their buckets. Surfaces that only pass it on leave none.
 fn bytes_per_light_path(scene: &Scene) -> f64 {
-    let albedo = scene.materials.iter().map(|m| m.bsdf.albedo().max_element()).fold(0.0, f32::max);
+    let storing = scene.materials.iter().map(|m| m.bsdf).filter(Bsdf::merges);
+    let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
     photons_per_path * BYTES_PER_PHOTON
 }

@@ -204,7 +204,7 @@ fn unknown_keys_and_values() {
     toml(&format!("{SCENE}\n[materials.m]\nalbdo = 0.5\n")).refused(&[
         "s.toml:15: unknown key `albdo`",
         "15 | albdo = 0.5",
-        "help: use one of `type`, `albedo`, `emission`",
+        "help: use one of `type`, `albedo`, `two_sided`",
     ]);
     changed("[[mesh]]", "[[meshes]]").refused(&["s.toml:6: unknown key `meshes`", "`mesh`"]);
     changed("target", "targets").refused(&["s.toml:3: unknown key `targets`", "`target`"]);
@@ -214,8 +214,11 @@ fn unknown_keys_and_values() {
         .refused(&["s.toml:14: unknown key `radiu`", "`radius`"]);
     toml(&format!("{SCENE}[render]\ndirect = \"x\"\n"))
         .refused(&["s.toml:14: unknown value `x`", "`connect` or `photon-map`"]);
-    toml(&format!("{SCENE}[materials.m]\ntype = \"glass\"\n"))
-        .refused(&["s.toml:14: unknown value `glass`", "`lambertian`"]);
+    toml(&format!("{SCENE}[materials.m]\ntype = \"glass\"\n")).refused(&[
+        "s.toml:14: unknown value `glass`",
+        "`lambertian`",
+        "`metal`",
+    ]);
 }
 
 #[test]
@@ -267,6 +270,54 @@ fn values_out_of_range() {
     }
     toml(&format!("{SCENE}[regions]\nr = []\n"))
         .refused(&["s.toml:14: the region has no rectangle"]);
+}
+
+#[test]
+fn impossible_materials() {
+    let with = |lines: &str| toml(&format!("{SCENE}[materials.m]\n{lines}\n"));
+    with("type = \"mirror\"\nalbedo = 0.5")
+        .refused(&["s.toml:15: a material of type `mirror` has no `albedo`", "`reflectance`"]);
+    with("ior = 1.5").refused(&["s.toml:14: a material of type `lambertian` has no `ior`"]);
+    with("type = \"metal\"\nmetal = \"tin\"")
+        .refused(&["s.toml:15: unknown metal `tin`", "`gold`"]);
+    with("type = \"metal\"\nmetal = \"gold\"\nreflectance = 1")
+        .refused(&["s.toml:15: the metal is described twice", "one of `metal`"]);
+    with("type = \"metal\"\neta = 1\nk = 1\nreflectance = 1").refused(&["s.toml:17: the metal is"]);
+    with("type = \"metal\"\neta = 1").refused(&["s.toml:15: `eta` comes without `k`"]);
+    with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` comes without `eta`"]);
+    for (line, part) in [
+        ("ior = 0", "the refractive index is out of range"),
+        ("ior = nan", "the refractive index is out of range"),
+        ("outside_ior = -1", "such as 1.5 for glass"),
+        ("roughness = 1.5", "the roughness is out of range"),
+        ("ior = \"glass\"", "wrong type: string"),
+    ] {
+        with(&format!("type = \"dielectric\"\n{line}")).refused(&["s.toml:15: ", line, part]);
+    }
+}
+
+#[test]
+fn malformed_numbers_of_mtl_materials() {
+    for (line, part) in [
+        ("Ks 1", ""),
+        ("d -halo 1", ""),
+        ("Ks 0.1 x", "`Ks` needs three numbers"),
+        ("Ks -1", "`Ks` is negative"),
+        ("Ns shiny", "`Ns` is no number from 0"),
+        ("Ns nan", "`Ns` is no number"),
+        ("Ni -2", "`Ni` is no number"),
+        ("Pr 2", "`Pr` is no number from 0 to 1"),
+        ("Pm", "`Pm` is no number"),
+        ("d 2", "`d` is no number"),
+        ("illum 11", "`illum` is no number"),
+    ] {
+        let file = mtl(&format!("newmtl m\n{line}\n"));
+        if part.is_empty() {
+            file.load();
+        } else {
+            file.refused(&["a.mtl:2: ", line, part]);
+        }
+    }
 }
 
 #[test]

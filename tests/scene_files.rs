@@ -2,6 +2,9 @@
 
 use bdpm::accel::Ray;
 use bdpm::accel::backend::{Backend, build};
+use bdpm::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+};
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene, load};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
 use glam::Vec3;
@@ -264,6 +267,85 @@ fn materials_of_the_scene_file_win() {
         ["a.mtl:4: the diffuse color", "textures of `n`", "no mesh uses the material `spare`"]
     {
         assert!(notes.contains(part), "{notes}");
+    }
+}
+
+/// The BSDF of the material `name` of a scene of one triangle, with the notes of loading it.
+fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = "camera = { position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }\n\
+                 light = [{ type = \"point\", position = [0, 0, 5], intensity = 1 }]\n\
+                 mesh = [{ file = \"a.obj\" }]\n";
+    let folder = write(&[
+        ("a.mtl", mtl),
+        ("a.obj", &format!("mtllib a.mtl\nusemtl {name}\n{triangle}")),
+        ("scene.toml", &format!("{scene}{toml}")),
+    ]);
+    let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+    (loaded.scene.materials[0].bsdf, loaded.notes.join("\n"))
+}
+
+fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
+    Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal: normal.into() }, alpha))
+}
+
+#[test]
+fn every_type_of_material_can_be_written() {
+    let gold = Reflectance::named("gold").unwrap();
+    let (eta, k) = (Vec3::splat(0.5), Vec3::new(1.0, 2.0, 3.0));
+    for (text, expected) in [
+        ("albedo = 0.2", Bsdf::diffuse(Vec3::splat(0.2))),
+        ("two_sided = false", Bsdf::Lambertian { albedo: Vec3::splat(0.5), two_sided: false }),
+        ("type = 'mirror'", Bsdf::Mirror { reflectance: Vec3::ONE }),
+        ("type = 'dielectric'", Bsdf::Dielectric(Dielectric { eta: 1.5 })),
+        (
+            "type = 'dielectric'\nior = 1.2\noutside_ior = 1.6",
+            Bsdf::Dielectric(Dielectric { eta: 1.2 / 1.6 }),
+        ),
+        (
+            "type = 'dielectric'\nroughness = 0.5",
+            Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.25)),
+        ),
+        ("type = 'thin-dielectric'\nior = 2", Bsdf::ThinDielectric(ThinDielectric { eta: 2.0 })),
+        (
+            "type = 'metal'\nmetal = 'gold'\nroughness = 0.5",
+            Bsdf::Conductor(Conductor::new(gold, 0.25)),
+        ),
+        (
+            "type = 'metal'\neta = 0.5\nk = [1, 2, 3]",
+            Bsdf::Conductor(Conductor::new(Reflectance::Measured { eta, k }, 0.0)),
+        ),
+        ("type = 'metal'\nreflectance = [0.9, 0.8, 0.7]", artist_metal([0.9, 0.8, 0.7], 0.0)),
+        (
+            "type = 'coated'\nalbedo = 0.3\nior = 1.4",
+            Bsdf::Coated(Coated::new(Vec3::splat(0.3), 1.4)),
+        ),
+    ] {
+        let (read, notes) = bsdf("", &format!("[materials.m]\n{text}\n"), "m");
+        assert_eq!((read, notes), (expected, String::new()), "{text}");
+    }
+}
+
+#[test]
+fn mtl_records_become_the_documented_materials() {
+    let half = Vec3::splat(0.5);
+    let coat = |ior| Bsdf::Coated(Coated::new(half, ior));
+    for (records, expected, note) in [
+        ("illum 2\nKd .5\nKs 0\nNs 10", Bsdf::diffuse(half), ""),
+        ("illum 2\nKd .5\nKs .5\nNs 10", Bsdf::diffuse(half), "ignored the highlights"),
+        ("Kd .5\nd 0.5", Bsdf::diffuse(half), "ignored the transparency of `m`"),
+        ("Kd 0\nKs .9 .8 .7\nNs 198", artist_metal([0.9, 0.8, 0.7], 0.1), ""),
+        ("Kd 1 .7 .3\nPm 1\nPr .5", artist_metal([1.0, 0.7, 0.3], 0.25), ""),
+        ("Kd .5\nPr .1\nNi 1.6", coat(1.6), ""),
+        ("Kd .5\nPr .4\nNi 1.6", Bsdf::diffuse(half), ""),
+        ("illum 3\nKd 0\nKs 1\nNs 5", Bsdf::Mirror { reflectance: Vec3::ONE }, ""),
+        ("illum 5\nKd .5\nKs 1", coat(1.5), ""),
+        ("illum 7\nd 0.1\nNi 1.3", Bsdf::Dielectric(Dielectric { eta: 1.3 }), ""),
+        ("illum 4\nNi 1.3\nPr .5", Bsdf::RoughDielectric(RoughDielectric::new(1.3, 0.25)), ""),
+    ] {
+        let (read, notes) = bsdf(&format!("newmtl m\n{records}\n"), "", "m");
+        assert_eq!(read, expected, "{records}");
+        assert!(if note.is_empty() { notes.is_empty() } else { notes.contains(note) }, "{notes}");
     }
 }
 

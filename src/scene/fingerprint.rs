@@ -1,6 +1,7 @@
 //! What makes two scenes the same, in 64 bits.
 
-use super::{Bsdf, Camera, Emitter, FieldOfView, Material, Optics, Scene};
+use super::{Camera, Emitter, FieldOfView, Material, Optics, Scene};
+use crate::bsdf::{Bsdf, Reflectance};
 use crate::math::Rgb;
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -55,13 +56,53 @@ impl Hash {
     }
 
     fn material(&mut self, Material { name: _, bsdf, emission }: &Material) {
+        self.bsdf(bsdf);
+        self.rgb(*emission);
+    }
+
+    fn bsdf(&mut self, bsdf: &Bsdf) {
         match bsdf {
-            Bsdf::Lambertian { albedo } => {
-                self.u32(1);
+            Bsdf::Lambertian { albedo, two_sided } => {
+                self.u32(if *two_sided { 1 } else { 2 });
                 self.rgb(*albedo);
             }
+            Bsdf::Mirror { reflectance } => {
+                self.u32(3);
+                self.rgb(*reflectance);
+            }
+            Bsdf::Dielectric(interface) => {
+                self.u32(4);
+                self.f32(interface.eta);
+            }
+            Bsdf::ThinDielectric(sheet) => {
+                self.u32(5);
+                self.f32(sheet.eta);
+            }
+            Bsdf::Conductor(conductor) => {
+                match conductor.reflectance() {
+                    Reflectance::Measured { eta, k } => {
+                        self.u32(6);
+                        self.rgb(eta);
+                        self.rgb(k);
+                    }
+                    Reflectance::Artist { normal } => {
+                        self.u32(7);
+                        self.rgb(normal);
+                    }
+                }
+                self.f32(conductor.alpha());
+            }
+            Bsdf::RoughDielectric(interface) => {
+                self.u32(8);
+                self.f32(interface.eta());
+                self.f32(interface.alpha());
+            }
+            Bsdf::Coated(coated) => {
+                self.u32(9);
+                self.rgb(coated.albedo());
+                self.f32(coated.eta());
+            }
         }
-        self.rgb(*emission);
     }
 
     fn emitter(&mut self, emitter: &Emitter) {
@@ -109,7 +150,12 @@ impl Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bsdf::{Coated, Conductor, Dielectric, RoughDielectric, ThinDielectric};
     use crate::scene::{Mesh, Region};
+
+    fn metal(name: &str, alpha: f32) -> Bsdf {
+        Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
+    }
 
     #[derive(Clone)]
     struct Parts {
@@ -143,7 +189,7 @@ mod tests {
 
     fn parts() -> Parts {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
-        let bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5) };
+        let bsdf = Bsdf::diffuse(Rgb::splat(0.5));
         Parts {
             name: "a",
             mesh: Mesh { name: "m".into(), positions, triangles: vec![[0, 1, 2]], material: 0 },
@@ -158,11 +204,23 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 21] = [
+        let changes: [fn(&mut Parts); 33] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.triangles.push([1, 2, 3]),
-            |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.6) },
+            |p| p.material.bsdf = Bsdf::diffuse(Rgb::splat(0.6)),
+            |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: false },
+            |p| p.material.bsdf = Bsdf::Mirror { reflectance: Rgb::splat(0.5) },
+            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5 }),
+            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric { eta: 1.4 }),
+            |p| p.material.bsdf = Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+            |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.1)),
+            |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2)),
+            |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.5)),
+            |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.4)),
+            |p| p.material.bsdf = metal("gold", 0.1),
+            |p| p.material.bsdf = metal("gold", 0.2),
+            |p| p.material.bsdf = metal("silver", 0.2),
             |p| p.material.emission = Rgb::ZERO,
             |p| p.lights[0] = Emitter::Point { position: Vec3::Y, intensity: 2.0 * Rgb::ONE },
             |p| p.lights[0] = Emitter::Point { position: Vec3::X, intensity: Rgb::ONE },

@@ -6,11 +6,11 @@
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Rgb};
 use crate::scene::obj::{self, ObjFile};
-use crate::scene::scene_file::{self, LightTable, MaterialTable, SceneFile};
+use crate::scene::scene_file::{self, LightTable, SceneFile};
 use crate::scene::text::{self, list};
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Bsdf, Camera, Emitter, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
+    Camera, Emitter, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
 };
 use crate::settings::RenderDefaults;
 use glam::Vec3;
@@ -91,17 +91,16 @@ impl Builder {
     fn material(
         &mut self,
         name: Option<&str>,
-        own: &BTreeMap<String, MaterialTable>,
+        own: &BTreeMap<String, Material>,
         path: &Path,
         obj: &ObjFile,
     ) -> u32 {
         let name = name.unwrap_or("default");
-        let table = own.get(name);
-        let file = table.is_none().then(|| path.to_owned());
+        let own = own.get(name);
+        let file = own.is_none().then(|| path.to_owned());
         *self.material_index.entry((file, name.to_owned())).or_insert_with(|| {
-            let material = match (table, obj.materials.get(name)) {
-                (Some(table), _) => from_table(name, table),
-                (None, Some(material)) => material.clone(),
+            let material = match (own, obj.materials.get(name)) {
+                (Some(material), _) | (None, Some(material)) => material.clone(),
                 (None, None) => {
                     self.undefined.insert(name.to_owned());
                     mtl::grey(name)
@@ -119,7 +118,7 @@ impl Builder {
         obj: &ObjFile,
         transform: &Transform,
         material: Option<&str>,
-        own: &BTreeMap<String, MaterialTable>,
+        own: &BTreeMap<String, Material>,
     ) -> Option<()> {
         for part in &obj.meshes {
             let material = self.material(material.or(part.material.as_deref()), own, path, obj);
@@ -205,19 +204,16 @@ impl Builder {
     }
 }
 
-fn from_table(name: &str, table: &MaterialTable) -> Material {
-    let albedo = table.albedo.map_or(Rgb::splat(mtl::DEFAULT_ALBEDO), |albedo| albedo.0);
-    let bsdf = match table.kind {
-        scene_file::MaterialKind::Lambertian => Bsdf::Lambertian { albedo },
-    };
-    Material { name: name.to_owned(), bsdf, emission: table.emission.map_or(Rgb::ZERO, |e| e.0) }
-}
-
 fn load_toml(path: &Path) -> Result<Loaded> {
     let text = text::read(path)?;
     let file = scene_file::parse(path, &text)?;
     let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
     let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
+    let own = file.materials.iter().map(|(name, table)| {
+        let material = table.material(name).map_err(|(error, offset)| place(error, offset))?;
+        Ok((name.clone(), material))
+    });
+    let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;
 
     let mut builder = Builder::default();
     let mut files: HashMap<PathBuf, ObjFile> = HashMap::new();
@@ -247,7 +243,7 @@ fn load_toml(path: &Path) -> Result<Loaded> {
                 .map_err(|e| place(e, wanted.span().start))?;
         }
         let material = mesh.material.as_ref().map(|name| name.get_ref().as_str());
-        builder.add(&obj_path, obj, &transform, material, &file.materials).ok_or_else(|| {
+        builder.add(&obj_path, obj, &transform, material, &own).ok_or_else(|| {
             let problem = "the transform moves the mesh out of the range of coordinates";
             place(Error::new(problem, "scale or move it less"), table.span().start)
         })?;

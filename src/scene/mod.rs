@@ -6,7 +6,9 @@ mod fingerprint;
 pub mod light;
 pub mod load;
 pub mod material;
+mod material_table;
 mod mtl;
+mod mtl_material;
 mod obj;
 mod scene_file;
 mod text;
@@ -15,9 +17,10 @@ mod transform;
 pub use camera::{Camera, FieldOfView, Optics, View};
 pub use light::{Emission, Emitter, LightSample, Lights};
 pub use load::{Loaded, load};
-pub use material::{Bsdf, BsdfSample, Material};
+pub use material::Material;
 
 use crate::accel::{Hit, Ray, TriangleMesh};
+use crate::bsdf::Vertex;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec3};
@@ -105,12 +108,31 @@ pub struct Surface<'a> {
     pub position: Vec3,
     /// Unit normal on the ray's side.
     pub normal: Vec3,
-    /// The point, moved off the surface to the ray's side: where new rays start.
+    /// The point, moved off the surface to the ray's side: where new rays to that side start.
     pub off_surface: Vec3,
+    /// Unit vector back along the ray.
+    pub wo: Vec3,
     /// Whether the ray's side is the front, which may emit.
     pub front: bool,
     /// What the surface is made of.
     pub material: &'a Material,
+}
+
+impl Surface<'_> {
+    /// What its BSDF needs to know.
+    #[inline]
+    pub fn vertex(&self) -> Vertex {
+        Vertex { normal: self.normal, wo: self.wo, front: self.front }
+    }
+
+    /// Where new rays toward `direction` start: off the surface, on that side.
+    #[inline]
+    pub fn start(&self, direction: Vec3) -> Vec3 {
+        if direction.dot(self.normal) > 0.0 {
+            return self.off_surface;
+        }
+        2.0 * self.position - self.off_surface
+    }
 }
 
 /// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
@@ -229,7 +251,7 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// What `ray` hit.
+    /// What `ray`, of a direction of unit length, hit.
     ///
     /// # Panics
     /// If the ray missed.
@@ -240,8 +262,8 @@ impl Scene {
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
         let position = triangle.point([hit.u, hit.v]);
-        let off_surface = position + normal * triangle.offset;
         let material = &self.materials[triangle.material as usize];
-        Surface { position, normal, off_surface, front, material }
+        let off_surface = position + normal * triangle.offset;
+        Surface { position, normal, off_surface, wo: -ray.direction, front, material }
     }
 }

@@ -1,12 +1,14 @@
-//! Material libraries (MTL): the diffuse color `Kd` and the emission `Ke`.
+//! Material libraries (MTL), record by record.
 //!
 //! Read here and not through `tobj`, which panics when a color has fewer than three numbers and
 //! knows no lines.
 
+use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
+use crate::scene::Material;
+use crate::scene::mtl_material::MtlMaterial;
 use crate::scene::text::{Lines, list, split_keyword};
-use crate::scene::{Bsdf, Material};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
@@ -15,7 +17,7 @@ pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 
 /// A material that only reflects.
 pub(super) fn grey(name: &str) -> Material {
-    let bsdf = Bsdf::Lambertian { albedo: Rgb::splat(DEFAULT_ALBEDO) };
+    let bsdf = Bsdf::diffuse(Rgb::splat(DEFAULT_ALBEDO));
     Material { name: name.to_owned(), bsdf, emission: Rgb::ZERO }
 }
 
@@ -29,14 +31,13 @@ pub(super) fn load(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     let mut lines = Lines::open(path)?;
-    let mut current: Option<Material> = None;
-    let mut textures = BTreeSet::new();
-    let mut transparent = BTreeSet::new();
+    let mut current: Option<MtlMaterial> = None;
+    let mut ignored = Notes::default();
     while lines.advance()? {
         let (keyword, rest) = split_keyword(lines.line());
         if keyword == "newmtl" {
             if let Some(done) = current.take() {
-                materials.insert(done.name.clone(), done);
+                ignored.finish(done, materials);
             }
             if rest.is_empty() {
                 return Err(lines.error("the material has no name", "write a name after `newmtl`"));
@@ -47,10 +48,11 @@ pub(super) fn load(
                     "rename or remove one of the two",
                 ));
             }
-            current = Some(grey(rest));
+            current = Some(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() });
             continue;
         }
-        if !matches!(keyword, "Kd" | "Ke" | "d" | "Tr") && !keyword.starts_with("map_") {
+        let known = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
+        if !known.contains(&keyword) && !keyword.starts_with("map_") {
             continue;
         }
         let Some(material) = &mut current else {
@@ -60,42 +62,89 @@ pub(super) fn load(
             ));
         };
         match keyword {
-            "Kd" => {
-                let color = color(&lines, rest)?;
-                if color.max_element() > 1.0 {
-                    notes.push(format!(
-                        "{}:{}: the diffuse color {color} is above 1 and was clamped",
-                        path.display(),
-                        lines.number()
-                    ));
-                }
-                material.bsdf = Bsdf::Lambertian { albedo: color.min(Rgb::ONE) };
-            }
+            "Kd" => material.diffuse = Some(share(&lines, rest, path, notes)?),
+            "Ks" => material.specular = Some(share(&lines, rest, path, notes)?),
             "Ke" => material.emission = color(&lines, rest)?,
-            "d" if rest.parse::<f32>().is_ok_and(|opacity| opacity < 1.0) => {
-                transparent.insert(material.name.clone());
-            }
-            "Tr" if rest.parse::<f32>().is_ok_and(|transparency| transparency > 0.0) => {
-                transparent.insert(material.name.clone());
-            }
+            "Ns" => material.exponent = Some(number(&lines, rest, 0.0, 1e9)?),
+            "Ni" => material.ior = Some(number(&lines, rest, 0.0, 10.0)?),
+            "Pr" => material.roughness = Some(number(&lines, rest, 0.0, 1.0)?),
+            "Pm" => material.metalness = Some(number(&lines, rest, 0.0, 1.0)?),
+            "d" => material.opacity = Some(number(&lines, rest, 0.0, 1.0)?),
+            "Tr" => material.opacity = Some(1.0 - number(&lines, rest, 0.0, 1.0)?),
+            "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
             "map_Kd" | "map_Ke" | "map_d" => {
-                textures.insert(material.name.clone());
+                ignored.textures.insert(material.name.clone());
             }
             _ => {}
         }
     }
     if let Some(done) = current {
-        materials.insert(done.name.clone(), done);
+        ignored.finish(done, materials);
     }
-    let mut ignored = |names: BTreeSet<String>, what: &str| {
+    for (names, what) in [
+        (ignored.textures, "the textures"),
+        (ignored.highlights, "the highlights (`Ks` with `Kd`)"),
+        (ignored.transparent, "the transparency"),
+    ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
             notes.push(format!("{}: ignored {what} of {names}", path.display()));
         }
-    };
-    ignored(textures, "the textures");
-    ignored(transparent, "the transparency");
+    }
     Ok(())
+}
+
+/// Names of materials of which something was ignored.
+#[derive(Default)]
+struct Notes {
+    textures: BTreeSet<String>,
+    highlights: BTreeSet<String>,
+    transparent: BTreeSet<String>,
+}
+
+impl Notes {
+    /// Adds a material whose records are complete.
+    fn finish(&mut self, records: MtlMaterial, materials: &mut BTreeMap<String, Material>) {
+        let (material, ignored) = records.material();
+        if ignored.highlight {
+            self.highlights.insert(material.name.clone());
+        }
+        if ignored.transparency {
+            self.transparent.insert(material.name.clone());
+        }
+        materials.insert(material.name.clone(), material);
+    }
+}
+
+/// A number within bounds; what follows it is ignored.
+fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
+    let keyword = split_keyword(lines.line()).0;
+    // `d -halo 0.5` of the standard: opacity that depends on the angle, read as if it did not.
+    let text = text.strip_prefix("-halo").unwrap_or(text);
+    let number = text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
+    number.filter(|number| (low..=high).contains(number)).ok_or_else(|| {
+        lines.error(
+            format!("`{keyword}` is no number from {low} to {high}"),
+            format!("write one, such as `{keyword} {}`", if high > 1.0 { "2" } else { "0.5" }),
+        )
+    })
+}
+
+/// A color of at most 1; more is cut with a note.
+fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<String>) -> Result<Rgb> {
+    let color = color(lines, text)?;
+    if color.max_element() > 1.0 {
+        let what = match split_keyword(lines.line()).0 {
+            "Ks" => "specular",
+            _ => "diffuse",
+        };
+        notes.push(format!(
+            "{}:{}: the {what} color {color} is above 1 and was clamped",
+            path.display(),
+            lines.number()
+        ));
+    }
+    Ok(color.min(Rgb::ONE))
 }
 
 /// Three numbers, or one for all channels.

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use crate::scene::camera_table::CameraTable;
+use crate::scene::material_table::MaterialTable;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::settings::{ADVICE, RenderDefaults, as_serde};
 use glam::{DVec3, Vec3};
@@ -71,24 +72,6 @@ impl MeshTable {
         };
         Ok(transform.flipped(self.flip))
     }
-}
-
-/// `[materials.NAME]`
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct MaterialTable {
-    #[serde(default, rename = "type")]
-    pub kind: MaterialKind,
-    pub albedo: Option<Albedo>,
-    pub emission: Option<Power>,
-}
-
-/// The materials there are.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum MaterialKind {
-    #[default]
-    Lambertian,
 }
 
 /// `[[light]]`

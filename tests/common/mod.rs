@@ -2,9 +2,10 @@
 #![allow(dead_code)] // each test binary uses its own part
 
 use bdpm::accel::Intersect;
+use bdpm::bsdf::Bsdf;
 use bdpm::film::luminance;
 use bdpm::noise::Measure;
-use bdpm::scene::{Bsdf, Camera, Emitter, FieldOfView, Material, Mesh};
+use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Direct, Roulette};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
@@ -13,7 +14,7 @@ use std::collections::HashMap;
 /// A Lambertian material that may emit, both gray.
 pub fn gray(albedo: f32, emission: f32) -> Material {
     let albedo = Vec3::splat(albedo);
-    let bsdf = Bsdf::Lambertian { albedo };
+    let bsdf = Bsdf::diffuse(albedo);
     Material { name: "gray".into(), bsdf, emission: Vec3::splat(emission) }
 }
 

@@ -1,0 +1,91 @@
+//! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
+
+use super::{BsdfSample, Lobe, Wanted, fresnel, mirrored};
+use crate::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::rng::Rng;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// A diffuse base under a coat, on both sides of the surface. The coat mirrors (a delta lobe); what
+/// enters, `T = 1 - F`, is reflected by the base `n` times, `n >= 1`, and by the coat's inside in
+/// between: `f = T(wo) T(wi) / eta^2 * albedo / (pi (1 - albedo F_in))`. Lossless for a white base.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coated {
+    albedo: Rgb,
+    eta: f32,
+    /// The value over the two transmittances, 1/sr.
+    base: Rgb,
+    /// Mean transmittance of diffuse light from outside.
+    mean_transmittance: f32,
+}
+
+impl Coated {
+    /// A base that reflects `albedo` under a coat of refractive index `eta` over its surroundings.
+    pub fn new(albedo: Rgb, eta: f32) -> Self {
+        let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
+        // What passes the interface is in balance: (1 - F_in) eta^2 = 1 - F_out.
+        let mean_transmittance = 1.0 - outside;
+        let inside = 1.0 - mean_transmittance / (eta * eta);
+        let base = albedo * FRAC_1_PI / (eta * eta * (Rgb::ONE - albedo * inside));
+        Self { albedo, eta, base, mean_transmittance }
+    }
+
+    /// The same coat over another base.
+    #[must_use]
+    pub fn with_albedo(&self, albedo: Rgb) -> Self {
+        let inside = 1.0 - self.mean_transmittance / (self.eta * self.eta);
+        let base = albedo * FRAC_1_PI / (self.eta * self.eta * (Rgb::ONE - albedo * inside));
+        Self { albedo, base, ..*self }
+    }
+
+    /// Albedo of the base.
+    pub fn albedo(&self) -> Rgb {
+        self.albedo
+    }
+
+    /// Refractive index of the coat over that of its surroundings.
+    pub fn eta(&self) -> f32 {
+        self.eta
+    }
+
+    fn reflected(&self, cos: f32) -> f32 {
+        fresnel::dielectric(cos, self.eta).0
+    }
+
+    /// Share of the light from the cosine `cos` that the base sends off.
+    fn diffuse_albedo(&self, cos: f32) -> Rgb {
+        let scale = (1.0 - self.reflected(cos)) * self.mean_transmittance;
+        self.base * (std::f32::consts::PI * scale)
+    }
+
+    /// Probability of the mirror lobe among both.
+    fn mirror_prob(&self, wo: Vec3) -> f32 {
+        let mirrored = self.reflected(wo.z);
+        mirrored / (mirrored + self.diffuse_albedo(wo.z).max_element())
+    }
+
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if wi.z <= 0.0 {
+            return Rgb::ZERO;
+        }
+        self.base * ((1.0 - self.reflected(wo.z)) * (1.0 - self.reflected(wi.z)))
+    }
+
+    pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
+        (1.0 - self.mirror_prob(wo)) * cosine_hemisphere_pdf_w(wi.z)
+    }
+
+    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> BsdfSample {
+        let reflected = self.reflected(wo.z);
+        if wanted == Wanted::PassThrough {
+            return mirrored(wo, Rgb::splat(reflected));
+        }
+        let prob = self.mirror_prob(wo);
+        if rng.next_1d() < prob {
+            return mirrored(wo, Rgb::splat(reflected / prob));
+        }
+        let wi = cosine_hemisphere(Vec3::Z, rng.next_2d());
+        let weight = self.eval(wo, wi) * (std::f32::consts::PI / (1.0 - prob));
+        BsdfSample { wi, weight, lobe: Lobe::Diffuse }
+    }
+}

@@ -1,0 +1,132 @@
+//! Metals: smooth, or rough by GGX with the light of multiple scattering added.
+
+use super::ggx::{Ggx, reflect};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, fresnel, mirrored};
+use crate::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::rng::Rng;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// How much a metal reflects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reflectance {
+    /// By measured complex refractive index, relative to the medium in front.
+    Measured {
+        /// Real part.
+        eta: Rgb,
+        /// Imaginary part.
+        k: Rgb,
+    },
+    /// By its color at normal incidence; white at grazing (Schlick 1994).
+    Artist {
+        /// Reflectance at normal incidence, in [0, 1].
+        normal: Rgb,
+    },
+}
+
+impl Reflectance {
+    /// Metals that are known by name.
+    pub const NAMES: [&str; 4] = ["aluminum", "copper", "gold", "silver"];
+
+    /// The metal called `name`: index at wavelengths of about 650, 550 and 450 nm, from the tables
+    /// of Johnson and Christy 1972 (copper, gold, silver) and Rakic 1995 (aluminum).
+    pub fn named(name: &str) -> Option<Self> {
+        let measured = |eta: [f32; 3], k: [f32; 3]| Self::Measured { eta: eta.into(), k: k.into() };
+        Some(match name {
+            "aluminum" => measured([1.50, 0.96, 0.62], [7.80, 6.70, 5.50]),
+            "copper" => measured([0.22, 1.02, 1.24], [3.75, 2.58, 2.40]),
+            "gold" => measured([0.14, 0.43, 1.38], [3.70, 2.46, 1.91]),
+            "silver" => measured([0.05, 0.06, 0.04], [4.48, 3.59, 2.66]),
+            _ => return None,
+        })
+    }
+
+    #[inline]
+    fn at(&self, cos: f32) -> Rgb {
+        match *self {
+            Self::Measured { eta, k } => fresnel::conductor(cos, eta, k),
+            Self::Artist { normal } => fresnel::schlick(cos, normal),
+        }
+    }
+}
+
+/// A metal. Its rough lobe is reciprocal and, where it reflects all light, lossless: what single
+/// scattering between facets loses comes back as a wide lobe (Kulla and Conty 2017).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conductor {
+    reflectance: Reflectance,
+    facets: Ggx,
+    /// Share of the lost light that leaves in the end, over pi and the mean loss, 1/sr.
+    multiple: Rgb,
+}
+
+impl Conductor {
+    /// A metal of GGX width `alpha` in [0, 1]; below [`SMOOTH_ALPHA`] a perfect surface.
+    pub fn new(reflectance: Reflectance, alpha: f32) -> Self {
+        let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
+        let once = facets.mean_single_albedo();
+        let mean = fresnel::diffuse_mean(|cos| reflectance.at(cos));
+        // Of the light that does not get away at once, the share `once` does each time.
+        let share = mean * mean * once / (Rgb::ONE - mean * (1.0 - once));
+        let multiple = share * FRAC_1_PI / (1.0 - once).max(1e-6);
+        Self { reflectance, facets, multiple }
+    }
+
+    /// How much it reflects.
+    pub fn reflectance(&self) -> Reflectance {
+        self.reflectance
+    }
+
+    /// GGX width; 0 if it is smooth.
+    pub fn alpha(&self) -> f32 {
+        self.facets.alpha
+    }
+
+    #[inline]
+    pub(super) fn spread(&self) -> Option<Lobe> {
+        match self.facets.alpha {
+            0.0 => None,
+            alpha if alpha < DIFFUSE_ALPHA => Some(Lobe::Rough),
+            _ => Some(Lobe::Diffuse),
+        }
+    }
+
+    /// What single scattering loses of light at the cosine `cos`.
+    #[inline]
+    fn loss(&self, cos: f32) -> f32 {
+        (1.0 - self.facets.single_albedo(cos)).max(0.0)
+    }
+
+    pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if wi.z <= 0.0 || self.spread().is_none() {
+            return Rgb::ZERO;
+        }
+        let m = (wo + wi).normalize();
+        let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
+        self.reflectance.at(wo.dot(m)) * once + self.multiple * (self.loss(wo.z) * self.loss(wi.z))
+    }
+
+    pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if wi.z <= 0.0 || self.spread().is_none() {
+            return 0.0;
+        }
+        let m = (wo + wi).normalize();
+        // Jacobian of the mirror: 1/(4 wo.m), which cancels in the density of visible normals.
+        let once = self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z);
+        let again = self.loss(wo.z);
+        (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
+    }
+
+    pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
+        let Some(lobe) = self.spread() else {
+            return Some(mirrored(wo, self.reflectance.at(wo.z)));
+        };
+        let wi = if rng.next_1d() < self.loss(wo.z) {
+            cosine_hemisphere(Vec3::Z, rng.next_2d())
+        } else {
+            reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
+        };
+        let pdf = self.pdf_w(wo, wi);
+        (pdf > 0.0).then(|| BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), lobe })
+    }
+}

@@ -1,0 +1,234 @@
+//! The GGX distribution of microfacet normals, isotropic, with the heights of neighbors correlated,
+//! and the energy that its single-scattering model loses.
+//!
+//! Directions are local: the surface's normal is z. Walter et al. 2007 (distribution), Heitz 2014
+//! (masking), Dupuy and Benyoub 2023 (sampling), Kulla and Conty 2017 (energy).
+
+use glam::Vec3;
+use std::f32::consts::{PI, TAU};
+use std::sync::LazyLock;
+
+/// Microfacets of slope deviation `alpha / sqrt(2)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ggx {
+    /// Width, above 0 up to 1.
+    pub alpha: f32,
+}
+
+impl Ggx {
+    /// Density of normals `m` over the surface, 1/sr.
+    #[inline]
+    pub fn d(&self, m: Vec3) -> f32 {
+        let alpha2 = self.alpha * self.alpha;
+        // cos^2 (1 + tan^2/alpha^2), without the cancellation of 1 - cos^2 near the normal.
+        let stretched = (m.x * m.x + m.y * m.y) / alpha2 + m.z * m.z;
+        (PI * alpha2 * stretched * stretched).recip()
+    }
+
+    /// Smith's Lambda: the hidden over the visible share of facets that look toward `w`.
+    #[inline]
+    fn lambda(&self, w: Vec3) -> f32 {
+        let tan2 = (w.x * w.x + w.y * w.y) / (w.z * w.z);
+        0.5 * ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0)
+    }
+
+    /// Share of the facets that is visible from `w`.
+    #[inline]
+    pub fn g1(&self, w: Vec3) -> f32 {
+        (1.0 + self.lambda(w)).recip()
+    }
+
+    /// Share of the facets that is visible from both directions.
+    #[inline]
+    pub fn g2(&self, wo: Vec3, wi: Vec3) -> f32 {
+        (1.0 + self.lambda(wo) + self.lambda(wi)).recip()
+    }
+
+    /// Density of [`Self::sample_visible`], 1/sr: the normals as `wo` sees them.
+    #[inline]
+    pub fn visible_pdf_w(&self, wo: Vec3, m: Vec3) -> f32 {
+        self.g1(wo) * wo.dot(m).max(0.0) * self.d(m) / wo.z
+    }
+
+    /// A normal as seen from `wo`: of the hemisphere that the surface becomes when it is squeezed
+    /// by `alpha`, mirrored directions of a beam fill a spherical cap uniformly.
+    #[inline]
+    pub fn sample_visible(&self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+        let squeeze = |w: Vec3| Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize();
+        let beam = squeeze(wo);
+        let z = (1.0 - u) * (1.0 + beam.z) - beam.z;
+        let ring = (1.0 - z * z).max(0.0).sqrt();
+        let (sin, cos) = (TAU * v).sin_cos();
+        squeeze(Vec3::new(ring * cos, ring * sin, z) + beam)
+    }
+
+    /// Share of the light from `w` of cosine `cos` that perfectly reflecting facets send off after
+    /// one reflection, from a table.
+    #[inline]
+    pub fn single_albedo(&self, cos: f32) -> f32 {
+        TABLE.albedo(self.alpha, cos)
+    }
+
+    /// The mean of [`Self::single_albedo`] under diffuse light.
+    pub fn mean_single_albedo(&self) -> f32 {
+        TABLE.mean(self.alpha)
+    }
+
+    /// [`Self::single_albedo`] by integration over the visible normals, midpoints of `n` times `n`;
+    /// closer at the flat ones, `u -> 1`, where narrow lobes lose all that they lose.
+    fn integrate_single_albedo(&self, cos: f32, n: u16) -> f32 {
+        let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
+        let midpoint = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
+        let mut sum = 0.0;
+        for i in 0..n {
+            let t = midpoint(i);
+            for j in 0..n {
+                let m = self.sample_visible(wo, [1.0 - t * t, midpoint(j)]);
+                let wi = reflect(wo, m);
+                if wi.z > 0.0 {
+                    sum += f64::from(2.0 * t * self.g2(wo, wi) / self.g1(wo));
+                }
+            }
+        }
+        (sum / (f64::from(n) * f64::from(n))) as f32
+    }
+}
+
+/// The mirror image of `w` in the facet of normal `m`.
+#[inline]
+pub fn reflect(w: Vec3, m: Vec3) -> Vec3 {
+    2.0 * w.dot(m) * m - w
+}
+
+/// Nodes of the table along each axis.
+const NODES: usize = 33;
+
+/// Albedos over cosine and width; linear in between.
+struct Table {
+    /// Rows of `alpha = (row / 32)^2`, along them `cos = (column / 32)^2`: narrow lobes change most,
+    /// and near the horizon.
+    albedo: Vec<[f32; NODES]>,
+    mean: [f32; NODES],
+}
+
+static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
+
+impl Table {
+    fn new() -> Self {
+        let last = (NODES - 1) as f32;
+        let row = |row: usize| -> [f32; NODES] {
+            let ggx = Ggx { alpha: (row as f32 / last).powi(2) };
+            std::array::from_fn(|column| match (row, column) {
+                (0, _) => 1.0, // smooth
+                (_, 0) => ggx.integrate_single_albedo(1e-4, 48),
+                _ => ggx.integrate_single_albedo((column as f32 / last).powi(2), 48),
+            })
+        };
+        let mut table = Self { albedo: (0..NODES).map(row).collect(), mean: [0.0; NODES] };
+        table.mean = std::array::from_fn(|row| {
+            let alpha = (row as f32 / last).powi(2);
+            super::fresnel::diffuse_mean(|cos| glam::Vec3::splat(table.albedo(alpha, cos))).x
+        });
+        table
+    }
+
+    #[inline]
+    fn albedo(&self, alpha: f32, cos: f32) -> f32 {
+        let (row, a) = node(alpha);
+        let (column, b) = node(cos);
+        let along = |row: &[f32; NODES]| row[column] + b * (row[column + 1] - row[column]);
+        let (low, high) = (along(&self.albedo[row]), along(&self.albedo[row + 1]));
+        low + a * (high - low)
+    }
+
+    fn mean(&self, alpha: f32) -> f32 {
+        let (row, a) = node(alpha);
+        self.mean[row] + a * (self.mean[row + 1] - self.mean[row])
+    }
+}
+
+/// Node at or below `x` and the place between it and the next.
+#[inline]
+fn node(x: f32) -> (usize, f32) {
+    let place = x.clamp(0.0, 1.0).sqrt() * (NODES - 1) as f32;
+    let low = (place as usize).min(NODES - 2);
+    (low, place - low as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::uniform_sphere;
+    use crate::rng::{Rng, Stream, StreamKey};
+
+    fn rng(seed: u64) -> Rng {
+        StreamKey::new(seed, Stream::Test, 0).rng(0)
+    }
+
+    #[test]
+    fn facets_cover_the_surface_and_its_projection() {
+        // integral D (m.n) dm = 1 and integral G1 max(0, w.m) D dm = w.n, over slopes: those of the
+        // facets, tan = alpha sqrt(u / (1 - u)), have the density 1/(pi alpha^2 (1 + u/(1-u))^2).
+        for alpha in [0.1, 0.3, 1.0] {
+            let ggx = Ggx { alpha };
+            for w in [Vec3::Z, Vec3::new(0.8, 0.0, 0.6), Vec3::new(0.0, 0.995, 0.0998)] {
+                let w = w.normalize();
+                let n = 300;
+                let (mut area, mut projected) = (0.0, 0.0);
+                for i in 0..n {
+                    let u = (i as f32 + 0.5) / n as f32;
+                    let tan = alpha * (u / (1.0 - u)).sqrt();
+                    let slopes = (1.0 - u).powi(2) / (PI * alpha * alpha);
+                    for j in 0..n {
+                        let (y, x) = (TAU * (j as f32 + 0.5) / n as f32).sin_cos();
+                        let m = Vec3::new(tan * x, tan * y, 1.0).normalize();
+                        // dm = cos^3 d(slopes)
+                        let weight = ggx.d(m) * m.z.powi(3) / slopes / (n * n) as f32;
+                        area += m.z * weight;
+                        projected += ggx.g1(w) * w.dot(m).max(0.0) * weight;
+                    }
+                }
+                assert!((area - 1.0).abs() < 1e-3, "{alpha}: {area}");
+                assert!((projected / w.z - 1.0).abs() < 0.03, "{alpha} {w}: {projected}");
+            }
+        }
+    }
+
+    #[test]
+    fn visible_normals_come_as_often_as_their_density_says() {
+        // Means of 1/pdf over a cap of normals give its solid angle.
+        let mut rng = rng(1);
+        for alpha in [0.05, 0.4, 1.0] {
+            let ggx = Ggx { alpha };
+            let wo = Vec3::new(0.3, -0.2, 0.8).normalize();
+            let cap = 1.0 - 0.5 * alpha.min(0.6); // cosine of its edge
+            let expected = f64::from(TAU) * f64::from(1.0 - cap);
+            let n = 200_000;
+            let (mut sum, mut square) = (0.0, 0.0);
+            for _ in 0..n {
+                let m = ggx.sample_visible(wo, rng.next_2d());
+                let x = if m.z > cap { 1.0 / f64::from(ggx.visible_pdf_w(wo, m)) } else { 0.0 };
+                sum += x / f64::from(n);
+                square += x * x / f64::from(n);
+            }
+            let error = ((square - sum * sum) / f64::from(n)).sqrt();
+            assert!((sum - expected).abs() < 4.0 * error, "{alpha}: {sum} +- {error} {expected}");
+            assert!(error < 0.05 * expected, "{alpha}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_table_of_albedos_is_what_integration_gives() {
+        let mut rng = rng(2);
+        for _ in 0..200 {
+            let ggx = Ggx { alpha: 0.02 + 0.98 * rng.next_1d() };
+            let cos = uniform_sphere(rng.next_2d()).z.abs().max(0.01);
+            let fine = ggx.integrate_single_albedo(cos, 200);
+            let table = ggx.single_albedo(cos);
+            assert!((table - fine).abs() < 4e-3, "{ggx:?} {cos}: {table}, not {fine}");
+        }
+        // Narrow lobes lose nothing, wide ones much.
+        assert!(Ggx { alpha: 0.01 }.mean_single_albedo() > 0.999);
+        assert!(Ggx { alpha: 1.0 }.mean_single_albedo() < 0.7);
+    }
+}

@@ -1,0 +1,265 @@
+//! Scattering at surfaces: the closed set of BSDFs.
+//!
+//! Directions are unit vectors that point away from the surface. Photon mapping asks one more
+//! question than path tracing: what does a path do at a vertex, *merge* or *pass through*? The
+//! answer belongs to the lobe ([`Lobe`]), not to the surface: a coat over a diffuse base has both.
+
+mod coated;
+mod conductor;
+mod dielectric;
+pub mod fresnel;
+pub mod ggx;
+mod rough_dielectric;
+
+pub use coated::Coated;
+pub use conductor::{Conductor, Reflectance};
+pub use dielectric::{Dielectric, ThinDielectric};
+pub use rough_dielectric::RoughDielectric;
+
+use crate::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::rng::Rng;
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// GGX widths from here on merge and connect as diffuse surfaces do. Narrower lobes pass through:
+/// within them a merged or connected direction would seldom carry any light.
+pub const DIFFUSE_ALPHA: f32 = 0.3;
+
+/// GGX widths below are perfectly smooth.
+pub const SMOOTH_ALPHA: f32 = 1e-3;
+
+/// What a path does where this lobe scatters it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lobe {
+    /// Wide: a numbered vertex, at which photons are merged and lights connected.
+    Diffuse,
+    /// Narrow, of finite density: passed through, but lights that cannot be hit are connected.
+    Rough,
+    /// A single direction: passed through.
+    Delta,
+}
+
+impl Lobe {
+    /// Whether vertices of this lobe are not numbered.
+    #[inline]
+    pub fn passes_through(self) -> bool {
+        self != Self::Diffuse
+    }
+}
+
+/// What a path carries. Radiance changes with the square of the refractive index, flux does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// Camera paths: `wo` points back along the path, and light comes from the sampled direction.
+    Radiance,
+    /// Light paths: light comes from `wo`, and leaves along the sampled direction.
+    Flux,
+}
+
+/// Where and from where a surface is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Vertex {
+    /// Unit normal on the side of `wo`.
+    pub normal: Vec3,
+    /// Back along the path.
+    pub wo: Vec3,
+    /// Whether that side is the front.
+    pub front: bool,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// Sampled direction.
+    pub wi: Vec3,
+    /// `f |cos(theta)| / pdf_w`, of a delta lobe its limit.
+    pub weight: Rgb,
+    /// The lobe that it was sampled from.
+    pub lobe: Lobe,
+}
+
+/// Which lobes to sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// All.
+    All,
+    /// Those that pass through.
+    PassThrough,
+}
+
+/// A bidirectional scattering distribution function.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bsdf {
+    /// Ideal diffuse reflection.
+    Lambertian {
+        /// Reflected share of the incident flux, in [0, 1].
+        albedo: Rgb,
+        /// Whether the back reflects as well; else it is black.
+        two_sided: bool,
+    },
+    /// A perfect mirror on both sides.
+    Mirror {
+        /// Reflected share of the incident flux, in [0, 1].
+        reflectance: Rgb,
+    },
+    /// A smooth interface between two dielectrics.
+    Dielectric(Dielectric),
+    /// A smooth sheet, thin against everything else in the scene.
+    ThinDielectric(ThinDielectric),
+    /// A metal, smooth or rough.
+    Conductor(Conductor),
+    /// A rough interface between two dielectrics.
+    RoughDielectric(RoughDielectric),
+    /// A diffuse base under a smooth dielectric coat.
+    Coated(Coated),
+}
+
+impl Bsdf {
+    /// Reflects the share `albedo` diffusely from both sides.
+    pub const fn diffuse(albedo: Rgb) -> Self {
+        Self::Lambertian { albedo, two_sided: true }
+    }
+
+    /// The lobe that [`Self::eval`] belongs to; `None` if all lobes are single directions.
+    #[inline]
+    pub fn spread(&self) -> Option<Lobe> {
+        match self {
+            Self::Lambertian { .. } | Self::Coated(_) => Some(Lobe::Diffuse),
+            Self::Conductor(conductor) => conductor.spread(),
+            Self::RoughDielectric(_) => Some(Lobe::Rough),
+            Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => None,
+        }
+    }
+
+    /// Whether any lobe is diffuse.
+    #[inline]
+    pub fn merges(&self) -> bool {
+        self.spread() == Some(Lobe::Diffuse)
+    }
+
+    /// Whether any lobe passes through.
+    #[inline]
+    pub fn passes_through(&self) -> bool {
+        matches!(self, Self::Coated(_)) || !self.merges()
+    }
+
+    /// The value toward `wo` on the front or the back if it is the same for all `wi`, 1/sr.
+    #[inline]
+    pub fn constant(&self, front: bool) -> Option<Rgb> {
+        match *self {
+            Self::Lambertian { albedo, two_sided } => {
+                Some(if front || two_sided { albedo * FRAC_1_PI } else { Rgb::ZERO })
+            }
+            _ => None,
+        }
+    }
+
+    /// The value of all lobes that are no single direction, 1/sr, for light that arrives from `wi`
+    /// and leaves toward `wo` ([`Transport::Radiance`]).
+    #[inline]
+    pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
+        if let Some(value) = self.constant(at.front) {
+            return if wi.dot(at.normal) > 0.0 { value } else { Rgb::ZERO };
+        }
+        self.eval_locally(at, wi)
+    }
+
+    /// [`Self::eval`] of what is not Lambertian, in the frame of the normal.
+    #[inline(never)] // keeps the loops over diffuse vertices short
+    fn eval_locally(&self, at: &Vertex, wi: Vec3) -> Rgb {
+        let frame = Frame::new(at.normal);
+        let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
+        if wo.z <= 0.0 {
+            return Rgb::ZERO;
+        }
+        match self {
+            Self::Conductor(conductor) => conductor.eval(wo, wi),
+            Self::RoughDielectric(interface) => interface.eval(wo, wi, at.front),
+            Self::Coated(coated) => coated.eval(wo, wi),
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes that are no single
+    /// direction; less than 1 in all if there are others.
+    pub fn pdf_w(&self, at: &Vertex, wi: Vec3) -> f32 {
+        let frame = Frame::new(at.normal);
+        let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
+        if wo.z <= 0.0 {
+            return 0.0;
+        }
+        match self {
+            Self::Lambertian { two_sided, .. } if at.front || *two_sided => {
+                cosine_hemisphere_pdf_w(wi.z)
+            }
+            Self::Conductor(conductor) => conductor.pdf_w(wo, wi),
+            Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
+            Self::Coated(coated) => coated.pdf_w(wo, wi),
+            _ => 0.0,
+        }
+    }
+
+    /// Samples the direction of the next segment; `None` where all is absorbed.
+    #[inline]
+    pub fn sample(
+        &self,
+        at: &Vertex,
+        transport: Transport,
+        wanted: Wanted,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        if let Self::Lambertian { albedo, two_sided } = *self {
+            let sampled = wanted == Wanted::All && (at.front || two_sided);
+            return sampled.then(|| {
+                let wi = cosine_hemisphere(at.normal, rng.next_2d());
+                BsdfSample { wi, weight: albedo, lobe: Lobe::Diffuse }
+            });
+        }
+        self.sample_locally(at, transport, wanted, rng)
+    }
+
+    /// [`Self::sample`] of what is not Lambertian, in the frame of the normal.
+    #[inline(never)] // as above
+    fn sample_locally(
+        &self,
+        at: &Vertex,
+        transport: Transport,
+        wanted: Wanted,
+        rng: &mut Rng,
+    ) -> Option<BsdfSample> {
+        if wanted == Wanted::PassThrough && !self.passes_through() {
+            return None;
+        }
+        let frame = Frame::new(at.normal);
+        let wo = frame.to_local(at.wo);
+        if wo.z <= 0.0 {
+            return None;
+        }
+        let sample = match self {
+            Self::Lambertian { .. } => None,
+            Self::Mirror { reflectance } => Some(mirrored(wo, *reflectance)),
+            Self::Dielectric(interface) => Some(interface.sample(wo, at.front, transport, rng)),
+            Self::ThinDielectric(sheet) => Some(sheet.sample(wo, rng)),
+            Self::Conductor(conductor) => conductor.sample(wo, rng),
+            Self::RoughDielectric(interface) => interface.sample(wo, at.front, transport, rng),
+            Self::Coated(coated) => Some(coated.sample(wo, wanted, rng)),
+        }?;
+        Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
+    }
+
+    /// An upper bound of the share of the incident flux that is scattered, per channel; of
+    /// Lambertian surfaces and mirrors the share itself.
+    #[inline]
+    pub fn albedo(&self) -> Rgb {
+        match self {
+            Self::Lambertian { albedo, .. } => *albedo,
+            Self::Mirror { reflectance } => *reflectance,
+            _ => Rgb::ONE,
+        }
+    }
+}
+
+/// The reflection of the local direction `wo` in the surface.
+fn mirrored(wo: Vec3, weight: Rgb) -> BsdfSample {
+    BsdfSample { wi: Vec3::new(-wo.x, -wo.y, wo.z), weight, lobe: Lobe::Delta }
+}
