@@ -22,6 +22,7 @@ pub mod photon_map;
 pub mod plan;
 mod pool;
 pub mod published;
+pub mod reference;
 pub mod render;
 pub mod reproduce;
 pub mod rng;

@@ -12,6 +12,8 @@ pub enum Stream {
     CameraPath = 2,
     /// For tests and benches.
     Test = 3,
+    /// One stream per pixel of the reference path tracer.
+    Reference = 4,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

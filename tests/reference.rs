@@ -1,0 +1,145 @@
+//! The renderer against the path tracer, which shares nothing of the transport with it: the same
+//! images within noise, after the merge bias has been taken out by two radii.
+
+mod common;
+
+use bdpm::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+};
+use bdpm::film::Film;
+use bdpm::film::luminance;
+use bdpm::noise::Measure;
+use bdpm::reference::PathTracer;
+use bdpm::scene::{Material, Scene};
+use bdpm::settings::{Direct, Settings};
+use bdpm::{Renderer, math::Rgb};
+use common::*;
+use glam::Vec3;
+
+const SIDE: u32 = 12;
+
+/// Means and variances of the means, by pixel, luminance.
+struct Pixels {
+    mean: Vec<f64>,
+    variance: Vec<f64>,
+}
+
+impl Pixels {
+    fn new(film: &Film) -> Self {
+        let mut mean = vec![0.0; film.pixels()];
+        film.for_each_pixel(|x, y, sums| {
+            mean[film.index(x, y)] = luminance(sums.radiance) / film.iterations as f64;
+        });
+        Self { mean, variance: film.variance_of_mean().unwrap() }
+    }
+
+    /// `2 a - b`: without the bias that falls as the squared radius.
+    fn extrapolated(small: &Self, large: &Self) -> Self {
+        let both = |of: fn(f64, f64) -> f64, a: &[f64], b: &[f64]| {
+            a.iter().zip(b).map(|(&a, &b)| of(a, b)).collect()
+        };
+        Self {
+            mean: both(|a, b| 2.0 * a - b, &small.mean, &large.mean),
+            variance: both(|a, b| 4.0 * a + b, &small.variance, &large.variance),
+        }
+    }
+}
+
+fn reference(scene: &Scene, paths: u32) -> Pixels {
+    let accel = accel(scene);
+    let settings = settings(SIDE, SIDE);
+    let mut tracer = PathTracer::new(scene, &*accel, &settings);
+    (0..64).for_each(|_| tracer.iterate(paths / 64));
+    Pixels::new(tracer.film())
+}
+
+fn render(scene: &Scene, settings: Settings, iterations: u64) -> Pixels {
+    let accel = accel(scene);
+    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    for _ in 0..iterations {
+        assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
+    }
+    Pixels::new(renderer.film())
+}
+
+/// Strategies against the path tracer: each pixel, and the whole image.
+fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
+    let expected = reference(scene, 16_384);
+    let radius = 0.04;
+    for &(direct, merge_vertex) in strategies {
+        let at = |radius: f32, seed: u64| {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 40_000,
+                camera_paths: 16,
+                radius,
+                seed,
+                ..settings(SIDE, SIDE)
+            };
+            render(scene, settings, 60)
+        };
+        let found = Pixels::extrapolated(&at(radius * 0.5f32.sqrt(), 3), &at(radius, 4));
+        let count = found.mean.len() as f64;
+        let (mut difference, mut variance, mut total, mut z2) = (0.0, 0.0, 0.0, 0.0);
+        for i in 0..found.mean.len() {
+            let own = found.variance[i] + expected.variance[i];
+            let off = found.mean[i] - expected.mean[i];
+            // What is left of the bias at edges of light and objects.
+            let allowed = 0.02 * expected.mean[i];
+            z2 += (off.abs() - allowed).max(0.0).powi(2) / own / count;
+            difference += off;
+            variance += own;
+            total += expected.mean[i];
+        }
+        let (off, error) = (difference / total, variance.sqrt() / total);
+        println!("{name} {direct:?} k = {merge_vertex}: {off:.5} +- {error:.5}, z^2 {z2:.2}");
+        assert!(error < 0.008, "{name} {direct:?} {merge_vertex}: {error}");
+        // Along edges the kernel loses area in proportion to the radius, which two radii do not
+        // take out: about 0.2 (sqrt(2) - 1) times the share of the surfaces within a radius.
+        assert!(off.abs() < 4.0 * error + 5e-3, "{name} {direct:?} {merge_vertex}: {off}");
+        // Heavy tails: 144 squares of about 1 scatter by more than their 0.12.
+        assert!(z2 < 2.0, "{name} {direct:?} {merge_vertex}: {z2}");
+    }
+}
+
+fn material(bsdf: Bsdf) -> Material {
+    Material { name: "some".into(), bsdf, emission: Rgb::ZERO }
+}
+
+/// A box with a panel above and a ball of some material in the middle.
+fn with_ball(bsdf: Bsdf) -> Scene {
+    let mut meshes = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+    }
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.99), -Vec3::Z, 0.5, 1));
+    meshes.push(sphere(Vec3::new(0.1, 0.1, -0.35), 0.45, 4, false, 2));
+    let materials = vec![gray(0.5, 0.0), gray(0.0, 4.0), material(bsdf)];
+    let camera = camera(Vec3::new(-0.9, -0.85, 0.4), Vec3::new(0.2, 0.2, -0.4), 75.0);
+    scene(meshes, materials, vec![], camera)
+}
+
+#[test]
+fn diffuse_surfaces_under_a_point_and_a_panel() {
+    use Direct::{Connect, PhotonMap};
+    let all = [(Connect, 1), (Connect, 2), (PhotonMap, 1), (PhotonMap, 2)];
+    assert_same("box", &furnished_box(), &all);
+}
+
+#[test]
+fn a_ball_of_each_material_under_a_panel() {
+    let white = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
+    for (name, bsdf) in [
+        ("glass", Bsdf::Dielectric(Dielectric { eta: 1.5 })),
+        ("sheet", Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 })),
+        ("mirror", Bsdf::Mirror { reflectance: Vec3::splat(0.9) }),
+        ("rough metal", Bsdf::Conductor(Conductor::new(white, 0.15))),
+        ("rougher metal", Bsdf::Conductor(Conductor::new(white, 0.5))),
+        ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),
+        ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
+    ] {
+        assert_same(name, &with_ball(bsdf), &[(Direct::Connect, 2), (Direct::PhotonMap, 1)]);
+    }
+}
