@@ -264,8 +264,8 @@ impl CameraPaths {
         let light = if merges && pass.settings.direct == Direct::Connect {
             lights.connect(surface.position, &mut walk.rng)
         } else if bsdf.spread() == Some(Lobe::Rough) && walk.vertices == 0 {
-            // Points cannot be hit; after a diffuse vertex photons carry such paths.
-            lights.connect_point(surface.position, &mut walk.rng)
+            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
+            lights.connect_delta(surface.position, &mut walk.rng)
         } else {
             None
         };

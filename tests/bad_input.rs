@@ -208,8 +208,8 @@ fn unknown_keys_and_values() {
     ]);
     changed("[[mesh]]", "[[meshes]]").refused(&["s.toml:6: unknown key `meshes`", "`mesh`"]);
     changed("target", "targets").refused(&["s.toml:3: unknown key `targets`", "`target`"]);
-    changed("intensity", "power").refused(&["unknown key `power`", "`intensity`"]);
-    changed("\"point\"", "\"spot\"").refused(&["unknown value `spot`", "use `point`"]);
+    changed("intensity", "watts").refused(&["unknown key `watts`", "`intensity`"]);
+    changed("\"point\"", "\"lamp\"").refused(&["unknown value `lamp`", "`point`", "`spot`"]);
     toml(&format!("{SCENE}[render]\nradiu = 1\n"))
         .refused(&["s.toml:14: unknown key `radiu`", "`radius`"]);
     toml(&format!("{SCENE}[render]\ndirect = \"x\"\n"))
@@ -226,7 +226,7 @@ fn missing_keys() {
     toml("").refused(&["s.toml", "the key `camera` is missing", "docs/scene-format.md"]);
     changed("position = [0, 0, 5]\nt", "t").refused(&["s.toml:1: the key `position` is missing"]);
     changed("file = \"a.obj\"\n", "").refused(&["s.toml:6: the key `file` is missing"]);
-    changed("intensity = 10\n", "").refused(&["the key `intensity` is missing"]);
+    changed("position = [0, 0, 5]\ni", "i").refused(&["the key `position` is missing"]);
 }
 
 #[test]
@@ -369,6 +369,33 @@ fn impossible_transforms_and_materials() {
     with("material = \"x\"").refused(&["s.toml:8: unknown material `x`", "[materials.x]"]);
     let known = SCENE.replace("\"a.obj\"", "\"a.obj\"\nmaterial = \"x\"") + "[materials.known]\n";
     toml(&known).refused(&["s.toml:8: unknown material `x`", "use one of `known`"]);
+}
+
+#[test]
+fn impossible_lights() {
+    let light = |text: &str| {
+        let [before, _] = SCENE.split("[[light]]").collect::<Vec<_>>()[..] else { unreachable!() };
+        toml(&format!("{before}[[light]]\n{text}"))
+    };
+    let refused = |text: &str, parts: &[&str]| {
+        light(text).refused(&[&["s.toml:9: "], parts].concat());
+    };
+    let point = "type = \"point\"\nposition = [0, 0, 5]\n";
+    refused(point, &["exactly one of `intensity`, `power`, `candela`, `lumen`"]);
+    refused(&format!("{point}power = 1\nlumen = 1\n"), &["exactly one of"]);
+    light(&format!("{point}lumen = 800\n")).load();
+    let spot = "type = \"spot\"\nposition = [0, 0, 5]\npower = 1\n";
+    let aimed = format!("{spot}direction = [0, 0, -1]\n");
+    light(&format!("{aimed}outer_deg = 30\n")).load();
+    refused(&format!("{spot}outer_deg = 30\n"), &["exactly one of `target` and `direction`"]);
+    refused(&format!("{aimed}outer_deg = 91\n"), &["inner_deg = 0, outer_deg = 91"]);
+    refused(&format!("{aimed}outer_deg = 9\ninner_deg = 9\n"), &["inner_deg = 9, outer_deg = 9"]);
+    let aimless = aimed.replace("-1", "0");
+    refused(&format!("{aimless}outer_deg = 30\n"), &["direction has no length"]);
+    let sun = "type = \"sun\"\ndirection = [0, 0, -1]\n";
+    refused(sun, &["exactly one of `irradiance`, `lux`"]);
+    light(&format!("{sun}lux = 100000\n")).load();
+    refused(&format!("{sun}lux = 1\nposition = [0, 0, 1]\n"), &["unknown key `position`"]);
 }
 
 #[test]

@@ -44,9 +44,24 @@ struct Accel<'a> {
 #[derive(Serialize)]
 struct Lights {
     points: usize,
+    spots: usize,
+    suns: usize,
     triangles: usize,
     /// Radiant power per channel, W.
     power: [f32; 3],
+}
+
+impl Lights {
+    fn text(&self) -> String {
+        let all = [
+            (self.points, "point"),
+            (self.spots, "spot"),
+            (self.suns, "sun"),
+            (self.triangles, "triangle"),
+        ];
+        let some = all.into_iter().filter(|(count, _)| *count > 0);
+        some.map(|(count, noun)| counted(count, noun)).collect::<Vec<_>>().join(", ")
+    }
 }
 
 #[derive(Serialize)]
@@ -118,7 +133,7 @@ pub fn run(args: &Args) -> Result<String> {
 impl<'a> Report<'a> {
     fn new(scene: &'a Scene, accel: &'a AccelInfo, settings: &'a Settings) -> Self {
         let emitters = scene.lights.emitters();
-        let points = emitters.iter().filter(|e| matches!(e, Emitter::Point { .. })).count();
+        let count = |of: fn(&Emitter) -> bool| emitters.iter().filter(|e| of(e)).count();
         Self {
             scene: &scene.name,
             fingerprint: format!("{:016x}", scene.fingerprint()),
@@ -135,8 +150,10 @@ impl<'a> Report<'a> {
                 build_seconds: accel.build_time.as_secs_f64(),
             },
             lights: Lights {
-                points,
-                triangles: emitters.len() - points,
+                points: count(|e| matches!(e, Emitter::Point { .. })),
+                spots: count(|e| matches!(e, Emitter::Spot(_))),
+                suns: count(|e| matches!(e, Emitter::Directional(_))),
+                triangles: count(|e| matches!(e, Emitter::Triangle { .. })),
                 power: scene.lights.power().to_array(),
             },
             camera: Camera {
@@ -185,15 +202,7 @@ fn text(report: &Report) -> String {
             }
         ),
     );
-    row(
-        "lights",
-        format!(
-            "{} and {}, {} W in all",
-            counted(lights.points, "point"),
-            counted(lights.triangles, "triangle"),
-            numbers(&lights.power)
-        ),
-    );
+    row("lights", format!("{}, {} W in all", lights.text(), numbers(&lights.power)));
     row(
         "camera",
         format!(

@@ -112,6 +112,19 @@ impl Hash {
                 self.vec3(*position);
                 self.rgb(*intensity);
             }
+            Emitter::Spot(spot) => {
+                self.u32(2);
+                self.vec3(spot.position);
+                self.vec3(spot.direction);
+                self.rgb(spot.intensity);
+                self.f32(spot.cos_inner);
+                self.f32(spot.cos_outer);
+            }
+            Emitter::Directional(light) => {
+                self.u32(3);
+                self.vec3(light.direction);
+                self.rgb(light.irradiance);
+            }
             Emitter::Triangle { .. } => {}
         }
     }
@@ -151,7 +164,7 @@ impl Hash {
 mod tests {
     use super::*;
     use crate::bsdf::{Coated, Conductor, Dielectric, RoughDielectric, ThinDielectric};
-    use crate::scene::{Mesh, Region};
+    use crate::scene::{Directional, Mesh, Region, Spot};
 
     fn metal(name: &str, alpha: f32) -> Bsdf {
         Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
@@ -175,6 +188,16 @@ mod tests {
             let (meshes, materials) = (vec![self.mesh], vec![self.material]);
             Scene::new(self.name.into(), meshes, materials, self.lights, camera, self.regions)
                 .fingerprint()
+        }
+    }
+
+    fn spot() -> Spot {
+        Spot {
+            position: Vec3::Y,
+            direction: Vec3::Z,
+            intensity: Rgb::ONE,
+            cos_inner: 0.8,
+            cos_outer: 0.5,
         }
     }
 
@@ -204,7 +227,7 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 33] = [
+        let changes: [fn(&mut Parts); 39] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.triangles.push([1, 2, 3]),
@@ -225,6 +248,12 @@ mod tests {
             |p| p.lights[0] = Emitter::Point { position: Vec3::Y, intensity: 2.0 * Rgb::ONE },
             |p| p.lights[0] = Emitter::Point { position: Vec3::X, intensity: Rgb::ONE },
             |p| p.lights.clear(),
+            |p| p.lights[0] = Emitter::Spot(spot()),
+            |p| p.lights[0] = Emitter::Spot(Spot { cos_inner: 0.9, ..spot() }),
+            |p| p.lights[0] = Emitter::Spot(Spot { cos_outer: 0.3, ..spot() }),
+            |p| p.lights[0] = Emitter::Spot(Spot { direction: Vec3::X, ..spot() }),
+            |p| p.lights[0] = Emitter::Directional(Directional::new(Vec3::X, Rgb::ONE)),
+            |p| p.lights[0] = Emitter::Directional(Directional::new(Vec3::Y, Rgb::ONE)),
             |p| p.eye = Vec3::X,
             |p| p.up = Vec3::X,
             |p| p.optics = Optics::Pinhole(FieldOfView::Y(40.0)),

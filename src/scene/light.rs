@@ -1,68 +1,9 @@
-//! Light sources: emission of light paths, and connection from a vertex.
+//! All lights of a scene: which one a light path starts from, and which one a vertex connects to.
 
-use crate::math::{Rgb, cosine_hemisphere, luminance, uniform_sphere, uniform_triangle};
+use super::emitter::Emitter;
+use crate::math::{Rgb, luminance};
 use crate::rng::Rng;
-use crate::scene::Triangle;
 use glam::Vec3;
-use std::f32::consts::PI;
-
-/// The smallest unit that emits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Emitter {
-    /// An isotropic point.
-    Point {
-        /// Where it is.
-        position: Vec3,
-        /// Radiant intensity, W/sr.
-        intensity: Rgb,
-    },
-    /// A triangle that emits the same radiance from each point of its front to all sides.
-    Triangle {
-        /// Its geometry.
-        shape: Triangle,
-        /// Emitted radiance, W/(m^2 sr).
-        radiance: Rgb,
-    },
-}
-
-impl Emitter {
-    /// Radiant power, W.
-    pub fn power(&self) -> Rgb {
-        match self {
-            Self::Point { intensity, .. } => 4.0 * PI * *intensity,
-            Self::Triangle { shape, radiance } => PI * shape.area() * *radiance,
-        }
-    }
-
-    /// A point on it to connect `position` with, if it was chosen with probability `prob`.
-    #[inline(always)] // a call costs 5 % of the camera phase
-    fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
-        match self {
-            Self::Point { position: target, intensity } => {
-                let to_light = *target - position;
-                let distance2 = to_light.length_squared();
-                (distance2 > 0.0).then(|| LightSample {
-                    target: *target,
-                    wi: to_light * distance2.sqrt().recip(),
-                    irradiance: *intensity * (distance2 * prob).recip(),
-                })
-            }
-            Self::Triangle { shape, radiance } => {
-                let target =
-                    shape.point(uniform_triangle(rng.next_2d())) + shape.normal * shape.offset;
-                let to_light = target - position;
-                let distance2 = to_light.length_squared();
-                let wi = to_light * distance2.sqrt().recip();
-                let cos_light = -wi.dot(shape.normal);
-                (cos_light > 0.0).then(|| LightSample {
-                    target,
-                    wi,
-                    irradiance: *radiance * (cos_light * shape.area() / (distance2 * prob)),
-                })
-            }
-        }
-    }
-}
 
 /// The start of a light path.
 #[derive(Clone, Copy, Debug)]
@@ -94,8 +35,8 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     all: Choice,
     /// Those that no ray can hit, alone.
-    points: Vec<Emitter>,
-    point: Choice,
+    deltas: Vec<Emitter>,
+    delta: Choice,
 }
 
 /// A choice among emitters.
@@ -137,9 +78,8 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(|e| chosen_by(e) > 0.0);
-        let is_point = |e: &&Emitter| matches!(e, Emitter::Point { .. });
-        let points: Vec<Emitter> = emitters.iter().filter(is_point).copied().collect();
-        Self { all: Choice::new(&emitters), emitters, point: Choice::new(&points), points }
+        let deltas: Vec<Emitter> = emitters.iter().filter(|e| e.is_delta()).copied().collect();
+        Self { all: Choice::new(&emitters), emitters, delta: Choice::new(&deltas), deltas }
     }
 
     /// All emitters with power.
@@ -159,21 +99,7 @@ impl Lights {
     #[inline]
     pub fn emit(&self, rng: &mut Rng) -> Emission {
         let (index, prob) = self.all.choose(rng.next_f64());
-        match &self.emitters[index] {
-            Emitter::Point { position, intensity } => Emission {
-                origin: *position,
-                direction: uniform_sphere(rng.next_2d()),
-                flux: *intensity * (4.0 * PI / prob),
-            },
-            Emitter::Triangle { shape, radiance } => {
-                let point = shape.point(uniform_triangle(rng.next_2d()));
-                Emission {
-                    origin: point + shape.normal * shape.offset,
-                    direction: cosine_hemisphere(shape.normal, rng.next_2d()),
-                    flux: *radiance * (PI * shape.area() / prob),
-                }
-            }
-        }
+        self.emitters[index].emit(prob, rng)
     }
 
     /// Chooses a point on a light to connect `position` with; `None` where that point cannot light
@@ -189,12 +115,12 @@ impl Lights {
 
     /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
     #[inline(never)] // rare
-    pub fn connect_point(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
-        if self.points.is_empty() {
+    pub fn connect_delta(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
+        if self.deltas.is_empty() {
             return None;
         }
-        let (index, prob) = self.point.choose(rng.next_f64());
-        self.points[index].connect(position, prob, rng)
+        let (index, prob) = self.delta.choose(rng.next_f64());
+        self.deltas[index].connect(position, prob, rng)
     }
 }
 
@@ -202,6 +128,8 @@ impl Lights {
 mod tests {
     use super::*;
     use crate::rng::{Stream, StreamKey};
+    use crate::scene::Triangle;
+    use std::f32::consts::PI;
 
     fn point(x: f32, intensity: Rgb) -> Emitter {
         Emitter::Point { position: Vec3::new(x, 0.0, 0.0), intensity }

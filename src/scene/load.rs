@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Rgb};
 use crate::scene::obj::{self, ObjFile};
-use crate::scene::scene_file::{self, LightTable, SceneFile};
+use crate::scene::scene_file::{self, SceneFile};
 use crate::scene::text::{self, list};
 use crate::scene::transform::Transform;
 use crate::scene::{
@@ -257,14 +257,16 @@ fn load_toml(path: &Path) -> Result<Loaded> {
         let note = format!("{}: no mesh uses the material {}", path.display(), list(unused));
         builder.notes.push(note);
     }
-    let lights = file.light.iter().map(|LightTable::Point { position, intensity }| {
-        Emitter::Point { position: position.0, intensity: intensity.0 }
-    });
+    let lights = file
+        .light
+        .iter()
+        .map(|table| table.get_ref().emitter().map_err(|error| place(error, table.span().start)));
+    let lights = lights.collect::<Result<_>>()?;
     let regions = file
         .regions
         .iter()
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
-    builder.finish(path, lights.collect(), camera, regions.collect(), file.render.clone())
+    builder.finish(path, lights, camera, regions.collect(), file.render.clone())
 }
 
 fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {

@@ -2,8 +2,10 @@
 
 pub mod camera;
 mod camera_table;
+pub mod emitter;
 mod fingerprint;
 pub mod light;
+mod light_table;
 pub mod load;
 pub mod material;
 mod material_table;
@@ -15,7 +17,8 @@ mod text;
 mod transform;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
-pub use light::{Emission, Emitter, LightSample, Lights};
+pub use emitter::{Directional, Emitter, Spot};
+pub use light::{Emission, LightSample, Lights};
 pub use load::{Loaded, load};
 pub use material::Material;
 
@@ -183,7 +186,7 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// All materials.
     pub materials: Vec<Material>,
-    /// Point lights and emissive triangles.
+    /// All lights, emissive triangles among them.
     pub lights: Lights,
     /// Where the image is taken from.
     pub camera: Camera,
@@ -198,7 +201,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Puts a scene together; `point_lights` come on top of the emissive triangles.
+    /// Puts a scene together; `lights` come on top of the emissive triangles.
     ///
     /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
     /// zero area, fewer than 2^32 triangles in all ([`load()`] sees to it).
@@ -206,14 +209,14 @@ impl Scene {
         name: String,
         meshes: Vec<Mesh>,
         materials: Vec<Material>,
-        point_lights: Vec<Emitter>,
+        lights: Vec<Emitter>,
         camera: Camera,
         regions: Vec<Region>,
     ) -> Self {
         let mut bounds = Bounds::EMPTY;
         let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());
         let mut first_triangle = Vec::with_capacity(meshes.len());
-        let mut emitters = point_lights;
+        let mut emitters = lights;
         for mesh in &meshes {
             first_triangle.push(triangles.len() as u32);
             let radiance = materials[mesh.material as usize].emission;
@@ -225,6 +228,12 @@ impl Scene {
                     emitters.push(Emitter::Triangle { shape, radiance });
                 }
                 triangles.push(shape);
+            }
+        }
+        for emitter in &mut emitters {
+            if let Emitter::Directional(light) = emitter {
+                light.center = bounds.center();
+                light.radius = 0.5 * (bounds.max - bounds.min).length() * (1.0 + 1e-4);
             }
         }
         let lights = Lights::new(emitters);

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use crate::scene::camera_table::CameraTable;
+use crate::scene::light_table::LightTable;
 use crate::scene::material_table::MaterialTable;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::settings::{ADVICE, RenderDefaults, as_serde};
@@ -23,7 +24,7 @@ pub(super) struct SceneFile {
     #[serde(default)]
     pub materials: BTreeMap<String, MaterialTable>,
     #[serde(default)]
-    pub light: Vec<LightTable>,
+    pub light: Vec<Spanned<LightTable>>,
     #[serde(default)]
     pub regions: BTreeMap<String, Rectangles>,
     #[serde(default)]
@@ -72,13 +73,6 @@ impl MeshTable {
         };
         Ok(transform.flipped(self.flip))
     }
-}
-
-/// `[[light]]`
-#[derive(Debug, Deserialize)]
-#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) enum LightTable {
-    Point { position: Point, intensity: Power },
 }
 
 /// A number, or three of them; finite.
