@@ -200,7 +200,7 @@ impl Bsdf {
     }
 
     /// Samples the direction of the next segment; `None` where all is absorbed.
-    #[inline]
+    #[inline(always)] // a call costs 2 % of the camera phase
     pub fn sample(
         &self,
         at: &Vertex,
