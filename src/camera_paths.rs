@@ -187,6 +187,7 @@ impl CameraPaths {
         for i in 0..self.walks.len() {
             let hit = self.hits[i];
             if hit.is_miss() {
+                self.leave(pass, i);
                 continue;
             }
             let mut walk = self.walks[i].clone();
@@ -236,6 +237,16 @@ impl CameraPaths {
         }
         self.segments.truncate(alive);
         self.walks.truncate(alive);
+    }
+
+    /// Where path `i` left the scene: emission from all around, if nothing else carries it.
+    #[inline(never)] // keeps the loop over diffuse vertices short
+    fn leave(&mut self, pass: &CameraPass, i: usize) {
+        let walk = &self.walks[i];
+        if walk.vertices == 0 {
+            let beyond = pass.scene.lights.beyond(self.segments[i].direction);
+            self.direct[walk.path as usize] += walk.throughput * beyond;
+        }
     }
 
     /// Connects a vertex whose BSDF is `value` in all directions.

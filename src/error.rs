@@ -60,6 +60,11 @@ impl Error {
         &self.advice
     }
 
+    /// Whether it names a file.
+    pub fn is_placed(&self) -> bool {
+        self.place.is_some()
+    }
+
     /// Names the file.
     #[must_use]
     pub fn at(mut self, path: impl Into<PathBuf>) -> Self {

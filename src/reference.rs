@@ -80,6 +80,9 @@ impl Tracer<'_> {
         for segment in 0.. {
             let hit = self.accel.closest_hit(&ray);
             if hit.is_miss() {
+                if unconnected {
+                    radiance += throughput * self.scene.lights.beyond(ray.direction);
+                }
                 break;
             }
             let surface = self.scene.surface(&ray, &hit);

@@ -86,7 +86,7 @@ impl<'a> Renderer<'a> {
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
         settings.validate()?;
         check_memory(scene, &settings, settings.light_paths)?;
-        if scene.lights.emitters().is_empty() {
+        if scene.lights.is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a [[light]], or give a material some emission",

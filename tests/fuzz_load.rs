@@ -151,7 +151,7 @@ fn check(scene: &[u8], obj: &[u8], mtl: &[u8], name: &str) {
         Ok(loaded) => {
             let scene = &loaded.scene;
             assert!(scene.triangle_count() > 0 && scene.lights.power().is_finite());
-            assert!(!scene.lights.emitters().is_empty());
+            assert!(!scene.lights.is_empty());
             for triangle in scene.triangles() {
                 assert!((triangle.normal.length() - 1.0).abs() < 1e-5, "{triangle:?}");
                 assert!(triangle.area() > 0.0 && triangle.area().is_finite(), "{triangle:?}");

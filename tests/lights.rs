@@ -3,9 +3,11 @@
 
 mod common;
 
+use bdpm::bsdf::{Bsdf, Dielectric};
 use bdpm::noise::Measure;
+use bdpm::output::{Image, Layer, write_exr};
 use bdpm::reference::PathTracer;
-use bdpm::scene::{Camera, Directional, Emitter, FieldOfView, Spot};
+use bdpm::scene::{Camera, Directional, Emitter, Environment, FieldOfView, Material, Spot};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use common::*;
@@ -137,5 +139,137 @@ fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
             // Along edges the kernel loses a fifth of its area: a few radii of the room's 2.
             difference.assert_is(reference.mean, 5e-3);
         }
+    }
+}
+
+/// Under light that is the same from everywhere, lossless things are as bright as what is behind.
+#[test]
+fn lossless_things_are_invisible_in_a_uniform_environment() {
+    let material = |bsdf| Material { name: "white".into(), bsdf, emission: Vec3::ZERO };
+    let materials = vec![gray(1.0, 0.0), material(Bsdf::Dielectric(Dielectric { eta: 1.5 }))];
+    let meshes = vec![
+        sphere(Vec3::new(-0.6, 0.0, 0.0), 0.5, 4, false, 0),
+        sphere(Vec3::new(0.6, 0.0, 0.0), 0.5, 4, false, 1),
+    ];
+    let camera = camera(Vec3::new(0.0, -3.0, 0.5), Vec3::ZERO, 45.0);
+    let scene = scene(meshes, materials, vec![], camera).with_environment(Environment::new(
+        1,
+        1,
+        vec![Vec3::splat(2.0)],
+        0.0,
+    ));
+    let accel = accel(&scene);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 20_000,
+                camera_paths: 8,
+                radius: 0.08,
+                ..settings(6, 6)
+            };
+            let all = pixel_samples(&scene, &*accel, settings, 120);
+            let (mut worst, mut sum) = (0.0f64, Estimate { mean: 0.0, error: 0.0 });
+            for samples in &all {
+                let Estimate { mean, error } = Estimate::from_samples(samples);
+                worst = worst.max((mean - 2.0).abs() / error.max(2e-3));
+                sum.mean += mean / 36.0;
+                sum.error = sum.error.hypot(error / 36.0);
+            }
+            println!("{direct:?} k = {merge_vertex}: {sum:?}, worst {worst}");
+            assert!(worst < 5.0, "{direct:?} {merge_vertex}: {worst}");
+            sum.assert_is(2.0, 1e-3);
+        }
+    }
+}
+
+/// A room with a window to an uneven environment, by every strategy and the path tracer.
+#[test]
+fn an_environment_through_a_window_is_the_same_by_every_strategy() {
+    let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0), square(Vec3::Z, -Vec3::Z, 1.0, 0)];
+    for wall in [-Vec3::X, Vec3::Y, -Vec3::Y] {
+        meshes.push(square(wall, -wall, 1.0, 0));
+    }
+    let pixel = |i: u32| Vec3::new(1.0, 0.8, 0.5) * if i % 5 == 2 { 8.0 } else { 0.5 };
+    let map = Environment::new(16, 8, (0..128).map(pixel).collect(), 20.0);
+    let camera = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(1.0, 0.5, -0.2), 85.0);
+    let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], camera).with_environment(map);
+    let accel = accel(&scene);
+    let mut tracer = PathTracer::new(&scene, &*accel, &settings(12, 12));
+    let mut before = 0.0;
+    let samples: Vec<f64> = (1..=100)
+        .map(|i| {
+            tracer.iterate(128);
+            let sum = tracer.film().mean_luminance() * f64::from(i);
+            sum - std::mem::replace(&mut before, sum)
+        })
+        .collect();
+    let reference = Estimate::from_samples(&samples);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 40_000,
+                camera_paths: 16,
+                radius: 0.02,
+                ..settings(12, 12)
+            };
+            let found = mean_luminance(&scene, &*accel, settings, 100);
+            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
+            let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
+            both.assert_is(reference.mean, 5e-3);
+        }
+    }
+}
+
+/// One pixel of a map, by its files.
+#[test]
+fn environments_come_from_exr_and_hdr_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let pixels = [Vec3::new(0.5, 1.0, 2.0), Vec3::new(4.0, 0.25, 0.125)];
+    let image = Image {
+        width: 2,
+        height: 1,
+        layers: vec![Layer::rgb("", &pixels)],
+        metadata: Default::default(),
+    };
+    write_exr(&at("map.exr"), &image).unwrap();
+    // Shared exponents: 0.5 * 2^1 and so on, exact for powers of 2.
+    let mut hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
+    hdr.extend([32, 64, 128, 130, 128, 8, 4, 131]);
+    std::fs::write(at("map.hdr"), hdr).unwrap();
+    std::fs::write(at("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let load = |environment: &str| {
+        let text = format!(
+            "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_y_deg = 40\n\n[[mesh]]\nfile = \
+             \"a.obj\"\n\n[environment]\n{environment}\n"
+        );
+        std::fs::write(at("s.toml"), text).unwrap();
+        bdpm::scene::load(&at("s.toml"))
+    };
+    for file in ["map.exr", "map.hdr"] {
+        let scene = load(&format!("file = \"{file}\"\nradiance = 3")).unwrap().scene;
+        // The left half of the map is on the left of somebody who looks toward -z.
+        let radiance = |x: f32| scene.lights.beyond(Vec3::new(x, 0.0, -1.0).normalize());
+        assert_eq!([radiance(-0.5), radiance(0.5)], pixels.map(|pixel| 3.0 * pixel), "{file}");
+    }
+    assert_eq!(load("radiance = [1, 2, 3]").unwrap().scene.lights.beyond(Vec3::X).y, 2.0);
+    std::fs::write(at("bad.hdr"), "#?RADIANCE\n\n-Y 9999 +X 9999\n").unwrap();
+    std::fs::write(at("bad.exr"), "no").unwrap();
+    for (environment, expected) in [
+        ("", "s.toml:9: the environment needs `file` or `radiance`"),
+        ("radiance = 0", "has no light"),
+        ("radiance = -1", "s.toml:10: light is negative"),
+        ("file = \"no.exr\"", "no.exr: cannot read"),
+        ("file = \"map.png\"", "map.png: the environment is neither"),
+        ("file = \"bad.hdr\"", "bad.hdr: cannot read it as an HDR image"),
+        ("file = \"bad.exr\"", "bad.exr: cannot read it as an EXR image"),
+        ("file = \"map.exr\"\nturn_deg = inf", "`turn_deg` is not finite"),
+    ] {
+        let shown = load(environment).unwrap_err().to_string();
+        assert!(shown.contains(expected) && shown.contains("\nhelp: "), "{environment}: {shown}");
     }
 }

@@ -47,6 +47,7 @@ struct Lights {
     spots: usize,
     suns: usize,
     triangles: usize,
+    environment: bool,
     /// Radiant power per channel, W.
     power: [f32; 3],
 }
@@ -60,7 +61,11 @@ impl Lights {
             (self.triangles, "triangle"),
         ];
         let some = all.into_iter().filter(|(count, _)| *count > 0);
-        some.map(|(count, noun)| counted(count, noun)).collect::<Vec<_>>().join(", ")
+        let mut names: Vec<_> = some.map(|(count, noun)| counted(count, noun)).collect();
+        if self.environment {
+            names.push("environment".into());
+        }
+        names.join(", ")
     }
 }
 
@@ -154,6 +159,7 @@ impl<'a> Report<'a> {
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
                 triangles: count(|e| matches!(e, Emitter::Triangle { .. })),
+                environment: scene.lights.environment().is_some(),
                 power: scene.lights.power().to_array(),
             },
             camera: Camera {

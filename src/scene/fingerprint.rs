@@ -1,6 +1,6 @@
 //! What makes two scenes the same, in 64 bits.
 
-use super::{Camera, Emitter, FieldOfView, Material, Optics, Scene};
+use super::{Camera, Emitter, Environment, FieldOfView, Material, Optics, Scene};
 use crate::bsdf::{Bsdf, Reflectance};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -24,6 +24,9 @@ impl Scene {
         hash.count(self.materials.len());
         self.materials.iter().for_each(|material| hash.material(material));
         // Emissive triangles follow from meshes and materials.
+        if let Some(environment) = self.lights.environment() {
+            hash.environment(environment);
+        }
         for emitter in self.lights.emitters() {
             hash.emitter(emitter);
         }
@@ -103,6 +106,14 @@ impl Hash {
                 self.f32(coated.eta());
             }
         }
+    }
+
+    fn environment(&mut self, environment: &Environment) {
+        let ([width, height], radiance, turn) = environment.parts();
+        self.u32(width);
+        self.u32(height);
+        radiance.iter().for_each(|pixel| self.rgb(*pixel));
+        self.f32(turn);
     }
 
     fn emitter(&mut self, emitter: &Emitter) {

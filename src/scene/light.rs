@@ -1,6 +1,7 @@
 //! All lights of a scene: which one a light path starts from, and which one a vertex connects to.
 
 use super::emitter::Emitter;
+use super::environment::Environment;
 use crate::math::{Rgb, luminance};
 use crate::rng::Rng;
 use glam::Vec3;
@@ -33,6 +34,8 @@ pub struct LightSample {
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     emitters: Vec<Emitter>,
+    environment: Option<Environment>,
+    /// Among the emitters and, after them, the environment.
     all: Choice,
     /// Those that no ray can hit, alone.
     deltas: Vec<Emitter>,
@@ -54,12 +57,13 @@ fn chosen_by(emitter: &Emitter) -> f64 {
 }
 
 impl Choice {
-    fn new(emitters: &[Emitter]) -> Self {
-        let total: f64 = emitters.iter().map(chosen_by).sum();
-        let prob = emitters.iter().map(|e| (chosen_by(e) / total) as f32).collect();
+    /// In proportion to `weights`.
+    fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
+        let total: f64 = weights.clone().sum();
+        let prob = weights.clone().map(|weight| (weight / total) as f32).collect();
         let mut sum = 0.0;
-        let cumulative = emitters.iter().map(|e| {
-            sum += chosen_by(e) / total;
+        let cumulative = weights.map(|weight| {
+            sum += weight / total;
             sum
         });
         Self { prob, cumulative: cumulative.collect() }
@@ -79,7 +83,32 @@ impl Lights {
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(|e| chosen_by(e) > 0.0);
         let deltas: Vec<Emitter> = emitters.iter().filter(|e| e.is_delta()).copied().collect();
-        Self { all: Choice::new(&emitters), emitters, delta: Choice::new(&deltas), deltas }
+        let all = Choice::new(emitters.iter().map(chosen_by));
+        let delta = Choice::new(deltas.iter().map(chosen_by));
+        Self { emitters, environment: None, all, deltas, delta }
+    }
+
+    /// Adds light from all around; none if it is black.
+    pub(super) fn set_environment(&mut self, environment: Environment) {
+        self.environment = Some(environment).filter(|environment| !environment.is_black());
+        let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
+        self.all = Choice::new(self.emitters.iter().map(chosen_by).chain(own));
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.emitters.is_empty() && self.environment.is_none()
+    }
+
+    /// Light from all around.
+    pub fn environment(&self) -> Option<&Environment> {
+        self.environment.as_ref()
+    }
+
+    /// Radiance that arrives from a unit direction in which there is nothing, W/(m^2 sr).
+    #[inline]
+    pub fn beyond(&self, direction: Vec3) -> Rgb {
+        self.environment.as_ref().map_or(Rgb::ZERO, |map| map.radiance(direction))
     }
 
     /// All emitters with power.
@@ -89,7 +118,8 @@ impl Lights {
 
     /// Radiant power of all lights, W.
     pub fn power(&self) -> Rgb {
-        self.emitters.iter().map(Emitter::power).sum()
+        let emitters: Rgb = self.emitters.iter().map(Emitter::power).sum();
+        emitters + self.environment.as_ref().map_or(Rgb::ZERO, Environment::power)
     }
 
     /// Starts a light path.
@@ -99,7 +129,10 @@ impl Lights {
     #[inline]
     pub fn emit(&self, rng: &mut Rng) -> Emission {
         let (index, prob) = self.all.choose(rng.next_f64());
-        self.emitters[index].emit(prob, rng)
+        match self.emitters.get(index) {
+            Some(emitter) => emitter.emit(prob, rng),
+            None => self.chosen_environment().emit(prob, rng),
+        }
     }
 
     /// Chooses a point on a light to connect `position` with; `None` where that point cannot light
@@ -110,7 +143,19 @@ impl Lights {
     #[inline(always)] // as above
     pub fn connect(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.all.choose(rng.next_f64());
-        self.emitters[index].connect(position, prob, rng)
+        match self.emitters.get(index) {
+            Some(emitter) => emitter.connect(position, prob, rng),
+            None => Some(self.connect_environment(position, prob, rng)),
+        }
+    }
+
+    #[inline(never)] // keeps the loops over emitters short
+    fn connect_environment(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
+        self.chosen_environment().connect(position, prob, rng)
+    }
+
+    fn chosen_environment(&self) -> &Environment {
+        self.environment.as_ref().expect("it was chosen, hence is there")
     }
 
     /// [`Self::connect`] with lights that no ray can hit, of which there may be none.

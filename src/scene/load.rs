@@ -10,7 +10,7 @@ use crate::scene::scene_file::{self, SceneFile};
 use crate::scene::text::{self, list};
 use crate::scene::transform::Transform;
 use crate::scene::{
-    Camera, Emitter, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
+    Camera, Emitter, Environment, FieldOfView, Material, Mesh, Region, Scene, mtl, triangle_area,
 };
 use crate::settings::RenderDefaults;
 use glam::Vec3;
@@ -185,11 +185,14 @@ impl Builder {
         lights: Vec<Emitter>,
         camera: Camera,
         regions: Vec<Region>,
-        defaults: RenderDefaults,
+        (environment, defaults): (Option<Environment>, RenderDefaults),
     ) -> Result<Loaded> {
         let Self { meshes, materials, notes, .. } = self;
-        let scene = Scene::new(scene_name(path), meshes, materials, lights, camera, regions);
-        if scene.lights.emitters().is_empty() {
+        let mut scene = Scene::new(scene_name(path), meshes, materials, lights, camera, regions);
+        if let Some(environment) = environment {
+            scene = scene.with_environment(environment);
+        }
+        if scene.lights.is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a `[[light]]` table to the scene file, or give a material an `emission`",
@@ -266,7 +269,14 @@ fn load_toml(path: &Path) -> Result<Loaded> {
         .regions
         .iter()
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
-    builder.finish(path, lights, camera, regions.collect(), file.render.clone())
+    let environment = file.environment.as_ref().map(|table| {
+        let (own, start) = (table.get_ref(), table.span().start);
+        // What is wrong with the map is about its own file.
+        own.environment(folder)
+            .map_err(|error| if error.is_placed() { error } else { place(error, start) })
+    });
+    let rest = (environment.transpose()?, file.render.clone());
+    builder.finish(path, lights, camera, regions.collect(), rest)
 }
 
 fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
@@ -314,5 +324,5 @@ fn load_obj(path: &Path) -> Result<Loaded> {
             "{path_shown}: nothing emits light; put a point light of {intensity} W/sr at {light}"
         ));
     }
-    builder.finish(path, lights, camera, Vec::new(), RenderDefaults::default())
+    builder.finish(path, lights, camera, Vec::new(), (None, RenderDefaults::default()))
 }

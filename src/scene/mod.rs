@@ -3,6 +3,8 @@
 pub mod camera;
 mod camera_table;
 pub mod emitter;
+pub mod environment;
+mod environment_table;
 mod fingerprint;
 pub mod light;
 mod light_table;
@@ -18,6 +20,7 @@ mod transform;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
 pub use emitter::{Directional, Emitter, Spot};
+pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
 pub use load::{Loaded, load};
 pub use material::Material;
@@ -238,6 +241,14 @@ impl Scene {
         }
         let lights = Lights::new(emitters);
         Self { name, meshes, materials, lights, camera, regions, bounds, triangles, first_triangle }
+    }
+
+    /// The scene with light from all around.
+    #[must_use]
+    pub fn with_environment(mut self, mut environment: Environment) -> Self {
+        environment.enclose(&self.bounds);
+        self.lights.set_environment(environment);
+        self
     }
 
     /// The meshes as an intersection backend takes them.

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use crate::scene::camera_table::CameraTable;
+use crate::scene::environment_table::EnvironmentTable;
 use crate::scene::light_table::LightTable;
 use crate::scene::material_table::MaterialTable;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
@@ -25,6 +26,7 @@ pub(super) struct SceneFile {
     pub materials: BTreeMap<String, MaterialTable>,
     #[serde(default)]
     pub light: Vec<Spanned<LightTable>>,
+    pub environment: Option<Spanned<EnvironmentTable>>,
     #[serde(default)]
     pub regions: BTreeMap<String, Rectangles>,
     #[serde(default)]
