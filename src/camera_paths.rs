@@ -3,6 +3,7 @@
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
+use crate::light_paths::Photon;
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
 use crate::scene::{LightSample, Scene, Surface, View};
@@ -41,6 +42,16 @@ pub struct GatherView {
     pub bsdf: Bsdf,
     /// Whence it is seen.
     pub at: Vertex,
+}
+
+impl GatherView {
+    /// The BSDF's value for a photon that is merged at `point`, 1/sr. Photons count by the area of
+    /// the triangles, light by that of the interpolated surface.
+    pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
+        let wi = photon.from_as_at(point.normal);
+        let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
+        if areas > 0.0 { self.bsdf.eval(&self.at, wi) * areas } else { Rgb::ZERO }
+    }
 }
 
 /// Camera paths whose throughput fell below this share play roulette where they pass through.
@@ -182,7 +193,6 @@ impl CameraPaths {
     /// At the hits: emission, connection, gathering, and the next segment; paths that end are
     /// squeezed out.
     fn scatter(&mut self, pass: &CameraPass) {
-        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         let mut alive = 0;
         for i in 0..self.walks.len() {
             let hit = self.hits[i];
@@ -191,49 +201,18 @@ impl CameraPaths {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let surface = pass.scene.surface(&self.segments[i], &hit);
-            let bsdf = &surface.material.bsdf;
-
-            // Emission hit later is carried by connections or photons.
-            if walk.vertices == 0 && surface.front {
-                self.direct[walk.path as usize] += walk.throughput * surface.material.emission;
-            }
-            let vertex = walk.vertices + 1;
-            let merges = match bsdf.constant(surface.front) {
-                Some(value) => {
-                    self.connect_lambertian(pass, &surface, &mut walk, value);
-                    self.gather(pass, &surface, &walk, (value, GatherPoint::NO_VIEW));
-                    true
-                }
-                None => self.at_other_vertex(pass, &surface, &mut walk),
-            };
-            // Cut here, the path still goes on where the surface mirrors besides.
-            let cut = merges && vertex == merge_vertex;
-            let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
-            let at = surface.vertex();
-            let Some(sample) = bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng) else {
-                continue;
-            };
-            walk.throughput *= sample.weight;
-            let mut off_surface = surface.off_surface;
-            if sample.lobe.passes_through() {
-                off_surface = surface.start(sample.wi);
-                if !walk.passes_on() {
-                    continue;
-                }
+            let ray = self.segments[i];
+            let next = if pass.scene.is_plain(&hit) {
+                let surface = pass.scene.plain_surface(&ray, &hit);
+                self.scatter_at(pass, &surface, &mut walk)
             } else {
-                walk.vertices += 1;
-                if camera_roulette == Roulette::Albedo {
-                    let survival = sample.weight.max_element().min(1.0);
-                    if walk.rng.next_1d() >= survival {
-                        continue;
-                    }
-                    walk.throughput /= survival;
-                }
+                self.scatter_anywhere(pass, &pass.scene.surface(&ray, &hit), &mut walk)
+            };
+            if let Some(ray) = next {
+                self.segments[alive] = ray;
+                self.walks[alive] = walk;
+                alive += 1;
             }
-            self.segments[alive] = Ray::new(off_surface, sample.wi);
-            self.walks[alive] = walk;
-            alive += 1;
         }
         self.segments.truncate(alive);
         self.walks.truncate(alive);
@@ -249,6 +228,57 @@ impl CameraPaths {
         }
     }
 
+    /// [`Self::scatter_at`] of surfaces that are not plain.
+    #[inline(never)] // the compiler then specializes the other copy for plain ones
+    fn scatter_anywhere(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        walk: &mut Walk,
+    ) -> Option<Ray> {
+        self.scatter_at(pass, surface, walk)
+    }
+
+    /// At one hit; the next segment unless the path ends.
+    #[inline(always)]
+    fn scatter_at(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> Option<Ray> {
+        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
+        // Emission hit later is carried by connections or photons.
+        if walk.vertices == 0 && surface.front {
+            self.direct[walk.path as usize] += walk.throughput * surface.material.emission;
+        }
+        let vertex = walk.vertices + 1;
+        let merges = match surface.constant() {
+            Some(value) => {
+                self.connect_lambertian(pass, surface, walk, value);
+                self.gather(pass, surface, walk, (value, GatherPoint::NO_VIEW));
+                true
+            }
+            None => self.at_other_vertex(pass, surface, walk),
+        };
+        // Cut here, the path still goes on where the surface mirrors besides.
+        let cut = merges && vertex == merge_vertex;
+        let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
+        let at = surface.vertex(Transport::Radiance);
+        let sample = surface.bsdf().sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
+        if !surface.agrees(&at, sample.wi) {
+            return None;
+        }
+        walk.throughput *= sample.weight;
+        if sample.lobe.passes_through() {
+            return walk.passes_on().then(|| Ray::new(surface.start(sample.wi), sample.wi));
+        }
+        walk.vertices += 1;
+        if camera_roulette == Roulette::Albedo {
+            let survival = sample.weight.max_element().min(1.0);
+            if walk.rng.next_1d() >= survival {
+                return None;
+            }
+            walk.throughput /= survival;
+        }
+        Some(Ray::new(surface.off_surface, sample.wi))
+    }
+
     /// Connects a vertex whose BSDF is `value` in all directions.
     #[inline(always)]
     fn connect_lambertian(
@@ -260,9 +290,10 @@ impl CameraPaths {
     ) {
         if pass.settings.direct == Direct::Connect
             && let Some(light) = pass.scene.lights.connect(surface.position, &mut walk.rng)
-            && light.wi.dot(surface.normal) > 0.0
+            && let cos_theta = light.wi.dot(surface.normal)
+            && cos_theta > 0.0
         {
-            self.send_shadow_ray(surface, surface.off_surface, walk, &light, value);
+            self.send_shadow_ray(surface.off_surface, walk, &light, (value, cos_theta));
         }
     }
 
@@ -270,7 +301,7 @@ impl CameraPaths {
     #[inline(never)] // keeps the loop over diffuse vertices short
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
         let Scene { lights, .. } = pass.scene;
-        let bsdf = &surface.material.bsdf;
+        let bsdf = surface.bsdf();
         let merges = bsdf.merges();
         let light = if merges && pass.settings.direct == Direct::Connect {
             lights.connect(surface.position, &mut walk.rng)
@@ -280,12 +311,16 @@ impl CameraPaths {
         } else {
             None
         };
-        if let Some(light) = light {
-            let value = bsdf.eval(&surface.vertex(), light.wi);
-            self.send_shadow_ray(surface, surface.start(light.wi), walk, &light, value);
+        let at = surface.vertex(Transport::Radiance);
+        if let Some(light) = light
+            && surface.agrees(&at, light.wi)
+        {
+            let value = bsdf.eval(&at, light.wi);
+            let cos_theta = light.wi.dot(at.normal).abs();
+            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
         }
         if merges {
-            self.views.push(GatherView { bsdf: *bsdf, at: surface.vertex() });
+            self.views.push(GatherView { bsdf: *bsdf, at });
             let view = self.views.len() as u32 - 1;
             self.gather(pass, surface, walk, (Rgb::ONE, view));
         }
@@ -311,17 +346,16 @@ impl CameraPaths {
         self.gather_points.push(GatherPoint { position, path, weight, vertex, normal, view });
     }
 
-    /// Connects a vertex with a point on a light, toward which its BSDF is `value`.
+    /// Connects a vertex with a point on a light, toward which its BSDF has this value and its
+    /// normal this cosine.
     #[inline]
     fn send_shadow_ray(
         &mut self,
-        surface: &Surface,
         off_surface: Vec3,
         walk: &Walk,
         light: &LightSample,
-        value: Rgb,
+        (value, cos_theta): (Rgb, f32),
     ) {
-        let cos_theta = light.wi.dot(surface.normal).abs();
         let contribution = walk.throughput * value * light.irradiance * cos_theta;
         // From the light: shadow rays to one point then share their origin.
         self.shadow_rays.push(Ray::segment(light.target, off_surface));

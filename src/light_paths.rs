@@ -224,34 +224,44 @@ impl Batch {
             let mut walk = self.walks[i].clone();
             let ray = &self.rays_in_flight[i];
             let surface = scene.surface(ray, &hit);
-            let at = surface.vertex();
-            let bsdf = &surface.material.bsdf;
+            let at = surface.vertex(Transport::Flux);
+            let bsdf = surface.bsdf();
             if bsdf.merges()
                 && let Some(class) = walk.class
             {
-                let photon =
-                    Photon::new(surface.position, walk.path, walk.flux, at.normal, at.wo, class);
+                let photon = Photon::new(
+                    surface.position,
+                    walk.path,
+                    walk.flux,
+                    surface.normal,
+                    at.wo,
+                    class,
+                );
                 self.arrivals.push(photon);
             }
             let Some(sample) = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng) else {
                 continue;
             };
+            if !surface.agrees(&at, sample.wi) {
+                continue;
+            }
+            let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
             walk.class = Some(match walk.class {
                 _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
                 Some(class) => class,
                 None => PhotonClass::EveryVertex,
             });
             let survival = match roulette {
-                Roulette::Albedo => sample.weight.max_element().min(MAX_SURVIVAL),
+                Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
                 Roulette::Weight => {
-                    let weight = (walk.flux * sample.weight).max_element() * walk.inverse_emitted;
+                    let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
                     (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
                 }
             };
             if walk.rng.next_1d() >= survival {
                 continue;
             }
-            walk.flux *= sample.weight / survival;
+            walk.flux *= weight / survival;
             self.rays_in_flight[alive] = Ray::new(surface.start(sample.wi), sample.wi);
             self.walks[alive] = walk;
             alive += 1;

@@ -1,6 +1,6 @@
 //! Merge phase: hands every pair (light path, camera path) that meets to a visitor.
 
-use crate::camera_paths::{CameraPaths, GatherPoint, GatherView};
+use crate::camera_paths::{CameraPaths, GatherPoint};
 use crate::light_paths::{Photon, PhotonClass};
 use crate::math::{Rgb, disc_area};
 use crate::photon_map::PhotonMap;
@@ -44,11 +44,7 @@ impl<'a> Merge<'a> {
             {
                 match paths.views.get(point.view as usize) {
                     None => self.at_point(point, visitor, |_| Rgb::ONE),
-                    Some(GatherView { bsdf, at }) => {
-                        self.at_point(point, visitor, |photon| {
-                            bsdf.eval(at, photon.from_as_at(point.normal))
-                        });
-                    }
+                    Some(view) => self.at_point(point, visitor, |photon| view.value(photon, point)),
                 }
                 points = rest;
             }

@@ -90,11 +90,14 @@ impl Tracer<'_> {
                 radiance += throughput * surface.material.emission;
             }
             radiance += throughput * self.connection(&surface, rng);
-            let bsdf = &surface.material.bsdf;
-            let at = surface.vertex();
+            let at = surface.vertex(Transport::Radiance);
+            let bsdf = surface.bsdf();
             let Some(sample) = bsdf.sample(&at, Transport::Radiance, Wanted::All, rng) else {
                 break;
             };
+            if !surface.agrees(&at, sample.wi) {
+                break;
+            }
             unconnected = sample.lobe == Lobe::Delta;
             throughput *= sample.weight;
             if segment >= LEAST_SEGMENTS {
@@ -111,19 +114,21 @@ impl Tracer<'_> {
 
     /// Radiance that a light adds by all lobes of finite density.
     fn connection(&self, surface: &Surface, rng: &mut Rng) -> Rgb {
-        let bsdf = &surface.material.bsdf;
+        let bsdf = surface.bsdf();
         if bsdf.spread().is_none() {
             return Rgb::ZERO;
         }
         let Some(light) = self.scene.lights.connect(surface.position, rng) else {
             return Rgb::ZERO;
         };
-        let value = bsdf.eval(&surface.vertex(), light.wi);
+        let at = surface.vertex(Transport::Radiance);
+        let value = bsdf.eval(&at, light.wi);
         if value == Rgb::ZERO
+            || !surface.agrees(&at, light.wi)
             || self.accel.is_occluded(&Ray::segment(light.target, surface.start(light.wi)))
         {
             return Rgb::ZERO;
         }
-        value * light.irradiance * light.wi.dot(surface.normal).abs()
+        value * light.irradiance * light.wi.dot(at.normal).abs()
     }
 }

@@ -119,6 +119,13 @@ fn malformed_obj() {
     obj("v 0 0 0\nf 1 a 1\n").refused(&["a.obj:2: `a` is not a face's vertex", face]);
     obj("v 0 0 0\nf 1/1/1/1 1 1\n").refused(&["a.obj:2: `1/1/1/1` is not", face]);
     obj("f\n").refused(&["a.obj:1: the face has no vertices", face]);
+    obj("v 0 0 0\nf 1/1 1 1\n")
+        .refused(&["a.obj:2: the face refers to texture coordinate 1, but 0 are defined"]);
+    obj("v 0 0 0\nvn 0 0 1\nf 1//-2 1 1\n")
+        .refused(&["a.obj:3: the face refers to normal -2, but 1 are defined", "number normals"]);
+    obj("vt\n").refused(&["a.obj:1: `vt` needs 1 or more finite numbers", "such as `vt 0.5`"]);
+    obj("vn 0 1\n").refused(&["a.obj:1: `vn` needs 3 or more", "such as `vn 0.5 0.5 0.5`"]);
+    obj("vn 0 inf 1\n").refused(&["a.obj:1: `vn` needs 3 or more finite"]);
     obj("usemtl\n").refused(&["a.obj:1: the material has no name"]);
     obj("mtllib\n").refused(&["a.obj:1: the material library has no name"]);
 }
@@ -204,7 +211,7 @@ fn unknown_keys_and_values() {
     toml(&format!("{SCENE}\n[materials.m]\nalbdo = 0.5\n")).refused(&[
         "s.toml:15: unknown key `albdo`",
         "15 | albdo = 0.5",
-        "help: use one of `type`, `albedo`, `two_sided`",
+        "help: use one of `type`, `albedo`, `albedo_texture`",
     ]);
     changed("[[mesh]]", "[[meshes]]").refused(&["s.toml:6: unknown key `meshes`", "`mesh`"]);
     changed("target", "targets").refused(&["s.toml:3: unknown key `targets`", "`target`"]);

@@ -18,7 +18,7 @@ const ALBEDO: f32 = 0.4;
 const EXPECTED: f64 = 5.0;
 
 fn white(bsdf: Bsdf) -> Material {
-    Material { name: "white".into(), bsdf, emission: Vec3::ZERO }
+    Material::new("white", bsdf)
 }
 
 fn metal(alpha: f32) -> Bsdf {

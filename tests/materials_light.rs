@@ -20,7 +20,7 @@ use glam::{DVec2, Vec3};
 use std::f64::consts::PI;
 
 fn dark(bsdf: Bsdf) -> Material {
-    Material { name: "dark".into(), bsdf, emission: Vec3::ZERO }
+    Material::new("dark", bsdf)
 }
 
 const GLASS: Bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5 });

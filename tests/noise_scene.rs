@@ -126,6 +126,7 @@ fn penumbra() -> Scene {
             .into(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         material: 2,
+        ..Mesh::default()
     };
     let materials = vec![gray(0.5, 0.0), gray(0.0, 0.0), gray(0.8, 0.0)];
     // Near the patch, so that many light paths hit it.

@@ -3,6 +3,7 @@
 
 mod common;
 
+use bdpm::Renderer;
 use bdpm::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
 };
@@ -12,7 +13,6 @@ use bdpm::noise::Measure;
 use bdpm::reference::PathTracer;
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::{Direct, Settings};
-use bdpm::{Renderer, math::Rgb};
 use common::*;
 use glam::Vec3;
 
@@ -104,7 +104,7 @@ fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
 }
 
 fn material(bsdf: Bsdf) -> Material {
-    Material { name: "some".into(), bsdf, emission: Rgb::ZERO }
+    Material::new("some", bsdf)
 }
 
 /// A box with a panel above and a ball of some material in the middle.

@@ -2,6 +2,7 @@
 
 use super::Intersect;
 use super::bvh::Bvh;
+use super::cut_out::CutOuts;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use std::fmt;
@@ -50,15 +51,15 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
     match backend {
         Backend::Bvh => {
             let bvh = Bvh::build(&meshes).map_err(|e| refused(backend, &e))?;
-            Ok(Box::new(bvh))
+            Ok(CutOuts::wrap(Box::new(bvh), scene))
         }
         #[cfg(feature = "embree")]
         Backend::Embree => {
             use super::embree::{CommittedScene, Device};
-            let scene = Device::new()
+            let committed = Device::new()
                 .and_then(|device| CommittedScene::from_meshes(&device, &meshes))
                 .map_err(|e| refused(backend, &e))?;
-            Ok(Box::new(scene))
+            Ok(CutOuts::wrap(Box::new(committed), scene))
         }
         #[cfg(not(feature = "embree"))]
         Backend::Embree => Err(Error::new(

@@ -7,6 +7,7 @@ use glam::Vec3;
 
 pub mod backend;
 pub mod bvh;
+mod cut_out;
 #[cfg(feature = "embree")]
 pub mod embree;
 

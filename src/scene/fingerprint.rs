@@ -18,6 +18,14 @@ impl Scene {
             hash.u32(mesh.material);
             hash.count(mesh.positions.len());
             mesh.positions.iter().for_each(|&position| hash.vec3(position));
+            if !mesh.normals.is_empty() {
+                hash.text("normals");
+                mesh.normals.iter().for_each(|&normal| hash.vec3(normal));
+            }
+            if !mesh.uvs.is_empty() {
+                hash.text("uvs");
+                mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| hash.f32(x)));
+            }
             hash.count(mesh.triangles.len());
             mesh.triangles.iter().flatten().for_each(|&index| hash.u32(index));
         }
@@ -46,6 +54,10 @@ impl Hash {
         self.0.update(&(value as u64).to_le_bytes());
     }
 
+    fn text(&mut self, value: &str) {
+        self.0.update(value.as_bytes());
+    }
+
     fn f32(&mut self, value: f32) {
         self.u32(value.to_bits());
     }
@@ -58,7 +70,15 @@ impl Hash {
         self.vec3(value);
     }
 
-    fn material(&mut self, Material { name: _, bsdf, emission }: &Material) {
+    fn material(&mut self, material: &Material) {
+        let Material { name: _, bsdf, albedo_texture, opacity_texture, emission } = material;
+        for (name, texture) in [("albedo", albedo_texture), ("opacity", opacity_texture)] {
+            if let Some(texture) = texture {
+                self.text(name);
+                texture.size().into_iter().for_each(|size| self.u32(size));
+                self.0.update(texture.texels().as_flattened());
+            }
+        }
         self.bsdf(bsdf);
         self.rgb(*emission);
     }
@@ -175,10 +195,16 @@ impl Hash {
 mod tests {
     use super::*;
     use crate::bsdf::{Coated, Conductor, Dielectric, RoughDielectric, ThinDielectric};
-    use crate::scene::{Directional, Mesh, Region, Spot};
+    use crate::scene::{Directional, Mesh, Region, Spot, Texture};
+    use glam::Vec2;
+    use std::sync::Arc;
 
     fn metal(name: &str, alpha: f32) -> Bsdf {
         Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
+    }
+
+    fn texture(code: u8) -> Arc<Texture> {
+        Arc::new(Texture::new(1, 1, vec![[code; 4]]))
     }
 
     #[derive(Clone)]
@@ -226,8 +252,13 @@ mod tests {
         let bsdf = Bsdf::diffuse(Rgb::splat(0.5));
         Parts {
             name: "a",
-            mesh: Mesh { name: "m".into(), positions, triangles: vec![[0, 1, 2]], material: 0 },
-            material: Material { name: "n".into(), bsdf, emission: Rgb::ONE },
+            mesh: Mesh {
+                name: "m".into(),
+                positions,
+                triangles: vec![[0, 1, 2]],
+                ..Mesh::default()
+            },
+            material: Material { emission: Rgb::ONE, ..Material::new("n", bsdf) },
             lights: vec![Emitter::Point { position: Vec3::Y, intensity: Rgb::ONE }],
             eye: Vec3::ZERO,
             up: Vec3::Y,
@@ -238,9 +269,12 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 39] = [
+        let changes: [fn(&mut Parts); 45] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
+            |p| p.mesh.normals = vec![Vec3::Z; 4],
+            |p| p.mesh.normals = vec![Vec3::Y; 4],
+            |p| p.mesh.uvs = vec![Vec2::X; 4],
             |p| p.mesh.triangles.push([1, 2, 3]),
             |p| p.material.bsdf = Bsdf::diffuse(Rgb::splat(0.6)),
             |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: false },
@@ -255,6 +289,9 @@ mod tests {
             |p| p.material.bsdf = metal("gold", 0.1),
             |p| p.material.bsdf = metal("gold", 0.2),
             |p| p.material.bsdf = metal("silver", 0.2),
+            |p| p.material.albedo_texture = Some(texture(1)),
+            |p| p.material.albedo_texture = Some(texture(2)),
+            |p| p.material.opacity_texture = Some(texture(1)),
             |p| p.material.emission = Rgb::ZERO,
             |p| p.lights[0] = Emitter::Point { position: Vec3::Y, intensity: 2.0 * Rgb::ONE },
             |p| p.lights[0] = Emitter::Point { position: Vec3::X, intensity: Rgb::ONE },

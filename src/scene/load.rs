@@ -79,6 +79,8 @@ struct Builder {
     material_index: HashMap<(Option<PathBuf>, String), u32>,
     /// Names that the OBJ file uses without defining them.
     undefined: BTreeSet<String>,
+    /// Names of textured materials on meshes without texture coordinates.
+    untextured: BTreeSet<String>,
     triangles: u64,
     /// Triangles without area.
     dropped: u64,
@@ -122,6 +124,11 @@ impl Builder {
     ) -> Option<()> {
         for part in &obj.meshes {
             let material = self.material(material.or(part.material.as_deref()), own, path, obj);
+            let Material { name, albedo_texture, opacity_texture, .. } =
+                &self.materials[material as usize];
+            if part.uvs.is_empty() && (albedo_texture.is_some() || opacity_texture.is_some()) {
+                self.untextured.insert(name.clone());
+            }
             let positions: Vec<Vec3> =
                 part.positions.iter().map(|p| transform.point(*p)).collect::<Option<_>>()?;
             let corners = part.triangles.iter().map(|corners| transform.corners(*corners));
@@ -131,7 +138,10 @@ impl Builder {
             self.dropped += (part.triangles.len() - triangles.len()) as u64;
             if !triangles.is_empty() {
                 let name = part.name.clone();
-                self.meshes.push(Mesh { name, positions, triangles, material });
+                let normals: Vec<Vec3> =
+                    part.normals.iter().map(|n| transform.normal(*n)).collect();
+                let uvs = part.uvs.clone();
+                self.meshes.push(Mesh { name, positions, normals, uvs, triangles, material });
             }
         }
         if !self.undefined.is_empty() {
@@ -173,6 +183,12 @@ impl Builder {
             let advice = "add a mesh that has faces of at least three vertices";
             return Err(Error::new(problem, advice).at(path));
         }
+        if !self.untextured.is_empty() {
+            let names = list(self.untextured.iter().map(String::as_str));
+            let note =
+                "has a mesh without texture coordinates, and there its texture's corner alone";
+            self.notes.push(format!("{}: {names} {note}", path.display()));
+        }
         if self.dropped > 0 {
             self.notes.push(format!("dropped {} triangles without area", self.dropped));
         }
@@ -212,15 +228,16 @@ fn load_toml(path: &Path) -> Result<Loaded> {
     let file = scene_file::parse(path, &text)?;
     let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
     let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
     let own = file.materials.iter().map(|(name, table)| {
-        let material = table.material(name).map_err(|(error, offset)| place(error, offset))?;
+        let material =
+            table.material(name, folder).map_err(|(error, offset)| place(error, offset))?;
         Ok((name.clone(), material))
     });
     let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;
 
     let mut builder = Builder::default();
     let mut files: HashMap<PathBuf, ObjFile> = HashMap::new();
-    let folder = path.parent().unwrap_or(Path::new(""));
     for table in &file.mesh {
         let mesh = table.get_ref();
         let transform = mesh.transform().map_err(|e| place(e, table.span().start))?;

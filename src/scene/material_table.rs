@@ -1,7 +1,7 @@
 //! `[materials.NAME]` of a scene file.
 
-use super::Material;
 use super::scene_file::{Albedo, Numbers, Power};
+use super::{Material, Texture};
 use crate::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
 };
@@ -11,6 +11,8 @@ use crate::scene::mtl;
 use crate::scene::text::list;
 use crate::settings::as_serde;
 use serde::{Deserialize, Deserializer};
+use std::path::Path;
+use std::sync::Arc;
 use toml::Spanned;
 
 /// Refractive index of glass, where nothing else is said.
@@ -23,6 +25,8 @@ pub(super) struct MaterialTable {
     #[serde(default, rename = "type")]
     kind: MaterialKind,
     albedo: Option<Spanned<Albedo>>,
+    albedo_texture: Option<Spanned<String>>,
+    opacity_texture: Option<Spanned<String>>,
     two_sided: Option<Spanned<bool>>,
     reflectance: Option<Spanned<Albedo>>,
     metal: Option<Spanned<String>>,
@@ -51,12 +55,12 @@ impl MaterialKind {
     /// Its name in the file, and the keys that it has besides `type` and `emission`.
     fn keys(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Self::Lambertian => ("lambertian", &["albedo", "two_sided"]),
+            Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance"]),
             Self::Dielectric => ("dielectric", &["ior", "outside_ior", "roughness"]),
             Self::ThinDielectric => ("thin-dielectric", &["ior"]),
             Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness"]),
-            Self::Coated => ("coated", &["albedo", "ior"]),
+            Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
         }
     }
 }
@@ -65,13 +69,14 @@ impl MaterialKind {
 type Misplaced = (Error, usize);
 
 impl MaterialTable {
-    /// The material of these keys.
+    /// The material of these keys, with textures from `folder`.
     ///
     /// # Errors
     /// If a key does not belong to the type, or two contradict each other.
-    pub(super) fn material(&self, name: &str) -> Result<Material, Misplaced> {
+    pub(super) fn material(&self, name: &str, folder: &Path) -> Result<Material, Misplaced> {
         self.check_keys()?;
-        let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(mtl::DEFAULT_ALBEDO));
+        let unsaid = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
+        let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(unsaid));
         let alpha = self.roughness.as_ref().map_or(0.0, |r| r.get_ref().0 * r.get_ref().0);
         let ior =
             |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
@@ -90,7 +95,12 @@ impl MaterialTable {
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
         };
         let emission = self.emission.map_or(Rgb::ZERO, |emission| emission.0);
-        Ok(Material { name: name.to_owned(), bsdf, emission })
+        Ok(Material {
+            emission,
+            albedo_texture: texture(&self.albedo_texture, folder)?,
+            opacity_texture: texture(&self.opacity_texture, folder)?,
+            ..Material::new(name, bsdf)
+        })
     }
 
     /// Refuses keys of other types.
@@ -100,6 +110,7 @@ impl MaterialTable {
         }
         let given = [
             ("albedo", place(&self.albedo)),
+            ("albedo_texture", place(&self.albedo_texture)),
             ("two_sided", place(&self.two_sided)),
             ("reflectance", place(&self.reflectance)),
             ("metal", place(&self.metal)),
@@ -148,6 +159,24 @@ impl MaterialTable {
             (None, Some(_), Some(_), Some(reflectance)) => Err(twice(reflectance.span().start)),
         }
     }
+}
+
+fn texture(
+    name: &Option<Spanned<String>>,
+    folder: &Path,
+) -> Result<Option<Arc<Texture>>, Misplaced> {
+    let Some(name) = name else { return Ok(None) };
+    let path = folder.join(name.get_ref());
+    let misplaced = |problem: String| {
+        let advice = "give a PNG or JPEG file relative to the folder of the scene file";
+        (Error::new(problem, advice), name.span().start)
+    };
+    if !path.is_file() {
+        return Err(misplaced(format!("there is no texture `{}`", name.get_ref())));
+    }
+    let texture = Texture::load(&path)
+        .map_err(|e| misplaced(format!("`{}`: {}", name.get_ref(), e.problem())))?;
+    Ok(Some(Arc::new(texture)))
 }
 
 /// An interface, rough or smooth.

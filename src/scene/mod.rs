@@ -15,7 +15,9 @@ mod mtl;
 mod mtl_material;
 mod obj;
 mod scene_file;
+mod surface;
 mod text;
+mod texture;
 mod transform;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
@@ -24,21 +26,29 @@ pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
 pub use load::{Loaded, load};
 pub use material::Material;
+pub use surface::Surface;
+pub use texture::Texture;
 
 use crate::accel::{Hit, Ray, TriangleMesh};
-use crate::bsdf::Vertex;
+use crate::bsdf::Bsdf;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
+use std::ops::{Add, Mul};
 
 /// A triangle mesh of one material, in world space.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Name as in its file.
     pub name: String,
     /// Vertex positions, scene units.
     pub positions: Vec<Vec3>,
+    /// Unit normals to interpolate, one per position, or none. They are turned to the front of their
+    /// triangle; those of length zero, and those in its plane, are replaced by its own.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per position, or none; `v` points up in the picture.
+    pub uvs: Vec<Vec2>,
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
@@ -49,6 +59,19 @@ impl Mesh {
     /// The geometry alone.
     pub fn as_triangles(&self) -> TriangleMesh<'_> {
         TriangleMesh { positions: &self.positions, triangles: &self.triangles }
+    }
+
+    /// What varies over the triangle of these corners and this normal.
+    fn corners(&self, indices: [usize; 3], normal: Vec3) -> Corners {
+        let own = |index: usize| {
+            let given = self.normals.get(index).copied().unwrap_or_default();
+            match given.dot(normal) {
+                0.0 => normal,
+                cos => given * cos.signum(),
+            }
+        };
+        let uv = |index: usize| self.uvs.get(index).copied().unwrap_or_default();
+        Corners { normals: indices.map(own), uvs: indices.map(uv) }
     }
 }
 
@@ -69,6 +92,25 @@ pub struct Triangle {
     /// Index into [`Scene::materials`].
     pub material: u32,
     area: f32,
+    /// Index into [`Scene::corners`], or [`Triangle::FLAT`].
+    corners: u32,
+}
+
+/// What varies over a triangle.
+#[derive(Clone, Copy, Debug, Default)]
+struct Corners {
+    /// Unit normals on the front side.
+    normals: [Vec3; 3],
+    uvs: [Vec2; 3],
+}
+
+/// The mean of the corners' values with barycentric weights `u`, `v` of the second and third.
+#[inline]
+fn interpolate<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(
+    [a, b, c]: [T; 3],
+    [u, v]: [f32; 2],
+) -> T {
+    a * (1.0 - u - v) + b * u + c * v
 }
 
 /// Normal of a triangle, twice its area long. In f64 neither overflow nor underflow is possible for
@@ -84,6 +126,9 @@ pub(crate) fn triangle_area(corners: [Vec3; 3]) -> f32 {
 }
 
 impl Triangle {
+    /// Nothing varies over it.
+    const FLAT: u32 = u32::MAX;
+
     fn new(corners: [Vec3; 3], material: u32) -> Self {
         let [a, b, c] = corners;
         let (edge1, edge2) = (b - a, c - a);
@@ -92,7 +137,9 @@ impl Triangle {
         // vertex coordinate.
         let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         let offset = largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE;
-        Self { origin: a, edge1, edge2, normal, offset, material, area: triangle_area(corners) }
+        let area = triangle_area(corners);
+        let corners = Self::FLAT;
+        Self { origin: a, edge1, edge2, normal, offset, material, area, corners }
     }
 
     /// Area, scene units squared.
@@ -104,40 +151,6 @@ impl Triangle {
     #[inline]
     pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
         self.origin + u * self.edge1 + v * self.edge2
-    }
-}
-
-/// Where a ray hit, on the side that it came from.
-#[derive(Clone, Copy, Debug)]
-pub struct Surface<'a> {
-    /// The point that was hit.
-    pub position: Vec3,
-    /// Unit normal on the ray's side.
-    pub normal: Vec3,
-    /// The point, moved off the surface to the ray's side: where new rays to that side start.
-    pub off_surface: Vec3,
-    /// Unit vector back along the ray.
-    pub wo: Vec3,
-    /// Whether the ray's side is the front, which may emit.
-    pub front: bool,
-    /// What the surface is made of.
-    pub material: &'a Material,
-}
-
-impl Surface<'_> {
-    /// What its BSDF needs to know.
-    #[inline]
-    pub fn vertex(&self) -> Vertex {
-        Vertex { normal: self.normal, wo: self.wo, front: self.front }
-    }
-
-    /// Where new rays toward `direction` start: off the surface, on that side.
-    #[inline]
-    pub fn start(&self, direction: Vec3) -> Vec3 {
-        if direction.dot(self.normal) > 0.0 {
-            return self.off_surface;
-        }
-        2.0 * self.position - self.off_surface
     }
 }
 
@@ -199,6 +212,8 @@ pub struct Scene {
     pub bounds: Bounds,
     /// All triangles, mesh after mesh.
     triangles: Vec<Triangle>,
+    /// Of the triangles over which something varies.
+    corners: Vec<Corners>,
     /// Index in `triangles` of each mesh's first.
     first_triangle: Vec<u32>,
 }
@@ -219,14 +234,20 @@ impl Scene {
         let mut bounds = Bounds::EMPTY;
         let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());
         let mut first_triangle = Vec::with_capacity(meshes.len());
+        let mut varying = Vec::new();
         let mut emitters = lights;
         for mesh in &meshes {
             first_triangle.push(triangles.len() as u32);
             let radiance = materials[mesh.material as usize].emission;
-            for corners in &mesh.triangles {
-                let corners = corners.map(|index| mesh.positions[index as usize]);
+            for indices in &mesh.triangles {
+                let indices = indices.map(|index| index as usize);
+                let corners = indices.map(|index| mesh.positions[index]);
                 bounds = corners.into_iter().fold(bounds, Bounds::with);
-                let shape = Triangle::new(corners, mesh.material);
+                let mut shape = Triangle::new(corners, mesh.material);
+                if !(mesh.normals.is_empty() && mesh.uvs.is_empty()) {
+                    shape.corners = varying.len() as u32;
+                    varying.push(mesh.corners(indices, shape.normal));
+                }
                 if radiance.max_element() > 0.0 {
                     emitters.push(Emitter::Triangle { shape, radiance });
                 }
@@ -240,7 +261,19 @@ impl Scene {
             }
         }
         let lights = Lights::new(emitters);
-        Self { name, meshes, materials, lights, camera, regions, bounds, triangles, first_triangle }
+        let corners = varying;
+        Self {
+            name,
+            meshes,
+            materials,
+            lights,
+            camera,
+            regions,
+            bounds,
+            triangles,
+            corners,
+            first_triangle,
+        }
     }
 
     /// The scene with light from all around.
@@ -271,19 +304,55 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// What `ray`, of a direction of unit length, hit.
+    /// What `ray`, of a direction of unit length, hit, but for what varies over a triangle.
     ///
     /// # Panics
     /// If the ray missed.
     #[inline(always)] // a call costs 3 % of the camera phase
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
-        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
-        let triangle = &self.triangles[index as usize];
+    pub fn plain_surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
+        let triangle = self.triangle(hit);
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
         let position = triangle.point([hit.u, hit.v]);
         let material = &self.materials[triangle.material as usize];
         let off_surface = position + normal * triangle.offset;
-        Surface { position, normal, off_surface, wo: -ray.direction, front, material }
+        let wo = -ray.direction;
+        let (interpolated, varying) = (None, None);
+        Surface { position, normal, interpolated, off_surface, wo, front, material, varying }
+    }
+
+    /// Whether [`Self::plain_surface`] tells all of what was hit, and it is Lambertian.
+    #[inline]
+    pub fn is_plain(&self, hit: &Hit) -> bool {
+        let triangle = self.triangle(hit);
+        let material = &self.materials[triangle.material as usize];
+        triangle.corners == Triangle::FLAT
+            && material.albedo_texture.is_none()
+            && matches!(material.bsdf, Bsdf::Lambertian { .. })
+    }
+
+    /// What `ray`, of a direction of unit length, hit.
+    ///
+    /// # Panics
+    /// If the ray missed.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
+        let plain = self.plain_surface(ray, hit);
+        let triangle = self.triangle(hit);
+        let Some(Corners { normals, uvs }) = self.corners.get(triangle.corners as usize) else {
+            return Surface { varying: plain.material.bsdf_at(Vec2::ZERO), ..plain };
+        };
+        let at = [hit.u, hit.v];
+        let interpolated = (*normals != [triangle.normal; 3]).then(|| {
+            let normal = interpolate(*normals, at).normalize_or(triangle.normal);
+            if plain.front { normal } else { -normal }
+        });
+        let varying = plain.material.bsdf_at(interpolate(*uvs, at));
+        Surface { interpolated, varying, ..plain }
+    }
+
+    #[inline]
+    fn triangle(&self, hit: &Hit) -> &Triangle {
+        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
+        &self.triangles[index as usize]
     }
 }

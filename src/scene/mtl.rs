@@ -6,11 +6,12 @@
 use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
-use crate::scene::Material;
 use crate::scene::mtl_material::MtlMaterial;
 use crate::scene::text::{Lines, list, split_keyword};
+use crate::scene::{Material, Texture};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Reflected share of light where nothing else is said.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -18,7 +19,7 @@ pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 /// A material that only reflects.
 pub(super) fn grey(name: &str) -> Material {
     let bsdf = Bsdf::diffuse(Rgb::splat(DEFAULT_ALBEDO));
-    Material { name: name.to_owned(), bsdf, emission: Rgb::ZERO }
+    Material::new(name, bsdf)
 }
 
 /// Adds the materials of a library to those read before. Notes tell what was ignored.
@@ -52,7 +53,8 @@ pub(super) fn load(
             continue;
         }
         let known = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
-        if !known.contains(&keyword) && !keyword.starts_with("map_") {
+        let is_map = keyword.starts_with("map_");
+        if !known.contains(&keyword) && !is_map {
             continue;
         }
         let Some(material) = &mut current else {
@@ -72,17 +74,24 @@ pub(super) fn load(
             "d" => material.opacity = Some(number(&lines, rest, 0.0, 1.0)?),
             "Tr" => material.opacity = Some(1.0 - number(&lines, rest, 0.0, 1.0)?),
             "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
-            "map_Kd" | "map_Ke" | "map_d" => {
-                ignored.textures.insert(material.name.clone());
-            }
+            "map_Kd" => material.albedo_texture = texture(path, rest)?,
+            "map_d" => material.opacity_texture = texture(path, rest)?,
             _ => {}
+        }
+        let read = match keyword {
+            "map_Kd" => material.albedo_texture.is_some(),
+            "map_d" => material.opacity_texture.is_some(),
+            _ => false,
+        };
+        if is_map && !read {
+            ignored.textures.insert(material.name.clone());
         }
     }
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
     for (names, what) in [
-        (ignored.textures, "the textures"),
+        (ignored.textures, "some textures (no such file, of another use, or with options)"),
         (ignored.highlights, "the highlights (`Ks` with `Kd`)"),
         (ignored.transparent, "the transparency"),
     ] {
@@ -114,6 +123,17 @@ impl Notes {
         }
         materials.insert(material.name.clone(), material);
     }
+}
+
+/// The texture of this file name; `None` if it does not exist or has options before it.
+fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
+    if name.is_empty() || name.starts_with('-') {
+        return Ok(None);
+    }
+    let folder = library.parent().unwrap_or(Path::new(""));
+    let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
+    let found = candidates.into_iter().find(|path| path.exists());
+    found.map(|path| Texture::load(&path).map(Arc::new)).transpose()
 }
 
 /// A number within bounds; what follows it is ignored.

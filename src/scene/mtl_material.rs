@@ -3,11 +3,12 @@
 //! MTL grew from Phong's highlights, which are no physical material; the table in
 //! `docs/scene-format.md` tells what becomes of it.
 
-use super::Material;
 use super::material_table::{DEFAULT_IOR, dielectric};
 use super::mtl::DEFAULT_ALBEDO;
+use super::{Material, Texture};
 use crate::bsdf::{Bsdf, Coated, Conductor, Reflectance};
 use crate::math::Rgb;
+use std::sync::Arc;
 
 /// Below this roughness (`Pr`) a surface that is no metal has a coat.
 const COAT_ROUGHNESS: f32 = 0.3;
@@ -35,6 +36,10 @@ pub(super) struct MtlMaterial {
     pub roughness: Option<f32>,
     /// `Pm`
     pub metalness: Option<f32>,
+    /// `map_Kd`
+    pub albedo_texture: Option<Arc<Texture>>,
+    /// `map_d`
+    pub opacity_texture: Option<Arc<Texture>>,
 }
 
 /// What was left out of a material.
@@ -50,11 +55,18 @@ impl MtlMaterial {
     /// The material, and what of its records has no counterpart.
     pub(super) fn material(&self) -> (Material, Ignored) {
         let (bsdf, ignored) = self.bsdf();
-        (Material { name: self.name.clone(), bsdf, emission: self.emission }, ignored)
+        let material = Material {
+            emission: self.emission,
+            albedo_texture: self.albedo_texture.clone(),
+            opacity_texture: self.opacity_texture.clone(),
+            ..Material::new(&self.name, bsdf)
+        };
+        (material, ignored)
     }
 
     fn bsdf(&self) -> (Bsdf, Ignored) {
-        let diffuse = self.diffuse.unwrap_or(Rgb::splat(DEFAULT_ALBEDO));
+        let unsaid = if self.albedo_texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
+        let diffuse = self.diffuse.unwrap_or(Rgb::splat(unsaid));
         let specular = self.specular.unwrap_or(Rgb::ZERO);
         let ior = self.ior.unwrap_or(DEFAULT_IOR);
         let alpha = self.alpha();

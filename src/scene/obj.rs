@@ -9,7 +9,7 @@ use crate::scene::Material;
 use crate::scene::mtl;
 use crate::scene::text::{Lines, list, split_keyword};
 use crate::scene::transform::MAX_COORDINATE;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
 use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 const MAX_LIBRARIES: usize = 1000;
 
 /// The triangles of one object or group that share a material.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ObjMesh {
     /// Name of the object or group.
     pub name: String,
@@ -26,8 +26,27 @@ pub(super) struct ObjMesh {
     pub material: Option<String>,
     /// Finite, at most [`MAX_COORDINATE`].
     pub positions: Vec<Vec3>,
+    /// One per position, or none: `vn`, of any length.
+    pub normals: Vec<Vec3>,
+    /// One per position, or none: `vt`.
+    pub uvs: Vec<Vec2>,
     /// Indices into `positions`, in range.
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// What faces of one mesh have in common, besides what their corners tell.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+struct Part {
+    name: String,
+    material: Option<String>,
+    layout: Layout,
+}
+
+/// What the corners of a face tell besides positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Layout {
+    uvs: bool,
+    normals: bool,
 }
 
 /// What an OBJ file and its material libraries hold.
@@ -78,7 +97,7 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
 }
 
 /// Joins the models of equal name and material, which a file may switch between at will.
-fn group(models: Vec<tobj::Model>, parts: &[(String, Option<String>)]) -> Vec<ObjMesh> {
+fn group(models: Vec<tobj::Model>, parts: &[Part]) -> Vec<ObjMesh> {
     let mut meshes: Vec<ObjMesh> = Vec::new();
     let mut index_of = HashMap::new();
     for model in models {
@@ -90,13 +109,15 @@ fn group(models: Vec<tobj::Model>, parts: &[(String, Option<String>)]) -> Vec<Ob
             continue;
         }
         let index = *index_of.entry(part).or_insert_with(|| {
-            let (name, material) = part.clone();
-            meshes.push(ObjMesh { name, material, positions: Vec::new(), triangles: Vec::new() });
+            let Part { name, material, .. } = part.clone();
+            meshes.push(ObjMesh { name, material, ..ObjMesh::default() });
             meshes.len() - 1
         });
         let mesh = &mut meshes[index];
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(Vec3::from_slice));
+        mesh.normals.extend(model.mesh.normals.chunks_exact(3).map(Vec3::from_slice));
+        mesh.uvs.extend(model.mesh.texcoords.chunks_exact(2).map(Vec2::from_slice));
         let triangles = model.mesh.indices.chunks_exact(3);
         mesh.triangles.extend(triangles.map(|t| [t[0] + first, t[1] + first, t[2] + first]));
     }
@@ -151,20 +172,22 @@ impl Library {
 }
 
 /// Checks an OBJ file line by line, and is read by `tobj` as the plainest file of the same content:
-/// positions, faces by position index, and an object number per name and material.
+/// positions, texture coordinates, normals, faces by index, and an object number per part.
 struct Records {
     lines: Lines,
+    /// Of the current face.
+    corners: Vec<Corner>,
     /// What is to be read next.
     ready: Vec<u8>,
     taken: usize,
     /// Why reading stopped, if it did before the end.
     error: Option<Error>,
-    positions: u32,
+    defined: Defined,
     triangles: u32,
     name: String,
     material: Option<String>,
-    /// Name and material of each announced object.
-    parts: Vec<(String, Option<String>)>,
+    /// Each announced object.
+    parts: Vec<Part>,
     libraries: Vec<Library>,
     ignored_elements: u64,
     /// Unknown keywords and where they first appeared.
@@ -175,10 +198,11 @@ impl Records {
     fn new(lines: Lines, name: String) -> Self {
         Self {
             lines,
+            corners: Vec::new(),
             ready: Vec::new(),
             taken: 0,
             error: None,
-            positions: 0,
+            defined: Defined::default(),
             triangles: 0,
             name,
             material: None,
@@ -195,11 +219,18 @@ impl Records {
         match keyword {
             "v" => {
                 let words = position(&self.lines, rest)?;
-                let advice = "split the model into several files";
-                self.positions = self.positions.checked_add(1).ok_or_else(|| {
-                    self.lines.error("the file has more than 4294967295 vertices", advice)
-                })?;
+                count(&self.lines, &mut self.defined.positions, "vertices")?;
                 write_record(&mut self.ready, "v", words);
+            }
+            "vt" => {
+                let [u, v, _] = numbers(&self.lines, rest, 1)?;
+                count(&self.lines, &mut self.defined.uvs, "texture coordinates")?;
+                write_record(&mut self.ready, "vt", &format!("{u:?} {v:?}"));
+            }
+            "vn" => {
+                let [x, y, z] = numbers(&self.lines, rest, 3)?;
+                count(&self.lines, &mut self.defined.normals, "normals")?;
+                write_record(&mut self.ready, "vn", &format!("{x:?} {y:?} {z:?}"));
             }
             "f" => self.face()?,
             "o" | "g" => {
@@ -233,10 +264,9 @@ impl Records {
                 }
             }
             "p" | "l" | "curv" | "curv2" | "surf" => self.ignored_elements += 1,
-            "" | "vt" | "vn" | "vp" | "s" | "mg" | "cstype" | "deg" | "bmat" | "step" | "parm"
-            | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "bevel" | "c_interp"
-            | "d_interp" | "lod" | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "ctech"
-            | "stech" => {}
+            "" | "vp" | "s" | "mg" | "cstype" | "deg" | "bmat" | "step" | "parm" | "trim"
+            | "hole" | "scrv" | "sp" | "end" | "con" | "bevel" | "c_interp" | "d_interp"
+            | "lod" | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "ctech" | "stech" => {}
             comment if comment.starts_with('#') => {}
             unknown => {
                 // A note is for people: the first few will do.
@@ -249,28 +279,25 @@ impl Records {
         Ok(())
     }
 
-    /// A polygon: at least three corners `position/texture/normal`, of which the position counts.
+    /// A polygon: at least three corners `position/texture/normal`, of which the last two count if
+    /// all corners have them.
     fn face(&mut self) -> Result<()> {
         let rest = split_keyword(self.lines.line()).1;
         let begin = self.ready.len();
-        self.ready.extend_from_slice(b"f");
         let mut corners = 0_u32;
+        self.corners.clear();
         for word in rest.split_whitespace() {
             if word.starts_with('#') {
                 break;
             }
-            let index = corner(&self.lines, word, self.positions)?;
-            // Writing to memory cannot fail.
-            let _ = write!(self.ready, " {index}");
+            self.corners.push(corner(&self.lines, word, self.defined)?);
             corners += 1;
         }
-        self.ready.push(b'\n');
         if corners == 0 {
             let advice = "give at least three vertices, such as `f 1 2 3`";
             return Err(self.lines.error("the face has no vertices", advice));
         }
         if corners < 3 {
-            self.ready.truncate(begin);
             self.ignored_elements += 1;
             return Ok(());
         }
@@ -278,9 +305,31 @@ impl Records {
             let problem = "the file has more than 4294967295 triangles";
             self.lines.error(problem, "split the model into several files")
         })?;
-        let part = (&self.name, &self.material);
-        if self.parts.last().is_none_or(|(name, material)| (name, material) != part) {
-            self.parts.push((self.name.clone(), self.material.clone()));
+        let layout = Layout {
+            uvs: self.corners.iter().all(|corner| corner.uv.is_some()),
+            normals: self.corners.iter().all(|corner| corner.normal.is_some()),
+        };
+        self.ready.extend_from_slice(b"f");
+        for corner in &self.corners {
+            let or_none = |index: Option<u32>| index.map_or(String::new(), |i| i.to_string());
+            let uv = or_none(corner.uv.filter(|_| layout.uvs));
+            let normal = or_none(corner.normal.filter(|_| layout.normals));
+            // Writing to memory cannot fail.
+            let _ = match layout {
+                Layout { normals: true, .. } => {
+                    write!(self.ready, " {}/{uv}/{normal}", corner.position)
+                }
+                Layout { uvs: true, .. } => write!(self.ready, " {}/{uv}", corner.position),
+                _ => write!(self.ready, " {}", corner.position),
+            };
+        }
+        self.ready.push(b'\n');
+        let (name, material) = (&self.name, &self.material);
+        let same =
+            |part: &Part| (&part.name, &part.material, part.layout) == (name, material, layout);
+        if !self.parts.last().is_some_and(same) {
+            let (name, material) = (name.clone(), material.clone());
+            self.parts.push(Part { name, material, layout });
             // Objects are announced with their first face, so that none is empty.
             let announcement = format!("o {}\n", self.parts.len() - 1);
             self.ready.splice(begin..begin, announcement.into_bytes());
@@ -361,27 +410,87 @@ fn position<'a>(lines: &Lines, text: &'a str) -> Result<&'a str> {
     Ok(if count == 4 { text } else { &text[..xyz_end] })
 }
 
-/// Checks a face's corner, and returns its one-based position index.
-fn corner(lines: &Lines, word: &str, positions: u32) -> Result<u32> {
-    let short = || word.chars().take(40).collect::<String>();
+/// How many of each were defined so far.
+#[derive(Clone, Copy, Debug, Default)]
+struct Defined {
+    positions: u32,
+    uvs: u32,
+    normals: u32,
+}
+
+/// One-based indices of a face's corner.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    position: u32,
+    uv: Option<u32>,
+    normal: Option<u32>,
+}
+
+/// Checks a face's corner.
+fn corner(lines: &Lines, word: &str, defined: Defined) -> Result<Corner> {
     let mut parts = word.split('/');
-    let index = parts.next().unwrap_or_default().parse::<i64>();
-    let rest_ok = parts.by_ref().take(2).all(|part| part.is_empty() || part.parse::<i64>().is_ok());
-    let (Ok(index), true, None) = (index, rest_ok, parts.next()) else {
+    let position = parts.next().unwrap_or_default().parse::<i64>().ok();
+    let mut index = || match parts.next() {
+        None | Some("") => Some(None),
+        Some(part) => part.parse::<i64>().ok().map(Some),
+    };
+    let (uv, normal) = (index(), index());
+    let (Some(position), Some(uv), Some(normal), None) = (position, uv, normal, parts.next())
+    else {
+        let short: String = word.chars().take(40).collect();
         return Err(lines.error(
-            format!("`{}` is not a face's vertex", short()),
+            format!("`{short}` is not a face's vertex"),
             "give vertex numbers, such as `f 1 2 3` or `f 1/1/1 2/2/1 3/3/1`",
         ));
     };
-    // Negative indices count from the last vertex so far.
-    let absolute = if index < 0 { i64::from(positions).saturating_add(index) + 1 } else { index };
-    if absolute < 1 || absolute > i64::from(positions) {
+    Ok(Corner {
+        position: absolute(lines, position, defined.positions, "vertex")?,
+        uv: uv.map(|i| absolute(lines, i, defined.uvs, "texture coordinate")).transpose()?,
+        normal: normal.map(|i| absolute(lines, i, defined.normals, "normal")).transpose()?,
+    })
+}
+
+/// A one-based index into what was defined so far; negative ones count from its end.
+fn absolute(lines: &Lines, index: i64, defined: u32, what: &str) -> Result<u32> {
+    let absolute = if index < 0 { i64::from(defined).saturating_add(index) + 1 } else { index };
+    if absolute < 1 || absolute > i64::from(defined) {
+        let plural = if what == "vertex" { "vertices".to_owned() } else { format!("{what}s") };
         return Err(lines.error(
-            format!("the face refers to vertex {index}, but {positions} are defined up to here"),
-            "number vertices from 1 (or from -1 backwards), and define them before their faces",
+            format!("the face refers to {what} {index}, but {defined} are defined up to here"),
+            format!(
+                "number {plural} from 1 (or from -1 backwards), and define them before their faces"
+            ),
         ));
     }
     Ok(absolute as u32)
+}
+
+/// Counts one more of `what`.
+fn count(lines: &Lines, counter: &mut u32, what: &str) -> Result<()> {
+    *counter = counter.checked_add(1).ok_or_else(|| {
+        let problem = format!("the file has more than 4294967295 {what}");
+        lines.error(problem, "split the model into several files")
+    })?;
+    Ok(())
+}
+
+/// At least so many finite numbers of up to three; the rest are 0.
+fn numbers(lines: &Lines, text: &str, least: usize) -> Result<[f32; 3]> {
+    let keyword = split_keyword(lines.line()).0;
+    let text = text.split('#').next().unwrap_or_default();
+    let mut numbers = [0.0; 3];
+    let mut count = 0;
+    for (number, word) in numbers.iter_mut().zip(text.split_whitespace()) {
+        *number = word.parse().unwrap_or(f32::NAN);
+        count += 1;
+    }
+    if count < least || !numbers.iter().all(|number| number.abs() <= MAX_COORDINATE) {
+        return Err(lines.error(
+            format!("`{keyword}` needs {least} or more finite numbers"),
+            format!("write them, such as `{keyword}{}`", &" 0.5 0.5 0.5"[..4 * least]),
+        ));
+    }
+    Ok(numbers)
 }
 
 fn write_record(out: &mut Vec<u8>, keyword: &str, words: &str) {

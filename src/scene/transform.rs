@@ -70,6 +70,14 @@ impl Transform {
         (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
     }
 
+    /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
+    /// swapped the normal is as well.
+    pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
+        let turned = self.map.matrix3.inverse().transpose() * normal.as_dvec3();
+        let swapped = self.reverse != (self.map.matrix3.determinant() < 0.0);
+        (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3()
+    }
+
     /// Orders a triangle's corners so that its front stays in front.
     pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }

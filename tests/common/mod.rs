@@ -15,7 +15,7 @@ use std::collections::HashMap;
 pub fn gray(albedo: f32, emission: f32) -> Material {
     let albedo = Vec3::splat(albedo);
     let bsdf = Bsdf::diffuse(albedo);
-    Material { name: "gray".into(), bsdf, emission: Vec3::splat(emission) }
+    Material { emission: Vec3::splat(emission), ..Material::new("gray", bsdf) }
 }
 
 /// A square of side 2 `half` around `center` whose front sees `normal`.
@@ -25,7 +25,7 @@ pub fn square(center: Vec3, normal: Vec3, half: f32, material: u32) -> Mesh {
     let positions =
         vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     let triangles = vec![[0, 1, 2], [0, 2, 3]];
-    let mesh = Mesh { name: "square".into(), positions, triangles, material };
+    let mesh = Mesh { name: "square".into(), positions, triangles, material, ..Mesh::default() };
     let [a, b, c] = [0, 1, 2].map(|i| mesh.positions[i]);
     assert!((b - a).cross(c - a).dot(normal) > 0.0);
     mesh
@@ -78,7 +78,7 @@ pub fn sphere(center: Vec3, radius: f32, levels: u32, inward: bool, material: u3
         .map(|&[i, j, k]| if inward { [i, k, j] } else { [i, j, k] }.map(index))
         .collect();
     let positions = points.iter().map(|p| center + radius * p.as_vec3()).collect();
-    Mesh { name: "sphere".into(), positions, triangles, material }
+    Mesh { name: "sphere".into(), positions, triangles, material, ..Mesh::default() }
 }
 
 /// Total area of a mesh, in f64.
