@@ -4,7 +4,7 @@ use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Transport, Wanted};
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
-use crate::scene::Scene;
+use crate::scene::{Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
@@ -222,52 +222,71 @@ impl Batch {
                 continue;
             }
             let mut walk = self.walks[i].clone();
-            let ray = &self.rays_in_flight[i];
-            let surface = scene.surface(ray, &hit);
-            let at = surface.vertex(Transport::Flux);
-            let bsdf = surface.bsdf();
-            if bsdf.merges()
-                && let Some(class) = walk.class
-            {
-                let photon = Photon::new(
-                    surface.position,
-                    walk.path,
-                    walk.flux,
-                    surface.normal,
-                    at.wo,
-                    class,
-                );
-                self.arrivals.push(photon);
-            }
-            let Some(sample) = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng) else {
-                continue;
+            let ray = self.rays_in_flight[i];
+            let next = if scene.is_plain(&hit) {
+                self.scatter_at(&scene.plain_surface(&ray, &hit), &mut walk, roulette)
+            } else {
+                self.scatter_anywhere(&scene.surface(&ray, &hit), &mut walk, roulette)
             };
-            if !surface.agrees(&at, sample.wi) {
-                continue;
+            if let Some(ray) = next {
+                self.rays_in_flight[alive] = ray;
+                self.walks[alive] = walk;
+                alive += 1;
             }
-            let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
-            walk.class = Some(match walk.class {
-                _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
-                Some(class) => class,
-                None => PhotonClass::EveryVertex,
-            });
-            let survival = match roulette {
-                Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
-                Roulette::Weight => {
-                    let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
-                    (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
-                }
-            };
-            if walk.rng.next_1d() >= survival {
-                continue;
-            }
-            walk.flux *= weight / survival;
-            self.rays_in_flight[alive] = Ray::new(surface.start(sample.wi), sample.wi);
-            self.walks[alive] = walk;
-            alive += 1;
         }
         self.rays_in_flight.truncate(alive);
         self.walks.truncate(alive);
+    }
+
+    /// [`Self::scatter_at`] of surfaces that are not plain.
+    #[inline(never)] // the compiler then specializes the other copy for plain ones
+    fn scatter_anywhere(
+        &mut self,
+        surface: &Surface,
+        walk: &mut Walk,
+        roulette: Roulette,
+    ) -> Option<Ray> {
+        self.scatter_at(surface, walk, roulette)
+    }
+
+    /// At one hit; the next ray unless the path ends.
+    #[inline(always)]
+    fn scatter_at(
+        &mut self,
+        surface: &Surface,
+        walk: &mut Walk,
+        roulette: Roulette,
+    ) -> Option<Ray> {
+        let Surface { position, normal, wo, .. } = *surface;
+        let bsdf = surface.bsdf();
+        if bsdf.merges()
+            && let Some(class) = walk.class
+        {
+            self.arrivals.push(Photon::new(position, walk.path, walk.flux, normal, wo, class));
+        }
+        let at = surface.vertex(Transport::Flux);
+        let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng)?;
+        if !surface.agrees(&at, sample.wi) {
+            return None;
+        }
+        let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
+        walk.class = Some(match walk.class {
+            _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
+            Some(class) => class,
+            None => PhotonClass::EveryVertex,
+        });
+        let survival = match roulette {
+            Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
+            Roulette::Weight => {
+                let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
+                (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
+            }
+        };
+        if walk.rng.next_1d() >= survival {
+            return None;
+        }
+        walk.flux *= weight / survival;
+        Some(Ray::new(surface.start(sample.wi), sample.wi))
     }
 
     /// Counting sort of the arrivals; stable, so a path's vertices keep their order.
