@@ -33,7 +33,7 @@ pub struct Photon {
     /// Surface normal on the side it arrived from, each coordinate in 1/127.
     normal: [i8; 3],
     class: PhotonClass,
-    /// Packed unit vector toward where it came from.
+    /// Packed unit vector toward where it came from, if it was told.
     from: u32,
 }
 
@@ -49,18 +49,17 @@ pub enum PhotonClass {
 }
 
 impl Photon {
-    /// `normal` is the unit normal on the side of arrival, `from` points to where it came from.
-    pub fn new(
-        position: Vec3,
-        path: u32,
-        flux: Rgb,
-        normal: Vec3,
-        from: Vec3,
-        class: PhotonClass,
-    ) -> Self {
+    /// `normal` is the unit normal on the side of arrival.
+    pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
         let normal = (normal * 127.0).round();
         let normal = [normal.x as i8, normal.y as i8, normal.z as i8];
-        Self { position, path, flux, normal, class, from: pack_direction(from) }
+        Self { position, path, flux, normal, class, from: 0 }
+    }
+
+    /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
+    #[must_use]
+    pub fn coming_from(self, from: Vec3) -> Self {
+        Self { from: pack_direction(from), ..self }
     }
 
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
@@ -159,6 +158,8 @@ struct Batch {
     photons: Vec<Photon>,
     /// Photons as they arrive, bounce by bounce.
     arrivals: Vec<Photon>,
+    /// Whether photons keep theirs.
+    directions: bool,
     rays_in_flight: Vec<Ray>,
     walks: Vec<Walk>,
     hits: Vec<Hit>,
@@ -176,6 +177,7 @@ impl Batch {
         paths: std::ops::Range<u32>,
     ) {
         let start = Instant::now();
+        self.directions = scene.merges_by_direction();
         self.emit(scene, settings, key, paths.clone());
         while !self.walks.is_empty() {
             self.rays += self.walks.len() as u64;
@@ -262,7 +264,8 @@ impl Batch {
         if bsdf.merges()
             && let Some(class) = walk.class
         {
-            self.arrivals.push(Photon::new(position, walk.path, walk.flux, normal, wo, class));
+            let photon = Photon::new(position, walk.path, walk.flux, normal, class);
+            self.arrivals.push(if self.directions { photon.coming_from(wo) } else { photon });
         }
         let at = surface.vertex(Transport::Flux);
         let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng)?;

@@ -299,6 +299,15 @@ impl Scene {
         Surface { position, normal, interpolated, off_surface, wo, front, material, varying }
     }
 
+    /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
+    /// that is not the triangle's.
+    pub fn merges_by_direction(&self) -> bool {
+        let varies = |material: &Material| {
+            material.bsdf.merges() && !matches!(material.bsdf, Bsdf::Lambertian { .. })
+        };
+        self.materials.iter().any(varies) || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
+    }
+
     /// Whether [`Self::plain_surface`] tells all of what was hit, and it is Lambertian.
     #[inline]
     pub fn is_plain(&self, hit: &Hit) -> bool {
