@@ -4,7 +4,7 @@ use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Transport, Wanted};
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
-use crate::scene::Scene;
+use crate::scene::{Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
@@ -33,7 +33,7 @@ pub struct Photon {
     /// Surface normal on the side it arrived from, each coordinate in 1/127.
     normal: [i8; 3],
     class: PhotonClass,
-    /// Packed unit vector toward where it came from.
+    /// Packed unit vector toward where it came from, if it was told.
     from: u32,
 }
 
@@ -49,18 +49,17 @@ pub enum PhotonClass {
 }
 
 impl Photon {
-    /// `normal` is the unit normal on the side of arrival, `from` points to where it came from.
-    pub fn new(
-        position: Vec3,
-        path: u32,
-        flux: Rgb,
-        normal: Vec3,
-        from: Vec3,
-        class: PhotonClass,
-    ) -> Self {
+    /// `normal` is the unit normal on the side of arrival.
+    pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
         let normal = (normal * 127.0).round();
         let normal = [normal.x as i8, normal.y as i8, normal.z as i8];
-        Self { position, path, flux, normal, class, from: pack_direction(from) }
+        Self { position, path, flux, normal, class, from: 0 }
+    }
+
+    /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
+    #[must_use]
+    pub fn coming_from(self, from: Vec3) -> Self {
+        Self { from: pack_direction(from), ..self }
     }
 
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
@@ -159,6 +158,8 @@ struct Batch {
     photons: Vec<Photon>,
     /// Photons as they arrive, bounce by bounce.
     arrivals: Vec<Photon>,
+    /// Whether photons keep theirs.
+    directions: bool,
     rays_in_flight: Vec<Ray>,
     walks: Vec<Walk>,
     hits: Vec<Hit>,
@@ -176,6 +177,7 @@ impl Batch {
         paths: std::ops::Range<u32>,
     ) {
         let start = Instant::now();
+        self.directions = scene.merges_by_direction();
         self.emit(scene, settings, key, paths.clone());
         while !self.walks.is_empty() {
             self.rays += self.walks.len() as u64;
@@ -221,53 +223,72 @@ impl Batch {
             if hit.is_miss() {
                 continue;
             }
-            let mut walk = self.walks[i].clone();
-            let ray = &self.rays_in_flight[i];
-            let surface = scene.surface(ray, &hit);
-            let at = surface.vertex(Transport::Flux);
-            let bsdf = surface.bsdf();
-            if bsdf.merges()
-                && let Some(class) = walk.class
-            {
-                let photon = Photon::new(
-                    surface.position,
-                    walk.path,
-                    walk.flux,
-                    surface.normal,
-                    at.wo,
-                    class,
-                );
-                self.arrivals.push(photon);
-            }
-            let Some(sample) = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng) else {
-                continue;
+            let (ray, walk) = (self.rays_in_flight[i], self.walks[i].clone());
+            let next = if scene.is_plain(&hit) {
+                self.scatter_at(&scene.plain_surface(&ray, &hit), walk, roulette)
+            } else {
+                self.scatter_anywhere(&scene.surface(&ray, &hit), walk, roulette)
             };
-            if !surface.agrees(&at, sample.wi) {
-                continue;
+            if let Some((ray, walk)) = next {
+                self.rays_in_flight[alive] = ray;
+                self.walks[alive] = walk;
+                alive += 1;
             }
-            let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
-            walk.class = Some(match walk.class {
-                _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
-                Some(class) => class,
-                None => PhotonClass::EveryVertex,
-            });
-            let survival = match roulette {
-                Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
-                Roulette::Weight => {
-                    let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
-                    (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
-                }
-            };
-            if walk.rng.next_1d() >= survival {
-                continue;
-            }
-            walk.flux *= weight / survival;
-            self.rays_in_flight[alive] = Ray::new(surface.start(sample.wi), sample.wi);
-            self.walks[alive] = walk;
-            alive += 1;
         }
         self.rays_in_flight.truncate(alive);
         self.walks.truncate(alive);
+    }
+
+    /// [`Self::scatter_at`] of surfaces that are not plain.
+    #[inline(never)] // the compiler then specializes the other copy for plain ones
+    fn scatter_anywhere(
+        &mut self,
+        surface: &Surface,
+        walk: Walk,
+        roulette: Roulette,
+    ) -> Option<(Ray, Walk)> {
+        self.scatter_at(surface, walk, roulette)
+    }
+
+    /// At one hit; the next ray unless the path ends.
+    #[inline(always)]
+    fn scatter_at(
+        &mut self,
+        surface: &Surface,
+        mut walk: Walk,
+        roulette: Roulette,
+    ) -> Option<(Ray, Walk)> {
+        let Surface { position, normal, wo, .. } = *surface;
+        let bsdf = surface.bsdf();
+        if bsdf.merges()
+            && let Some(class) = walk.class
+        {
+            let photon = Photon::new(position, walk.path, walk.flux, normal, class);
+            self.arrivals.push(if self.directions { photon.coming_from(wo) } else { photon });
+        }
+        let at = surface.vertex(Transport::Flux);
+        let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng)?;
+        if !surface.agrees(&at, sample.wi) {
+            return None;
+        }
+        let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
+        walk.class = Some(match walk.class {
+            _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
+            Some(class) => class,
+            None => PhotonClass::EveryVertex,
+        });
+        let survival = match roulette {
+            Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
+            Roulette::Weight => {
+                let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
+                (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
+            }
+        };
+        if walk.rng.next_1d() >= survival {
+            return None;
+        }
+        walk.flux *= weight / survival;
+        Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
     }
 
     /// Counting sort of the arrivals; stable, so a path's vertices keep their order.

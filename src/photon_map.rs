@@ -222,7 +222,7 @@ mod tests {
     use crate::rng::{Stream, StreamKey};
 
     fn photon(position: Vec3, path: usize) -> Photon {
-        Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, Vec3::Z, PhotonClass::LastVertex)
+        Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, PhotonClass::LastVertex)
     }
 
     /// Looks up every query and compares with a search of all photons by the same distance test.

@@ -79,8 +79,11 @@ impl Spot {
         share.clamp(0.0, 1.0).powi(2)
     }
 
-    /// A direction in proportion to the intensity.
-    fn sample(&self, choice: f32, [u, v]: [f32; 2]) -> Vec3 {
+    /// Starts a light path in proportion to the intensity.
+    #[inline(never)] // keeps the loop over other lights short
+    fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
+        let choice = rng.next_1d();
+        let [u, v] = rng.next_2d();
         let [full, falloff] = self.solid_angles();
         let cosine = if choice * (full + falloff) < full {
             1.0 - u * (1.0 - self.cos_inner)
@@ -91,7 +94,24 @@ impl Spot {
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
         let (sin, cos) = (TAU * v).sin_cos();
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
-        sine * (cos * tangent + sin * bitangent) + cosine * self.direction
+        Emission {
+            origin: self.position,
+            direction: sine * (cos * tangent + sin * bitangent) + cosine * self.direction,
+            flux: self.intensity * (self.solid_angle() / prob),
+        }
+    }
+
+    #[inline(never)] // as above
+    fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
+        let to_light = self.position - position;
+        let distance2 = to_light.length_squared();
+        let wi = to_light * distance2.sqrt().recip();
+        let share = self.falloff(-wi.dot(self.direction));
+        (share > 0.0).then(|| LightSample {
+            target: self.position,
+            wi,
+            irradiance: self.intensity * (share / (distance2 * prob)),
+        })
     }
 }
 
@@ -104,6 +124,29 @@ impl Directional {
     /// Area of the disc that all light passes that may meet the scene.
     fn area(&self) -> f32 {
         PI * self.radius * self.radius
+    }
+
+    #[inline(never)] // as above
+    fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
+        let [u, v] = uniform_disc(rng.next_2d());
+        let (right, up) = self.direction.any_orthonormal_pair();
+        let across = u * right + v * up - self.direction;
+        Emission {
+            origin: self.center + self.radius * across,
+            direction: self.direction,
+            flux: self.irradiance * (self.area() / prob),
+        }
+    }
+
+    #[inline(never)] // as above
+    fn connect(&self, position: Vec3, prob: f32) -> LightSample {
+        // From the disc where its light paths start.
+        let along = (position - self.center).dot(self.direction) + self.radius;
+        LightSample {
+            target: position - along.max(self.radius) * self.direction,
+            wi: -self.direction,
+            irradiance: self.irradiance / prob,
+        }
     }
 }
 
@@ -124,28 +167,25 @@ impl Emitter {
     }
 
     /// Starts a light path, if it was chosen with probability `prob`.
-    #[inline]
+    #[inline(always)] // a call costs a tenth of the light phase
     pub(super) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let (origin, direction) = match self {
-            Self::Point { position, .. } => (*position, uniform_sphere(rng.next_2d())),
-            Self::Spot(spot) => {
-                let choice = rng.next_1d();
-                (spot.position, spot.sample(choice, rng.next_2d()))
-            }
-            Self::Directional(light) => {
-                let [u, v] = uniform_disc(rng.next_2d());
-                let (right, up) = light.direction.any_orthonormal_pair();
-                let across = u * right + v * up - light.direction;
-                (light.center + light.radius * across, light.direction)
-            }
-            Self::Triangle { shape, .. } => {
+        match self {
+            Self::Point { position, intensity } => Emission {
+                origin: *position,
+                direction: uniform_sphere(rng.next_2d()),
+                flux: *intensity * (4.0 * PI / prob),
+            },
+            Self::Triangle { shape, radiance } => {
                 let point = shape.point(uniform_triangle(rng.next_2d()));
-                let direction = cosine_hemisphere(shape.normal, rng.next_2d());
-                (point + shape.normal * shape.offset, direction)
+                Emission {
+                    origin: point + shape.normal * shape.offset,
+                    direction: cosine_hemisphere(shape.normal, rng.next_2d()),
+                    flux: *radiance * (PI * shape.area() / prob),
+                }
             }
-        };
-        // Every kind is sampled in proportion to what it emits.
-        Emission { origin, direction, flux: self.power() / prob }
+            Self::Spot(spot) => spot.emit(prob, rng),
+            Self::Directional(light) => light.emit(prob, rng),
+        }
     }
 
     /// A point on it to connect `position` with, if it was chosen with probability `prob`.
@@ -174,35 +214,8 @@ impl Emitter {
                     irradiance: *radiance * (cos_light * shape.area() / (distance2 * prob)),
                 })
             }
-            Self::Spot(_) | Self::Directional(_) => self.connect_other(position, prob),
-        }
-    }
-
-    /// The same for the kinds that are rarer.
-    #[inline(never)]
-    fn connect_other(&self, position: Vec3, prob: f32) -> Option<LightSample> {
-        match self {
-            Self::Spot(spot) => {
-                let to_light = spot.position - position;
-                let distance2 = to_light.length_squared();
-                let wi = to_light * distance2.sqrt().recip();
-                let share = spot.falloff(-wi.dot(spot.direction));
-                (share > 0.0).then(|| LightSample {
-                    target: spot.position,
-                    wi,
-                    irradiance: spot.intensity * (share / (distance2 * prob)),
-                })
-            }
-            Self::Directional(light) => {
-                // From the disc where its light paths start.
-                let along = (position - light.center).dot(light.direction) + light.radius;
-                Some(LightSample {
-                    target: position - along.max(light.radius) * light.direction,
-                    wi: -light.direction,
-                    irradiance: light.irradiance / prob,
-                })
-            }
-            Self::Point { .. } | Self::Triangle { .. } => None,
+            Self::Spot(spot) => spot.connect(position, prob),
+            Self::Directional(light) => Some(light.connect(position, prob)),
         }
     }
 }

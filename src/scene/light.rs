@@ -126,12 +126,12 @@ impl Lights {
     ///
     /// # Panics
     /// If there are no lights.
-    #[inline]
+    #[inline(always)] // as above
     pub fn emit(&self, rng: &mut Rng) -> Emission {
         let (index, prob) = self.all.choose(rng.next_f64());
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, rng),
-            None => self.chosen_environment().emit(prob, rng),
+            None => self.emit_environment(prob, rng),
         }
     }
 
@@ -150,6 +150,11 @@ impl Lights {
     }
 
     #[inline(never)] // keeps the loops over emitters short
+    fn emit_environment(&self, prob: f32, rng: &mut Rng) -> Emission {
+        self.chosen_environment().emit(prob, rng)
+    }
+
+    #[inline(never)] // as above
     fn connect_environment(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
         self.chosen_environment().connect(position, prob, rng)
     }

@@ -112,6 +112,19 @@ mod tests {
     }
 
     #[test]
+    fn normals_turn_with_their_surfaces() {
+        // A plane along (1, -1, 0) is stretched to one along (1, -2, 0).
+        let stretched = parts([5.0; 3], [0.0; 3], [1.0, 2.0, 1.0]);
+        let expected = Vec3::new(2.0, 1.0, 0.0).normalize();
+        assert!((stretched.normal(Vec3::new(1.0, 1.0, 0.0)) - expected).length() < 1e-6);
+        assert!((stretched.flipped(true).normal(Vec3::ONE - Vec3::Z) + expected).length() < 1e-6);
+        // Mirrored with its surface a normal stays in front.
+        let mirrored = parts([0.0; 3], [0.0; 3], [-1.0, 1.0, 1.0]);
+        assert_eq!(mirrored.normal(Vec3::X), -Vec3::X);
+        assert_eq!(mirrored.normal(Vec3::ZERO), Vec3::ZERO);
+    }
+
+    #[test]
     fn angles_turn_counterclockwise_and_quarters_are_exact() {
         let turned = |degrees| parts([0.0; 3], [0.0, 0.0, degrees], [1.0; 3]).point(Vec3::X);
         let exact = [(90.0, Vec3::Y), (-90.0, -Vec3::Y), (540.0, -Vec3::X), (-360.0, Vec3::X)];
