@@ -200,15 +200,15 @@ impl CameraPaths {
                 self.leave(pass, i);
                 continue;
             }
-            let mut walk = self.walks[i].clone();
-            let ray = self.segments[i];
-            let next = if pass.scene.is_plain(&hit) {
-                let surface = pass.scene.plain_surface(&ray, &hit);
-                self.scatter_at(pass, &surface, &mut walk)
-            } else {
-                self.scatter_anywhere(pass, &pass.scene.surface(&ray, &hit), &mut walk)
+            let (ray, walk) = (self.segments[i], self.walks[i].clone());
+            let next = match pass.scene.plain(&hit) {
+                Some(bsdf) => {
+                    let surface = pass.scene.plain_surface(&ray, &hit, bsdf);
+                    self.scatter_at(pass, &surface, walk)
+                }
+                None => self.scatter_anywhere(pass, &pass.scene.surface(&ray, &hit), walk),
             };
-            if let Some(ray) = next {
+            if let Some((ray, walk)) = next {
                 self.segments[alive] = ray;
                 self.walks[alive] = walk;
                 alive += 1;
@@ -234,14 +234,19 @@ impl CameraPaths {
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
-        walk: &mut Walk,
-    ) -> Option<Ray> {
+        walk: Walk,
+    ) -> Option<(Ray, Walk)> {
         self.scatter_at(pass, surface, walk)
     }
 
     /// At one hit; the next segment unless the path ends.
     #[inline(always)]
-    fn scatter_at(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> Option<Ray> {
+    fn scatter_at(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        mut walk: Walk,
+    ) -> Option<(Ray, Walk)> {
         let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         // Emission hit later is carried by connections or photons.
         if walk.vertices == 0 && surface.front {
@@ -250,23 +255,24 @@ impl CameraPaths {
         let vertex = walk.vertices + 1;
         let merges = match surface.constant() {
             Some(value) => {
-                self.connect_lambertian(pass, surface, walk, value);
-                self.gather(pass, surface, walk, (value, GatherPoint::NO_VIEW));
+                self.connect_lambertian(pass, surface, &mut walk, value);
+                self.gather(pass, surface, &walk, (value, GatherPoint::NO_VIEW));
                 true
             }
-            None => self.at_other_vertex(pass, surface, walk),
+            None => self.at_other_vertex(pass, surface, &mut walk),
         };
         // Cut here, the path still goes on where the surface mirrors besides.
         let cut = merges && vertex == merge_vertex;
         let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
         let at = surface.vertex(Transport::Radiance);
-        let sample = surface.bsdf().sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
+        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
         walk.throughput *= sample.weight;
         if sample.lobe.passes_through() {
-            return walk.passes_on().then(|| Ray::new(surface.start(sample.wi), sample.wi));
+            let ray = Ray::new(surface.start(sample.wi), sample.wi);
+            return walk.passes_on().then_some((ray, walk));
         }
         walk.vertices += 1;
         if camera_roulette == Roulette::Albedo {
@@ -276,7 +282,7 @@ impl CameraPaths {
             }
             walk.throughput /= survival;
         }
-        Some(Ray::new(surface.off_surface, sample.wi))
+        Some((Ray::new(surface.off_surface, sample.wi), walk))
     }
 
     /// Connects a vertex whose BSDF is `value` in all directions.
@@ -301,7 +307,7 @@ impl CameraPaths {
     #[inline(never)] // keeps the loop over diffuse vertices short
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
         let Scene { lights, .. } = pass.scene;
-        let bsdf = surface.bsdf();
+        let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let light = if merges && pass.settings.direct == Direct::Connect {
             lights.connect(surface.position, &mut walk.rng)

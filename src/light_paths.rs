@@ -224,10 +224,11 @@ impl Batch {
                 continue;
             }
             let (ray, walk) = (self.rays_in_flight[i], self.walks[i].clone());
-            let next = if scene.is_plain(&hit) {
-                self.scatter_at(&scene.plain_surface(&ray, &hit), walk, roulette)
-            } else {
-                self.scatter_anywhere(&scene.surface(&ray, &hit), walk, roulette)
+            let next = match scene.plain(&hit) {
+                Some(bsdf) => {
+                    self.scatter_at(&scene.plain_surface(&ray, &hit, bsdf), walk, roulette)
+                }
+                None => self.scatter_anywhere(&scene.surface(&ray, &hit), walk, roulette),
             };
             if let Some((ray, walk)) = next {
                 self.rays_in_flight[alive] = ray;
@@ -259,7 +260,7 @@ impl Batch {
         roulette: Roulette,
     ) -> Option<(Ray, Walk)> {
         let Surface { position, normal, wo, .. } = *surface;
-        let bsdf = surface.bsdf();
+        let bsdf = &surface.bsdf;
         if bsdf.merges()
             && let Some(class) = walk.class
         {

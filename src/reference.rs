@@ -91,7 +91,7 @@ impl Tracer<'_> {
             }
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
-            let bsdf = surface.bsdf();
+            let bsdf = &surface.bsdf;
             let Some(sample) = bsdf.sample(&at, Transport::Radiance, Wanted::All, rng) else {
                 break;
             };
@@ -114,7 +114,7 @@ impl Tracer<'_> {
 
     /// Radiance that a light adds by all lobes of finite density.
     fn connection(&self, surface: &Surface, rng: &mut Rng) -> Rgb {
-        let bsdf = surface.bsdf();
+        let bsdf = &surface.bsdf;
         if bsdf.spread().is_none() {
             return Rgb::ZERO;
         }

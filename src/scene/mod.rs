@@ -304,12 +304,13 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// What `ray`, of a direction of unit length, hit, but for what varies over a triangle.
+    /// What `ray`, of a direction of unit length, hit, if it is [`plain`](Self::plain) and scatters as
+    /// `bsdf`.
     ///
     /// # Panics
     /// If the ray missed.
     #[inline(always)] // a call costs a tenth of the light phase
-    pub fn plain_surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
+    pub fn plain_surface(&self, ray: &Ray, hit: &Hit, bsdf: Bsdf) -> Surface<'_> {
         let triangle = self.triangle(hit);
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
@@ -317,8 +318,8 @@ impl Scene {
         let material = &self.materials[triangle.material as usize];
         let off_surface = position + normal * triangle.offset;
         let wo = -ray.direction;
-        let (interpolated, varying) = (None, None);
-        Surface { position, normal, interpolated, off_surface, wo, front, material, varying }
+        let interpolated = None;
+        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf }
     }
 
     /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
@@ -330,14 +331,20 @@ impl Scene {
         self.materials.iter().any(varies) || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
     }
 
-    /// Whether [`Self::plain_surface`] tells all of what was hit, and it is Lambertian.
-    #[inline]
-    pub fn is_plain(&self, hit: &Hit) -> bool {
+    /// The BSDF of what was hit if it is plain: Lambertian, and the same all over the triangle. The
+    /// compiler sees that it is, and makes a short loop for such surfaces.
+    #[inline(always)]
+    pub fn plain(&self, hit: &Hit) -> Option<Bsdf> {
         let triangle = self.triangle(hit);
         let material = &self.materials[triangle.material as usize];
-        triangle.corners == Triangle::FLAT
-            && material.albedo_texture.is_none()
-            && matches!(material.bsdf, Bsdf::Lambertian { .. })
+        match material.bsdf {
+            Bsdf::Lambertian { albedo, two_sided }
+                if triangle.corners == Triangle::FLAT && material.albedo_texture.is_none() =>
+            {
+                Some(Bsdf::Lambertian { albedo, two_sided })
+            }
+            _ => None,
+        }
     }
 
     /// What `ray`, of a direction of unit length, hit.
@@ -345,18 +352,19 @@ impl Scene {
     /// # Panics
     /// If the ray missed.
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
-        let plain = self.plain_surface(ray, hit);
         let triangle = self.triangle(hit);
+        let own = self.materials[triangle.material as usize].bsdf;
+        let plain = self.plain_surface(ray, hit, own);
         let Some(Corners { normals, uvs }) = self.corners.get(triangle.corners as usize) else {
-            return Surface { varying: plain.material.bsdf_at(Vec2::ZERO), ..plain };
+            return Surface { bsdf: plain.material.bsdf_at(Vec2::ZERO).unwrap_or(own), ..plain };
         };
         let at = [hit.u, hit.v];
         let interpolated = (*normals != [triangle.normal; 3]).then(|| {
             let normal = interpolate(*normals, at).normalize_or(triangle.normal);
             if plain.front { normal } else { -normal }
         });
-        let varying = plain.material.bsdf_at(interpolate(*uvs, at));
-        Surface { interpolated, varying, ..plain }
+        let bsdf = plain.material.bsdf_at(interpolate(*uvs, at)).unwrap_or(own);
+        Surface { interpolated, bsdf, ..plain }
     }
 
     #[inline]

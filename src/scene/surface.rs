@@ -25,17 +25,11 @@ pub struct Surface<'a> {
     pub front: bool,
     /// What the surface is made of.
     pub material: &'a Material,
-    /// How it scatters here, if that varies over the material.
-    pub(super) varying: Option<Bsdf>,
+    /// How it scatters here.
+    pub bsdf: Bsdf,
 }
 
 impl Surface<'_> {
-    /// How it scatters.
-    #[inline]
-    pub fn bsdf(&self) -> &Bsdf {
-        self.varying.as_ref().unwrap_or(&self.material.bsdf)
-    }
-
     /// What its BSDF needs to know.
     #[inline]
     pub fn vertex(&self, transport: Transport) -> Vertex {
@@ -48,7 +42,7 @@ impl Surface<'_> {
 
     #[inline(never)] // keeps the common case short
     fn shading_normal(&self, normal: Vec3, transport: Transport) -> Vec3 {
-        match (self.bsdf(), transport) {
+        match (&self.bsdf, transport) {
             // Its value does not depend on where it is seen from, also below the horizon of the
             // normal. Flux leaves by the cosine of the triangle; see `adjoint_correction`.
             (Bsdf::Lambertian { .. }, Transport::Radiance) => normal,
@@ -61,7 +55,7 @@ impl Surface<'_> {
     /// The BSDF's value if light from all directions counts by it and the triangle's cosine, 1/sr.
     #[inline]
     pub fn constant(&self) -> Option<Rgb> {
-        if self.interpolated.is_some() { None } else { self.bsdf().constant(self.front) }
+        if self.interpolated.is_some() { None } else { self.bsdf.constant(self.front) }
     }
 
     /// Whether `wi` is on the same side of the triangle as of the normal of `at`; else light would
@@ -84,7 +78,7 @@ impl Surface<'_> {
     #[inline(never)] // keeps the common case short
     fn flux_correction(&self, interpolated: Vec3, at: &Vertex, wi: Vec3) -> f32 {
         let arriving = |normal: Vec3| normal.dot(self.wo) / self.normal.dot(self.wo);
-        match self.bsdf() {
+        match &self.bsdf {
             Bsdf::Lambertian { .. } => arriving(interpolated).max(0.0),
             _ => arriving(at.normal) * (self.normal.dot(wi) / at.normal.dot(wi)).abs(),
         }
