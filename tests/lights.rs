@@ -86,6 +86,39 @@ fn what_lies_beyond_a_spots_cone_is_dark() {
     }
 }
 
+/// Asserts that every strategy has the path tracer's mean, that of so many paths in each pixel and of
+/// so many iterations.
+fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
+    let accel = accel(scene);
+    let mut tracer = PathTracer::new(scene, &*accel, &settings(12, 12));
+    let mut before = 0.0;
+    let samples: Vec<f64> = (1..=100)
+        .map(|i| {
+            tracer.iterate(paths);
+            let sum = tracer.film().mean_luminance() * f64::from(i);
+            sum - std::mem::replace(&mut before, sum)
+        })
+        .collect();
+    let reference = Estimate::from_samples(&samples);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 40_000,
+                camera_paths: 16,
+                radius: 0.02,
+                ..settings(12, 12)
+            };
+            let found = mean_luminance(scene, &*accel, settings, iterations);
+            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
+            let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
+            // Along edges the kernel loses a fifth of its area: a few radii of the room's 2.
+            both.assert_is(reference.mean, 5e-3);
+        }
+    }
+}
+
 /// A box that is open above, with a block, under both lights and a panel.
 #[test]
 fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
@@ -110,36 +143,7 @@ fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
     let eye = Vec3::new(-0.8, -0.85, 0.7);
     let camera = Camera::look(eye, Vec3::new(1.0, 1.0, -1.0), Vec3::Z, FieldOfView::X(75.0));
     let scene = scene(meshes, vec![gray(0.5, 0.0), gray(0.0, 4.0)], lights, camera.unwrap());
-    let accel = accel(&scene);
-
-    let mut tracer = PathTracer::new(&scene, &*accel, &settings(12, 12));
-    let mut before = 0.0;
-    let samples: Vec<f64> = (1..=100)
-        .map(|i| {
-            tracer.iterate(64);
-            let sum = tracer.film().mean_luminance() * f64::from(i);
-            sum - std::mem::replace(&mut before, sum)
-        })
-        .collect();
-    let reference = Estimate::from_samples(&samples);
-    for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
-                direct,
-                merge_vertex,
-                light_paths: 40_000,
-                camera_paths: 16,
-                radius: 0.02,
-                ..settings(12, 12)
-            };
-            let found = mean_luminance(&scene, &*accel, settings, 60);
-            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
-            let difference =
-                Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
-            // Along edges the kernel loses a fifth of its area: a few radii of the room's 2.
-            difference.assert_is(reference.mean, 5e-3);
-        }
-    }
+    assert_every_strategy(&scene, 64, 60);
 }
 
 /// Under light that is the same from everywhere, lossless things are as bright as what is behind.
@@ -195,33 +199,7 @@ fn an_environment_through_a_window_is_the_same_by_every_strategy() {
     let map = Environment::new(16, 8, (0..128).map(pixel).collect(), 20.0);
     let camera = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(1.0, 0.5, -0.2), 85.0);
     let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], camera).with_environment(map);
-    let accel = accel(&scene);
-    let mut tracer = PathTracer::new(&scene, &*accel, &settings(12, 12));
-    let mut before = 0.0;
-    let samples: Vec<f64> = (1..=100)
-        .map(|i| {
-            tracer.iterate(128);
-            let sum = tracer.film().mean_luminance() * f64::from(i);
-            sum - std::mem::replace(&mut before, sum)
-        })
-        .collect();
-    let reference = Estimate::from_samples(&samples);
-    for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
-                direct,
-                merge_vertex,
-                light_paths: 40_000,
-                camera_paths: 16,
-                radius: 0.02,
-                ..settings(12, 12)
-            };
-            let found = mean_luminance(&scene, &*accel, settings, 100);
-            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
-            let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
-            both.assert_is(reference.mean, 5e-3);
-        }
-    }
+    assert_every_strategy(&scene, 128, 100);
 }
 
 /// One pixel of a map, by its files.

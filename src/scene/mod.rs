@@ -14,6 +14,7 @@ mod material_table;
 mod mtl;
 mod mtl_material;
 mod obj;
+mod obj_records;
 mod scene_file;
 mod surface;
 mod text;
