@@ -215,7 +215,8 @@ impl Batch {
         }
     }
 
-    /// Stores a photon at each hit of a surface that merges, and scatters the path; paths that end are squeezed out.
+    /// Stores a photon at each hit of a surface that merges, and scatters the path; paths that end are
+    /// squeezed out.
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
         let mut alive = 0;
         for i in 0..self.walks.len() {

@@ -40,6 +40,11 @@ impl Bounds {
     pub fn center(&self) -> Vec3 {
         0.5 * (self.min + self.max)
     }
+
+    /// Radius of a sphere around the center that holds all of the box, with room for rounding.
+    pub fn enclosing_radius(&self) -> f32 {
+        0.5 * (self.max - self.min).length() * (1.0 + 1e-4)
+    }
 }
 
 /// An orthonormal basis around a normal: directions to and from coordinates with the normal as z.

@@ -65,7 +65,7 @@ impl Environment {
     /// The same around another scene.
     pub(super) fn enclose(&mut self, bounds: &Bounds) {
         self.center = bounds.center();
-        self.radius = 0.5 * (bounds.max - bounds.min).length() * (1.0 + 1e-4);
+        self.radius = bounds.enclosing_radius();
     }
 
     /// Whether any light comes from it.

@@ -258,7 +258,7 @@ impl Scene {
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
                 light.center = bounds.center();
-                light.radius = 0.5 * (bounds.max - bounds.min).length() * (1.0 + 1e-4);
+                light.radius = bounds.enclosing_radius();
             }
         }
         let lights = Lights::new(emitters);
