@@ -295,7 +295,8 @@ impl CameraPaths {
         value: Rgb,
     ) {
         if pass.settings.direct == Direct::Connect
-            && let Some(light) = pass.scene.lights.connect(surface.position, &mut walk.rng)
+            && let Some(light) =
+                pass.scene.lights.connect(surface.position, Some(surface.normal), &mut walk.rng)
             && let cos_theta = light.wi.dot(surface.normal)
             && cos_theta > 0.0
         {
@@ -309,11 +310,12 @@ impl CameraPaths {
         let Scene { lights, .. } = pass.scene;
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
+        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
         let light = if merges && pass.settings.direct == Direct::Connect {
-            lights.connect(surface.position, &mut walk.rng)
+            lights.connect(surface.position, lit_side, &mut walk.rng)
         } else if bsdf.spread() == Some(Lobe::Rough) && walk.vertices == 0 {
             // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            lights.connect_delta(surface.position, &mut walk.rng)
+            lights.connect_delta(surface.position, lit_side, &mut walk.rng)
         } else {
             None
         };
