@@ -3,96 +3,33 @@
 
 mod common;
 
-use bdpm::Renderer;
 use bdpm::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
 };
-use bdpm::film::Film;
-use bdpm::film::luminance;
-use bdpm::noise::Measure;
-use bdpm::reference::PathTracer;
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::{Direct, Settings};
+use common::images::{Difference, Pixels};
 use common::*;
 use glam::Vec3;
 
 const SIDE: u32 = 12;
 
-/// Means and variances of the means, by pixel, luminance.
-struct Pixels {
-    mean: Vec<f64>,
-    variance: Vec<f64>,
-}
-
-impl Pixels {
-    fn new(film: &Film) -> Self {
-        let mut mean = vec![0.0; film.pixels()];
-        film.for_each_pixel(|x, y, sums| {
-            mean[film.index(x, y)] = luminance(sums.radiance) / film.iterations as f64;
-        });
-        Self { mean, variance: film.variance_of_mean().unwrap() }
-    }
-
-    /// `2 a - b`: without the bias that falls as the squared radius.
-    fn extrapolated(small: &Self, large: &Self) -> Self {
-        let both = |of: fn(f64, f64) -> f64, a: &[f64], b: &[f64]| {
-            a.iter().zip(b).map(|(&a, &b)| of(a, b)).collect()
-        };
-        Self {
-            mean: both(|a, b| 2.0 * a - b, &small.mean, &large.mean),
-            variance: both(|a, b| 4.0 * a + b, &small.variance, &large.variance),
-        }
-    }
-}
-
-fn reference(scene: &Scene, paths: u32) -> Pixels {
-    let accel = accel(scene);
-    let settings = settings(SIDE, SIDE);
-    let mut tracer = PathTracer::new(scene, &*accel, &settings);
-    (0..64).for_each(|_| tracer.iterate(paths / 64));
-    Pixels::new(tracer.film())
-}
-
-fn render(scene: &Scene, settings: Settings, iterations: u64) -> Pixels {
-    let accel = accel(scene);
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
-    for _ in 0..iterations {
-        assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
-    }
-    Pixels::new(renderer.film())
-}
-
 /// Strategies against the path tracer: each pixel, and the whole image.
 fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
-    let expected = reference(scene, 16_384);
-    let radius = 0.04;
+    let accel = accel(scene);
+    let expected = Pixels::traced(scene, &*accel, &settings(SIDE, SIDE), 16_384);
     for &(direct, merge_vertex) in strategies {
-        let at = |radius: f32, seed: u64| {
-            let settings = Settings {
-                direct,
-                merge_vertex,
-                light_paths: 40_000,
-                camera_paths: 16,
-                radius,
-                seed,
-                ..settings(SIDE, SIDE)
-            };
-            render(scene, settings, 60)
+        let settings = Settings {
+            direct,
+            merge_vertex,
+            light_paths: 40_000,
+            camera_paths: 16,
+            radius: 0.04,
+            seed: 3,
+            ..settings(SIDE, SIDE)
         };
-        let found = Pixels::extrapolated(&at(radius * 0.5f32.sqrt(), 3), &at(radius, 4));
-        let count = found.mean.len() as f64;
-        let (mut difference, mut variance, mut total, mut z2) = (0.0, 0.0, 0.0, 0.0);
-        for i in 0..found.mean.len() {
-            let own = found.variance[i] + expected.variance[i];
-            let off = found.mean[i] - expected.mean[i];
-            // What is left of the bias at edges of light and objects.
-            let allowed = 0.02 * expected.mean[i];
-            z2 += (off.abs() - allowed).max(0.0).powi(2) / own / count;
-            difference += off;
-            variance += own;
-            total += expected.mean[i];
-        }
-        let (off, error) = (difference / total, variance.sqrt() / total);
+        let found = Pixels::extrapolated(scene, &*accel, &settings, 60);
+        let Difference { off, error, z2 } = found.against(&expected);
         println!("{name} {direct:?} k = {merge_vertex}: {off:.5} +- {error:.5}, z^2 {z2:.2}");
         assert!(error < 0.008, "{name} {direct:?} {merge_vertex}: {error}");
         // Along edges the kernel loses area in proportion to the radius, which two radii do not

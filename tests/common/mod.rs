@@ -1,6 +1,8 @@
 //! Scenes with known answers, and means with standard errors.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub mod images;
+
 use bdpm::accel::Intersect;
 use bdpm::bsdf::Bsdf;
 use bdpm::film::luminance;
