@@ -1,0 +1,64 @@
+//! Profiles of turned things: points in a plane of radius and height.
+
+use glam::{DVec2, dvec2};
+
+/// A point of a profile: `x` is the distance from the axis, `y` the height along it.
+#[derive(Clone, Copy, Debug)]
+pub struct ProfilePoint {
+    pub at: DVec2,
+    /// Of the front, of length 1; without one the surface is flat between the points of a ring.
+    pub normal: Option<DVec2>,
+}
+
+/// An arc about `center`, angles in degrees counterclockwise from the direction away from the axis.
+/// Counterclockwise arcs (`to` greater than `from`) bulge to the front, others are hollow.
+pub fn arc(center: DVec2, radius: f64, from: f64, to: f64, pieces: usize) -> Vec<ProfilePoint> {
+    let outward = if to > from { 1.0 } else { -1.0 };
+    let point = |i: usize| {
+        let angle = (from + (to - from) * i as f64 / pieces as f64).to_radians();
+        let direction = dvec2(angle.cos(), angle.sin());
+        ProfilePoint { at: center + radius * direction, normal: Some(outward * direction) }
+    };
+    (0..=pieces).map(point).collect()
+}
+
+/// A straight line: a cylinder, a cone or a ring.
+pub fn line(from: DVec2, to: DVec2) -> Vec<ProfilePoint> {
+    let normal = Some(right(to - from));
+    vec![ProfilePoint { at: from, normal }, ProfilePoint { at: to, normal }]
+}
+
+/// A smooth curve through points (Catmull and Rom's), each step cut into `pieces`.
+pub fn smooth(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
+    let last = points.len() - 1;
+    let before = |i: usize| if i == 0 { 2.0 * points[0] - points[1] } else { points[i - 1] };
+    let after = |i: usize| if i == last { 2.0 * points[i] - points[i - 1] } else { points[i + 1] };
+    let mut curve = Vec::new();
+    for i in 0..last {
+        let (p, q) = (points[i], points[i + 1]);
+        let (u, v) = (0.5 * (q - before(i)), 0.5 * (after(i + 1) - p));
+        for k in 0..pieces + usize::from(i + 1 == last) {
+            let t = k as f64 / pieces as f64;
+            let (t2, t3) = (t * t, t * t * t);
+            let at = (2.0 * t3 - 3.0 * t2 + 1.0) * p + (3.0 * t2 - 2.0 * t3) * q;
+            let at = at + (t3 - 2.0 * t2 + t) * u + (t3 - t2) * v;
+            let slope = 6.0 * (t2 - t) * (p - q) + (3.0 * t2 - 4.0 * t + 1.0) * u;
+            let slope = slope + (3.0 * t2 - 2.0 * t) * v;
+            // Rounding must not keep a pole off the axis.
+            let at = if at.x.abs() < 1e-12 { dvec2(0.0, at.y) } else { at };
+            curve.push(ProfilePoint { at, normal: Some(right(slope)) });
+        }
+    }
+    curve
+}
+
+/// The profiles of straight lines from point to point, each a run of its own, so that edges between
+/// them stay sharp.
+pub fn edges(points: &[DVec2]) -> Vec<Vec<ProfilePoint>> {
+    points.windows(2).map(|pair| line(pair[0], pair[1])).collect()
+}
+
+/// To the right of a direction, of length 1.
+fn right(direction: DVec2) -> DVec2 {
+    dvec2(direction.y, -direction.x).normalize()
+}
