@@ -9,9 +9,11 @@
 //! `scene_text` write. The test at the end checks that the committed files are those that are made.
 
 mod caustic_sphere;
+mod hall;
 mod mesh;
 mod obj;
 mod profile;
+mod random;
 mod room;
 mod scene_text;
 mod shapes;
@@ -23,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 /// All scenes that this program makes.
 fn folders() -> Vec<Folder> {
-    vec![caustic_sphere::folder()]
+    vec![caustic_sphere::folder(), hall::folder()]
 }
 
 /// The repository's folder of scenes.

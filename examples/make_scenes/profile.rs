@@ -17,7 +17,8 @@ pub fn arc(center: DVec2, radius: f64, from: f64, to: f64, pieces: usize) -> Vec
     let point = |i: usize| {
         let angle = (from + (to - from) * i as f64 / pieces as f64).to_radians();
         let direction = dvec2(angle.cos(), angle.sin());
-        ProfilePoint { at: center + radius * direction, normal: Some(outward * direction) }
+        let at = snapped(center + radius * direction);
+        ProfilePoint { at, normal: Some(outward * direction) }
     };
     (0..=pieces).map(point).collect()
 }
@@ -44,9 +45,7 @@ pub fn smooth(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
             let at = at + (t3 - 2.0 * t2 + t) * u + (t3 - t2) * v;
             let slope = 6.0 * (t2 - t) * (p - q) + (3.0 * t2 - 4.0 * t + 1.0) * u;
             let slope = slope + (3.0 * t2 - 2.0 * t) * v;
-            // Rounding must not keep a pole off the axis.
-            let at = if at.x.abs() < 1e-12 { dvec2(0.0, at.y) } else { at };
-            curve.push(ProfilePoint { at, normal: Some(right(slope)) });
+            curve.push(ProfilePoint { at: snapped(at), normal: Some(right(slope)) });
         }
     }
     curve
@@ -56,6 +55,11 @@ pub fn smooth(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
 /// them stay sharp.
 pub fn edges(points: &[DVec2]) -> Vec<Vec<ProfilePoint>> {
     points.windows(2).map(|pair| line(pair[0], pair[1])).collect()
+}
+
+/// On the axis if only rounding keeps it off.
+fn snapped(at: DVec2) -> DVec2 {
+    if at.x.abs() < 1e-12 { dvec2(0.0, at.y) } else { at }
 }
 
 /// To the right of a direction, of length 1.
