@@ -12,6 +12,7 @@ mod caustic_sphere;
 mod hall;
 mod mesh;
 mod obj;
+mod point_caustic;
 mod profile;
 mod random;
 mod room;
@@ -25,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 /// All scenes that this program makes.
 fn folders() -> Vec<Folder> {
-    vec![caustic_sphere::folder(), hall::folder()]
+    vec![caustic_sphere::folder(), point_caustic::folder(), hall::folder()]
 }
 
 /// The repository's folder of scenes.

@@ -171,9 +171,9 @@ fn settings(scene: &mut SceneText) {
 
 fn materials(scene: &mut SceneText) {
     for (name, albedo) in [
-        ("plaster", [0.72, 0.63, 0.48]),
-        ("stone", [0.72, 0.64, 0.51]),
-        ("vault", [0.8, 0.74, 0.62]),
+        ("plaster", [0.7, 0.63, 0.51]),
+        ("stone", [0.72, 0.66, 0.56]),
+        ("vault", [0.78, 0.73, 0.64]),
         ("azure", [0.1, 0.2, 0.36]),
         ("walnut", [0.24, 0.115, 0.055]),
         ("green-leather", [0.05, 0.16, 0.09]),
@@ -204,7 +204,7 @@ fn materials(scene: &mut SceneText) {
         scene.table(&format!("materials.{name}"), &metal);
     }
     for (name, emission) in
-        [("flame", "[290, 170, 75]"), ("bulb", "[90, 62, 33]"), ("globe-light", "[38, 26, 14]")]
+        [("flame", "[175, 122, 72]"), ("bulb", "[90, 66, 38]"), ("globe-light", "[75, 56, 35]")]
     {
         let emission = format!("emission = {emission}");
         scene.table(&format!("materials.{name}"), &["albedo = 0", &emission]);

@@ -210,7 +210,7 @@ pub fn vault() -> Model {
         let step = 180.0 / COFFERS as f64;
         let from = step * i as f64 - 90.0;
         // Around the coffer, in shares of the cell: from its border by two steps to its panel.
-        let frames = [(0.0, 0.0), (0.13, 0.0), (0.15, 0.10), (0.22, 0.10), (0.24, 0.2)];
+        let frames = [(0.0, 0.0), (0.11, 0.0), (0.12, 0.10), (0.17, 0.10), (0.18, 0.2)];
         for pair in frames.windows(2) {
             ribs.push(frame(from, step, pair[0], pair[1]));
         }
@@ -218,7 +218,7 @@ pub fn vault() -> Model {
         let angle = |u: f64| from + step * (inset + u * (1.0 - 2.0 * inset));
         let z = |v: f64| COFFER * (inset + v * (1.0 - 2.0 * inset));
         panels.push(Mesh::patch(3, 1, |u, v| Vertex::flat(on_vault(angle(u), z(v), depth))));
-        let line = [(0.0, 0.0), (0.12, 0.05), (0.2, 0.02), (0.24, 0.1), (0.23, 0.14)];
+        let line = [(0.0, 0.0), (0.09, 0.05), (0.14, 0.02), (0.17, 0.1), (0.16, 0.14)];
         let line = profile::smooth(&line.map(|(x, y)| dvec2(x, y)), 2);
         let rose = lathe(&line, 14).moved(0.0, NAVE + depth - 0.138, 0.5 * COFFER);
         roses.push(rose.turned_z(-(from + 0.5 * step)));
