@@ -13,7 +13,7 @@ use glam::dvec3;
 
 pub fn folder() -> Folder {
     let ball = Model::new("A ball of radius 1, smooth normals.").decimals(5, 5);
-    let ball = ball.plain("ball", sphere(1.0, 40, 80));
+    let ball = ball.plain("ball", sphere(1.0, 32, 64));
     Folder {
         name: "point-caustic",
         files: vec![
@@ -50,23 +50,23 @@ fn text() -> String {
     scene.mesh("room.obj");
     scene.mesh("goblet.obj");
     scene.copy("ring.obj", Some("gold"), Place::at(1.25, 0.003, -0.3));
-    scene.copy("gem.obj", Some("gem"), Place::at(1.05, 0.0, 1.3).turned(10.0));
+    scene.copy("gem.obj", Some("gem"), Place::at(0.75, 0.0, 1.35).turned(10.0));
     scene.copy("ball.obj", Some("glass"), Place::at(-1.15, 0.353, 0.95).scaled(0.35, 0.35, 0.35));
     scene.light(
-        "type = \"spot\", position = [-2.1, 3.5, -1.9], target = [0.2, 0, 0.3], inner_deg = 24, \
-         outer_deg = 55, intensity = [33, 28.5, 23]",
+        "type = \"spot\", position = [-3, 4.8, -2.9], target = [0.2, 0, 0.2], inner_deg = 27, \
+         outer_deg = 44, intensity = [48, 42, 34]",
     );
     scene.table(
         "camera",
-        &["position = [0.2, 3.9, 4.9]", "target = [0.2, 0.35, 0.1]", "fov_y_deg = 36"],
+        &["position = [0.2, 4.6, 3.9]", "target = [0.15, 0.38, 0.05]", "fov_y_deg = 37"],
     );
     scene.table(
         "render",
         &["resolution = [640, 480]", "radius = 0.012", "merge_vertex = 2", "direct = \"connect\""],
     );
     scene.table("regions", &["caustic = [[0.3, 0.45, 0.75, 0.75]]"]);
-    scene.table("materials.table", &["albedo = [0.62, 0.55, 0.47]"]);
-    scene.table("materials.wall", &["albedo = [0.28, 0.38, 0.42]"]);
+    scene.table("materials.table", &["albedo = [0.62, 0.53, 0.46]"]);
+    scene.table("materials.wall", &["albedo = [0.24, 0.42, 0.5]"]);
     scene.table("materials.gold", &["type = \"metal\"", "metal = \"gold\""]);
     scene.table("materials.glass", &["type = \"dielectric\"", "ior = 1.5"]);
     scene.table("materials.gem", &["type = \"dielectric\"", "ior = 1.77"]);

@@ -7,7 +7,7 @@ use crate::shapes::lathe;
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 /// Pieces of a curve between two of its given points.
-const PIECES: usize = 6;
+const PIECES: usize = 10;
 
 /// A goblet with water, standing where its caustic crosses the table: glass outside and above the
 /// water inside, the water's surface, and where glass and water meet.
@@ -19,26 +19,26 @@ pub fn goblet() -> Model {
         (0.4, 0.035),
         (0.33, 0.05),
         (0.2, 0.085),
-        (0.1, 0.14),
-        (0.06, 0.24),
-        (0.05, 0.42),
-        (0.06, 0.6),
-        (0.13, 0.72),
-        (0.28, 0.86),
-        (0.42, 1.08),
-        (0.475, 1.34),
-        (0.455, 1.6),
-        (0.4, 1.86),
+        (0.1, 0.13),
+        (0.06, 0.2),
+        (0.055, 0.28),
+        (0.075, 0.36),
+        (0.15, 0.43),
+        (0.3, 0.56),
+        (0.44, 0.77),
+        (0.5, 1.04),
+        (0.475, 1.3),
+        (0.415, 1.56),
     ];
     let outside = smooth(&points(&stem), PIECES);
     let inner = [
-        (0.0, 0.755),
-        (0.12, 0.785),
-        (0.262, 0.89),
-        (0.393, 1.095),
-        (0.442, 1.34),
-        (0.424, 1.6),
-        (0.376, 1.86),
+        (0.0, 0.47),
+        (0.135, 0.495),
+        (0.282, 0.59),
+        (0.413, 0.785),
+        (0.467, 1.04),
+        (0.444, 1.3),
+        (0.391, 1.56),
     ];
     let inside = smooth(&points(&inner), PIECES);
     // The water stands at one of the given points.
@@ -47,10 +47,10 @@ pub fn goblet() -> Model {
     let surface = line(inside[level].at, dvec2(0.0, inside[level].at.y));
     let foot = line(DVec2::ZERO, dvec2(0.4, 0.0));
     let edge = arc(dvec2(0.4, 0.0175), 0.0175, -90.0, 90.0, 6);
-    let lip = arc(dvec2(0.388, 1.86), 0.012, 0.0, 180.0, 8);
+    let lip = arc(dvec2(0.403, 1.56), 0.012, 0.0, 180.0, 8);
     let glass = [foot, edge, outside, lip, dry].map(|run| turned(&run));
     Model::new("A goblet with water. Fronts of glass look out of it, that of the water up.")
-        .decimals(5, 4)
+        .decimals(4, 5)
         .part("goblet", "glass", Mesh::join(glass))
         .part("wet", "water-in-glass", turned(&inside[..=level]))
         .part("surface", "water", turned(&surface))
@@ -58,7 +58,7 @@ pub fn goblet() -> Model {
 
 /// About the goblet's own place.
 fn turned(profile: &[ProfilePoint]) -> Mesh {
-    lathe(profile, 72).moved(-1.0, 0.003, -0.75)
+    lathe(profile, 48).moved(-1.0, 0.003, -0.75)
 }
 
 /// A profile in the other direction, its front on the other side.
@@ -77,7 +77,7 @@ pub fn ring() -> Model {
         line(dvec2(inner, high), dvec2(inner, low)),
         arc(dvec2(middle, low), 0.03, 180.0, 360.0, 8),
     ];
-    let mesh = Mesh::join(profile.iter().map(|run| lathe(run, 120)));
+    let mesh = Mesh::join(profile.iter().map(|run| lathe(run, 96)));
     Model::new("A ring: radius 0.8, height 0.4.").decimals(5, 4).plain("ring", mesh)
 }
 
