@@ -29,9 +29,32 @@ pub fn line(from: DVec2, to: DVec2) -> Vec<ProfilePoint> {
     vec![ProfilePoint { at: from, normal }, ProfilePoint { at: to, normal }]
 }
 
-/// A smooth curve through points, each step cut into `pieces`. It is the natural cubic spline over
-/// the distances between points: curvature is continuous, so that caustics show no bands.
+/// A smooth curve through points (Catmull and Rom's), each step cut into `pieces`. It follows its
+/// points closely, but its curvature jumps at them.
 pub fn smooth(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
+    let last = points.len() - 1;
+    let before = |i: usize| if i == 0 { 2.0 * points[0] - points[1] } else { points[i - 1] };
+    let after = |i: usize| if i == last { 2.0 * points[i] - points[i - 1] } else { points[i + 1] };
+    let mut curve = Vec::new();
+    for i in 0..last {
+        let (p, q) = (points[i], points[i + 1]);
+        let (u, v) = (0.5 * (q - before(i)), 0.5 * (after(i + 1) - p));
+        for k in 0..pieces + usize::from(i + 1 == last) {
+            let t = k as f64 / pieces as f64;
+            let (t2, t3) = (t * t, t * t * t);
+            let at = (2.0 * t3 - 3.0 * t2 + 1.0) * p + (3.0 * t2 - 2.0 * t3) * q;
+            let at = at + (t3 - 2.0 * t2 + t) * u + (t3 - t2) * v;
+            let slope = 6.0 * (t2 - t) * (p - q) + (3.0 * t2 - 4.0 * t + 1.0) * u;
+            let slope = slope + (3.0 * t2 - 2.0 * t) * v;
+            curve.push(ProfilePoint { at: snapped(at), normal: Some(right(slope)) });
+        }
+    }
+    curve
+}
+
+/// A curve like [`smooth`] for glass: its curvature is continuous, so that caustics show no bands, and
+/// it swings wider (the natural cubic spline over the distances between points).
+pub fn spline(points: &[DVec2], pieces: usize) -> Vec<ProfilePoint> {
     let steps: Vec<f64> = points.windows(2).map(|pair| pair[0].distance(pair[1])).collect();
     let bends = second_derivatives(points, &steps);
     let mut curve = Vec::new();

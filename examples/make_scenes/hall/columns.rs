@@ -16,16 +16,10 @@ pub fn column() -> Model {
     let round = |profile: &[crate::profile::ProfilePoint]| lathe(profile, 28);
     // A torus below; the shaft's swelling; a ring and the echinus above.
     let foot = arc(dvec2(0.33, 0.27), 0.07, -90.0, 90.0, 6);
-    let shaft = [
-        (0.34, 0.34),
-        (0.31, 0.40),
-        (0.305, 1.4),
-        (0.29, 2.6),
-        (0.265, 3.6),
-        (0.255, 3.92),
-        (0.27, 3.97),
-    ];
-    let shaft = smooth(&shaft.map(|(x, y)| dvec2(x, y)), 2);
+    let flare = arc(dvec2(0.385, 0.42), 0.08, 270.0, 180.0, 4);
+    let shaft = [(0.305, 0.42), (0.304, 1.4), (0.291, 2.6), (0.268, 3.5), (0.256, 3.92)];
+    let shaft = smooth(&shaft.map(|(x, y)| dvec2(x, y)), 3);
+    let collar = arc(dvec2(0.296, 3.92), 0.04, 180.0, 90.0, 3);
     let ring = arc(dvec2(0.265, 4.0), 0.035, -90.0, 90.0, 5);
     let neck = line(dvec2(0.262, 4.035), dvec2(0.262, 4.17));
     let bowl = arc(dvec2(0.262, 4.29), 0.12, -90.0, 0.0, 5);
@@ -33,7 +27,7 @@ pub fn column() -> Model {
         .decimals(3, 3)
         .plain("plinth", block(0.41, 0.0, 0.2, &[Side::Bottom]))
         .plain("base", round(&foot))
-        .plain("shaft", round(&shaft))
+        .plain("shaft", Mesh::join([flare, shaft, collar].map(|run| round(&run))))
         .plain("ring", round(&ring))
         .plain("neck", round(&neck))
         .plain("echinus", round(&bowl))

@@ -2,7 +2,7 @@
 
 use crate::mesh::Mesh;
 use crate::obj::Model;
-use crate::profile::{ProfilePoint, arc, line, smooth};
+use crate::profile::{ProfilePoint, arc, line, spline};
 use crate::shapes::lathe;
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
@@ -30,7 +30,7 @@ pub fn goblet() -> Model {
         (0.475, 1.3),
         (0.415, 1.56),
     ];
-    let outside = smooth(&points(&stem), PIECES);
+    let outside = spline(&points(&stem), PIECES);
     let inner = [
         (0.0, 0.47),
         (0.135, 0.495),
@@ -40,7 +40,7 @@ pub fn goblet() -> Model {
         (0.444, 1.3),
         (0.391, 1.56),
     ];
-    let inside = smooth(&points(&inner), PIECES);
+    let inside = spline(&points(&inner), PIECES);
     // The water stands at one of the given points.
     let level = 4 * PIECES;
     let dry = backward(&inside[level..]);
