@@ -50,7 +50,11 @@ impl GatherView {
     pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
         let wi = photon.from_as_at(point.normal);
         let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
-        if areas > 0.0 { self.bsdf.eval(&self.at, wi) * areas } else { Rgb::ZERO }
+        if areas > 0.0 {
+            self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
+        } else {
+            Rgb::ZERO
+        }
     }
 }
 
@@ -306,24 +310,18 @@ impl CameraPaths {
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     #[inline(never)] // keeps the loop over diffuse vertices short
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let Scene { lights, .. } = pass.scene;
+        let lights = &pass.scene.lights;
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let light = if merges && pass.settings.direct == Direct::Connect {
-            lights.connect(surface.position, &mut walk.rng)
-        } else if bsdf.spread() == Some(Lobe::Rough) && walk.vertices == 0 {
-            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            lights.connect_delta(surface.position, &mut walk.rng)
-        } else {
-            None
-        };
         let at = surface.vertex(Transport::Radiance);
-        if let Some(light) = light
-            && surface.agrees(&at, light.wi)
-        {
-            let value = bsdf.eval(&at, light.wi);
-            let cos_theta = light.wi.dot(at.normal).abs();
-            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
+        if merges && pass.settings.direct == Direct::Connect {
+            let light = lights.connect(surface.position, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
+        }
+        if bsdf.has_rough() && walk.vertices == 0 {
+            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
+            let light = lights.connect_delta(surface.position, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
         }
         if merges {
             self.views.push(GatherView { bsdf: *bsdf, at });
@@ -331,6 +329,23 @@ impl CameraPaths {
             self.gather(pass, surface, walk, (Rgb::ONE, view));
         }
         merges
+    }
+
+    /// Connects the lobes of one class with a light, if there is one.
+    fn connect_lobe(
+        &mut self,
+        surface: &Surface,
+        walk: &Walk,
+        at: &Vertex,
+        (lobe, light): (Lobe, Option<LightSample>),
+    ) {
+        if let Some(light) = light
+            && surface.agrees(at, light.wi)
+        {
+            let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
+            let cos_theta = light.wi.dot(at.normal).abs();
+            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
+        }
     }
 
     /// Leaves a point at which photons are gathered, with the BSDF as a value or in one of `views`.

@@ -292,6 +292,8 @@ fn impossible_materials() {
     with("type = \"metal\"\neta = 1\nk = 1\nreflectance = 1").refused(&["s.toml:17: the metal is"]);
     with("type = \"metal\"\neta = 1").refused(&["s.toml:15: `eta` comes without `k`"]);
     with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` comes without `eta`"]);
+    with("type = \"glossy\"\nmetallic = 2").refused(&["s.toml:15: the metallic share is out"]);
+    with("type = \"coated\"\nroughness = 0.1").refused(&["s.toml:15: a material of type `coated`"]);
     for (line, part) in [
         ("ior = 0", "the refractive index is out of range"),
         ("ior = nan", "the refractive index is out of range"),

@@ -5,7 +5,7 @@ mod common;
 
 use bdpm::Renderer;
 use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::film::Film;
 use bdpm::film::luminance;
@@ -142,4 +142,31 @@ fn a_ball_of_each_material_under_a_panel() {
     ] {
         assert_same(name, &with_ball(bsdf), &[(Direct::Connect, 2), (Direct::PhotonMap, 1)]);
     }
+}
+
+fn glossy(metallic: f32, alpha: f32) -> Bsdf {
+    Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), metallic, 1.5, alpha))
+}
+
+#[test]
+fn a_glossy_ball_under_a_panel() {
+    for (name, bsdf) in [
+        ("smooth gloss", glossy(0.0, 0.0)),
+        ("narrow gloss", glossy(0.0, 0.15)),
+        ("wide gloss", glossy(0.0, 0.5)),
+        ("half metal", glossy(0.5, 0.2)),
+    ] {
+        assert_same(name, &with_ball(bsdf), &[(Direct::Connect, 2), (Direct::PhotonMap, 1)]);
+    }
+}
+
+#[test]
+fn a_glossy_ball_under_a_point() {
+    // What no ray hits is connected to by narrow facets as well, besides what the base gets.
+    let scene = with_ball(glossy(0.5, 0.15));
+    let mut materials = scene.materials.clone();
+    materials[1].emission = Vec3::ZERO;
+    let lights = vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 2.0)];
+    let scene = common::scene(scene.meshes, materials, lights, scene.camera);
+    assert_same("under a point", &scene, &[(Direct::Connect, 1), (Direct::PhotonMap, 2)]);
 }

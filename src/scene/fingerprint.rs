@@ -125,6 +125,12 @@ impl Hash {
                 self.rgb(coated.albedo());
                 self.f32(coated.eta());
             }
+            Bsdf::Glossy(glossy) => {
+                self.u32(10);
+                self.rgb(glossy.albedo());
+                let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
+                numbers.into_iter().for_each(|number| self.f32(number));
+            }
         }
     }
 
@@ -194,13 +200,17 @@ impl Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::{Coated, Conductor, Dielectric, RoughDielectric, ThinDielectric};
+    use crate::bsdf::{Coated, Conductor, Dielectric, Glossy, RoughDielectric, ThinDielectric};
     use crate::scene::{Directional, Mesh, Region, Spot, Texture};
     use glam::Vec2;
     use std::sync::Arc;
 
     fn metal(name: &str, alpha: f32) -> Bsdf {
         Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
+    }
+
+    fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
+        Bsdf::Glossy(Glossy::new(Rgb::splat(albedo), metallic, eta, alpha))
     }
 
     fn texture(code: u8) -> Arc<Texture> {
@@ -269,7 +279,7 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 45] = [
+        let changes: [fn(&mut Parts); 50] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
@@ -286,6 +296,11 @@ mod tests {
             |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2)),
             |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.5)),
             |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.4)),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.6, 0.0, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.1, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.4, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.5, 0.3]),
             |p| p.material.bsdf = metal("gold", 0.1),
             |p| p.material.bsdf = metal("gold", 0.2),
             |p| p.material.bsdf = metal("silver", 0.2),

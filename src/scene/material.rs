@@ -41,6 +41,7 @@ impl Material {
             Bsdf::Lambertian { albedo, two_sided } => {
                 Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })
             }
+            Bsdf::Glossy(glossy) => Some(Bsdf::Glossy(glossy.scaled(color, 1.0, 1.0))),
             Bsdf::Coated(coated) => Some(Bsdf::Coated(coated.with_albedo(coated.albedo() * color))),
             _ => None,
         }

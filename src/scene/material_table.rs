@@ -3,7 +3,8 @@
 use super::scene_file::{Albedo, Numbers, Power};
 use super::{Material, Texture};
 use crate::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, SMOOTH_ALPHA,
+    ThinDielectric,
 };
 use crate::error::Error;
 use crate::math::Rgb;
@@ -35,6 +36,7 @@ pub(super) struct MaterialTable {
     ior: Option<Spanned<Ior>>,
     outside_ior: Option<Spanned<Ior>>,
     roughness: Option<Spanned<Roughness>>,
+    metallic: Option<Spanned<Metallic>>,
     emission: Option<Power>,
 }
 
@@ -49,6 +51,7 @@ enum MaterialKind {
     ThinDielectric,
     Metal,
     Coated,
+    Glossy,
 }
 
 impl MaterialKind {
@@ -61,6 +64,9 @@ impl MaterialKind {
             Self::ThinDielectric => ("thin-dielectric", &["ior"]),
             Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness"]),
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
+            Self::Glossy => {
+                ("glossy", &["albedo", "albedo_texture", "ior", "metallic", "roughness"])
+            }
         }
     }
 }
@@ -78,6 +84,7 @@ impl MaterialTable {
         let unsaid = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
         let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(unsaid));
         let alpha = self.roughness.as_ref().map_or(0.0, |r| r.get_ref().0 * r.get_ref().0);
+        let metallic = self.metallic.as_ref().map_or(0.0, |m| m.get_ref().0);
         let ior =
             |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
         let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
@@ -93,6 +100,7 @@ impl MaterialTable {
             MaterialKind::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { eta }),
             MaterialKind::Metal => Bsdf::Conductor(Conductor::new(self.metal()?, alpha)),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
+            MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
         let emission = self.emission.map_or(Rgb::ZERO, |emission| emission.0);
         Ok(Material {
@@ -119,6 +127,7 @@ impl MaterialTable {
             ("ior", place(&self.ior)),
             ("outside_ior", place(&self.outside_ior)),
             ("roughness", place(&self.roughness)),
+            ("metallic", place(&self.metallic)),
         ];
         let (kind, keys) = self.kind.keys();
         for (key, place) in given {
@@ -255,4 +264,8 @@ bounded!(
 bounded!(
     /// The square root of the GGX width.
     Roughness(f32), 0.0, 1.0, "roughness", "give a number from 0 (smooth) to 1"
+);
+bounded!(
+    /// Share of a metal.
+    Metallic(f32), 0.0, 1.0, "metallic share", "give a number from 0 to 1"
 );

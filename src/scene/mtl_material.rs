@@ -6,11 +6,11 @@
 use super::material_table::{DEFAULT_IOR, dielectric};
 use super::mtl::DEFAULT_ALBEDO;
 use super::{Material, Texture};
-use crate::bsdf::{Bsdf, Coated, Conductor, Reflectance};
+use crate::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::math::Rgb;
 use std::sync::Arc;
 
-/// Below this roughness (`Pr`) a surface that is no metal has a coat.
+/// Below this roughness (`Pr`) a surface that is no metal has a smooth coat.
 const COAT_ROUGHNESS: f32 = 0.3;
 
 /// The records of one material, as far as they are understood.
@@ -71,12 +71,17 @@ impl MtlMaterial {
         let ior = self.ior.unwrap_or(DEFAULT_IOR);
         let alpha = self.alpha();
         let metal = |normal| Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal }, alpha));
+        let metallic = self.metalness.unwrap_or(0.0);
+        let glossy = Bsdf::Glossy(Glossy::new(diffuse, metallic, ior, alpha));
         let has_ior = ior > 1.0;
+        let has_highlight = self.model == Some(2) && specular != Rgb::ZERO;
         let transparency = self.opacity.is_some_and(|opacity| opacity < 1.0);
         let kept = Ignored { transparency, ..Ignored::default() };
 
-        if self.metalness.is_some_and(|metalness| metalness >= 0.5) {
+        if metallic >= 1.0 {
             return (metal(diffuse), kept);
+        } else if metallic > 0.0 {
+            return (glossy, kept);
         }
         match self.model {
             // Refraction, and glass.
@@ -92,10 +97,12 @@ impl MtlMaterial {
             _ if self.roughness.is_some_and(|r| r < COAT_ROUGHNESS) && has_ior => {
                 (Bsdf::Coated(Coated::new(diffuse, ior)), kept)
             }
-            _ => {
-                let highlight = self.model == Some(2) && specular != Rgb::ZERO;
-                (Bsdf::diffuse(diffuse), Ignored { highlight, ..kept })
+            _ if has_ior
+                && (self.roughness.is_some() || has_highlight && self.exponent.is_some()) =>
+            {
+                (glossy, kept)
             }
+            _ => (Bsdf::diffuse(diffuse), Ignored { highlight: has_highlight, ..kept }),
         }
     }
 
