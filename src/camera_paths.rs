@@ -254,7 +254,7 @@ impl CameraPaths {
         let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         // Emission hit later is carried by connections or photons.
         if walk.vertices == 0 && surface.front {
-            self.direct[walk.path as usize] += walk.throughput * surface.material.emission;
+            self.direct[walk.path as usize] += walk.throughput * surface.emission();
         }
         let vertex = walk.vertices + 1;
         let merges = match surface.constant() {

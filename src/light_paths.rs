@@ -209,6 +209,9 @@ impl Batch {
             let mut rng = key.rng(u64::from(path));
             let emission = scene.lights.emit(&mut rng);
             let flux = emission.flux;
+            if flux == Rgb::ZERO {
+                continue; // from a black part of a picture
+            }
             let inverse_emitted = flux.max_element().recip();
             self.rays_in_flight.push(Ray::new(emission.origin, emission.direction));
             self.walks.push(Walk { rng, flux, inverse_emitted, path, class });

@@ -195,7 +195,7 @@ fn broken_pictures_are_refused_and_missing_ones_are_told() {
         bytes
     };
     refused("map_Kd p.png", &huge, &["100000x1 texels"]);
-    for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ke p.png"] {
+    for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
         let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes.join("\n");
         assert!(notes.contains("ignored some textures"), "{notes}");

@@ -82,7 +82,7 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(|e| chosen_by(e) > 0.0);
-        let deltas: Vec<Emitter> = emitters.iter().filter(|e| e.is_delta()).copied().collect();
+        let deltas: Vec<Emitter> = emitters.iter().filter(|e| e.is_delta()).cloned().collect();
         let all = Choice::new(emitters.iter().map(chosen_by));
         let delta = Choice::new(deltas.iter().map(chosen_by));
         Self { emitters, environment: None, all, deltas, delta }

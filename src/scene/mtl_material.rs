@@ -5,7 +5,7 @@
 
 use super::material_table::{DEFAULT_IOR, dielectric};
 use super::mtl::DEFAULT_ALBEDO;
-use super::{Material, Texture};
+use super::{Material, NormalMap, Texture};
 use crate::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::math::Rgb;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub(super) struct MtlMaterial {
     /// `Ks`, at most 1.
     pub specular: Option<Rgb>,
     /// `Ke`, W/(m^2 sr).
-    pub emission: Rgb,
+    pub emission: Option<Rgb>,
     /// `Ns`: Phong's exponent, at least 0.
     pub exponent: Option<f32>,
     /// `Ni`: refractive index.
@@ -40,6 +40,10 @@ pub(super) struct MtlMaterial {
     pub albedo_texture: Option<Arc<Texture>>,
     /// `map_d`
     pub opacity_texture: Option<Arc<Texture>>,
+    /// `map_Ke`
+    pub emission_texture: Option<Arc<Texture>>,
+    /// `norm`
+    pub normal_texture: Option<Arc<Texture>>,
 }
 
 /// What was left out of a material.
@@ -55,10 +59,14 @@ impl MtlMaterial {
     /// The material, and what of its records has no counterpart.
     pub(super) fn material(&self) -> (Material, Ignored) {
         let (bsdf, ignored) = self.bsdf();
+        let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
+        let normal_map = self.normal_texture.clone();
         let material = Material {
-            emission: self.emission,
+            emission: self.emission.unwrap_or(unsaid),
             albedo_texture: self.albedo_texture.clone(),
             opacity_texture: self.opacity_texture.clone(),
+            normal_map: normal_map.map(|texture| NormalMap { texture, scale: 1.0 }),
+            emission_texture: self.emission_texture.clone(),
             ..Material::new(&self.name, bsdf)
         };
         (material, ignored)

@@ -3,7 +3,7 @@
 use super::Material;
 use crate::bsdf::{Bsdf, Transport, Vertex};
 use crate::math::Rgb;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Least cosine between a bent normal and the direction that it is seen from.
 const GRAZING: f32 = 1e-3;
@@ -15,7 +15,8 @@ pub struct Surface<'a> {
     pub position: Vec3,
     /// Unit normal of the triangle on the ray's side.
     pub normal: Vec3,
-    /// Unit normal interpolated between those of the vertices, on the ray's side, where it differs.
+    /// Unit normal interpolated between those of the vertices and bent by a map, on the ray's side,
+    /// where it differs.
     pub interpolated: Option<Vec3>,
     /// The point, moved off the surface to the ray's side: where new rays to that side start.
     pub off_surface: Vec3,
@@ -27,9 +28,16 @@ pub struct Surface<'a> {
     pub material: &'a Material,
     /// How it scatters here.
     pub bsdf: Bsdf,
+    /// Texture coordinates, where the material varies.
+    pub uv: Option<Vec2>,
 }
 
 impl Surface<'_> {
+    /// A vector on the triangle's front, turned to the ray's side.
+    pub(super) fn to_side(self, front: Vec3) -> Vec3 {
+        if self.front { front } else { -front }
+    }
+
     /// What its BSDF needs to know.
     #[inline]
     pub fn vertex(&self, transport: Transport) -> Vertex {
@@ -49,6 +57,15 @@ impl Surface<'_> {
             (Bsdf::Lambertian { .. }, Transport::Flux) => self.normal,
             // A normal that is not seen is bent until it is; its surface would be black.
             _ => (normal + (GRAZING - normal.dot(self.wo)).max(0.0) * self.wo).normalize(),
+        }
+    }
+
+    /// Radiance emitted from its front, W/(m^2 sr).
+    #[inline]
+    pub fn emission(&self) -> Rgb {
+        match self.uv {
+            None => self.material.emission,
+            Some(uv) => self.material.emission_at(uv),
         }
     }
 
