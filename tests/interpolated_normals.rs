@@ -43,6 +43,8 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
         Bsdf::diffuse(Vec3::splat(0.9)),
         Bsdf::Coated(Coated::new(Vec3::splat(0.9), 1.5)),
         Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.0)),
+        Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.4)),
+        Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 1.0, 1.5, 0.8)),
     ] {
         let floor = Material::new("floor", bsdf);
         let wall = square(Vec3::new(-2.0, 0.0, 0.0), Vec3::X, 4.0, 1);

@@ -55,12 +55,13 @@ fn image(scene: &Scene, direct: Direct) -> Vec<Vec3> {
     renderer.film().mean()
 }
 
-fn bsdfs() -> [Bsdf; 3] {
+fn bsdfs() -> [Bsdf; 4] {
     let albedo = Vec3::new(0.8, 0.6, 0.4);
     [
         Bsdf::diffuse(albedo),
         Bsdf::Coated(Coated::new(albedo, 1.5)),
         Bsdf::Glossy(Glossy::new(albedo, 0.3, 1.5, 0.5)),
+        Bsdf::Glossy(Glossy::new(albedo, 0.3, 1.5, 0.1)),
     ]
 }
 

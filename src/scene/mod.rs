@@ -18,6 +18,7 @@ mod normal_map;
 mod obj;
 mod obj_records;
 mod scene_file;
+mod shading;
 mod surface;
 mod text;
 mod texture;
