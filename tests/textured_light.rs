@@ -27,7 +27,7 @@ fn panel() -> Mesh {
 
 /// Codes of its texels, rows from the top (+y); a part is black.
 fn texels() -> Vec<[u8; 4]> {
-    let code = |i: usize| if i % 3 == 0 { 0 } else { (i * 37 % 256) as u8 };
+    let code = |i: usize| if i.is_multiple_of(3) { 0 } else { (i * 37 % 256) as u8 };
     (0..SIDE * SIDE).map(|i| [code(i), code(i + 1), code(i / 2), 255]).collect()
 }
 

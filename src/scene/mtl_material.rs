@@ -80,7 +80,7 @@ impl MtlMaterial {
         let alpha = self.alpha();
         let metal = |normal| Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal }, alpha));
         let metallic = self.metalness.unwrap_or(0.0);
-        let glossy = Bsdf::Glossy(Glossy::new(diffuse, metallic, ior, alpha));
+        let glossy = || Bsdf::Glossy(Glossy::new(diffuse, metallic, ior, alpha));
         let has_ior = ior > 1.0;
         let has_highlight = self.model == Some(2) && specular != Rgb::ZERO;
         let transparency = self.opacity.is_some_and(|opacity| opacity < 1.0);
@@ -89,7 +89,7 @@ impl MtlMaterial {
         if metallic >= 1.0 {
             return (metal(diffuse), kept);
         } else if metallic > 0.0 {
-            return (glossy, kept);
+            return (glossy(), kept);
         }
         match self.model {
             // Refraction, and glass.
@@ -108,7 +108,7 @@ impl MtlMaterial {
             _ if has_ior
                 && (self.roughness.is_some() || has_highlight && self.exponent.is_some()) =>
             {
-                (glossy, kept)
+                (glossy(), kept)
             }
             _ => (Bsdf::diffuse(diffuse), Ignored { highlight: has_highlight, ..kept }),
         }
