@@ -25,22 +25,23 @@ impl Texture {
             .take(MAX_FILE)
             .read_to_end(&mut bytes)
             .map_err(|e| Error::io("read the texture", path, e))?;
-        Self::decode(bytes).map_err(|problem| {
-            let problem = format!("the texture cannot be read: {problem}");
-            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel").at(path)
-        })
+        Self::decode(bytes).map_err(|error| error.at(path))
     }
 
-    /// The picture that a PNG or JPEG file holds, whichever its content is.
+    /// From the content of a PNG or JPEG file, whichever it is.
     ///
     /// # Errors
-    /// If it is neither, or broken: the problem alone, in words.
-    pub(super) fn decode(bytes: Vec<u8>) -> Decoded<Self> {
-        match bytes.as_slice() {
+    /// If it is neither, or broken.
+    pub(super) fn decode(bytes: Vec<u8>) -> Result<Self> {
+        let read = match bytes.as_slice() {
             [0x89, b'P', b'N', b'G', ..] => png(bytes),
             [0xff, 0xd8, ..] => jpeg(bytes),
             _ => Err("it is neither a PNG nor a JPEG file".to_owned()),
-        }
+        };
+        read.map_err(|problem| {
+            let problem = format!("the texture cannot be read: {problem}");
+            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
+        })
     }
 }
 

@@ -8,8 +8,9 @@ use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Most steps along a side where the mean radiance is found.
-const MAX_STEPS: f32 = 2048.0;
+/// Least and most steps along a side where the mean radiance is found: what is dark at all of them is
+/// never chosen.
+const STEPS: [f32; 2] = [4.0, 2048.0];
 
 /// A triangle of which each point emits the texture's radiance from the front to all sides. It is
 /// chosen by its mean radiance; points on it are, uniformly.
@@ -67,7 +68,7 @@ fn mean_color(texture: &Texture, uvs: [Vec2; 3]) -> Rgb {
     let [width, height] = texture.size().map(|size| size as f32);
     let [a, b, c] = uvs.map(|uv| uv * Vec2::new(width, height));
     let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-    let steps = (2.0 * longest).ceil().clamp(1.0, MAX_STEPS) as u32;
+    let steps = (2.0 * longest).ceil().clamp(STEPS[0], STEPS[1]) as u32;
     let mut sum = DVec3::ZERO;
     for i in 0..steps {
         for j in 0..steps - i {
