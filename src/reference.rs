@@ -87,7 +87,7 @@ impl Tracer<'_> {
             }
             let surface = self.scene.surface(&ray, &hit);
             if unconnected && surface.front {
-                radiance += throughput * surface.material.emission;
+                radiance += throughput * surface.emission();
             }
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);

@@ -1,8 +1,9 @@
 //! What bounds a set of emitters in place and direction, for the tree that chooses among them (Conty
 //! Estevez and Kulla 2018, Section 4).
 
+use super::Triangle;
 use super::emitter::Emitter;
-use crate::math::{Bounds, luminance};
+use crate::math::{Bounds, Rgb, luminance};
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -65,6 +66,12 @@ impl Cluster {
     /// `None` for light from afar, which has no place.
     pub(super) fn of(emitter: &Emitter) -> Option<Self> {
         let at = |position| Bounds::EMPTY.with(position);
+        let panel = |shape: &Triangle, radiance: Rgb| {
+            let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| shape.point(uv));
+            let front = Beam { axis: shape.normal, spread: 0.0, reach: FRAC_PI_2 };
+            let bounds = corners.into_iter().fold(Bounds::EMPTY, Bounds::with);
+            (bounds, front, shape.area() * radiance)
+        };
         let (bounds, beam, intensity) = match emitter {
             Emitter::Point { position, intensity } => {
                 let all = Beam { axis: Vec3::Z, spread: PI, reach: FRAC_PI_2 };
@@ -75,12 +82,8 @@ impl Cluster {
                 let cone = Beam { axis: spot.direction, spread: 0.0, reach };
                 (at(spot.position), cone, spot.intensity)
             }
-            Emitter::Triangle { shape, radiance } => {
-                let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| shape.point(uv));
-                let front = Beam { axis: shape.normal, spread: 0.0, reach: FRAC_PI_2 };
-                let bounds = corners.into_iter().fold(Bounds::EMPTY, Bounds::with);
-                (bounds, front, shape.area() * *radiance)
-            }
+            Emitter::Triangle { shape, radiance } => panel(shape, *radiance),
+            Emitter::Textured(textured) => panel(&textured.shape, textured.mean()),
             Emitter::Directional(_) => return None,
         };
         Some(Self { bounds, beam, intensity: luminance(intensity) })

@@ -124,10 +124,9 @@ impl Builder {
     ) -> Option<()> {
         for part in &obj.meshes {
             let material = self.material(material.or(part.material.as_deref()), own, path, obj);
-            let Material { name, albedo_texture, opacity_texture, .. } =
-                &self.materials[material as usize];
-            if part.uvs.is_empty() && (albedo_texture.is_some() || opacity_texture.is_some()) {
-                self.untextured.insert(name.clone());
+            let look = &self.materials[material as usize];
+            if part.uvs.is_empty() && look.is_textured() {
+                self.untextured.insert(look.name.clone());
             }
             let positions: Vec<Vec3> =
                 part.positions.iter().map(|p| transform.point(*p)).collect::<Option<_>>()?;
@@ -141,7 +140,16 @@ impl Builder {
                 let normals: Vec<Vec3> =
                     part.normals.iter().map(|n| transform.normal(*n)).collect();
                 let uvs = part.uvs.clone();
-                self.meshes.push(Mesh { name, positions, normals, uvs, triangles, material });
+                let tangents = Vec::new();
+                self.meshes.push(Mesh {
+                    name,
+                    positions,
+                    normals,
+                    uvs,
+                    tangents,
+                    triangles,
+                    material,
+                });
             }
         }
         if !self.undefined.is_empty() {

@@ -12,6 +12,10 @@ const LEAST: f64 = 1e-6;
 
 /// A triangle as seen from a point.
 pub(super) struct SphericalTriangle {
+    /// From the point to the first corner.
+    first: DVec3,
+    /// From there to the others.
+    edges: [DVec3; 2],
     /// Directions of the corners.
     corners: [DVec3; 3],
     /// Angle at the first corner, radians.
@@ -39,14 +43,21 @@ impl SphericalTriangle {
     /// `None` where the angle is next to nothing.
     pub(super) fn new(shape: &Triangle, position: Vec3) -> Option<Self> {
         let first = shape.origin.as_dvec3() - position.as_dvec3();
-        let corners = [DVec3::ZERO, shape.edge1.as_dvec3(), shape.edge2.as_dvec3()]
-            .map(|edge| (first + edge).normalize_or_zero());
+        let edges = [shape.edge1.as_dvec3(), shape.edge2.as_dvec3()];
+        let corners =
+            [first, first + edges[0], first + edges[1]].map(|corner| corner.normalize_or_zero());
         let [a, b, c] = corners;
         // Van Oosterom and Strackee (1983).
         let determinant = a.dot(b.cross(c)).abs();
         let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         let alpha = across(b, a).angle_between(across(c, a));
-        (solid_angle > LEAST && alpha.is_finite()).then_some(Self { corners, alpha, solid_angle })
+        (solid_angle > LEAST && alpha.is_finite()).then_some(Self {
+            first,
+            edges,
+            corners,
+            alpha,
+            solid_angle,
+        })
     }
 
     /// Solid angle, sr.
@@ -54,8 +65,22 @@ impl SphericalTriangle {
         self.solid_angle as f32
     }
 
-    /// A unit direction, of density one over the solid angle, by a uniform point of the unit square.
-    pub(super) fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
+    /// Barycentric weights of the second and third corner of a point, of density one over the solid
+    /// angle, by a uniform point of the unit square.
+    pub(super) fn sample(&self, random: [f32; 2]) -> [f32; 2] {
+        let w = self.direction(random);
+        // Where the ray meets the plane (Möller and Trumbore 1997). Rounding may leave the triangle.
+        let [edge1, edge2] = self.edges;
+        let p = w.cross(edge2);
+        let det = edge1.dot(p);
+        let q = edge1.cross(self.first);
+        let [u, v] = [-self.first.dot(p) / det, w.dot(q) / det];
+        let u = u.clamp(0.0, 1.0);
+        [u as f32, v.clamp(0.0, 1.0 - u) as f32]
+    }
+
+    /// A unit direction of the same density.
+    fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners;
         // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 of the paper.
         let (sin_alpha, cos_alpha) = self.alpha.sin_cos();
@@ -82,12 +107,15 @@ mod tests {
     fn directions_are_uniform_over_what_is_seen() {
         let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
         let far = [Vec3::new(1.0, 0.2, 2.0), Vec3::new(2.0, 0.1, 2.2), Vec3::new(1.2, 1.3, 2.1)];
-        let near = [Vec3::new(-3.0, -2.0, 0.5), Vec3::new(4.0, -1.0, 0.4), Vec3::new(0.0, 3.0, 0.3)];
-        let needle = [Vec3::new(0.1, 0.0, 0.05), Vec3::new(5.0, 0.0, 0.05), Vec3::new(5.0, 0.3, 0.05)];
+        let near =
+            [Vec3::new(-3.0, -2.0, 0.5), Vec3::new(4.0, -1.0, 0.4), Vec3::new(0.0, 3.0, 0.3)];
+        let needle =
+            [Vec3::new(0.1, 0.0, 0.05), Vec3::new(5.0, 0.0, 0.05), Vec3::new(5.0, 0.3, 0.05)];
         for corners in [far, near, needle] {
             let shape = Triangle::new(corners, 0);
             let seen = SphericalTriangle::new(&shape, Vec3::ZERO).expect("large");
-            let moments = |w: DVec3| [1.0, w.x, w.y, w.x * w.x, w.x * w.y, w.y * w.y, w.z * w.z * w.x];
+            let moments =
+                |w: DVec3| [1.0, w.x, w.y, w.x * w.x, w.x * w.y, w.y * w.y, w.z * w.z * w.x];
             let n = 400_000;
             let mut expected = [[0.0; 2]; 7];
             for _ in 0..n {
@@ -108,8 +136,11 @@ mod tests {
             }
             let mut found = [0.0; 7];
             for _ in 0..n {
-                let w = seen.direction(rng.next_2d());
+                let random = rng.next_2d();
+                let w = seen.direction(random);
                 assert!((w.length() - 1.0).abs() < 1e-6);
+                let point = shape.point(seen.sample(random)).as_dvec3().normalize();
+                assert!(point.dot(w) > 1.0 - 1e-9, "{point} {w}");
                 for (sum, moment) in found.iter_mut().zip(moments(w)) {
                     *sum += seen.solid_angle * moment / f64::from(n);
                 }

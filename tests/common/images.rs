@@ -67,7 +67,15 @@ impl Pixels {
             // A black pixel has no variance, and nothing but 0 is no deviation then.
             let excess = (difference.abs() - allowed).max(0.0);
             if excess > 0.0 {
-                if excess.powi(2) / own > 9.0 { println!("pixel {i}: {} +- {}, {} +- {}", self.mean[i], self.variance[i].sqrt(), expected.mean[i], expected.variance[i].sqrt()); }
+                if excess.powi(2) / own > 9.0 {
+                    println!(
+                        "pixel {i}: {} +- {}, {} +- {}",
+                        self.mean[i],
+                        self.variance[i].sqrt(),
+                        expected.mean[i],
+                        expected.variance[i].sqrt()
+                    );
+                }
                 z2 += excess.powi(2) / own / count;
             }
             off += difference;
