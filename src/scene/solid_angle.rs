@@ -51,13 +51,9 @@ impl SphericalTriangle {
         let determinant = a.dot(b.cross(c)).abs();
         let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         let alpha = across(b, a).angle_between(across(c, a));
-        (solid_angle > LEAST && alpha.is_finite()).then_some(Self {
-            first,
-            edges,
-            corners,
-            alpha,
-            solid_angle,
-        })
+        // In the triangle's plane directions lead nowhere, though the angle is 2 pi inside.
+        let is_seen = solid_angle > LEAST && determinant > LEAST * LEAST;
+        (is_seen && alpha.is_finite()).then_some(Self { first, edges, corners, alpha, solid_angle })
     }
 
     /// Solid angle, sr.
@@ -156,7 +152,8 @@ mod tests {
     #[test]
     fn nothing_is_seen_in_the_plane_and_far_away() {
         let shape = Triangle::new([Vec3::ZERO, Vec3::X, Vec3::Y], 0);
-        for from in [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1e5), Vec3::ZERO] {
+        let inside = Vec3::new(0.3, 0.2, 0.0);
+        for from in [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1e5), Vec3::ZERO, inside] {
             assert!(SphericalTriangle::new(&shape, from).is_none(), "{from}");
         }
         assert!(SphericalTriangle::is_near(&shape, Vec3::splat(1.0)));
