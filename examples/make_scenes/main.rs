@@ -9,8 +9,11 @@
 //! `scene_text` write. The test at the end checks that the committed files are those that are made.
 
 mod caustic_sphere;
+mod chessmen;
+mod lens;
 mod mesh;
 mod obj;
+mod objective;
 mod profile;
 mod room;
 mod scene_text;
@@ -23,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 /// All scenes that this program makes.
 fn folders() -> Vec<Folder> {
-    vec![caustic_sphere::folder()]
+    vec![caustic_sphere::folder(), objective::folder()]
 }
 
 /// The repository's folder of scenes.
