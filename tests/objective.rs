@@ -71,7 +71,7 @@ fn one_element_is_a_thin_lens() {
 
     let mut meshes: Vec<_> =
         lens::glass(&lens).iter().map(|interface| loaded(&interface.mesh, 2)).collect();
-    meshes.push(loaded(&lens::mounts(&lens, 10.0, back + 1.0), 1));
+    meshes.push(loaded(&lens::mounts(&lens, 10.0, 10.0, back + 1.0), 1));
     let disc_distance = (behind - lens[2].sag()) as f32;
     let sensor = Optics::Sensor { width, disc_distance, disc_radius: 3.0, exposure: 1.0 };
     let position = Vec3::new(0.0, 0.0, back as f32);

@@ -100,9 +100,9 @@ pub fn glass(lens: &[Surface]) -> Vec<Interface> {
     interfaces
 }
 
-/// What holds the glass and the sensor: a tube of the radius `tube` that is closed `back` behind the
-/// first surface, rings between it and the rims of the glass, and the stop.
-pub fn mounts(lens: &[Surface], tube: f64, back: f64) -> Mesh {
+/// What holds the glass and the sensor: a tube of the radius `tube`, rings between it and the rims of
+/// the glass, the stop, and behind all that a body of the radius `body` that is closed at `back`.
+pub fn mounts(lens: &[Surface], tube: f64, body: f64, back: f64) -> Mesh {
     // In the lathe's plane of radius and height.
     let wall = |depth: f64| dvec2(tube, -depth);
     let mut outlines = Vec::new();
@@ -120,8 +120,11 @@ pub fn mounts(lens: &[Surface], tube: f64, back: f64) -> Mesh {
             outlines.push(std::mem::take(&mut outline));
         }
     }
-    let front = lens.first().map_or(0.0, Surface::sag);
-    outlines.push(vec![wall(front), wall(back), dvec2(0.0, -back)]);
+    if let (Some(front), Some(rear)) = (lens.first(), lens.last()) {
+        let rear = depths(lens)[lens.len() - 1] + rear.sag();
+        let body = [dvec2(body, -rear), dvec2(body, -back), dvec2(0.0, -back)];
+        outlines.push([&[wall(front.sag()), wall(rear)][..], &body].concat());
+    }
     let mut lines: Vec<_> = outlines.iter().flat_map(|outline| edges(outline)).collect();
     // Black looks the same at any normal.
     lines.iter_mut().flatten().for_each(|point| point.normal = None);

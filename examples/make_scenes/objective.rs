@@ -8,28 +8,30 @@ use crate::lens::{DOUBLE_GAUSS, depths, glass, mounts};
 use crate::mesh::Mesh;
 use crate::obj::{Model, number};
 use crate::scene_text::{Folder, Place, SceneText};
-use crate::shapes::{Side, cuboid, cuboid_without, sphere};
+use crate::shapes::{Side, cuboid, cuboid_without, disc};
 use glam::{DVec3, dvec3};
 use std::collections::BTreeMap;
 
 /// Sharp at this distance before the first vertex.
-const FOCUS: f64 = 0.6;
+const FOCUS: f64 = 0.5;
 /// From the last vertex to the sensor, millimeters: the paraxial image of `FOCUS`, which the tests
 /// compare with exact rays.
-const SENSOR: f64 = 40.76;
-/// Inner radius of the lens's tube, millimeters.
+const SENSOR: f64 = 41.469;
+/// Inner radii of the lens's tube and of the camera's body, millimeters: the picture's corners are
+/// 21.6 off the axis.
 const TUBE: f64 = 14.0;
+const BODY: f64 = 24.0;
 
 /// Heights of the table and of the board on it.
-const TABLE: f64 = -0.105;
-const BOARD: f64 = -0.085;
+const TABLE: f64 = -0.095;
+const BOARD: f64 = -0.075;
 /// Side of a square of the board.
 const SQUARE: f64 = 0.055;
 
 pub fn folder() -> Folder {
     let mut scene = SceneText::new(
         "Chessmen and lamps through a real lens: double Gauss, 50 mm, f/2 (US patent 2,673,491),\n\
-         wide open, focused on the glass queen at 0.6 m.",
+         wide open, focused on the glass queen at 0.5 m.",
     );
     let mut lens = Model::new("Double Gauss, millimeters; the scene is at -z.").decimals(4, 5);
     let mut media = BTreeMap::new();
@@ -43,20 +45,20 @@ pub fn folder() -> Folder {
         media.insert(name, [interface.inside, interface.outside]);
     }
     let sensor = depths(&DOUBLE_GAUSS)[DOUBLE_GAUSS.len() - 1] + SENSOR;
-    lens = lens.part("lens-mounts", "black", mounts(&DOUBLE_GAUSS, TUBE, sensor + 1.0));
+    lens = lens.part("lens-mounts", "black", mounts(&DOUBLE_GAUSS, TUBE, BODY, sensor + 1.0));
 
     scene.copy("lens.obj", None, Place::at(0.0, 0.0, 0.0).scaled(1e-3, 1e-3, 1e-3));
     scene.mesh("room.obj");
     men(&mut scene);
     lamps(&mut scene);
     scene.light(
-        "type = \"spot\", position = [-0.5, 0.5, -1.2], target = [0.02, -0.06, -0.58], \
-         outer_deg = 20, inner_deg = 14, intensity = 6",
+        "type = \"spot\", position = [-0.45, 0.5, -1.05], target = [0, -0.06, -0.5], \
+         outer_deg = 15, inner_deg = 9, intensity = 7",
     );
     camera(&mut scene, sensor);
     scene.table(
         "render",
-        &["resolution = [480, 320]", "radius = 0.005", "merge_vertex = 2", "direct = \"connect\""],
+        &["resolution = [360, 240]", "radius = 0.005", "merge_vertex = 2", "direct = \"connect\""],
     );
     for (name, [inside, outside]) in media {
         let mut lines = vec!["type = \"dielectric\"".to_owned(), format!("ior = {inside}")];
@@ -66,11 +68,16 @@ pub fn folder() -> Folder {
         let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
         scene.table(&format!("materials.{name}"), &lines);
     }
+    for (i, [red, green, blue]) in DUSK.into_iter().enumerate() {
+        let emission = format!("emission = [{red}, {green}, {blue}]");
+        scene.table(&format!("materials.dusk-{i}"), &["albedo = 0", &emission]);
+    }
     for (name, lines) in MATERIALS {
         scene.table(&format!("materials.{name}"), lines);
     }
     let centimeters = |comment| Model::new(comment).decimals(3, 4);
-    let bulb = Model::new("A ball of radius 1.").plain("bulb", sphere(1.0, 8, 16));
+    let lamp = disc(1.0, 16).turned_x(90.0);
+    let lamp = Model::new("A disc of radius 1 that faces +z.").plain("lamp", lamp);
     Folder {
         name: "objective",
         files: vec![
@@ -79,26 +86,38 @@ pub fn folder() -> Folder {
             ("room.obj", room().text()),
             ("pawn.obj", centimeters("A pawn, centimeters.").plain("pawn", pawn()).text()),
             ("queen.obj", centimeters("A queen, centimeters.").plain("queen", queen()).text()),
-            ("bulb.obj", bulb.text()),
+            ("lamp.obj", lamp.text()),
         ],
     }
 }
 
 const MATERIALS: &[(&str, &[&str])] = &[
     ("black", &["albedo = 0"]),
-    ("wall", &["albedo = [0.16, 0.2, 0.28]"]),
+    ("wall", &["albedo = 0.4"]),
     ("table", &["albedo = [0.22, 0.11, 0.06]"]),
-    ("light-square", &["type = \"coated\"", "albedo = [0.75, 0.6, 0.4]"]),
-    ("dark-square", &["type = \"coated\"", "albedo = [0.2, 0.075, 0.035]"]),
+    ("light-square", &["albedo = [0.75, 0.62, 0.44]"]),
+    ("dark-square", &["albedo = [0.2, 0.085, 0.045]"]),
     ("glass", &["type = \"dielectric\"", "ior = 1.52"]),
     ("ivory", &["type = \"coated\"", "albedo = [0.8, 0.72, 0.55]"]),
-    ("red", &["type = \"coated\"", "albedo = [0.55, 0.04, 0.03]"]),
+    ("lacquer", &["type = \"coated\"", "albedo = [0.55, 0.04, 0.03]"]),
     ("silver", &["type = \"metal\"", "metal = \"silver\""]),
-    ("panel", &["albedo = 0", "emission = [8, 8.5, 10]"]),
-    ("amber", &["albedo = 0", "emission = [70, 30, 6]"]),
-    ("warm", &["albedo = 0", "emission = [60, 42, 22]"]),
-    ("rose", &["albedo = 0", "emission = [60, 16, 20]"]),
-    ("blue", &["albedo = 0", "emission = [14, 30, 70]"]),
+    ("panel", &["albedo = 0", "emission = [0.5, 0.5, 0.55]"]),
+    ("amber", &["albedo = 0", "emission = [6, 2.6, 0.5]"]),
+    ("warm", &["albedo = 0", "emission = [5, 3.6, 1.9]"]),
+    ("red", &["albedo = 0", "emission = [5, 0.9, 0.7]"]),
+    ("teal", &["albedo = 0", "emission = [0.9, 3, 3.2]"]),
+];
+
+/// Radiance of the sky, from the horizon up.
+const DUSK: [[f64; 3]; 8] = [
+    [0.42, 0.2, 0.1],
+    [0.4, 0.2, 0.12],
+    [0.34, 0.18, 0.14],
+    [0.27, 0.16, 0.16],
+    [0.2, 0.14, 0.18],
+    [0.15, 0.12, 0.19],
+    [0.11, 0.1, 0.18],
+    [0.08, 0.09, 0.17],
 ];
 
 /// The sensor, millimeters behind the first vertex.
@@ -115,7 +134,7 @@ fn camera(scene: &mut SceneText, sensor: f64) {
             // The plane of the last rim: what the glass before it bulges out is crossed on the way.
             &format!("disc_distance = {}", meters(SENSOR - last.sag())),
             &format!("disc_radius = {}", meters(0.5 * last.diameter)),
-            "exposure = 1",
+            "exposure = 0.7",
         ],
     );
 }
@@ -124,10 +143,10 @@ fn camera(scene: &mut SceneText, sensor: f64) {
 fn men(scene: &mut SceneText) {
     for (file, material, column, row) in [
         ("queen.obj", "glass", 0.5, 0.5),
-        ("pawn.obj", "red", -1.5, -2.5),
+        ("pawn.obj", "lacquer", -1.5, -2.5),
         ("pawn.obj", "silver", 2.5, 1.5),
         ("queen.obj", "ivory", -1.5, 2.5),
-        ("pawn.obj", "red", 1.5, 3.5),
+        ("pawn.obj", "lacquer", 1.5, 3.5),
         ("pawn.obj", "ivory", -3.5, 3.5),
     ] {
         let square = on_board(column, row);
@@ -137,16 +156,16 @@ fn men(scene: &mut SceneText) {
     }
 }
 
-/// Three strings of bulbs behind the board.
+/// Three strings of lamps, flat: out of focus that is hard to tell behind the board.
 fn lamps(scene: &mut SceneText) {
-    let colors = ["amber", "warm", "rose", "warm", "blue"];
+    let colors = ["amber", "teal", "warm", "amber", "red"];
     for string in 0..3 {
-        for i in 0..7 {
-            let (s, x) = (f64::from(string), f64::from(i) - 3.0);
-            let x = 0.34 * x + 0.13 * s - 0.1;
-            let place = Place::at(x, 0.04 + 0.17 * s + 0.12 * x * x, -2.3 - 0.7 * s);
+        for i in 0..5 {
+            let (s, x) = (f64::from(string), f64::from(i) - 2.0);
+            let x = 0.27 * x + 0.11 * s - 0.11;
+            let place = Place::at(x, 0.05 + 0.13 * s + 0.12 * x * x, -1.6 - 0.4 * s);
             let color = colors[(2 * string + i) as usize % colors.len()];
-            scene.copy("bulb.obj", Some(color), place.scaled(0.02, 0.02, 0.02));
+            scene.copy("lamp.obj", Some(color), place.scaled(0.018, 0.018, 0.018));
         }
     }
 }
@@ -158,7 +177,7 @@ fn on_board(column: f64, row: f64) -> DVec3 {
 }
 
 fn room() -> Model {
-    let table = cuboid_without(dvec3(-0.8, -0.8, -1.5), dvec3(0.8, TABLE, -0.25), &[Side::Bottom]);
+    let table = cuboid_without(dvec3(-0.8, -0.8, -1.4), dvec3(0.8, TABLE, -0.25), &[Side::Bottom]);
     let (near, far) = (on_board(-4.0, -4.0), on_board(4.0, 4.0));
     let edge = cuboid_without(
         dvec3(near.x - 0.01, TABLE, far.z - 0.01),
@@ -180,11 +199,18 @@ fn room() -> Model {
         dvec3(x + 0.3, y, z + 0.3),
         dvec3(x - 0.3, y, z + 0.3),
     ]);
-    Model::new("A closed room with a table, a chessboard and a lamp, meters.")
-        .part("walls", "wall", cuboid(dvec3(-1.8, -0.8, -4.5), dvec3(1.8, 1.6, 1.0)).flipped())
+    let mut room = Model::new("A closed room with a table, a chessboard, a lamp and dusk, meters.")
+        .part("walls", "wall", cuboid(dvec3(-1.8, -0.8, -3.2), dvec3(1.8, 1.6, 1.0)).flipped())
         .part("table", "table", table)
         .part("board", "dark-square", edge)
         .part("light-squares", "light-square", squares(0))
         .part("dark-squares", "dark-square", squares(1))
-        .part("panel", "panel", panel)
+        .part("panel", "panel", panel);
+    for i in 0..DUSK.len() {
+        let (x, z) = (1.3, -3.19);
+        let [low, high] = [i, i + 1].map(|i| 0.16 * i as f64 - 0.4);
+        let corners = [dvec3(-x, low, z), dvec3(x, low, z), dvec3(x, high, z), dvec3(-x, high, z)];
+        room = room.part(format!("sky-{i}"), format!("dusk-{i}"), Mesh::polygon(&corners));
+    }
+    room
 }
