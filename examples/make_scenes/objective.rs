@@ -101,11 +101,11 @@ const MATERIALS: &[(&str, &[&str])] = &[
     ("ivory", &["type = \"coated\"", "albedo = [0.8, 0.72, 0.55]"]),
     ("lacquer", &["type = \"coated\"", "albedo = [0.55, 0.04, 0.03]"]),
     ("silver", &["type = \"metal\"", "metal = \"silver\""]),
-    ("panel", &["albedo = 0", "emission = [0.5, 0.5, 0.55]"]),
-    ("amber", &["albedo = 0", "emission = [6, 2.6, 0.5]"]),
-    ("warm", &["albedo = 0", "emission = [5, 3.6, 1.9]"]),
-    ("red", &["albedo = 0", "emission = [5, 0.9, 0.7]"]),
-    ("teal", &["albedo = 0", "emission = [0.9, 3, 3.2]"]),
+    ("softbox", &["albedo = 0", "emission = [5, 4.8, 4.4]"]),
+    ("amber", &["albedo = 0", "emission = [3.6, 1.6, 0.3]"]),
+    ("warm", &["albedo = 0", "emission = [2.9, 2.1, 1.1]"]),
+    ("red", &["albedo = 0", "emission = [3, 0.55, 0.4]"]),
+    ("teal", &["albedo = 0", "emission = [0.55, 1.9, 2]"]),
 ];
 
 /// Radiance of the sky, from the horizon up.
@@ -165,7 +165,7 @@ fn lamps(scene: &mut SceneText) {
             let x = 0.27 * x + 0.11 * s - 0.11;
             let place = Place::at(x, 0.05 + 0.13 * s + 0.12 * x * x, -1.6 - 0.4 * s);
             let color = colors[(2 * string + i) as usize % colors.len()];
-            scene.copy("lamp.obj", Some(color), place.scaled(0.018, 0.018, 0.018));
+            scene.copy("lamp.obj", Some(color), place.scaled(0.021, 0.021, 0.021));
         }
     }
 }
@@ -192,20 +192,17 @@ fn room() -> Model {
             Mesh::polygon(&corners.map(|(u, v)| on_board(x + u, y + v)))
         }))
     };
-    let (x, y, z) = (-0.7, 1.5, 0.4);
-    let panel = Mesh::polygon(&[
-        dvec3(x - 0.3, y, z - 0.3),
-        dvec3(x + 0.3, y, z - 0.3),
-        dvec3(x + 0.3, y, z + 0.3),
-        dvec3(x - 0.3, y, z + 0.3),
-    ]);
+    let (softbox, toward) = (dvec3(-0.35, 0.5, 0.05), on_board(0.0, 0.0));
+    let (right, up) = (toward - softbox).normalize().any_orthonormal_pair();
+    let corner = |(u, v): (f64, f64)| softbox + 0.12 * (u * right + v * up);
+    let softbox = Mesh::polygon(&[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(corner));
     let mut room = Model::new("A closed room with a table, a chessboard, a lamp and dusk, meters.")
         .part("walls", "wall", cuboid(dvec3(-1.8, -0.8, -3.2), dvec3(1.8, 1.6, 1.0)).flipped())
         .part("table", "table", table)
         .part("board", "dark-square", edge)
         .part("light-squares", "light-square", squares(0))
         .part("dark-squares", "dark-square", squares(1))
-        .part("panel", "panel", panel);
+        .part("softbox", "softbox", softbox);
     for i in 0..DUSK.len() {
         let (x, z) = (1.3, -3.19);
         let [low, high] = [i, i + 1].map(|i| 0.16 * i as f64 - 0.4);
