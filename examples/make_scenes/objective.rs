@@ -52,8 +52,8 @@ pub fn folder() -> Folder {
     men(&mut scene);
     lamps(&mut scene);
     scene.light(
-        "type = \"spot\", position = [-0.45, 0.5, -1.05], target = [0, -0.06, -0.5], \
-         outer_deg = 15, inner_deg = 9, intensity = 7",
+        "type = \"spot\", position = [-0.75, 0.5, -0.75], target = [0, -0.06, -0.5], \
+         outer_deg = 15, inner_deg = 9, intensity = 6",
     );
     camera(&mut scene, sensor);
     scene.table(
@@ -101,7 +101,7 @@ const MATERIALS: &[(&str, &[&str])] = &[
     ("ivory", &["type = \"coated\"", "albedo = [0.8, 0.72, 0.55]"]),
     ("lacquer", &["type = \"coated\"", "albedo = [0.55, 0.04, 0.03]"]),
     ("silver", &["type = \"metal\"", "metal = \"silver\""]),
-    ("softbox", &["albedo = 0", "emission = [5, 4.8, 4.4]"]),
+    ("softbox", &["albedo = 0", "emission = [4, 3.7, 3.3]"]),
     ("amber", &["albedo = 0", "emission = [3.6, 1.6, 0.3]"]),
     ("warm", &["albedo = 0", "emission = [2.9, 2.1, 1.1]"]),
     ("red", &["albedo = 0", "emission = [3, 0.55, 0.4]"]),
@@ -162,10 +162,10 @@ fn lamps(scene: &mut SceneText) {
     for string in 0..3 {
         for i in 0..5 {
             let (s, x) = (f64::from(string), f64::from(i) - 2.0);
-            let x = 0.27 * x + 0.11 * s - 0.11;
-            let place = Place::at(x, 0.05 + 0.13 * s + 0.12 * x * x, -1.6 - 0.4 * s);
+            let x = 0.25 * x + 0.1 * s - 0.11;
+            let place = Place::at(x, 0.05 + 0.11 * s + 0.13 * x * x, -1.6 - 0.3 * s);
             let color = colors[(2 * string + i) as usize % colors.len()];
-            scene.copy("lamp.obj", Some(color), place.scaled(0.021, 0.021, 0.021));
+            scene.copy("lamp.obj", Some(color), place.scaled(0.019, 0.019, 0.019));
         }
     }
 }
@@ -197,15 +197,15 @@ fn room() -> Model {
     let corner = |(u, v): (f64, f64)| softbox + 0.12 * (u * right + v * up);
     let softbox = Mesh::polygon(&[(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(corner));
     let mut room = Model::new("A closed room with a table, a chessboard, a lamp and dusk, meters.")
-        .part("walls", "wall", cuboid(dvec3(-1.8, -0.8, -3.2), dvec3(1.8, 1.6, 1.0)).flipped())
+        .part("walls", "wall", cuboid(dvec3(-1.8, -0.8, -2.6), dvec3(1.8, 1.6, 1.0)).flipped())
         .part("table", "table", table)
         .part("board", "dark-square", edge)
         .part("light-squares", "light-square", squares(0))
         .part("dark-squares", "dark-square", squares(1))
         .part("softbox", "softbox", softbox);
     for i in 0..DUSK.len() {
-        let (x, z) = (1.3, -3.19);
-        let [low, high] = [i, i + 1].map(|i| 0.16 * i as f64 - 0.4);
+        let (x, z) = (1.0, -2.59);
+        let [low, high] = [i, i + 1].map(|i| 0.115 * i as f64 - 0.28);
         let corners = [dvec3(-x, low, z), dvec3(x, low, z), dvec3(x, high, z), dvec3(-x, high, z)];
         room = room.part(format!("sky-{i}"), format!("dusk-{i}"), Mesh::polygon(&corners));
     }
