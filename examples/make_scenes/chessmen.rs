@@ -35,7 +35,6 @@ fn turned(curves: &[&[(f64, f64)]], ball: DVec2, radius: f64) -> Mesh {
     let below = ((last.x / radius).min(1.0)).acos().to_degrees();
     let mut top = arc(ball, radius, -below, 90.0, 12);
     top[0].at = last;
-    top[12].at = dvec2(0.0, ball.y + radius);
     profiles.push(top);
     profiles.push(line(DVec2::ZERO, first));
     Mesh::join(profiles.iter().map(|profile| lathe(profile, SEGMENTS)))

@@ -6,7 +6,7 @@
 use crate::mesh::Mesh;
 use crate::profile::{ProfilePoint, arc, edges};
 use crate::shapes::lathe;
-use glam::{DVec2, dvec2};
+use glam::dvec2;
 
 /// A row of a prescription: a spherical surface, or the stop.
 #[derive(Clone, Copy, Debug)]
@@ -64,11 +64,7 @@ impl Surface {
         let (rim, pole) = (90.0 - opening.to_degrees(), 90.0);
         let sign = self.radius.signum();
         let center = dvec2(0.0, -self.radius);
-        let mut profile = arc(center, radius, sign * rim, sign * pole, rings as usize);
-        if let Some(vertex) = profile.last_mut() {
-            vertex.at = DVec2::ZERO;
-        }
-        along_z(&[profile])
+        along_z(&[arc(center, radius, sign * rim, sign * pole, rings as usize)])
     }
 }
 

@@ -10,11 +10,14 @@
 
 mod caustic_sphere;
 mod chessmen;
+mod hall;
 mod lens;
 mod mesh;
 mod obj;
 mod objective;
+mod point_caustic;
 mod profile;
+mod random;
 mod room;
 mod scene_text;
 mod shapes;
@@ -26,7 +29,7 @@ use std::path::{Path, PathBuf};
 
 /// All scenes that this program makes.
 fn folders() -> Vec<Folder> {
-    vec![caustic_sphere::folder(), objective::folder()]
+    vec![caustic_sphere::folder(), point_caustic::folder(), objective::folder(), hall::folder()]
 }
 
 /// The repository's folder of scenes.

@@ -20,10 +20,6 @@ pub struct Vertex {
 }
 
 impl Vertex {
-    pub fn smooth(position: DVec3, normal: DVec3) -> Self {
-        Self { position, normal: Some(normal.normalize()) }
-    }
-
     pub fn flat(position: DVec3) -> Self {
         Self { position, normal: None }
     }
@@ -153,10 +149,5 @@ impl Mesh {
         self.faces.iter_mut().for_each(|face| face.reverse());
         self.normals.iter_mut().for_each(|normal| *normal = -*normal);
         self
-    }
-
-    /// How many triangles a renderer makes of it.
-    pub fn triangles(&self) -> usize {
-        self.faces.iter().map(|face| face.len() - 2).sum()
     }
 }

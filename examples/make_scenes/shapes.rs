@@ -1,7 +1,7 @@
 //! Boxes, discs, balls, bars and turned things.
 
 use crate::mesh::{Corner, Mesh, Vertex};
-use crate::profile::ProfilePoint;
+use crate::profile::{ProfilePoint, arc};
 use glam::{DVec2, DVec3, dvec3};
 
 /// The sides of a box: left is -x, bottom -y, back -z.
@@ -64,16 +64,13 @@ pub fn lathe_part(profile: &[ProfilePoint], segments: usize, from: f64, to: f64)
 }
 
 fn ring(point: &ProfilePoint, segments: usize, from: f64, to: f64, closed: bool) -> Vec<Vertex> {
-    let points = match point.at.x {
-        0.0 => 1,
-        _ if closed => segments,
-        _ => segments + 1,
-    };
+    let pole = point.at.x == 0.0;
+    let points = if pole { 1 } else { segments + usize::from(!closed) };
     let vertex = |i: usize| {
         let angle = (from + (to - from) * i as f64 / segments as f64).to_radians();
         let turn = |v: DVec2| dvec3(v.x * angle.sin(), v.y, v.x * angle.cos());
-        let pole = |normal: DVec2| DVec2::new(0.0, normal.y.signum());
-        let normal = point.normal.map(|n| turn(if points == 1 { pole(n) } else { n }));
+        let along = |normal: DVec2| DVec2::new(0.0, normal.y.signum());
+        let normal = point.normal.map(|n| turn(if pole { along(n) } else { n }));
         Vertex { position: turn(point.at), normal }
     };
     (0..points).map(vertex).collect()
@@ -81,11 +78,7 @@ fn ring(point: &ProfilePoint, segments: usize, from: f64, to: f64, closed: bool)
 
 /// A smooth ball about the origin, of `rings` quads from pole to pole and `segments` around.
 pub fn sphere(radius: f64, rings: usize, segments: usize) -> Mesh {
-    let mut profile = crate::profile::arc(DVec2::ZERO, radius, -90.0, 90.0, rings);
-    // Poles exactly on the axis.
-    profile[0].at = DVec2::new(0.0, -radius);
-    profile[rings].at = DVec2::new(0.0, radius);
-    lathe(&profile, segments)
+    lathe(&arc(DVec2::ZERO, radius, -90.0, 90.0, rings), segments)
 }
 
 /// A flat disc in the plane y = 0, its front up.
