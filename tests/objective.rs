@@ -242,3 +242,22 @@ fn the_rendered_objective_images_as_exact_rays_do() {
         found.spread.assert_is(spread + 0.006_f64.powi(2), 0.01);
     }
 }
+
+#[test]
+fn all_light_comes_through_the_lens() {
+    let light = |capped: bool| {
+        let mut lens = committed();
+        let material = lens.materials.len() as u32;
+        lens.materials.extend([gray(0.0, RADIANCE as f32), gray(0.0, 0.0)]);
+        lens.meshes.push(sphere(Vec3::ZERO, 1.0, 2, true, material));
+        if capped {
+            // Around the front as far as behind the first element.
+            lens.meshes.push(sphere(Vec3::ZERO, 0.016, 4, false, material + 1));
+        }
+        let scene = scene(lens.meshes, lens.materials, vec![], lens.camera);
+        let settings = Settings { camera_paths: 16, light_paths: 2, ..settings(24, 16) };
+        pixel_means(&scene, settings, 20).iter().map(|[mean, _]| mean).sum::<f64>()
+    };
+    assert!(light(false) > 1.0);
+    assert_eq!(light(true), 0.0);
+}

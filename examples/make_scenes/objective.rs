@@ -58,7 +58,17 @@ pub fn folder() -> Folder {
     camera(&mut scene, sensor);
     scene.table(
         "render",
-        &["resolution = [360, 240]", "radius = 0.005", "merge_vertex = 2", "direct = \"connect\""],
+        &[
+            "resolution = [360, 240]",
+            "light_paths = 20000",
+            "radius = 0.005",
+            "merge_vertex = 2",
+            "direct = \"connect\"",
+        ],
+    );
+    scene.table(
+        "regions",
+        &["queen = [[0.5, 0.43, 0.66, 0.87]]", "lamps = [[0.02, 0.12, 0.98, 0.52]]"],
     );
     for (name, [inside, outside]) in media {
         let mut lines = vec!["type = \"dielectric\"".to_owned(), format!("ior = {inside}")];
