@@ -36,17 +36,17 @@ const SINGLET: [Surface; 3] = [
     Surface { radius: -50.0, thickness: 0.0, index: 1.0, diameter: 6.0 },
 ];
 
-/// Of the plane that is sharp.
-const NEAR: f64 = 200.0;
+/// Distance of the plane that is sharp behind it.
+const SHARP: f64 = 200.0;
 
 /// Squares that face the lens, by their center, distance and half side. Those out of focus are near
 /// the axis: the field of one element is curved.
 const SQUARES: [(DVec2, f64, f64); 5] = [
     (dvec2(0.0, 0.0), 100.0, 0.4),
     (dvec2(36.0, 0.0), 1000.0, 4.0),
-    (dvec2(-9.0, 0.0), NEAR, 0.8),
-    (dvec2(0.0, 9.0), NEAR, 0.8),
-    (dvec2(6.0, -9.0), NEAR, 0.8),
+    (dvec2(-9.0, 0.0), SHARP, 0.8),
+    (dvec2(0.0, 9.0), SHARP, 0.8),
+    (dvec2(6.0, -9.0), SHARP, 0.8),
 ];
 
 /// The light of `SQUARES` as a camera sees it, with the meshes of its lens.
@@ -66,7 +66,7 @@ fn squares(camera: Camera, lens: Vec<bdpm::scene::Mesh>, side: u32) -> Vec<[f64;
 #[test]
 fn one_element_is_a_thin_lens() {
     let lens = SINGLET;
-    let [behind, magnification] = image(&lens, NEAR);
+    let [behind, magnification] = image(&lens, SHARP);
     let (side, width) = (60, 9.0);
     let back = lens::depths(&lens)[2] + behind;
 
@@ -82,8 +82,8 @@ fn one_element_is_a_thin_lens() {
 
     // The same plane sharp, through the same stop, at the same scale.
     let across = f64::from(width) / -magnification;
-    let field_of_view = FieldOfView::X(2.0 * (0.5 * across / NEAR).atan().to_degrees() as f32);
-    let (aperture_radius, focus_distance) = (2.5, NEAR as f32);
+    let field_of_view = FieldOfView::X(2.0 * (0.5 * across / SHARP).atan().to_degrees() as f32);
+    let (aperture_radius, focus_distance) = (2.5, SHARP as f32);
     let thin = Optics::ThinLens { field_of_view, aperture_radius, focus_distance };
     let camera = Camera::with_optics(Vec3::ZERO, -Vec3::Z, Vec3::Y, thin).unwrap();
     let ideal = Picture { pixels: squares(camera, vec![], side), side: side as usize, pitch };
@@ -94,7 +94,7 @@ fn one_element_is_a_thin_lens() {
     let glass = (1.0 - 0.2_f64.powi(2)).powi(2);
     let mut transmitted = Vec::new();
     for (center, distance, half) in SQUARES {
-        let place = center / distance * NEAR * -magnification;
+        let place = center / distance * SHARP * -magnification;
         let [real, ideal] = [&real, &ideal].map(|picture| picture.spot(place, 1.2));
         println!("{center} {distance}: {real:?}\n  {ideal:?}");
 
@@ -105,7 +105,7 @@ fn one_element_is_a_thin_lens() {
         real.energy.assert_is(glass * arriving, 3e-3);
         transmitted.push([real.energy.mean / arriving, real.energy.error / arriving]);
         // The thin lens tells radiance.
-        let irradiance = glass * solid_angle * (distance / NEAR / magnification).powi(2);
+        let irradiance = glass * solid_angle * (distance / SHARP / magnification).powi(2);
         let error = real.energy.error / irradiance;
         Estimate { mean: real.energy.mean / irradiance, error: error.hypot(ideal.energy.error) }
             .assert_is(ideal.energy.mean, 3e-3);
@@ -119,8 +119,8 @@ fn one_element_is_a_thin_lens() {
         Estimate { error, ..real.spread }.assert_is(ideal.spread.mean, 0.02);
         // A disc of the radius of the circle of confusion; moments add, pixels are squares as well.
         // Sharp edges meet pixels as they happen to.
-        let blur = 2.5 * NEAR * -magnification * (1.0 / distance - 1.0 / NEAR).abs();
-        let size = 2.0 * half / distance * NEAR * -magnification;
+        let blur = 2.5 * SHARP * -magnification * (1.0 / distance - 1.0 / SHARP).abs();
+        let size = 2.0 * half / distance * SHARP * -magnification;
         let expected = 0.5 * blur.powi(2) + (size.powi(2) + pitch.powi(2)) / 6.0;
         if blur > pitch {
             real.spread.assert_is(expected, 0.02);
