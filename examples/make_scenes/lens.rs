@@ -44,8 +44,8 @@ pub const DOUBLE_GAUSS: [Surface; 11] = [
 
 /// Segments around the axis.
 pub const SEGMENTS: usize = 80;
-/// How far the middle of a facet may be from the sphere along a meridian. The normals are exact, so
-/// this moves rays no farther.
+/// How far the middle of a facet may be from the sphere along a meridian. Interpolated normals are
+/// exact, so rays are displaced by no more and bent as they should.
 const SAGITTA: f64 = 0.004;
 
 impl Surface {
