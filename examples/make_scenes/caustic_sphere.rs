@@ -34,7 +34,14 @@ pub fn folder() -> Folder {
     );
     scene.table(
         "render",
-        &["resolution = [512, 512]", "radius = 0.015", "merge_vertex = 2", "direct = \"connect\""],
+        &[
+            "resolution = [512, 512]",
+            "light_paths = 300000",
+            "camera_paths = 4",
+            "radius = 0.015",
+            "merge_vertex = 2",
+            "direct = \"connect\"",
+        ],
     );
     scene.table("regions", &["caustic = [[0.58, 0.83, 0.73, 0.9]]"]);
     scene.table("materials.mirror", &["type = \"mirror\"", "reflectance = 0.95"]);

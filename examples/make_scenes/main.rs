@@ -9,9 +9,12 @@
 //! `scene_text` write. The test at the end checks that the committed files are those that are made.
 
 mod caustic_sphere;
+mod chessmen;
 mod hall;
+mod lens;
 mod mesh;
 mod obj;
+mod objective;
 mod point_caustic;
 mod profile;
 mod random;
@@ -26,7 +29,7 @@ use std::path::{Path, PathBuf};
 
 /// All scenes that this program makes.
 fn folders() -> Vec<Folder> {
-    vec![caustic_sphere::folder(), point_caustic::folder(), hall::folder()]
+    vec![caustic_sphere::folder(), point_caustic::folder(), objective::folder(), hall::folder()]
 }
 
 /// The repository's folder of scenes.

@@ -16,8 +16,8 @@ pub struct Model {
 
 #[derive(Clone, Debug)]
 struct Part {
-    name: &'static str,
-    material: Option<&'static str>,
+    name: String,
+    material: Option<String>,
     mesh: Mesh,
 }
 
@@ -36,15 +36,20 @@ impl Model {
 
     /// Adds an object of one material.
     #[must_use]
-    pub fn part(mut self, name: &'static str, material: &'static str, mesh: Mesh) -> Self {
-        self.parts.push(Part { name, material: Some(material), mesh });
+    pub fn part(
+        mut self,
+        name: impl Into<String>,
+        material: impl Into<String>,
+        mesh: Mesh,
+    ) -> Self {
+        self.parts.push(Part { name: name.into(), material: Some(material.into()), mesh });
         self
     }
 
     /// Adds an object whose material the scene file gives.
     #[must_use]
-    pub fn plain(mut self, name: &'static str, mesh: Mesh) -> Self {
-        self.parts.push(Part { name, material: None, mesh });
+    pub fn plain(mut self, name: impl Into<String>, mesh: Mesh) -> Self {
+        self.parts.push(Part { name: name.into(), material: None, mesh });
         self
     }
 
@@ -57,7 +62,7 @@ impl Model {
         let (mut positions, mut normals) = (1, 1);
         for part in &self.parts {
             let _ = write!(text, "\no {}\n", part.name);
-            if let Some(material) = part.material {
+            if let Some(material) = &part.material {
                 let _ = writeln!(text, "usemtl {material}");
             }
             let mesh = &part.mesh;

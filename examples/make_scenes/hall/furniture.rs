@@ -2,8 +2,8 @@
 
 use crate::mesh::Mesh;
 use crate::obj::Model;
-use crate::profile::{line, smooth};
-use crate::shapes::{Side, cuboid, cuboid_without, lathe, sphere};
+use crate::profile::{edges, smooth};
+use crate::shapes::{Side, annulus, cuboid, cuboid_without, lathe, sphere};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 fn points<const N: usize>(points: [(f64, f64); N]) -> [DVec2; N] {
@@ -144,7 +144,7 @@ pub fn open_book() -> Model {
         .part("cover", "oxblood", cover)
 }
 
-/// A globe of radius 0.8 on a stand, 2.6 high.
+/// A globe of radius 0.8 on a stand, 2.6 high, and a ring of marble in the floor around it.
 pub fn globe() -> Model {
     let foot = points([
         (0.55, 0.0),
@@ -158,11 +158,8 @@ pub fn globe() -> Model {
         (0.2, 0.74),
         (0.0, 0.82),
     ]);
-    let meridian = [(0.92, 0.02), (0.84, 0.02), (0.84, -0.02), (0.92, -0.02), (0.92, 0.02)];
-    let meridian = meridian.windows(2).map(|pair| {
-        let run = line(dvec2(pair[1].0, pair[1].1), dvec2(pair[0].0, pair[0].1));
-        lathe(&run, 64).turned_x(90.0)
-    });
+    let meridian = points([(0.84, 0.02), (0.84, -0.02), (0.92, -0.02), (0.92, 0.02), (0.84, 0.02)]);
+    let meridian = edges(&meridian).into_iter().map(|run| lathe(&run, 64).turned_x(90.0));
     let horizon =
         smooth(&points([(0.95, -0.03), (1.1, -0.03), (1.12, 0.0), (1.1, 0.03), (0.95, 0.03)]), 2);
     let axis = |mesh: Mesh| mesh.turned_z(23.4).moved(0.0, 1.75, 0.0);
@@ -171,5 +168,6 @@ pub fn globe() -> Model {
         .part("foot", "polished-walnut", lathe(&smooth(&foot, 3), 40))
         .part("horizon", "polished-walnut", lathe(&horizon, 64).moved(0.0, 1.75, 0.0))
         .part("meridian", "brass", axis(Mesh::join(meridian)))
+        .part("inlay", "marble-dark", annulus(1.3, 1.5, 64).moved(0.0, 0.003, 0.0))
         .part("globe", "globe", axis(sphere(0.8, 32, 64)))
 }

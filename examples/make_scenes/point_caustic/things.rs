@@ -3,14 +3,16 @@
 use crate::mesh::Mesh;
 use crate::obj::Model;
 use crate::profile::{ProfilePoint, arc, line, spline};
-use crate::shapes::lathe;
+use crate::shapes::{disc, lathe};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 /// Pieces of a curve between two of its given points.
 const PIECES: usize = 10;
+/// Pieces around the goblet.
+const AROUND: usize = 48;
 
-/// A goblet with water, standing where its caustic crosses the table: glass outside and above the
-/// water inside, the water's surface, and where glass and water meet.
+/// A goblet with water: glass outside and above the water inside, the water's surface, and where
+/// glass and water meet.
 pub fn goblet() -> Model {
     let points = |points: &[(f64, f64)]| -> Vec<DVec2> {
         points.iter().map(|&(x, y)| dvec2(x, y)).collect()
@@ -44,21 +46,18 @@ pub fn goblet() -> Model {
     // The water stands at one of the given points.
     let level = 4 * PIECES;
     let dry = backward(&inside[level..]);
-    let surface = line(inside[level].at, dvec2(0.0, inside[level].at.y));
+    let water = inside[level].at;
+    let surface = disc(water.x, AROUND).moved(0.0, water.y, 0.0);
     let foot = line(DVec2::ZERO, dvec2(0.4, 0.0));
     let edge = arc(dvec2(0.4, 0.0175), 0.0175, -90.0, 90.0, 6);
     let lip = arc(dvec2(0.403, 1.56), 0.012, 0.0, 180.0, 8);
+    let turned = |run: &[ProfilePoint]| lathe(run, AROUND);
     let glass = [foot, edge, outside, lip, dry].map(|run| turned(&run));
     Model::new("A goblet with water. Fronts of glass look out of it, that of the water up.")
         .decimals(4, 5)
         .part("goblet", "glass", Mesh::join(glass))
         .part("wet", "water-in-glass", turned(&inside[..=level]))
-        .part("surface", "water", turned(&surface))
-}
-
-/// About the goblet's own place.
-fn turned(profile: &[ProfilePoint]) -> Mesh {
-    lathe(profile, 48).moved(-1.0, 0.003, -0.75)
+        .part("surface", "water", surface)
 }
 
 /// A profile in the other direction, its front on the other side.
