@@ -299,7 +299,8 @@ impl CameraPaths {
         value: Rgb,
     ) {
         if pass.settings.direct == Direct::Connect
-            && let Some(light) = pass.scene.lights.connect(surface.position, &mut walk.rng)
+            && let Some(light) =
+                pass.scene.lights.connect(surface.position, Some(surface.normal), &mut walk.rng)
             && let cos_theta = light.wi.dot(surface.normal)
             && cos_theta > 0.0
         {
@@ -313,14 +314,15 @@ impl CameraPaths {
         let lights = &pass.scene.lights;
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
+        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
-            let light = lights.connect(surface.position, &mut walk.rng);
+            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
             self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
         }
         if bsdf.has_rough() && walk.vertices == 0 {
             // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            let light = lights.connect_delta(surface.position, &mut walk.rng);
+            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
             self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
         }
         if merges {

@@ -164,6 +164,12 @@ impl Bsdf {
         }
     }
 
+    /// Whether any lobe leads to the other side.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_))
+    }
+
     /// The value toward `wo` on the front or the back if it is the same for all `wi`, 1/sr.
     #[inline]
     pub fn constant(&self, front: bool) -> Option<Rgb> {
