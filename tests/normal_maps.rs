@@ -171,6 +171,8 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
             mean_luminance(&scene, &*accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 3);
+        // What narrow facets send below the horizon of their normal, light paths do not.
+        let lost = if bsdf.has_rough() { 0.01 } else { 0.0 };
         for (direct, merge_vertex) in
             [(Direct::Connect, 1), (Direct::PhotonMap, 1), (Direct::Connect, 2)]
         {
@@ -180,7 +182,7 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
             let off = other.mean - reference.mean;
             println!("{bsdf:?} {direct:?} {merge_vertex}: {} +- {error}", off / reference.mean);
             assert!(
-                off.abs() < 4.0 * error + 3e-3 * reference.mean,
+                off.abs() < 4.0 * error + (3e-3 + lost) * reference.mean,
                 "{bsdf:?} {direct:?} {merge_vertex}: {other:?}, not {reference:?}"
             );
         }

@@ -156,6 +156,10 @@ fn the_scene_of_materials_has_them_all() {
     assert!(has(|b| matches!(b, Bsdf::Conductor(metal) if metal.alpha() > 0.4)));
     assert!(materials.iter().any(|m| m.albedo_texture.is_some()));
     assert!(materials.iter().any(|m| m.cut_out().is_some()));
+    assert!(has(|b| matches!(b, Bsdf::Glossy(_))));
+    assert!(materials.iter().any(|m| m.metallic_roughness_texture.is_some()));
+    assert!(materials.iter().any(|m| m.normal_map.is_some()));
+    assert!(materials.iter().any(|m| m.emission_texture.is_some()));
     assert!(loaded.scene.meshes.iter().any(|mesh| !mesh.normals.is_empty()));
 }
 

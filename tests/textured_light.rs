@@ -108,7 +108,7 @@ fn connections_give_the_irradiance_of_the_picture() {
         let samples: Vec<f64> = (0..200_000)
             .map(|_| {
                 let from = Vec3::new(x as f32, y as f32, 0.0);
-                let light = scene.lights.connect(from, None, &mut rng);
+                let light = scene.lights.connect(from, Some(Vec3::Z), &mut rng);
                 light.map_or(0.0, |light| f64::from(luminance(light.irradiance) * light.wi.z))
             })
             .collect();

@@ -83,7 +83,7 @@ impl Cluster {
                 (at(spot.position), cone, spot.intensity)
             }
             Emitter::Triangle { shape, radiance } => panel(shape, *radiance),
-            Emitter::Textured(textured) => panel(&textured.shape, textured.mean()),
+            Emitter::Textured(lamp) => panel(&lamp.shape, lamp.mean()),
             Emitter::Directional(_) => return None,
         };
         Some(Self { bounds, beam, intensity: luminance(intensity) })

@@ -49,6 +49,7 @@ use glam::{DVec3, Vec2, Vec3};
 use normal_map::Tangent;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul};
+use textured_emitter::Glow;
 
 /// A triangle mesh of one material, in world space.
 #[derive(Clone, Debug, Default)]
@@ -256,6 +257,9 @@ impl Scene {
             first_triangle.push(triangles.len() as u32);
             let material = &materials[mesh.material as usize];
             let radiance = material.emission;
+            let emits = radiance.max_element() > 0.0;
+            let glow = material.emission_texture.as_ref().filter(|_| emits);
+            let glow = glow.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
             for indices in &mesh.triangles {
                 let indices = indices.map(|index| index as usize);
                 let corners = indices.map(|index| mesh.positions[index]);
@@ -265,14 +269,12 @@ impl Scene {
                     shape.corners = varying.len() as u32;
                     varying.push(mesh.corners(indices, shape.normal));
                 }
-                if radiance.max_element() > 0.0 {
-                    emitters.push(match &material.emission_texture {
+                if emits {
+                    emitters.push(match &glow {
                         None => Emitter::Triangle { shape, radiance },
-                        Some(texture) => {
+                        Some(glow) => {
                             let Corners { uvs, .. } = mesh.corners(indices, shape.normal);
-                            let texture = texture.clone();
-                            let panel = TexturedTriangle::new(shape, uvs, texture, radiance);
-                            Emitter::Textured(Box::new(panel))
+                            glow.emitter(shape, uvs)
                         }
                     });
                 }

@@ -1,7 +1,7 @@
 //! Pictures on surfaces, of 8 bits per channel.
 
 use crate::math::Rgb;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
 /// A picture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; beyond it goes on as its
@@ -42,8 +42,9 @@ impl Wrap {
     #[inline]
     fn fold(self, x: f32) -> f32 {
         match self {
-            Self::Repeat => x.rem_euclid(1.0).min(1.0), // which may round up to 1
-            Self::Mirror => 1.0 - (x.rem_euclid(2.0) - 1.0).abs(),
+            // Remainders may round up, and are no number if `x` is infinite.
+            Self::Repeat => x.rem_euclid(1.0).min(1.0),
+            Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
             Self::Clamp => x.clamp(0.0, 1.0),
         }
     }
@@ -115,6 +116,16 @@ impl Texture {
             Vec4::new(table[r as usize], table[g as usize], table[b as usize], 0.0)
         };
         self.filtered(uv, linear).truncate()
+    }
+
+    /// Mean of the linear color.
+    pub(super) fn mean_color(&self) -> Rgb {
+        let mut sum = DVec3::ZERO;
+        for texel in self.texels.iter() {
+            let [r, g, b, _] = texel.map(|code| f64::from(SRGB[usize::from(code)]));
+            sum += DVec3::new(r, g, b);
+        }
+        (sum / self.texels.len() as f64).as_vec3()
     }
 
     /// The numbers at `uv` as they are stored, in [0, 1].
@@ -221,6 +232,11 @@ mod tests {
             let mirrored = at(Wrap::Mirror, u, v);
             for (x, y) in [(-u, v), (u, 2.0 - v), (2.0 + u, -v), (4.0 - u, v)] {
                 assert!((at(Wrap::Mirror, x, y) - mirrored).length() < 1e-4, "{x} {y}");
+            }
+        }
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for x in [1e30, -1e30, f32::INFINITY, f32::NEG_INFINITY, -1e-20] {
+                assert!(at(wrap, x, -x).is_finite(), "{wrap:?} {x}");
             }
         }
         assert_eq!(at(Wrap::Clamp, -7.0, 3.0), Rgb::ZERO);
