@@ -9,6 +9,7 @@ mod fingerprint;
 pub mod light;
 mod light_choice;
 mod light_cluster;
+mod light_split;
 mod light_table;
 mod light_tree;
 pub mod load;
