@@ -8,7 +8,7 @@ use bdpm::error::{Error, Result};
 use bdpm::goal::{Goal, Standing, StoppedBy};
 use bdpm::origin::Origin;
 use bdpm::render::{IterationReport, Renderer};
-use bdpm::scene::{Scene, load::load};
+use bdpm::scene::Scene;
 use bdpm::settings::{Length, RenderDefaults, Settings};
 use bdpm::steer::Steer;
 use serde::Serialize;
@@ -101,9 +101,10 @@ impl Prepared {
             .build()
             .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "lower --threads"))?;
         let start = Instant::now();
-        let loaded = threads.install(|| load(&args.scene.scene))?;
+        let loaded = threads.install(|| args.scene.load())?;
         let load_time = start.elapsed();
         if !args.quiet {
+            say(&format!("read {}", loaded.summary));
             loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
         }
         let scene = loaded.scene;

@@ -1,11 +1,14 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
+mod builder;
 pub mod camera;
 mod camera_table;
 pub mod emitter;
 pub mod environment;
 mod environment_table;
 mod fingerprint;
+mod framing;
+mod gltf;
 pub mod light;
 mod light_table;
 pub mod load;
@@ -13,9 +16,11 @@ pub mod material;
 mod material_table;
 mod mtl;
 mod mtl_material;
+pub mod notes;
 mod obj;
 mod obj_records;
 mod scene_file;
+pub mod summary;
 mod surface;
 mod text;
 mod texture;
@@ -25,8 +30,10 @@ pub use camera::{Camera, FieldOfView, Optics, View};
 pub use emitter::{Directional, Emitter, Spot};
 pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
-pub use load::{Loaded, load};
+pub use load::{LoadOptions, Loaded, load, load_with};
 pub use material::Material;
+pub use notes::{Note, NoteKind};
+pub use summary::Summary;
 pub use surface::Surface;
 pub use texture::Texture;
 

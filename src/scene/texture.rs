@@ -52,6 +52,14 @@ impl Texture {
             .take(MAX_FILE)
             .read_to_end(&mut bytes)
             .map_err(|e| Error::io("read the texture", path, e))?;
+        Self::decode(bytes).map_err(|error| error.at(path))
+    }
+
+    /// From the content of a PNG or JPEG file, whichever it is.
+    ///
+    /// # Errors
+    /// If it is neither.
+    pub(super) fn decode(bytes: Vec<u8>) -> Result<Self> {
         let read = match bytes.as_slice() {
             [0x89, b'P', b'N', b'G', ..] => png(bytes),
             [0xff, 0xd8, ..] => jpeg(bytes),
@@ -59,7 +67,7 @@ impl Texture {
         };
         read.map_err(|problem| {
             let problem = format!("the texture cannot be read: {problem}");
-            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel").at(path)
+            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
         })
     }
 
@@ -81,6 +89,25 @@ impl Texture {
     /// All texels.
     pub(super) fn texels(&self) -> &[[u8; 4]] {
         &self.texels
+    }
+
+    /// Mean of the linear color.
+    pub(super) fn mean_color(&self) -> Rgb {
+        let [r, g, b, _] = self.mean(|code| SRGB[usize::from(code)].into());
+        Rgb::new(r, g, b)
+    }
+
+    /// Mean of each channel as it is stored, in [0, 1].
+    pub(super) fn mean_stored(&self) -> [f32; 4] {
+        self.mean(|code| f64::from(code) / 255.0)
+    }
+
+    fn mean(&self, value: impl Fn(u8) -> f64) -> [f32; 4] {
+        let mut sums = [0.0; 4];
+        for texel in &self.texels {
+            sums.iter_mut().zip(texel).for_each(|(sum, code)| *sum += value(*code));
+        }
+        sums.map(|sum| (sum / self.texels.len() as f64) as f32)
     }
 
     /// Linear color at `uv`.

@@ -46,7 +46,8 @@ impl Transform {
         Self::new(DAffine3::from_mat4(matrix))
     }
 
-    fn new(map: DAffine3) -> Result<Self> {
+    /// Refuses maps that cannot be undone.
+    pub(super) fn new(map: DAffine3) -> Result<Self> {
         let determinant = map.matrix3.determinant();
         if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
             return Err(Error::new(
