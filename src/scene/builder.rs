@@ -32,6 +32,8 @@ pub(super) struct Builder {
     material_index: HashMap<(Option<PathBuf>, String), u32>,
     /// Names that the OBJ file uses without defining them.
     undefined: BTreeSet<String>,
+    /// Whether meshes of the OBJ file name no material, and it defines none for them.
+    unnamed: bool,
     /// Names of textured materials on meshes without texture coordinates.
     untextured: BTreeSet<String>,
     triangles: u64,
@@ -63,6 +65,7 @@ impl Builder {
         path: &Path,
         obj: &ObjFile,
     ) -> u32 {
+        let is_named = name.is_some();
         let name = name.unwrap_or("default");
         let own = own.get(name);
         let file = own.is_none().then(|| path.to_owned());
@@ -70,7 +73,10 @@ impl Builder {
             let material = match (own, obj.materials.get(name)) {
                 (Some(material), _) | (None, Some(material)) => material.clone(),
                 (None, None) => {
-                    self.undefined.insert(name.to_owned());
+                    if is_named {
+                        self.undefined.insert(name.to_owned());
+                    }
+                    self.unnamed |= !is_named;
                     mtl::grey(name)
                 }
             };
@@ -92,13 +98,15 @@ impl Builder {
             let material = self.material(material.or(part.material.as_deref()), own, path, obj);
             self.place(&part.mesh.name, &part.mesh, transform, material)?;
         }
+        let grey = format!("took grey of albedo {}", mtl::DEFAULT_ALBEDO);
+        let path = path.display();
         if !self.undefined.is_empty() {
             let names = list(self.undefined.iter().map(String::as_str));
-            let albedo = mtl::DEFAULT_ALBEDO;
-            let path = path.display();
-            let note = format!("{path}: {names} undefined; took grey of albedo {albedo}");
-            self.notes.push(Note::skipped(note));
+            self.notes.push(Note::skipped(format!("{path}: {names} undefined; {grey}")));
             self.undefined.clear();
+        }
+        if std::mem::take(&mut self.unnamed) {
+            self.notes.push(Note::chosen(format!("{path}: faces without material; {grey}")));
         }
         Some(())
     }

@@ -1,0 +1,323 @@
+//! glTF: what materials, lights and cameras become.
+
+#[path = "common/gltf.rs"]
+mod model;
+
+use bdpm::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+};
+use bdpm::scene::{Emitter, FieldOfView, LoadOptions, Material, NoteKind, Optics, load_with};
+use glam::{Vec2, Vec3};
+use model::*;
+use serde_json::{Value, json};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
+
+/// A picture of 2 by 1 texels.
+fn picture(texels: [[u8; 4]; 2]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 1);
+    encoder.set_color(png::ColorType::Rgba);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(texels.as_flattened()).unwrap();
+    writer.finish().unwrap();
+    bytes
+}
+
+/// The square with this material, and texture 0 of the picture.
+fn with_material(material: Value, texels: [[u8; 4]; 2]) -> Model {
+    let mut model = square();
+    let uvs = model.uvs(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    model.json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(uvs);
+    model.json["materials"][0] = material;
+    let view = model.view(&picture(texels));
+    model.push("images", json!({ "bufferView": view }));
+    model.push("textures", json!({ "source": 0 }));
+    model
+}
+
+/// What the material becomes, and the notes on what is skipped.
+#[track_caller]
+fn looks(material: Value, texels: [[u8; 4]; 2]) -> (Material, String) {
+    let loaded = with_material(material, texels).load();
+    let skipped = loaded.notes.iter().filter(|note| note.kind == NoteKind::Skipped);
+    let skipped: Vec<_> = skipped.map(|note| &note.text[..]).collect();
+    (loaded.scene.materials[0].clone(), skipped.join("\n"))
+}
+
+const WHITE: [[u8; 4]; 2] = [[255; 4]; 2];
+
+fn pbr(metallic: f32, roughness: f32) -> Value {
+    json!({
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.8, 0.4, 0.2, 1],
+            "metallicFactor": metallic,
+            "roughnessFactor": roughness,
+        },
+        "doubleSided": true,
+    })
+}
+
+fn with(mut material: Value, key: &str, value: Value) -> Value {
+    match key.starts_with("KHR_") {
+        true => material["extensions"][key] = value,
+        false => material[key] = value,
+    }
+    material
+}
+
+#[test]
+fn materials_become_the_documented_ones() {
+    let color = Vec3::new(0.8, 0.4, 0.2);
+    let metal = |alpha| {
+        let reflectance = Reflectance::Artist { normal: color };
+        Bsdf::Conductor(Conductor::new(reflectance, alpha))
+    };
+    let glass = |roughness: f32| {
+        let white = json!({ "metallicFactor": 0, "roughnessFactor": roughness });
+        let material = json!({ "pbrMetallicRoughness": white });
+        let material =
+            with(material, "KHR_materials_transmission", json!({ "transmissionFactor": 1 }));
+        with(material, "KHR_materials_ior", json!({ "ior": 1.25 }))
+    };
+    let thick = |roughness: f32| {
+        with(glass(roughness), "KHR_materials_volume", json!({ "thicknessFactor": 0.5 }))
+    };
+    let one_sided = Bsdf::Lambertian { albedo: color, two_sided: false };
+    for (material, expected, note) in [
+        (pbr(0.0, 0.9), Bsdf::diffuse(color), ""),
+        (with(pbr(0.0, 0.5), "doubleSided", json!(false)), one_sided, ""),
+        (pbr(0.0, 0.2), Bsdf::Coated(Coated::new(color, 1.5)), ""),
+        (
+            with(pbr(0.0, 0.2), "KHR_materials_ior", json!({ "ior": 1.75 })),
+            Bsdf::Coated(Coated::new(color, 1.75)),
+            "",
+        ),
+        (pbr(1.0, 0.5), metal(0.25), ""),
+        (pbr(1.0, 0.0), metal(0.0), ""),
+        (pbr(0.7, 0.0), metal(0.0), "rounded the metalness of `materials[0]`"),
+        (pbr(0.3, 0.9), Bsdf::diffuse(color), "rounded the metalness of"),
+        (
+            with(pbr(0.0, 0.9), "KHR_materials_clearcoat", json!({ "clearcoatFactor": 1 })),
+            Bsdf::Coated(Coated::new(color, 1.5)),
+            "",
+        ),
+        (
+            with(pbr(1.0, 0.5), "KHR_materials_clearcoat", json!({ "clearcoatFactor": 1 })),
+            metal(0.25),
+            "ignored the clear coat of",
+        ),
+        (thick(0.0), Bsdf::Dielectric(Dielectric { eta: 1.25 }), ""),
+        (thick(0.5), Bsdf::RoughDielectric(RoughDielectric::new(1.25, 0.25)), ""),
+        (glass(0.0), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), ""),
+        (glass(0.5), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), "of the thin glass"),
+        (
+            with(
+                thick(0.0),
+                "KHR_materials_volume",
+                json!({
+                    "thicknessFactor": 1, "attenuationDistance": 1, "attenuationColor": [1, 0, 0]
+                }),
+            ),
+            Bsdf::Dielectric(Dielectric { eta: 1.25 }),
+            "ignored the color of the glass",
+        ),
+        (with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})), Bsdf::diffuse(color), "no shading"),
+        (
+            with(pbr(0.0, 1.0), "normalTexture", json!({ "index": 0 })),
+            Bsdf::diffuse(color),
+            "normal",
+        ),
+        (with(pbr(0.0, 1.0), "occlusionTexture", json!({ "index": 0 })), Bsdf::diffuse(color), ""),
+    ] {
+        let (read, notes) = looks(material.clone(), WHITE);
+        assert_eq!(read.bsdf, expected, "{material}");
+        assert!(if note.is_empty() { notes.is_empty() } else { notes.contains(note) }, "{notes}");
+    }
+    // The standard's default is a rough white metal.
+    let mut model = square();
+    model.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
+    let white = Reflectance::Artist { normal: Vec3::ONE };
+    assert_eq!(model.load().scene.materials[0].bsdf, Bsdf::Conductor(Conductor::new(white, 1.0)));
+}
+
+#[test]
+fn textures_multiply_or_count_by_their_mean() {
+    let textured = |key: &str, mut material: Value| {
+        material["pbrMetallicRoughness"][key] = json!({ "index": 0 });
+        material
+    };
+    let half = [[255, 255, 255, 255], [0, 0, 0, 255]];
+    let (diffuse, notes) = looks(textured("baseColorTexture", pbr(0.0, 1.0)), half);
+    assert_eq!(diffuse.bsdf, Bsdf::diffuse(Vec3::new(0.8, 0.4, 0.2)));
+    let picture = diffuse.albedo_texture.unwrap();
+    assert_eq!(picture.color(Vec2::new(0.25, 0.5)), Vec3::ONE);
+    assert_eq!((picture.color(Vec2::new(0.75, 0.5)), &notes[..]), (Vec3::ZERO, ""));
+    let (metal, notes) = looks(textured("baseColorTexture", pbr(1.0, 0.0)), half);
+    let expected = Reflectance::Artist { normal: 0.5 * Vec3::new(0.8, 0.4, 0.2) };
+    assert_eq!(metal.bsdf, Bsdf::Conductor(Conductor::new(expected, 0.0)));
+    assert!(metal.albedo_texture.is_none() && notes.contains("mean base color"), "{notes}");
+    // Green is roughness, blue is metalness.
+    let (dull, notes) =
+        looks(textured("metallicRoughnessTexture", pbr(1.0, 1.0)), [[0, 102, 255, 255]; 2]);
+    let Bsdf::Conductor(dull) = dull.bsdf else { panic!("no metal") };
+    assert!((dull.alpha() - 0.16).abs() < 1e-6 && notes.contains("mean metalness"), "{notes}");
+    let wrapped = |wrap: u32, scale: f32| {
+        let mut model = with_material(textured("baseColorTexture", pbr(0.0, 1.0)), half);
+        model.json["samplers"] = json!([{ "wrapS": wrap }]);
+        model.json["textures"][0]["sampler"] = json!(0);
+        let transform = json!({ "KHR_texture_transform": { "scale": [scale, scale] } });
+        let info = &mut model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+        info["extensions"] = transform;
+        model.load().notes_text()
+    };
+    assert!(wrapped(33071, 2.0).contains("repeated the texture beyond its edges"));
+    assert!(!wrapped(33071, 1.0).contains("repeated") && !wrapped(10497, 2.0).contains("repeated"));
+}
+
+#[test]
+fn emission_is_the_factor_times_strength_and_texture() {
+    let lamp = with(pbr(0.0, 1.0), "emissiveFactor", json!([1, 0.5, 0]));
+    let strong = with(lamp, "KHR_materials_emissive_strength", json!({ "emissiveStrength": 10 }));
+    let (read, notes) = looks(with(strong.clone(), "doubleSided", json!(false)), WHITE);
+    assert_eq!((read.emission, &notes[..]), (Vec3::new(10.0, 5.0, 0.0), ""));
+    let (_, notes) = looks(strong.clone(), WHITE);
+    assert!(notes.contains("only front sides"), "{notes}");
+    let textured = with(strong, "emissiveTexture", json!({ "index": 0 }));
+    let (read, notes) = looks(textured, [[255, 255, 255, 255], [0, 0, 0, 255]]);
+    assert_eq!(read.emission, Vec3::new(5.0, 2.5, 0.0));
+    assert!(notes.contains("mean color of the emissive texture"), "{notes}");
+}
+
+#[test]
+fn opacity_cuts_at_the_cutoff() {
+    let texels = [[255, 255, 255, 60], [255, 255, 255, 200]];
+    let material = |mode: &str, cutoff: Option<f32>| {
+        let mut material = with(pbr(0.0, 1.0), "alphaMode", json!(mode));
+        material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+        if let Some(cutoff) = cutoff {
+            material["alphaCutoff"] = json!(cutoff);
+        }
+        material
+    };
+    let holes = |mode: &str, cutoff: Option<f32>| {
+        let (material, notes) = looks(material(mode, cutoff), texels);
+        let at = |u: f32| {
+            let picture = material.opacity_texture.as_ref();
+            picture.is_none_or(|picture| picture.opacity(Vec2::new(u, 0.5)) >= 0.5)
+        };
+        ([at(0.25), at(0.75)], notes)
+    };
+    assert_eq!(holes("OPAQUE", None), ([true, true], String::new()));
+    assert_eq!(holes("MASK", None), ([false, true], String::new()));
+    assert_eq!(holes("MASK", Some(0.2)), ([true, true], String::new()));
+    assert_eq!(holes("MASK", Some(0.24)), ([false, true], String::new()));
+    assert_eq!(holes("MASK", Some(0.78)), ([false, true], String::new()));
+    let (blend, notes) = holes("BLEND", None);
+    assert!(blend == [false, true] && notes.contains("rounded the opacity"), "{notes}");
+    // What is cut away as a whole is not there.
+    let model = with_material(material("MASK", Some(0.9)), texels);
+    model.files().refused(&["the scene has no triangle"]);
+}
+
+/// A square behind this node, with this light.
+fn lit(light: Value, node: Value) -> Model {
+    let mut model = square();
+    model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+    model.json["nodes"][0]["translation"] = json!([0, 0, -5]);
+    let mut node = node;
+    node["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    model.node(node);
+    model
+}
+
+#[test]
+fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
+    let color = Vec3::new(1.0, 0.5, 0.25);
+    let intensity = 2.0 * color;
+    let light = |kind: &str, more: Value| {
+        let mut light = json!({ "type": kind, "intensity": 1366, "color": [1, 0.5, 0.25] });
+        if !more.is_null() {
+            light["spot"] = more;
+        }
+        light
+    };
+    let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-6 * b.length();
+    let node = json!({ "name": "Lamp", "translation": [1, 2, 3], "scale": [2, 2, 2] });
+    let loaded = lit(light("point", Value::Null), node.clone()).load();
+    let [Emitter::Point { position, intensity: read }] = loaded.scene.lights.emitters() else {
+        panic!("no point")
+    };
+    assert!(*position == Vec3::new(1.0, 2.0, 3.0) && close(*read, intensity), "{read}");
+    assert_eq!(loaded.summary.light_names, ["Lamp"]);
+    assert!(!loaded.notes_text().contains("nothing emits"));
+    // A quarter about x turns -z down.
+    let (sin, cos) = FRAC_PI_4.sin_cos();
+    let down =
+        json!({ "rotation": [-sin, 0, 0, cos], "scale": [3, 1, 2], "translation": [0, 4, 0] });
+    let sun = lit(light("directional", Value::Null), down.clone()).load().scene;
+    let [Emitter::Directional(sun)] = sun.lights.emitters() else { panic!("no sun") };
+    assert!(close(sun.direction, -Vec3::Y) && close(sun.irradiance, intensity), "{sun:?}");
+    let cones = json!({ "innerConeAngle": 0.2, "outerConeAngle": 0.5 });
+    let spot = lit(light("spot", cones), down.clone()).load().scene;
+    let [Emitter::Spot(spot)] = spot.lights.emitters() else { panic!("no spot") };
+    assert!(close(spot.direction, -Vec3::Y) && close(spot.intensity, intensity), "{spot:?}");
+    assert_eq!((spot.cos_inner, spot.cos_outer), (0.2_f32.cos(), 0.5_f32.cos()));
+    assert_eq!(spot.position, Vec3::new(0.0, 4.0, 0.0));
+    // Edges may be sharp, and cones as wide as a half space.
+    for (inner, outer) in [(0.5, 0.5), (0.0, FRAC_PI_2)] {
+        let cones = json!({ "innerConeAngle": inner, "outerConeAngle": outer });
+        let scene = lit(light("spot", cones), down.clone()).load().scene;
+        let [Emitter::Spot(spot)] = scene.lights.emitters() else { panic!("no spot") };
+        assert!(spot.cos_inner > spot.cos_outer && spot.solid_angle() > 0.0);
+    }
+    let default = lit(light("spot", json!({})), down).load().scene;
+    let [Emitter::Spot(spot)] = default.lights.emitters() else { panic!("no spot") };
+    assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, FRAC_PI_4.cos()));
+    let dark = lit(json!({ "type": "point", "intensity": 0 }), json!({})).load();
+    assert!(dark.notes_text().contains("nothing emits"));
+}
+
+#[test]
+fn cameras_are_chosen_by_name() {
+    let mut model = square();
+    let perspective = |yfov: f32, more: Value| {
+        let mut own = json!({ "yfov": yfov, "znear": 0.1 });
+        if !more.is_null() {
+            own["aspectRatio"] = more;
+        }
+        json!({ "type": "perspective", "perspective": own, "name": "lens" })
+    };
+    let flat = json!({ "xmag": 1, "ymag": 1, "zfar": 10, "znear": 0 });
+    model.push("cameras", json!({ "type": "orthographic", "orthographic": flat }));
+    model.push("cameras", perspective(0.5, json!(2)));
+    model.push("cameras", perspective(1.0, Value::Null));
+    model.node(json!({ "name": "Plan", "camera": 0 }));
+    model.node(json!({ "name": "Front", "camera": 1, "translation": [0, 0, 9] }));
+    let (sin, cos) = FRAC_PI_4.sin_cos();
+    model.node(json!({ "camera": 2, "translation": [9, 0, 0], "rotation": [0, sin, 0, cos] }));
+    let files = model.files();
+    let choose = |camera| load_with(&files.1, &LoadOptions { camera, strict: false });
+    let first = choose(None).unwrap_or_else(|e| panic!("{e}"));
+    let camera = &first.scene.camera;
+    assert_eq!((camera.position(), camera.direction()), (Vec3::new(0.0, 0.0, 9.0), -Vec3::Z));
+    assert_eq!(camera.optics(), Optics::Pinhole(FieldOfView::Y(0.5_f32.to_degrees())));
+    assert_eq!((camera.up(), first.defaults.resolution), (Vec3::Y, Some([512, 256])));
+    assert_eq!(first.summary.cameras, ["Plan", "Front", "nodes[3]"]);
+    assert_eq!(first.summary.camera.as_deref(), Some("Front"));
+    assert!(first.summary.to_string().ends_with(", camera Front (of 3)"), "{}", first.summary);
+    assert!(first.notes_text().contains("orthographic cameras are not supported: `Plan`"));
+    let third = choose(Some("nodes[3]"));
+    // By the camera's own name the first of that name is meant.
+    let lens = choose(Some("lens")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(lens.summary.camera.as_deref(), Some("Front"));
+    let third = third.unwrap_or_else(|e| panic!("{e}"));
+    assert!((third.scene.camera.direction() + Vec3::X).length() < 1e-6);
+    assert_eq!(third.defaults.resolution, None);
+    for (name, parts) in [
+        ("Plan", ["orthographic, which is not supported", "perspective"]),
+        ("Back", ["there is no camera `Back`", "`Plan`, `Front`, `nodes[3]`"]),
+    ] {
+        let error = choose(Some(name)).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+    }
+}
