@@ -286,10 +286,15 @@ fn materials_lights_and_cameras_out_of_range() {
     with(&at("pbrMetallicRoughness/baseColorFactor"), json!([1, -1, 1, 1]), &["-1 is not between"]);
     with(&at("alphaMode"), json!("HALF"), &["materials[0].alphaMode: it is none of OPAQUE"]);
     with(&at("emissiveFactor"), json!([-1, 0, 0]), &["materials[0].emissiveFactor: the emission"]);
-    with(
-        &at("emissiveFactor"),
-        json!([1e39, 0, 0]),
-        &["emissiveFactor: the emission is negative or"],
+    with(&at("emissiveFactor"), json!([1e39, 0, 0]), &["no valid glTF: number out of range"]);
+    refused(
+        |model| {
+            let strong = json!({ "emissiveStrength": 1e38 });
+            let material = &mut model.json["materials"][0];
+            material["emissiveFactor"] = json!([1e38, 0, 0]);
+            material["extensions"] = json!({ "KHR_materials_emissive_strength": strong });
+        },
+        &["emissiveFactor: the emission is negative or not finite"],
     );
     let ior = json!({ "KHR_materials_ior": { "ior": 0.01 } });
     with(&at("extensions"), ior, &["KHR_materials_ior.ior: it is 0.01, not from 0.1 to 10"]);

@@ -285,12 +285,13 @@ fn cameras_are_chosen_by_name() {
         if !more.is_null() {
             own["aspectRatio"] = more;
         }
-        json!({ "type": "perspective", "perspective": own, "name": "lens" })
+        json!({ "type": "perspective", "perspective": own })
     };
     let flat = json!({ "xmag": 1, "ymag": 1, "zfar": 10, "znear": 0 });
     model.push("cameras", json!({ "type": "orthographic", "orthographic": flat }));
     model.push("cameras", perspective(0.5, json!(2)));
     model.push("cameras", perspective(1.0, Value::Null));
+    model.json["cameras"][1]["name"] = json!("lens");
     model.node(json!({ "name": "Plan", "camera": 0 }));
     model.node(json!({ "name": "Front", "camera": 1, "translation": [0, 0, 9] }));
     let (sin, cos) = FRAC_PI_4.sin_cos();
@@ -307,7 +308,7 @@ fn cameras_are_chosen_by_name() {
     assert!(first.summary.to_string().ends_with(", camera Front (of 3)"), "{}", first.summary);
     assert!(first.notes_text().contains("orthographic cameras are not supported: `Plan`"));
     let third = choose(Some("nodes[3]"));
-    // By the camera's own name the first of that name is meant.
+    // By the camera's own name, which nodes may share, the first of them is meant.
     let lens = choose(Some("lens")).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(lens.summary.camera.as_deref(), Some("Front"));
     let third = third.unwrap_or_else(|e| panic!("{e}"));
