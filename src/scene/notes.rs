@@ -1,8 +1,8 @@
 //! What the user should know about how a scene was read.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, visible};
 use serde::Serialize;
-use std::fmt;
+use std::fmt::{self, Write};
 
 /// What was left out or chosen for the user.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -37,7 +37,7 @@ impl Note {
 
 impl fmt::Display for Note {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.text)
+        self.text.chars().try_for_each(|c| f.write_char(visible(c)))
     }
 }
 

@@ -1,8 +1,9 @@
 //! What a glTF material says, checked, with its defaults and pictures: what `material.rs` starts from.
 
-use super::fault;
-use super::json::{self, Document, TextureInfo, get};
+use super::json::{Document, get};
+use super::json_material::{Ior, Material, TextureInfo};
 use super::texture::{Pictures, UvSource};
+use super::{fault, first_name};
 use crate::error::Result;
 use crate::math::Rgb;
 use crate::scene::Texture;
@@ -61,7 +62,7 @@ pub(super) fn factors(
     index: Option<usize>,
     place: &str,
 ) -> Result<Factors> {
-    let default = json::Material::default();
+    let default = Material::default();
     let (material, place) = match index {
         None => (&default, "default material".to_owned()),
         Some(index) => {
@@ -69,7 +70,7 @@ pub(super) fn factors(
             (material, format!("materials[{index}]"))
         }
     };
-    let name = if material.name.is_empty() { &place } else { &material.name };
+    let name = first_name([&material.name], || place.clone());
     let at = |key: &str| format!("{place}.{key}");
     let share = |value: f32, key: &str| share(value, &place, key);
     let pbr = &material.pbr_metallic_roughness;
@@ -103,7 +104,7 @@ pub(super) fn factors(
     }
     let ior = match extensions.ior.ior {
         // By the extension it stands for total reflection, which is for other material models.
-        0.0 => json::Ior::default().ior,
+        0.0 => Ior::default().ior,
         ior if (0.1..=10.0).contains(&ior) => ior,
         ior => {
             let key = at("extensions.KHR_materials_ior.ior");
@@ -123,7 +124,7 @@ pub(super) fn factors(
         &coat.clearcoat_normal_texture,
     ];
     Ok(Factors {
-        name: name.clone(),
+        name,
         base_color,
         opacity: share(a, "pbrMetallicRoughness.baseColorFactor")?,
         base_texture,
@@ -160,7 +161,7 @@ fn share(value: f32, place: &str, key: &str) -> Result<f32> {
     Err(fault(format!("{place}.{key}"), format!("{value} is not between 0 and 1")))
 }
 
-fn alpha(material: &json::Material, place: &str) -> Result<Alpha> {
+fn alpha(material: &Material, place: &str) -> Result<Alpha> {
     let cutoff = material.alpha_cutoff.unwrap_or(0.5);
     if !cutoff.is_finite() {
         return Err(fault(format!("{place}.alphaCutoff"), "it is not finite"));

@@ -9,6 +9,7 @@ mod factors;
 mod file;
 mod geometry;
 mod json;
+mod json_material;
 mod light;
 mod material;
 mod meshes;
@@ -16,7 +17,7 @@ mod nodes;
 mod remarks;
 mod texture;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, visible};
 use crate::scene::builder::{Builder, Rest};
 use crate::scene::load::Loaded;
 use crate::scene::notes::Note;
@@ -126,8 +127,8 @@ fn mesh_name(document: &Document, placed: &Placed, mesh: usize) -> String {
     first_name([&placed.node.name, own], || format!("nodes[{}]", placed.index))
 }
 
-/// The first name that is not empty.
+/// The first name that is not empty, without characters that would do something to a terminal.
 fn first_name<const N: usize>(names: [&str; N], otherwise: impl Fn() -> String) -> String {
     let named = names.into_iter().find(|name| !name.is_empty());
-    named.map_or_else(otherwise, str::to_owned)
+    named.map_or_else(otherwise, |name| name.chars().map(visible).collect())
 }

@@ -2,7 +2,8 @@
 
 use super::buffers::{self, Buffers};
 use super::fault;
-use super::json::{Document, TextureInfo, TextureTransform, get};
+use super::json::{Document, get};
+use super::json_material::{TextureInfo, TextureTransform};
 use crate::error::{Error, Result};
 use crate::scene::Texture;
 use glam::{Affine2, Mat2, Vec2};
