@@ -93,7 +93,7 @@ fn folders_and_other_types() {
     std::fs::write(empty.path().join("scene.toml"), SCENE.replace("a.obj", "d.obj")).unwrap();
     let error = load(empty.path()).unwrap_err().to_string();
     assert!(error.contains("d.obj: this is a folder"), "{error}");
-    files(&[("a.gltf", b"{}")]).refused(&["a.gltf: scenes of type `.gltf`", "scene.toml"]);
+    files(&[("a.stl", b"{}")]).refused(&["a.stl: scenes of type `.stl`", "scene.toml"]);
     changed("a.obj", "a.stl").refused(&["s.toml:7: `a.stl` is not an OBJ file", ".obj"]);
 }
 
@@ -101,7 +101,7 @@ fn folders_and_other_types() {
 #[test]
 fn endless_devices_are_not_read() {
     let folder = TempDir::new().unwrap();
-    for name in ["zero.obj", "zero.toml"] {
+    for name in ["zero.obj", "zero.toml", "zero.gltf", "zero.glb"] {
         let link = folder.path().join(name);
         std::os::unix::fs::symlink("/dev/zero", &link).unwrap();
         let error = load(&link).unwrap_err().to_string();

@@ -408,3 +408,40 @@ fn strictness_and_cameras_by_name_are_for_other_formats_as_well() {
     assert!(error.contains("only glTF files have cameras by name"), "{error}");
     assert!(load(&lines.1).is_ok());
 }
+
+#[test]
+fn the_program_tells_what_it_read() {
+    let mut model = square();
+    let lens = json!({ "type": "perspective", "perspective": { "yfov": 0.5 } });
+    model.push("cameras", lens);
+    for (name, z) in [("Near", 5), ("Far", 9)] {
+        model.node(json!({ "name": name, "camera": 0, "translation": [0, 0, z] }));
+    }
+    model.json["extensionsUsed"] = json!(["KHR_audio"]);
+    let files = model.files();
+    let run = |arguments: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_bdpm"));
+        command.arg(arguments[0]).arg(&files.1).args(&arguments[1..]).output().unwrap()
+    };
+    let info = run(&["info", "--json", "--camera", "Far"]);
+    let report: Value = serde_json::from_slice(&info.stdout).unwrap();
+    assert_eq!(report["camera"]["position"], json!([0.0, 0.0, 9.0]));
+    assert_eq!(report["read"]["cameras"], json!(["Near", "Far"]));
+    assert_eq!(
+        (&report["read"]["camera"], &report["read"]["triangles"]),
+        (&json!("Far"), &json!(2))
+    );
+    assert_eq!(report["notes"][0]["kind"], "skipped");
+    let shown = String::from_utf8(run(&["info"]).stdout).unwrap();
+    assert!(shown.contains("camera name       Near, of Near, Far\n"), "{shown}");
+    let refused = run(&["info", "--strict"]);
+    let shown = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && shown.contains("ignored the extensions `KHR_audio`"));
+    let output = files.0.path().join("a.exr");
+    let output = output.to_str().unwrap();
+    let image = ["--resolution", "8x8", "--iterations", "1", "--output", output];
+    let rendered = run(&[&["render"][..], &image].concat());
+    let shown = String::from_utf8(rendered.stderr).unwrap();
+    let line = "read 1 mesh of 2 triangles, 1 material, 0 textures, 1 light, camera Near (of 2)\n";
+    assert!(shown.contains(line), "{shown}");
+}
