@@ -48,8 +48,8 @@ fn text_that_is_no_gltf() {
     }
     let deep = format!("{{\"asset\":{}1{}}}", "[".repeat(100_000), "]".repeat(100_000));
     files(&[("a.gltf", deep.as_bytes())]).refused(&["a.gltf:1: no valid glTF"]);
-    let many = format!("{{\"nodes\":[{}]}}", "{},".repeat(5_000_001));
-    files(&[("a.gltf", many.as_bytes())]).refused(&["more than 5000000 JSON objects"]);
+    let many = format!("{{\"nodes\":[{}]}}", "{},".repeat(2_000_001));
+    files(&[("a.gltf", many.as_bytes())]).refused(&["more than 2000000 JSON objects"]);
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn sparse_accessors_that_are_wrong() {
     sparse(&[1], 2, &["accessors[0].sparse.indices: 2 elements of 1 bytes"]);
     sparse(&[0, 1, 2], 3, &["accessors[0].sparse.values: 3 elements of 12 bytes"]);
     sparse(&[0], 5, &["accessors[0].sparse: count is 5, more than the 4 elements"]);
-    sparse(&[0], u64::MAX, &["accessors[0].sparse: count is"]);
+    sparse(&[0], u64::MAX, &["meshes[0]: sparse accessors replace more elements"]);
 }
 
 #[test]

@@ -4,6 +4,7 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::accel::backend;
 use bdpm::error::Result;
+use bdpm::scene::summary::counted;
 use bdpm::scene::{Emitter, FieldOfView, Loaded, Note, Optics as SceneOptics, Summary};
 use bdpm::settings::Settings;
 use serde::Serialize;
@@ -254,14 +255,5 @@ fn names(all: &[String]) -> String {
     match all.len().saturating_sub(SHOWN) {
         0 => shown,
         more => format!("{shown} and {more} more"),
-    }
-}
-
-/// A number with its noun.
-fn counted(count: usize, noun: &str) -> String {
-    match (count, noun) {
-        (1, noun) => format!("1 {noun}"),
-        (count, "mesh") => format!("{count} meshes"),
-        (count, noun) => format!("{count} {noun}s"),
     }
 }

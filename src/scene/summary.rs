@@ -50,11 +50,6 @@ impl Summary {
 /// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of 3)`.
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let counted = |count: usize, noun: &str| match (count, noun) {
-            (1, noun) => format!("1 {noun}"),
-            (count, "mesh") => format!("{count} meshes"),
-            (count, noun) => format!("{count} {noun}s"),
-        };
         write!(
             f,
             "{} of {}, {}, {}, {}",
@@ -69,5 +64,14 @@ impl fmt::Display for Summary {
             (Some(name), count) => write!(f, ", camera {name} (of {count})"),
             (None, _) => Ok(()),
         }
+    }
+}
+
+/// A number with its noun.
+pub fn counted(count: usize, noun: &str) -> String {
+    match (count, noun) {
+        (1, noun) => format!("1 {noun}"),
+        (count, "mesh") => format!("{count} meshes"),
+        (count, noun) => format!("{count} {noun}s"),
     }
 }

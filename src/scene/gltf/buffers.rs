@@ -40,28 +40,30 @@ impl<'a> Buffers<'a> {
     /// Reads all buffers; `bin` is the one in a GLB file.
     pub fn load(document: &'a Document, bin: Option<Vec<u8>>, folder: &Path) -> Result<Self> {
         let bin = bin.map(Arc::new);
-        // Many buffers may be parts of one file.
+        // Many buffers may be parts of one file, which is read once.
+        let mut longest: HashMap<&str, u64> = HashMap::new();
+        for buffer in &document.buffers {
+            let own = longest.entry(buffer.uri.as_deref().unwrap_or_default()).or_default();
+            *own = buffer.byte_length.max(*own);
+        }
         let mut files: HashMap<&str, Arc<Vec<u8>>> = HashMap::new();
         let mut data = Vec::with_capacity(document.buffers.len());
         for (index, buffer) in document.buffers.iter().enumerate() {
             let place = format!("buffers[{index}]");
-            let length = buffer.byte_length;
-            let too_short = |bytes: &Vec<u8>| (bytes.len() as u64) < length;
-            let bytes = match (&buffer.uri, &bin) {
-                (Some(uri), _) => match files.get(&uri[..]).filter(|bytes| !too_short(bytes)) {
+            let bytes = match (buffer.uri.as_deref(), &bin) {
+                (Some(uri), _) => match files.get(uri) {
                     Some(bytes) => bytes.clone(),
                     None => {
-                        let read = read(uri, folder, length, &format!("{place}.uri"))?;
-                        let read = Arc::new(read);
-                        files.insert(uri, read.clone());
-                        read
+                        let read = read(uri, folder, longest[uri], &format!("{place}.uri"))?;
+                        files.entry(uri).or_insert(Arc::new(read)).clone()
                     }
                 },
                 (None, Some(bin)) if index == 0 => bin.clone(),
                 (None, _) => return Err(fault(place, "it has no uri, and so no content")),
             };
-            if too_short(&bytes) {
-                let problem = format!("byteLength is {length}, but it has {} bytes", bytes.len());
+            let (length, held) = (buffer.byte_length, bytes.len());
+            if length > held as u64 {
+                let problem = format!("byteLength is {length}, but it has {held} bytes");
                 return Err(fault(place, problem));
             }
             data.push(bytes);

@@ -10,8 +10,8 @@ use std::path::Path;
 /// Largest accepted file, bytes: what a GLB header can tell.
 const MAX_FILE: u64 = 1 << 32;
 
-/// Most JSON objects: each takes up to some 200 bytes of memory for as little as 3 of text.
-const MAX_OBJECTS: usize = 5_000_000;
+/// Most JSON objects: each takes hundreds of bytes of memory for as little as 3 of text.
+const MAX_OBJECTS: usize = 2_000_000;
 
 /// What `extensionsRequired` may name.
 const SUPPORTED: [&str; 9] = [

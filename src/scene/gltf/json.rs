@@ -56,14 +56,13 @@ pub(super) struct Node {
     pub name: String,
     pub children: Vec<usize>,
     /// Column by column.
-    pub matrix: Option<[f64; 16]>,
+    pub matrix: Option<Box<[f64; 16]>>,
     pub translation: Option<[f64; 3]>,
     /// A quaternion, its real part last.
     pub rotation: Option<[f64; 4]>,
     pub scale: Option<[f64; 3]>,
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
-    pub skin: Option<usize>,
     pub extensions: NodeExtensions,
 }
 

@@ -5,7 +5,7 @@ use super::json::{Document, Primitive, get};
 use super::nodes::Placed;
 use super::remarks::Remarks;
 use super::texture::{Pictures, UvSource};
-use super::{factors, first_name, geometry, material};
+use super::{factors, fault, first_name, geometry, material};
 use crate::error::Result;
 use crate::scene::{Material, Mesh};
 use std::collections::HashMap;
@@ -39,7 +39,8 @@ impl<'a> Meshes<'a> {
     /// Number of triangles of all meshes at all their places; nothing is read for it.
     pub fn triangle_count(&self, nodes: &[Placed]) -> Result<u64> {
         let mut counts: HashMap<usize, u64> = HashMap::new();
-        let mut all: u64 = 0;
+        // Elements of sparse accessors are looked at with each use.
+        let (mut all, mut replaced): (u64, u64) = (0, 0);
         for placed in nodes {
             let Some(index) = placed.node.mesh else { continue };
             let count = match counts.get(&index) {
@@ -52,6 +53,12 @@ impl<'a> Meshes<'a> {
                         let place = format!("meshes[{index}].primitives[{part}]");
                         let own = geometry::triangle_count(self.document, primitive, &place)?;
                         count = count.saturating_add(own.unwrap_or(0));
+                        replaced = replaced.saturating_add(self.replaced(primitive));
+                    }
+                    if replaced > u64::from(u32::MAX) {
+                        let problem =
+                            "sparse accessors replace more elements than can be looked at";
+                        return Err(fault(format!("meshes[{index}]"), problem));
                     }
                     counts.insert(index, count);
                     count
@@ -60,6 +67,14 @@ impl<'a> Meshes<'a> {
             all = all.saturating_add(count);
         }
         Ok(all)
+    }
+
+    /// Number of elements that the sparse accessors of a primitive replace.
+    fn replaced(&self, primitive: &Primitive) -> u64 {
+        let used = primitive.attributes.values().chain(&primitive.indices);
+        let accessors = used.filter_map(|index| self.document.accessors.get(*index));
+        let sparse = accessors.filter_map(|accessor| accessor.sparse.as_ref());
+        sparse.fold(0, |sum, sparse| sum.saturating_add(sparse.count))
     }
 
     /// The parts of the mesh of this index, which exists. Materials become part of the scene with

@@ -88,7 +88,7 @@ fn parents(nodes: &[Node]) -> Result<Vec<Option<usize>>> {
 fn local(node: &Node, index: usize) -> Result<DAffine3> {
     let place = |key: &str| format!("nodes[{index}].{key}");
     if let Some(matrix) = &node.matrix {
-        let [_, _, _, x, _, _, _, y, _, _, _, z, _, _, _, w] = *matrix;
+        let [_, _, _, x, _, _, _, y, _, _, _, z, _, _, _, w] = **matrix;
         // Exporters may have rounded.
         if [x, y, z, w - 1.0].iter().any(|off| off.abs() > 1e-5) {
             return Err(fault(place("matrix"), "its last row is not 0, 0, 0, 1"));

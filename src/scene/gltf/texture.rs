@@ -22,8 +22,14 @@ pub(super) struct Pictures<'a> {
     document: &'a Document,
     buffers: &'a Buffers<'a>,
     folder: &'a Path,
-    /// By index of the image.
-    read: HashMap<usize, Arc<Texture>>,
+    read: HashMap<Source<'a>, Arc<Texture>>,
+}
+
+/// Where a picture comes from; images may share it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Source<'a> {
+    Uri(&'a str),
+    View(usize),
 }
 
 impl<'a> Pictures<'a> {
@@ -35,20 +41,23 @@ impl<'a> Pictures<'a> {
     pub fn get(&mut self, info: &TextureInfo, place: &str) -> Result<Arc<Texture>> {
         let texture = get(&self.document.textures, "textures", info.index, place)?;
         let place = format!("textures[{}].source", info.index);
-        let source = texture.source;
-        let source = source.ok_or_else(|| fault(&place, "there is no PNG or JPEG image"))?;
+        let image = texture.source;
+        let image = image.ok_or_else(|| fault(&place, "there is no PNG or JPEG image"))?;
+        let (index, image) = (image, get(&self.document.images, "images", image, place)?);
+        let place = format!("images[{index}]");
+        let source = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => Source::Uri(uri),
+            (None, Some(view)) => Source::View(view),
+            (None, None) => return Err(fault(place, "it has neither uri nor bufferView")),
+        };
         if let Some(read) = self.read.get(&source) {
             return Ok(read.clone());
         }
-        let image = get(&self.document.images, "images", source, place)?;
-        let place = format!("images[{source}]");
-        let bytes = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri"))?,
-            (None, Some(view)) => {
-                let place = format!("{place}.bufferView");
-                self.buffers.view(view, place)?.bytes.to_vec()
+        let bytes = match source {
+            Source::Uri(uri) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri"))?,
+            Source::View(view) => {
+                self.buffers.view(view, format!("{place}.bufferView"))?.bytes.to_vec()
             }
-            (None, None) => return Err(fault(place, "it has neither uri nor bufferView")),
         };
         let texture = Texture::decode(bytes)
             .map_err(|e| Error::new(format!("{place}: {}", e.problem()), e.advice()))?;
