@@ -11,7 +11,7 @@ use super::transform::Transform;
 use super::{Camera, Emitter, Environment, Material, Mesh, Region, Scene, triangle_area};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
-use crate::render::available_memory;
+use crate::memory::{GIB, available_memory};
 use crate::settings::RenderDefaults;
 use glam::Vec3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -20,8 +20,6 @@ use std::path::{Path, PathBuf};
 /// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
 /// shading, and its place in the hierarchy.
 const TRIANGLE_BYTES: f64 = 200.0;
-
-const GIB: f64 = (1_u64 << 30) as f64;
 
 /// Meshes and materials as they come together.
 #[derive(Default)]
