@@ -51,6 +51,7 @@ pub(super) struct Factors {
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
     pub clearcoat_texture: bool,
+    /// Whether rasterizers show backs, which are rendered anyway.
     pub double_sided: bool,
     pub unlit: bool,
 }

@@ -47,7 +47,7 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
 fn bsdf(factors: &Factors, remarks: &mut Remarks) -> Bsdf {
     let Factors { base_color, metalness, roughness, transmission, .. } = *factors;
     if factors.unlit {
-        return diffuse(factors);
+        return Bsdf::diffuse(base_color);
     }
     let name = &factors.name;
     let alpha = roughness * roughness;
@@ -89,12 +89,8 @@ fn bsdf(factors: &Factors, remarks: &mut Remarks) -> Bsdf {
         (false, ior) if roughness < COAT_ROUGHNESS && ior > 1.0 => {
             Bsdf::Coated(Coated::new(base_color, ior))
         }
-        _ => diffuse(factors),
+        _ => Bsdf::diffuse(base_color),
     }
-}
-
-fn diffuse(factors: &Factors) -> Bsdf {
-    Bsdf::Lambertian { albedo: factors.base_color, two_sided: factors.double_sided }
 }
 
 /// Where the surface is.
