@@ -5,41 +5,10 @@
 #[path = "common/gltf.rs"]
 mod model;
 
-use bdpm::accel::backend::{Backend, build};
-use bdpm::noise::Measure;
-use bdpm::scene::{LoadOptions, NoteKind, Scene, load, load_with};
-use bdpm::settings::{RenderDefaults, Settings};
-use bdpm::{Renderer, scene::Loaded};
+use bdpm::scene::{LoadOptions, Loaded, NoteKind, Scene, load, load_with};
 use glam::{Vec2, Vec3};
 use model::*;
 use serde_json::{Value, json};
-
-/// The image of two iterations on 16 by 12 pixels.
-fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
-    let asked = RenderDefaults {
-        resolution: Some([16, 12]),
-        light_paths: Some(2000),
-        ..RenderDefaults::default()
-    };
-    let settings = Settings::resolve(&asked, &RenderDefaults::default(), scene.size()).unwrap();
-    let accel = build(backend, scene).unwrap();
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
-    renderer.iterate(Measure::Off);
-    renderer.iterate(Measure::Off);
-    renderer.film().mean()
-}
-
-/// Both scenes are the same bit for bit, and so are their images on all backends.
-#[track_caller]
-fn assert_same(a: &Scene, b: &Scene) {
-    assert_eq!(a.triangles(), b.triangles());
-    assert_eq!(a.fingerprint(), b.fingerprint());
-    for backend in Backend::ALL.into_iter().filter(|backend| build(*backend, a).is_ok()) {
-        let image = image(a, backend);
-        assert!(image.iter().any(|value| value.x > 0.0), "the image is black");
-        assert_eq!(image, self::image(b, backend), "{backend}");
-    }
-}
 
 fn as_obj(content: &str) -> Loaded {
     files(&[("a.obj", content.as_bytes())]).load()

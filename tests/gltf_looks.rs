@@ -321,3 +321,48 @@ fn cameras_are_chosen_by_name() {
         assert!(parts.iter().all(|part| error.contains(part)), "{error}");
     }
 }
+
+#[test]
+fn lamps_holes_and_mirrors_look_as_those_of_mtl() {
+    let texels = [[255, 128, 0, 255], [0, 0, 0, 0]];
+    let material = json!({
+        "pbrMetallicRoughness": {
+            "baseColorTexture": { "index": 0 }, "baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0,
+        },
+        "alphaMode": "MASK", "doubleSided": true,
+    });
+    let mut model = with_material(material, texels);
+    let metal = json!({ "metallicFactor": 1, "roughnessFactor": 0.6, "baseColorFactor": [0.9, 0.6, 0.3, 1] });
+    model.push("materials", json!({ "pbrMetallicRoughness": metal }));
+    let black = json!({ "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0 });
+    model.push(
+        "materials",
+        json!({
+            "pbrMetallicRoughness": black, "emissiveFactor": [1, 1, 0.5],
+            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 4 } },
+        }),
+    );
+    let part = model.json["meshes"][0]["primitives"][0].clone();
+    for (mesh, (z, turned)) in [(-1.0, false), (3.0, true)].into_iter().enumerate() {
+        let mut part = part.clone();
+        part["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+        part["material"] = json!(mesh + 1);
+        model.push("meshes", json!({ "primitives": [part] }));
+        let rotation = if turned { [0, 1, 0, 0] } else { [0, 0, 0, 1] };
+        model.node(json!({ "mesh": mesh + 1, "translation": [0, 0, z], "rotation": rotation }));
+    }
+    let mtl = "newmtl cut\nKd .5\nmap_Kd p.png\nmap_d p.png\nnewmtl metal\nKd .9 .6 .3\nPm 1\nPr .6\n\
+               newmtl lamp\nKd 0\nKe 4 4 2\n";
+    let square =
+        |z: i32, x: i32| format!("v {} -1 {z}\nv {x} -1 {z}\nv {x} 1 {z}\nv {} 1 {z}\n", -x, -x);
+    let obj = format!(
+        "mtllib a.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n{}usemtl cut\nf 1/1 2/2 3/3 4/4\n\
+         {}usemtl metal\nf 5 6 7 8\n{}usemtl lamp\nf 9 10 11 12\n",
+        square(0, 1),
+        square(-1, 1),
+        square(3, -1)
+    );
+    let png = picture(texels);
+    let obj = files(&[("p.png", &png), ("a.mtl", mtl.as_bytes()), ("a.obj", obj.as_bytes())]);
+    assert_same(&model.load().scene, &obj.load().scene);
+}

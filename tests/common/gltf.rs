@@ -3,7 +3,12 @@
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use bdpm::scene::{Loaded, load};
+use bdpm::Renderer;
+use bdpm::accel::backend::{Backend, build};
+use bdpm::noise::Measure;
+use bdpm::scene::{Loaded, Scene, load};
+use bdpm::settings::{RenderDefaults, Settings};
+use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -170,3 +175,30 @@ pub fn square() -> Model {
 }
 
 pub const SQUARE_OBJ: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n";
+
+/// The image of two iterations on 16 by 12 pixels.
+fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
+    let asked = RenderDefaults {
+        resolution: Some([16, 12]),
+        light_paths: Some(2000),
+        ..RenderDefaults::default()
+    };
+    let settings = Settings::resolve(&asked, &RenderDefaults::default(), scene.size()).unwrap();
+    let accel = build(backend, scene).unwrap();
+    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    renderer.iterate(Measure::Off);
+    renderer.iterate(Measure::Off);
+    renderer.film().mean()
+}
+
+/// Both scenes are the same bit for bit, and so are their images on all backends.
+#[track_caller]
+pub fn assert_same(a: &Scene, b: &Scene) {
+    assert_eq!(a.triangles(), b.triangles());
+    assert_eq!(a.fingerprint(), b.fingerprint());
+    for backend in Backend::ALL.into_iter().filter(|backend| build(*backend, a).is_ok()) {
+        let image = image(a, backend);
+        assert!(image.iter().any(|value| value.x > 0.0), "the image is black");
+        assert_eq!(image, self::image(b, backend), "{backend}");
+    }
+}
