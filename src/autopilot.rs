@@ -41,7 +41,7 @@ const WORTHWHILE: f64 = 0.02;
 const WORTHWHILE_PER_PIXEL: f64 = 0.05;
 /// Among counts whose cost is this close to the best, the shortest iteration is taken.
 const SLACK: f64 = 0.01;
-/// Iterations of the chosen kind that fit in the rest at the least.
+/// Iterations of the chosen kind that fit in the rest at the least, if sensible ones are so short.
 const LEAST_ITERATIONS: f64 = 64.0;
 
 /// Chooses the counts of a renderer while it renders.
@@ -201,11 +201,13 @@ impl Autopilot {
         // Enough iterations must fit in the rest, whose length depends on the counts where a
         // target ends it: a few rounds settle that.
         let mut longest = f64::INFINITY;
+        let least = problem(longest).least_sensible_time();
         for _ in 0..4 {
             let best = problem(longest).uniform();
             let (variance, tau) = (best.variance, best.iteration_time);
             let rest = standing.forecast(&self.goal, variance, tau, elapsed);
-            longest = rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS);
+            let share = rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS);
+            longest = share.max(least);
         }
         let problem = problem(longest);
         let uniform = problem.shortest_uniform(SLACK);

@@ -50,7 +50,11 @@ impl GatherView {
     pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
         let wi = photon.from_as_at(point.normal);
         let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
-        if areas > 0.0 { self.bsdf.eval(&self.at, wi) * areas } else { Rgb::ZERO }
+        if areas > 0.0 {
+            self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
+        } else {
+            Rgb::ZERO
+        }
     }
 }
 
@@ -250,7 +254,7 @@ impl CameraPaths {
         let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         // Emission hit later is carried by connections or photons.
         if walk.vertices == 0 && surface.front {
-            self.direct[walk.path as usize] += walk.throughput * surface.material.emission;
+            self.direct[walk.path as usize] += walk.throughput * surface.emission();
         }
         let vertex = walk.vertices + 1;
         let merges = match surface.constant() {
@@ -295,7 +299,8 @@ impl CameraPaths {
         value: Rgb,
     ) {
         if pass.settings.direct == Direct::Connect
-            && let Some(light) = pass.scene.lights.connect(surface.position, &mut walk.rng)
+            && let Some(light) =
+                pass.scene.lights.connect(surface.position, Some(surface.normal), &mut walk.rng)
             && let cos_theta = light.wi.dot(surface.normal)
             && cos_theta > 0.0
         {
@@ -306,24 +311,19 @@ impl CameraPaths {
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     #[inline(never)] // keeps the loop over diffuse vertices short
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let Scene { lights, .. } = pass.scene;
+        let lights = &pass.scene.lights;
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let light = if merges && pass.settings.direct == Direct::Connect {
-            lights.connect(surface.position, &mut walk.rng)
-        } else if bsdf.spread() == Some(Lobe::Rough) && walk.vertices == 0 {
-            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            lights.connect_delta(surface.position, &mut walk.rng)
-        } else {
-            None
-        };
+        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
         let at = surface.vertex(Transport::Radiance);
-        if let Some(light) = light
-            && surface.agrees(&at, light.wi)
-        {
-            let value = bsdf.eval(&at, light.wi);
-            let cos_theta = light.wi.dot(at.normal).abs();
-            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
+        if merges && pass.settings.direct == Direct::Connect {
+            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
+        }
+        if bsdf.has_rough() && walk.vertices == 0 {
+            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
+            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
         }
         if merges {
             self.views.push(GatherView { bsdf: *bsdf, at });
@@ -331,6 +331,23 @@ impl CameraPaths {
             self.gather(pass, surface, walk, (Rgb::ONE, view));
         }
         merges
+    }
+
+    /// Connects the lobes of one class with a light, if there is one.
+    fn connect_lobe(
+        &mut self,
+        surface: &Surface,
+        walk: &Walk,
+        at: &Vertex,
+        (lobe, light): (Lobe, Option<LightSample>),
+    ) {
+        if let Some(light) = light
+            && surface.agrees(at, light.wi)
+        {
+            let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
+            let cos_theta = light.wi.dot(at.normal).abs();
+            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
+        }
     }
 
     /// Leaves a point at which photons are gathered, with the BSDF as a value or in one of `views`.

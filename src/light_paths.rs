@@ -1,7 +1,6 @@
 //! Light phase: traces light paths breadth-first and stores their photons in path order.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::bsdf::{Transport, Wanted};
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Scene, Surface};
@@ -209,6 +208,9 @@ impl Batch {
             let mut rng = key.rng(u64::from(path));
             let emission = scene.lights.emit(&mut rng);
             let flux = emission.flux;
+            if flux == Rgb::ZERO {
+                continue; // from a black part of a picture
+            }
             let inverse_emitted = flux.max_element().recip();
             self.rays_in_flight.push(Ray::new(emission.origin, emission.direction));
             self.walks.push(Walk { rng, flux, inverse_emitted, path, class });
@@ -261,19 +263,14 @@ impl Batch {
         roulette: Roulette,
     ) -> Option<(Ray, Walk)> {
         let Surface { position, normal, wo, .. } = *surface;
-        let bsdf = &surface.bsdf;
-        if bsdf.merges()
+        if surface.bsdf.merges()
             && let Some(class) = walk.class
         {
             let photon = Photon::new(position, walk.path, walk.flux, normal, class);
             self.arrivals.push(if self.directions { photon.coming_from(wo) } else { photon });
         }
-        let at = surface.vertex(Transport::Flux);
-        let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut walk.rng)?;
-        if !surface.agrees(&at, sample.wi) {
-            return None;
-        }
-        let weight = sample.weight * surface.adjoint_correction(&at, sample.wi);
+        let sample = surface.scatter_flux(&mut walk.rng)?;
+        let weight = sample.weight;
         walk.class = Some(match walk.class {
             _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
             Some(class) => class,

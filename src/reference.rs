@@ -87,7 +87,7 @@ impl Tracer<'_> {
             }
             let surface = self.scene.surface(&ray, &hit);
             if unconnected && surface.front {
-                radiance += throughput * surface.material.emission;
+                radiance += throughput * surface.emission();
             }
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
@@ -118,7 +118,7 @@ impl Tracer<'_> {
         if bsdf.spread().is_none() {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.lights.connect(surface.position, rng) else {
+        let Some(light) = self.scene.lights.connect_by_power(surface.position, rng) else {
             return Rgb::ZERO;
         };
         let at = surface.vertex(Transport::Radiance);

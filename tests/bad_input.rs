@@ -292,6 +292,20 @@ fn impossible_materials() {
     with("type = \"metal\"\neta = 1\nk = 1\nreflectance = 1").refused(&["s.toml:17: the metal is"]);
     with("type = \"metal\"\neta = 1").refused(&["s.toml:15: `eta` comes without `k`"]);
     with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` comes without `eta`"]);
+    with("type = \"glossy\"\nmetallic = 2").refused(&["s.toml:15: the metallic share is out"]);
+    with("metallic_roughness_texture = \"a.png\"").refused(&["s.toml:14: a material of type"]);
+    with("normal_scale = 2").refused(&["s.toml:14: `normal_scale` comes without"]);
+    for key in ["normal_texture", "emission_texture", "opacity_texture"] {
+        with(&format!("{key} = \"a.png\"")).refused(&["s.toml:14: there is no texture `a.png`"]);
+    }
+    with("texture_wrap = \"stretch\"").refused(&[
+        "s.toml:14: unknown value `stretch`",
+        "`repeat`",
+        "`mirror`",
+        "`clamp`",
+    ]);
+    with("texture_filter = 3").refused(&["s.toml:14: ", "help: "]);
+    with("type = \"coated\"\nroughness = 0.1").refused(&["s.toml:15: a material of type `coated`"]);
     for (line, part) in [
         ("ior = 0", "the refractive index is out of range"),
         ("ior = nan", "the refractive index is out of range"),

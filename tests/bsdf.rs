@@ -1,7 +1,7 @@
 //! Every BSDF keeps its promises: reciprocity, energy, and sampling in proportion to its density.
 
 use bdpm::bsdf::{
-    Bsdf, BsdfSample, Coated, Conductor, Dielectric, Lobe, Reflectance, RoughDielectric,
+    Bsdf, BsdfSample, Coated, Conductor, Dielectric, Glossy, Lobe, Reflectance, RoughDielectric,
     ThinDielectric, Transport, Vertex, Wanted,
 };
 use bdpm::math::{luminance, uniform_sphere};
@@ -32,6 +32,10 @@ fn coated(albedo: f32) -> Bsdf {
     Bsdf::Coated(Coated::new(Vec3::splat(albedo), 1.5))
 }
 
+fn glossy(albedo: f32, metallic: f32, alpha: f32) -> Bsdf {
+    Bsdf::Glossy(Glossy::new(Vec3::splat(albedo), metallic, 1.5, alpha))
+}
+
 /// All that have lobes of finite density.
 fn spread() -> Vec<Bsdf> {
     let albedo = Vec3::new(0.2, 0.5, 1.0);
@@ -45,6 +49,13 @@ fn spread() -> Vec<Bsdf> {
         rough_glass(0.7),
         coated(0.6),
         coated(1.0),
+        glossy(0.6, 0.0, 0.0),
+        glossy(0.6, 0.0, 0.2),
+        glossy(0.6, 0.0, 0.6),
+        glossy(0.8, 0.4, 0.2),
+        glossy(0.8, 0.4, 0.5),
+        glossy(0.8, 1.0, 0.2),
+        glossy(0.8, 1.0, 0.5),
     ]
 }
 
@@ -113,7 +124,10 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
         Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
         coated(1.0),
     ];
-    lossless.extend([0.0, 0.01, 0.1, 0.25, 0.5, 1.0].map(white_metal));
+    for alpha in [0.0, 0.01, 0.1, 0.25, 0.5, 1.0] {
+        lossless.push(white_metal(alpha));
+        lossless.extend([0.0, 0.4, 1.0].map(|metallic| glossy(1.0, metallic, alpha)));
+    }
     for bsdf in lossless {
         for at in views() {
             let (mean, error) = scattered(&bsdf, &at, &mut rng);
@@ -156,9 +170,11 @@ fn the_weight_of_a_sample_is_value_times_cosine_over_density() {
                 if lobe == Lobe::Delta {
                     continue;
                 }
-                assert_eq!(Some(lobe), bsdf.spread());
+                // Not the widest where it has two.
+                let other = bsdf.has_rough().then_some(Lobe::Rough);
+                assert!([bsdf.spread(), other].contains(&Some(lobe)));
                 let cos = wi.dot(NORMAL).abs();
-                let expected = bsdf.eval(&at, wi) * cos / bsdf.pdf_w(&at, wi);
+                let expected = bsdf.eval_lobe(lobe, &at, wi) * cos / bsdf.pdf_w(lobe, &at, wi);
                 // Grazing facets amplify the rounding of directions.
                 let off = (weight - expected).abs().max_element() / expected.max_element();
                 assert!(off < 1e-2 || cos < 1e-2, "{bsdf:?} {at:?}: {weight}, not {expected}");
@@ -198,7 +214,8 @@ fn cell_probabilities(bsdf: &Bsdf, at: &Vertex) -> Vec<f64> {
             let (y, x) = azimuth.sin_cos();
             let w = cos * NORMAL + sin * (x as f32 * tangent + y as f32 * bitangent);
             let place = i / FINE * COLUMNS + j / FINE;
-            probabilities[place] += f64::from(bsdf.pdf_w(at, w)) * area;
+            let density = [Lobe::Diffuse, Lobe::Rough].map(|lobe| bsdf.pdf_w(lobe, at, w));
+            probabilities[place] += f64::from(density[0] + density[1]) * area;
         }
     }
     probabilities
@@ -305,6 +322,11 @@ fn lobes_tell_what_a_path_does() {
         (white_metal(0.5), Some(Lobe::Diffuse), false),
         (rough_glass(0.9), Some(Lobe::Rough), true),
         (coated(0.5), Some(Lobe::Diffuse), true),
+        (glossy(0.5, 0.0, 0.0), Some(Lobe::Diffuse), true),
+        (glossy(0.5, 0.0, 0.2), Some(Lobe::Diffuse), true),
+        (glossy(0.5, 0.0, 0.5), Some(Lobe::Diffuse), false),
+        (glossy(0.5, 1.0, 0.2), Some(Lobe::Rough), true),
+        (glossy(0.0, 0.0, 0.0), None, true),
     ];
     let mut rng = rng(7);
     for (bsdf, spread, passes) in classes {
@@ -316,5 +338,40 @@ fn lobes_tell_what_a_path_does() {
             assert!(sample.is_none_or(|s| s.lobe.passes_through()), "{bsdf:?}");
             assert!(passes || sample.is_none(), "{bsdf:?}");
         }
+    }
+}
+
+#[test]
+fn the_lobes_of_one_vertex_add_up() {
+    let mut rng = rng(8);
+    for bsdf in spread() {
+        for at in views() {
+            for _ in 0..100 {
+                let wi = uniform_sphere(rng.next_2d());
+                let lobes = [Lobe::Diffuse, Lobe::Rough].map(|lobe| bsdf.eval_lobe(lobe, &at, wi));
+                let (sum, all) = (lobes[0] + lobes[1], bsdf.eval(&at, wi));
+                assert!((sum - all).length() <= 1e-5 * all.length(), "{bsdf:?}: {sum} {all}");
+                assert_eq!(bsdf.eval_lobe(Lobe::Delta, &at, wi), Vec3::ZERO);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_glossy_surface_is_a_metal_or_a_base_at_its_ends() {
+    let mut rng = rng(9);
+    let albedo = Vec3::new(0.9, 0.6, 0.3);
+    for _ in 0..1000 {
+        let alpha = rng.next_1d().max(0.05);
+        let (at, wi) = (seen(rng.next_1d().max(0.05), true), uniform_sphere(rng.next_2d()));
+        let metal = Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal: albedo }, alpha));
+        let [none, half, full] = [0.0, 0.5, 1.0]
+            .map(|metallic| Bsdf::Glossy(Glossy::new(albedo, metallic, 1.5, alpha)).eval(&at, wi));
+        assert!((full - metal.eval(&at, wi)).length() <= 1e-4 * full.length(), "{alpha}");
+        assert!((half - 0.5 * (none + full)).length() <= 1e-4 * half.length(), "{alpha}");
+        // Facets that reflect nothing but at grazing leave the base's color.
+        let clear = Bsdf::Glossy(Glossy::new(albedo, 0.0, 1.0, 0.0));
+        let up = clear.eval(&seen(1.0, true), NORMAL);
+        assert!((up / albedo - up.x / albedo.x).length() < 1e-5);
     }
 }

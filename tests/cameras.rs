@@ -2,9 +2,6 @@
 
 mod common;
 
-use bdpm::Renderer;
-use bdpm::film::luminance;
-use bdpm::noise::Measure;
 use bdpm::scene::{Camera, FieldOfView, Optics};
 use common::*;
 use glam::Vec3;
@@ -14,18 +11,7 @@ use std::f64::consts::PI;
 fn image(camera: Camera, emitter: bdpm::scene::Mesh, side: u32, iterations: u64) -> Vec<[f64; 2]> {
     let scene = scene(vec![emitter], vec![gray(0.0, 3.0)], vec![], camera);
     let settings = bdpm::Settings { camera_paths: 16, light_paths: 2, ..settings(side, side) };
-    let accel = accel(&scene);
-    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
-    for _ in 0..iterations {
-        renderer.iterate(Measure::Off);
-    }
-    let variance = renderer.film().variance_of_mean().unwrap();
-    let mut found = vec![[0.0; 2]; (side * side) as usize];
-    renderer.film().for_each_pixel(|x, y, sums| {
-        let index = (y * side + x) as usize;
-        found[index] = [luminance(sums.radiance) / iterations as f64, variance[index].sqrt()];
-    });
-    found
+    pixel_means(&scene, settings, iterations)
 }
 
 /// A small square emitter off the sharp plane: its image is a disc of the radius of the circle of

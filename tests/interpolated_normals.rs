@@ -4,7 +4,7 @@
 mod common;
 
 use bdpm::Settings;
-use bdpm::bsdf::{Bsdf, Coated};
+use bdpm::bsdf::{Bsdf, Coated, Glossy};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::Direct;
 use common::*;
@@ -39,8 +39,13 @@ fn direct_light_goes_by_the_interpolated_normal() {
 #[test]
 fn light_paths_and_camera_paths_agree_on_every_bounce() {
     // Seen is a wall that the floor lights; the lamp lights both.
-    for bsdf in [Bsdf::diffuse(Vec3::splat(0.9)), Bsdf::Coated(Coated::new(Vec3::splat(0.9), 1.5))]
-    {
+    for bsdf in [
+        Bsdf::diffuse(Vec3::splat(0.9)),
+        Bsdf::Coated(Coated::new(Vec3::splat(0.9), 1.5)),
+        Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.0)),
+        Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 0.2, 1.5, 0.4)),
+        Bsdf::Glossy(Glossy::new(Vec3::splat(0.9), 1.0, 1.5, 0.8)),
+    ] {
         let floor = Material::new("floor", bsdf);
         let wall = square(Vec3::new(-2.0, 0.0, 0.0), Vec3::X, 4.0, 1);
         let camera = camera(Vec3::new(2.0, 0.3, 1.2), Vec3::new(-2.0, 0.0, 1.2), 20.0);

@@ -6,7 +6,7 @@ mod common;
 
 use bdpm::Settings;
 use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Roulette};
@@ -27,6 +27,10 @@ fn metal(alpha: f32) -> Bsdf {
 
 fn glass(eta: f32) -> Bsdf {
     Bsdf::Dielectric(Dielectric { eta })
+}
+
+fn glossy(metallic: f32, alpha: f32) -> Bsdf {
+    Bsdf::Glossy(Glossy::new(Vec3::ONE, metallic, 1.5, alpha))
 }
 
 fn ball(center: Vec3, radius: f32, material: u32) -> Mesh {
@@ -134,5 +138,21 @@ fn rough_metals() {
         ball(place(0, 1), 0.35, 4),
     ];
     let bsdfs = [metal(0.0), metal(0.1), metal(0.29), metal(0.8)];
+    assert_invisible(&furnace(things, &bsdfs), 1e-2, 140);
+}
+
+#[test]
+fn glossy_things() {
+    // Smooth and narrow facets pass through where the base merges; wide ones merge as well.
+    let bsdfs = [
+        glossy(0.0, 0.0),
+        glossy(0.0, 0.1),
+        glossy(0.0, 0.29),
+        glossy(0.0, 0.5),
+        glossy(0.5, 0.15),
+        glossy(0.5, 0.8),
+    ];
+    let place = |i: i32| place(i % 3 - 1, i / 3);
+    let things = (0..6).map(|i| ball(place(i), 0.35, i as u32 + 1)).collect();
     assert_invisible(&furnace(things, &bsdfs), 1e-2, 140);
 }

@@ -5,7 +5,7 @@ mod common;
 
 use bdpm::accel::Intersect;
 use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::light_paths::LightPaths;
 use bdpm::math::luminance;
@@ -175,6 +175,7 @@ fn the_noise_of_each_material_is_predicted() {
         ("wide gold", Bsdf::Conductor(rough_gold(0.5))),
         ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),
         ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
+        ("gloss", Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), 0.3, 1.5, 0.15))),
     ] {
         let scene = room(bsdf);
         let accel = accel(&scene);

@@ -3,7 +3,7 @@
 use bdpm::accel::Ray;
 use bdpm::accel::backend::{Backend, build};
 use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene, load};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
@@ -156,6 +156,10 @@ fn the_scene_of_materials_has_them_all() {
     assert!(has(|b| matches!(b, Bsdf::Conductor(metal) if metal.alpha() > 0.4)));
     assert!(materials.iter().any(|m| m.albedo_texture.is_some()));
     assert!(materials.iter().any(|m| m.cut_out().is_some()));
+    assert!(has(|b| matches!(b, Bsdf::Glossy(_))));
+    assert!(materials.iter().any(|m| m.metallic_roughness_texture.is_some()));
+    assert!(materials.iter().any(|m| m.normal_map.is_some()));
+    assert!(materials.iter().any(|m| m.emission_texture.is_some()));
     assert!(loaded.scene.meshes.iter().any(|mesh| !mesh.normals.is_empty()));
 }
 
@@ -342,6 +346,11 @@ fn every_type_of_material_can_be_written() {
             "type = 'coated'\nalbedo = 0.3\nior = 1.4",
             Bsdf::Coated(Coated::new(Vec3::splat(0.3), 1.4)),
         ),
+        (
+            "type = 'glossy'\nalbedo = 0.3\nior = 1.4\nmetallic = 0.25\nroughness = 0.5",
+            Bsdf::Glossy(Glossy::new(Vec3::splat(0.3), 0.25, 1.4, 0.25)),
+        ),
+        ("type = 'glossy'", Bsdf::Glossy(Glossy::new(Vec3::splat(0.5), 0.0, 1.5, 0.0))),
     ] {
         let (read, notes) = bsdf("", &format!("[materials.m]\n{text}\n"), "m");
         assert_eq!((read, notes), (expected, String::new()), "{text}");
@@ -352,14 +361,18 @@ fn every_type_of_material_can_be_written() {
 fn mtl_records_become_the_documented_materials() {
     let half = Vec3::splat(0.5);
     let coat = |ior| Bsdf::Coated(Coated::new(half, ior));
+    let glossy = |metallic, ior, alpha| Bsdf::Glossy(Glossy::new(half, metallic, ior, alpha));
     for (records, expected, note) in [
         ("illum 2\nKd .5\nKs 0\nNs 10", Bsdf::diffuse(half), ""),
-        ("illum 2\nKd .5\nKs .5\nNs 10", Bsdf::diffuse(half), "ignored the highlights"),
+        ("illum 2\nKd .5\nKs .5\nNs 198", glossy(0.0, 1.5, 0.1), ""),
+        ("illum 2\nKd .5\nKs .5\nNs 198\nNi 1", Bsdf::diffuse(half), "ignored the highlights"),
+        ("illum 2\nKd .5\nKs .5", Bsdf::diffuse(half), "ignored the highlights"),
         ("Kd .5\nd 0.5", Bsdf::diffuse(half), "ignored the transparency of `m`"),
         ("Kd 0\nKs .9 .8 .7\nNs 198", artist_metal([0.9, 0.8, 0.7], 0.1), ""),
         ("Kd 1 .7 .3\nPm 1\nPr .5", artist_metal([1.0, 0.7, 0.3], 0.25), ""),
         ("Kd .5\nPr .1\nNi 1.6", coat(1.6), ""),
-        ("Kd .5\nPr .4\nNi 1.6", Bsdf::diffuse(half), ""),
+        ("Kd .5\nPr .5\nNi 1.6", glossy(0.0, 1.6, 0.25), ""),
+        ("Kd .5\nPr .5\nPm .25", glossy(0.25, 1.5, 0.25), ""),
         ("illum 3\nKd 0\nKs 1\nNs 5", Bsdf::Mirror { reflectance: Vec3::ONE }, ""),
         ("illum 5\nKd .5\nKs 1", coat(1.5), ""),
         ("illum 7\nd 0.1\nNi 1.3", Bsdf::Dielectric(Dielectric { eta: 1.3 }), ""),

@@ -3,8 +3,9 @@
 mod common;
 
 use bdpm::accel::backend::{Backend, build};
+use bdpm::bsdf::{Bsdf, Glossy};
 use bdpm::noise::Measure;
-use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Scene, Texture, load};
+use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap, load};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};
 use common::*;
@@ -199,7 +200,7 @@ fn broken_pictures_are_refused_and_missing_ones_are_told() {
         bytes
     };
     refused("map_Kd p.png", &huge, &["100000x1 texels"]);
-    for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ke p.png"] {
+    for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
         let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
         assert!(notes.contains("ignored some textures"), "{notes}");
@@ -235,4 +236,53 @@ fn a_jpeg_is_what_it_was() {
     std::fs::write(folder.path().join("scene.toml"), missing).unwrap();
     let error = load(folder.path()).unwrap_err().to_string();
     assert!(error.contains("scene.toml:4: there is no texture `none.jpg`"), "{error}");
+}
+
+#[test]
+fn every_texture_of_a_scene_file_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, content: &[u8]| {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    };
+    write("p.png", &png_of(png::ColorType::Rgb, &[0, 51, 255, 255, 128, 0]));
+    write("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n");
+    let load = |material: &str| {
+        let scene = format!(
+            "camera = {{ position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }}\n\
+             light = [{{ type = 'point', position = [0, 0, 5], intensity = 1 }}]\n\
+             mesh = [{{ file = 'a.obj', material = 'm' }}]\n[materials.m]\n{material}\n"
+        );
+        write("scene.toml", scene.as_bytes());
+        let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+        assert!(loaded.notes.is_empty(), "{:?}", loaded.notes);
+        loaded.scene.materials[0].clone()
+    };
+    let glossy = load(
+        "type = 'glossy'\nmetallic_roughness_texture = 'p.png'\nnormal_texture = 'p.png'\n\
+         normal_scale = 0.5\ntexture_wrap = 'mirror'\ntexture_filter = 'nearest'",
+    );
+    let expected = Glossy::new(Vec3::splat(0.5), 1.0, 1.5, 1.0);
+    assert_eq!(glossy.bsdf, Bsdf::Glossy(expected), "the picture tells all");
+    let sampling = Sampling { wrap: [Wrap::Mirror; 2], nearest: true };
+    let data = glossy.metallic_roughness_texture.unwrap();
+    assert_eq!(data.sampling(), sampling);
+    assert!((data.data(Vec2::new(0.1, 0.5)) - Vec3::new(0.0, 0.2, 1.0)).length() < 1e-6);
+    let normals = glossy.normal_map.unwrap();
+    assert_eq!((normals.scale, normals.texture.sampling()), (0.5, sampling));
+
+    let lamp = load("emission_texture = 'p.png'");
+    assert_eq!((lamp.emission, lamp.emission_at(Vec2::new(0.25, 0.5)).z), (Vec3::ONE, 1.0));
+    let lamp = load("emission_texture = 'p.png'\nemission = [4, 0, 2]\ntexture_wrap = 'clamp'");
+    assert_eq!(lamp.emission_at(Vec2::new(9.0, 0.5)), Vec3::new(4.0, 0.0, 0.0));
+    assert_eq!(lamp.emission_texture.unwrap().sampling().wrap, [Wrap::Clamp; 2]);
+}
+
+#[test]
+fn lights_and_normals_of_mtl_files_are_read() {
+    let picture = png_of(png::ColorType::Rgb, &[255; 6]);
+    let (_folder, path) = model("f 1/1 2/2 3/3", "map_Ke p.png\nnorm p.png", &picture);
+    let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
+    let material = &loaded.scene.materials[0];
+    assert!(material.emission_texture.is_some() && material.normal_map.is_some());
+    assert_eq!(material.emission, Vec3::ZERO, "as the file says");
 }

@@ -41,6 +41,16 @@ impl Reflectance {
         })
     }
 
+    /// Its mean under diffuse light.
+    fn mean(&self) -> Rgb {
+        match *self {
+            Self::Measured { eta, k } => {
+                fresnel::diffuse_mean(|cos| fresnel::conductor(cos, eta, k))
+            }
+            Self::Artist { normal } => fresnel::schlick_mean(normal),
+        }
+    }
+
     #[inline]
     fn at(&self, cos: f32) -> Rgb {
         match *self {
@@ -48,6 +58,15 @@ impl Reflectance {
             Self::Artist { normal } => fresnel::schlick(cos, normal),
         }
     }
+}
+
+/// What comes back of the light that leaves facets of the mean reflectance `mean` after more than one
+/// reflection, over the two directions' losses, 1/sr (Kulla and Conty 2017).
+pub(super) fn multiple_scattering(facets: &Ggx, mean: Rgb) -> Rgb {
+    let once = facets.mean_single_albedo();
+    // Of the light that does not get away at once, the share `once` does each time.
+    let share = mean * mean * once / (Rgb::ONE - mean * (1.0 - once));
+    share * FRAC_1_PI / (1.0 - once).max(1e-6)
 }
 
 /// A metal. Its rough lobe is reciprocal and, where it reflects all light, lossless: what single
@@ -64,11 +83,7 @@ impl Conductor {
     /// A metal of GGX width `alpha` in [0, 1]; below [`SMOOTH_ALPHA`] a perfect surface.
     pub fn new(reflectance: Reflectance, alpha: f32) -> Self {
         let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
-        let once = facets.mean_single_albedo();
-        let mean = fresnel::diffuse_mean(|cos| reflectance.at(cos));
-        // Of the light that does not get away at once, the share `once` does each time.
-        let share = mean * mean * once / (Rgb::ONE - mean * (1.0 - once));
-        let multiple = share * FRAC_1_PI / (1.0 - once).max(1e-6);
+        let multiple = multiple_scattering(&facets, reflectance.mean());
         Self { reflectance, facets, multiple }
     }
 

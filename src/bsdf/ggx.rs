@@ -4,7 +4,7 @@
 //! Directions are local: the surface's normal is z. Walter et al. 2007 (distribution), Heitz 2014
 //! (masking), Dupuy and Benyoub 2023 (sampling), Kulla and Conty 2017 (energy).
 
-use glam::Vec3;
+use glam::{DVec2, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 use std::sync::LazyLock;
 
@@ -62,36 +62,57 @@ impl Ggx {
         squeeze(Vec3::new(ring * cos, ring * sin, z) + beam)
     }
 
-    /// Share of the light from `w` of cosine `cos` that perfectly reflecting facets send off after
-    /// one reflection, from a table.
+    /// Share of the light from the cosine `cos` that perfectly reflecting facets send off after one
+    /// reflection, from a table.
     #[inline]
     pub fn single_albedo(&self, cos: f32) -> f32 {
-        TABLE.albedo(self.alpha, cos)
+        TABLE.albedos(self.alpha, cos).x
     }
 
     /// The mean of [`Self::single_albedo`] under diffuse light.
     pub fn mean_single_albedo(&self) -> f32 {
-        TABLE.mean(self.alpha)
+        TABLE.means(self.alpha).x
     }
 
-    /// [`Self::single_albedo`] by integration over the visible normals, midpoints of `n` times `n`;
-    /// closer at the flat ones, `u -> 1`, where narrow lobes lose all that they lose.
-    fn integrate_single_albedo(&self, cos: f32, n: u16) -> f32 {
+    /// [`Self::single_albedo`] of facets that reflect by Schlick's approximation, with the share
+    /// `normal` at normal incidence.
+    #[inline]
+    pub fn schlick_albedo(&self, cos: f32, normal: f32) -> f32 {
+        by_schlick(TABLE.albedos(self.alpha, cos), normal)
+    }
+
+    /// The mean of [`Self::schlick_albedo`] under diffuse light.
+    #[inline]
+    pub fn mean_schlick_albedo(&self, normal: f32) -> f32 {
+        by_schlick(TABLE.means(self.alpha), normal)
+    }
+
+    /// Albedos by integration over the visible normals, midpoints of `n` times `n`; closer at the
+    /// flat ones, `u -> 1`, where narrow lobes lose all that they lose.
+    fn integrate_albedos(&self, cos: f32, n: u16) -> Vec2 {
         let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
         let midpoint = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
-        let mut sum = 0.0;
+        let mut sum = DVec2::ZERO;
         for i in 0..n {
             let t = midpoint(i);
             for j in 0..n {
                 let m = self.sample_visible(wo, [1.0 - t * t, midpoint(j)]);
                 let wi = reflect(wo, m);
                 if wi.z > 0.0 {
-                    sum += f64::from(2.0 * t * self.g2(wo, wi) / self.g1(wo));
+                    let weight = 2.0 * t * self.g2(wo, wi) / self.g1(wo);
+                    let grazing = (1.0 - wo.dot(m)).max(0.0).powi(5);
+                    sum += DVec2::new(f64::from(weight), f64::from(weight * grazing));
                 }
             }
         }
-        (sum / (f64::from(n) * f64::from(n))) as f32
+        (sum / (f64::from(n) * f64::from(n))).as_vec2()
     }
+}
+
+/// The albedo of facets that reflect the share `normal` at normal incidence.
+#[inline]
+fn by_schlick(albedos: Vec2, normal: f32) -> f32 {
+    normal * albedos.x + (1.0 - normal) * albedos.y
 }
 
 /// The mirror image of `w` in the facet of normal `m`.
@@ -103,47 +124,49 @@ pub fn reflect(w: Vec3, m: Vec3) -> Vec3 {
 /// Nodes of the table along each axis.
 const NODES: usize = 33;
 
-/// Albedos over cosine and width; linear in between.
+/// Albedos over cosine and width, linear in between: `x` of facets that reflect all, `y` of those
+/// that reflect the share `(1 - cos)^5`, of which Schlick's approximation is made.
 struct Table {
     /// Rows of `alpha = (row / 32)^2`, along them `cos = (column / 32)^2`: narrow lobes change most,
     /// and near the horizon.
-    albedo: Vec<[f32; NODES]>,
-    mean: [f32; NODES],
+    albedos: Vec<[Vec2; NODES]>,
+    /// Under diffuse light.
+    means: [Vec2; NODES],
 }
 
 static TABLE: LazyLock<Table> = LazyLock::new(Table::new);
 
 impl Table {
     fn new() -> Self {
-        let last = (NODES - 1) as f32;
-        let row = |row: usize| -> [f32; NODES] {
-            let ggx = Ggx { alpha: (row as f32 / last).powi(2) };
+        let square = |node: usize| (node as f32 / (NODES - 1) as f32).powi(2);
+        let row = |row: usize| -> [Vec2; NODES] {
+            let ggx = Ggx { alpha: square(row) };
             std::array::from_fn(|column| match (row, column) {
-                (0, _) => 1.0, // smooth
-                (_, 0) => ggx.integrate_single_albedo(1e-4, 48),
-                _ => ggx.integrate_single_albedo((column as f32 / last).powi(2), 48),
+                (0, _) => Vec2::new(1.0, (1.0 - square(column)).powi(5)), // smooth
+                (_, 0) => ggx.integrate_albedos(1e-4, 48),
+                _ => ggx.integrate_albedos(square(column), 48),
             })
         };
-        let mut table = Self { albedo: (0..NODES).map(row).collect(), mean: [0.0; NODES] };
-        table.mean = std::array::from_fn(|row| {
-            let alpha = (row as f32 / last).powi(2);
-            super::fresnel::diffuse_mean(|cos| glam::Vec3::splat(table.albedo(alpha, cos))).x
+        let mut table = Self { albedos: (0..NODES).map(row).collect(), means: [Vec2::ZERO; NODES] };
+        table.means = std::array::from_fn(|row| {
+            let mean = |cos| table.albedos(square(row), cos).extend(0.0);
+            super::fresnel::diffuse_mean(mean).truncate()
         });
         table
     }
 
     #[inline]
-    fn albedo(&self, alpha: f32, cos: f32) -> f32 {
+    fn albedos(&self, alpha: f32, cos: f32) -> Vec2 {
         let (row, a) = node(alpha);
         let (column, b) = node(cos);
-        let along = |row: &[f32; NODES]| row[column] + b * (row[column + 1] - row[column]);
-        let (low, high) = (along(&self.albedo[row]), along(&self.albedo[row + 1]));
+        let along = |row: &[Vec2; NODES]| row[column] + b * (row[column + 1] - row[column]);
+        let (low, high) = (along(&self.albedos[row]), along(&self.albedos[row + 1]));
         low + a * (high - low)
     }
 
-    fn mean(&self, alpha: f32) -> f32 {
+    fn means(&self, alpha: f32) -> Vec2 {
         let (row, a) = node(alpha);
-        self.mean[row] + a * (self.mean[row + 1] - self.mean[row])
+        self.means[row] + a * (self.means[row + 1] - self.means[row])
     }
 }
 
@@ -223,9 +246,10 @@ mod tests {
         for _ in 0..200 {
             let ggx = Ggx { alpha: 0.02 + 0.98 * rng.next_1d() };
             let cos = uniform_sphere(rng.next_2d()).z.abs().max(0.01);
-            let fine = ggx.integrate_single_albedo(cos, 200);
-            let table = ggx.single_albedo(cos);
-            assert!((table - fine).abs() < 4e-3, "{ggx:?} {cos}: {table}, not {fine}");
+            let fine = ggx.integrate_albedos(cos, 200);
+            let table = TABLE.albedos(ggx.alpha, cos);
+            let off = (table - fine).abs().max_element();
+            assert!(off < 4e-3, "{ggx:?} {cos}: {table}, not {fine}");
         }
         // Narrow lobes lose nothing, wide ones much.
         assert!(Ggx { alpha: 0.01 }.mean_single_albedo() > 0.999);

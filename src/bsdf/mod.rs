@@ -3,17 +3,20 @@
 //! Directions are unit vectors that point away from the surface. Photon mapping asks one more
 //! question than path tracing: what does a path do at a vertex, *merge* or *pass through*? The
 //! answer belongs to the lobe ([`Lobe`]), not to the surface: a coat over a diffuse base has both.
+//! At such a vertex photons merge with, and lights connect to, the diffuse lobe alone.
 
 mod coated;
 mod conductor;
 mod dielectric;
 pub mod fresnel;
 pub mod ggx;
+mod glossy;
 mod rough_dielectric;
 
 pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
 pub use dielectric::{Dielectric, ThinDielectric};
+pub use glossy::Glossy;
 pub use rough_dielectric::RoughDielectric;
 
 use crate::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
@@ -112,6 +115,8 @@ pub enum Bsdf {
     RoughDielectric(RoughDielectric),
     /// A diffuse base under a smooth dielectric coat.
     Coated(Coated),
+    /// Facets over a diffuse base, between dielectric and metal.
+    Glossy(Glossy),
 }
 
 impl Bsdf {
@@ -120,10 +125,13 @@ impl Bsdf {
         Self::Lambertian { albedo, two_sided: true }
     }
 
-    /// The lobe that [`Self::eval`] belongs to; `None` if all lobes are single directions.
+    /// The widest lobe; `None` if all are single directions.
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
         match self {
+            Self::Glossy(glossy) => {
+                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| glossy.has(*lobe))
+            }
             Self::Lambertian { .. } | Self::Coated(_) => Some(Lobe::Diffuse),
             Self::Conductor(conductor) => conductor.spread(),
             Self::RoughDielectric(_) => Some(Lobe::Rough),
@@ -140,7 +148,26 @@ impl Bsdf {
     /// Whether any lobe passes through.
     #[inline]
     pub fn passes_through(&self) -> bool {
-        matches!(self, Self::Coated(_)) || !self.merges()
+        match self {
+            Self::Coated(_) => true,
+            Self::Glossy(glossy) => glossy.facets_lobe().passes_through(),
+            _ => !self.merges(),
+        }
+    }
+
+    /// Whether any lobe is [`Lobe::Rough`].
+    #[inline]
+    pub fn has_rough(&self) -> bool {
+        match self {
+            Self::Glossy(glossy) => glossy.has(Lobe::Rough),
+            _ => self.spread() == Some(Lobe::Rough),
+        }
+    }
+
+    /// Whether any lobe leads to the other side.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_))
     }
 
     /// The value toward `wo` on the front or the back if it is the same for all `wi`, 1/sr.
@@ -161,12 +188,23 @@ impl Bsdf {
         if let Some(value) = self.constant(at.front) {
             return if wi.dot(at.normal) > 0.0 { value } else { Rgb::ZERO };
         }
-        self.eval_locally(at, wi)
+        self.eval_locally(at, wi, None)
     }
 
-    /// [`Self::eval`] of what is not Lambertian, in the frame of the normal.
+    /// [`Self::eval`] of the lobes of one class.
+    #[inline]
+    pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
+        match self {
+            Self::Glossy(_) => self.eval_locally(at, wi, Some(lobe)),
+            _ if self.spread() == Some(lobe) => self.eval(at, wi),
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// The value of what is not Lambertian, in the frame of the normal; of lobes of several classes
+    /// that of one or all.
     #[inline(never)] // keeps the loops over diffuse vertices short
-    fn eval_locally(&self, at: &Vertex, wi: Vec3) -> Rgb {
+    fn eval_locally(&self, at: &Vertex, wi: Vec3, lobe: Option<Lobe>) -> Rgb {
         let frame = Frame::new(at.normal);
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
@@ -176,13 +214,20 @@ impl Bsdf {
             Self::Conductor(conductor) => conductor.eval(wo, wi),
             Self::RoughDielectric(interface) => interface.eval(wo, wi, at.front),
             Self::Coated(coated) => coated.eval(wo, wi),
+            Self::Glossy(glossy) => match lobe {
+                Some(lobe) => glossy.eval(lobe, wo, wi),
+                None => glossy.eval(Lobe::Diffuse, wo, wi) + glossy.eval(Lobe::Rough, wo, wi),
+            },
             _ => Rgb::ZERO,
         }
     }
 
-    /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes that are no single
+    /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class, that is no single
     /// direction; less than 1 in all if there are others.
-    pub fn pdf_w(&self, at: &Vertex, wi: Vec3) -> f32 {
+    pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
+        if !matches!(self, Self::Glossy(_)) && self.spread() != Some(lobe) {
+            return 0.0;
+        }
         let frame = Frame::new(at.normal);
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
         if wo.z <= 0.0 {
@@ -195,6 +240,7 @@ impl Bsdf {
             Self::Conductor(conductor) => conductor.pdf_w(wo, wi),
             Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
             Self::Coated(coated) => coated.pdf_w(wo, wi),
+            Self::Glossy(glossy) => glossy.pdf_w(lobe, wo, wi),
             _ => 0.0,
         }
     }
@@ -243,6 +289,7 @@ impl Bsdf {
             Self::Conductor(conductor) => conductor.sample(wo, rng),
             Self::RoughDielectric(interface) => interface.sample(wo, at.front, transport, rng),
             Self::Coated(coated) => Some(coated.sample(wo, wanted, rng)),
+            Self::Glossy(glossy) => glossy.sample(wo, wanted, rng),
         }?;
         Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
     }

@@ -165,7 +165,7 @@ impl<'a> Report<'a> {
                 points: count(|e| matches!(e, Emitter::Point { .. })),
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
-                triangles: count(|e| matches!(e, Emitter::Triangle { .. })),
+                triangles: count(|e| matches!(e, Emitter::Triangle { .. } | Emitter::Textured(_))),
                 environment: scene.lights.environment().is_some(),
                 power: scene.lights.power().to_array(),
             },

@@ -178,6 +178,14 @@ impl Problem {
         Uniform { light_paths, camera_paths, iteration_time, variance, cost }
     }
 
+    /// Time of the best iteration with the fewest camera paths, seconds. A shorter one saves light
+    /// paths at the price of all that the camera paths cost: no limit should ask for it.
+    pub fn least_sensible_time(&self) -> f64 {
+        let camera_paths = [self.camera_paths[0]; 2];
+        let unlimited = Self { camera_paths, iteration_time: f64::INFINITY, ..self.clone() };
+        unlimited.uniform().iteration_time
+    }
+
     /// What a number of camera paths for each pixel of the region leads to.
     ///
     /// # Panics
@@ -290,5 +298,33 @@ mod tests {
     fn objectives_are_written_in_kebab_case() {
         assert_eq!(serde_json::to_string(&Objective::MeanRms).unwrap(), "\"mean-rms\"");
         assert_eq!(Objective::default(), Objective::Pooled);
+    }
+
+    #[test]
+    fn a_short_time_costs_camera_paths_and_not_the_light_paths_they_need() {
+        // One camera path per pixel takes a second; ten seconds fit no 64 iterations of that.
+        let coefficients = [Coefficients { a: 1.0, b: 1e-3, f: 1e-2 }; 9];
+        let time = TimeModel {
+            fixed: 0.01,
+            light_path: 1e-5,
+            camera_path: 1.0 / 9.0,
+            look_up: 0.0,
+            merge_pair: 1e-9,
+            pixels: 9.0,
+        };
+        let problem = |iteration_time| {
+            let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
+            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds)
+        };
+        let limit = 10.0 / 64.0;
+        assert_eq!(problem(limit).uniform().light_paths, 2, "what the bare limit leads to");
+        let least = problem(f64::INFINITY).least_sensible_time();
+        let best = problem(limit.max(least)).uniform();
+        // Along N_B = 1 by hand: sqrt(t p / (s q)).
+        let expected = (1.01 * 1.01 / (1e-5 * 1e-3f64)).sqrt();
+        assert_eq!(best.camera_paths, 1);
+        assert!((f64::from(best.light_paths) / expected - 1.0).abs() < 1e-3, "{best:?} {expected}");
+        assert!(best.cost < 1e-2 * problem(limit).uniform().cost);
     }
 }

@@ -58,19 +58,21 @@ impl<'a> Subject<'a> {
     }
 
     /// The problem of finding the best counts for rendering up to `end`. So many iterations fit in
-    /// that time that a single one does not matter.
+    /// that time that a single one does not matter, unless not even the shortest sensible ones do.
     pub fn problem(&self, light_paths: RangeInclusive<u32>, end: End) -> Problem {
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (light_paths.clone(), 1..=MOST_CAMERA_PATHS);
             let bounds = Bounds { light_paths, camera_paths, iteration_time };
             Problem::new(&self.smoothed, &self.luminance, self.objective, self.model, &bounds)
         };
+        let unlimited = problem(f64::INFINITY);
+        let least = unlimited.least_sensible_time();
         match end {
-            End::Open => problem(f64::INFINITY),
-            End::Time(time) => problem(time / LEAST_ITERATIONS),
+            End::Open => unlimited,
+            End::Time(time) => problem((time / LEAST_ITERATIONS).max(least)),
             // The time depends on the counts, which depend on the time: a few rounds settle that.
-            End::Rms(rms) => (0..4).fold(problem(f64::INFINITY), |found, _| {
-                problem(found.uniform().cost / (rms * rms) / LEAST_TO_TARGET)
+            End::Rms(rms) => (0..4).fold(unlimited, |found, _| {
+                problem((found.uniform().cost / (rms * rms) / LEAST_TO_TARGET).max(least))
             }),
         }
     }

@@ -119,8 +119,7 @@ impl Builder {
         material: u32,
     ) -> Option<()> {
         let look = &self.materials[material as usize];
-        let textured = look.albedo_texture.is_some() || look.opacity_texture.is_some();
-        if mesh.uvs.is_empty() && textured {
+        if mesh.uvs.is_empty() && look.is_textured() {
             self.untextured.insert(look.name.clone());
         }
         let positions: Vec<Vec3> =
@@ -133,8 +132,9 @@ impl Builder {
         if !triangles.is_empty() {
             let name = name.to_owned();
             let normals = mesh.normals.iter().map(|n| transform.normal(*n)).collect();
+            let tangents = mesh.tangents.iter().map(|t| transform.tangent(*t)).collect();
             let uvs = mesh.uvs.clone();
-            self.meshes.push(Mesh { name, positions, normals, uvs, triangles, material });
+            self.meshes.push(Mesh { name, positions, normals, uvs, tangents, triangles, material });
         }
         Some(())
     }

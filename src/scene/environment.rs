@@ -73,6 +73,11 @@ impl Environment {
         luminance(self.integral) <= 0.0
     }
 
+    /// Radiance over all directions, W/m^2.
+    pub fn integral(&self) -> Rgb {
+        self.integral
+    }
+
     /// Radiant power that meets the sphere around the scene, W.
     pub fn power(&self) -> Rgb {
         self.disc() * self.integral

@@ -1,6 +1,7 @@
 //! What makes two scenes the same, in 64 bits.
 
-use super::{Camera, Emitter, Environment, FieldOfView, Material, Optics, Scene};
+use super::texture::{Sampling, Texture};
+use super::{Camera, Emitter, Environment, FieldOfView, Material, NormalMap, Optics, Scene};
 use crate::bsdf::{Bsdf, Reflectance};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -25,6 +26,10 @@ impl Scene {
             if !mesh.uvs.is_empty() {
                 hash.text("uvs");
                 mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| hash.f32(x)));
+            }
+            if !mesh.tangents.is_empty() {
+                hash.text("tangents");
+                mesh.tangents.iter().for_each(|&tangent| hash.vec3(tangent));
             }
             hash.count(mesh.triangles.len());
             mesh.triangles.iter().flatten().for_each(|&index| hash.u32(index));
@@ -71,16 +76,45 @@ impl Hash {
     }
 
     fn material(&mut self, material: &Material) {
-        let Material { name: _, bsdf, albedo_texture, opacity_texture, emission } = material;
-        for (name, texture) in [("albedo", albedo_texture), ("opacity", opacity_texture)] {
+        let Material {
+            name: _,
+            bsdf,
+            albedo_texture,
+            metallic_roughness_texture,
+            opacity_texture,
+            normal_map,
+            emission,
+            emission_texture,
+        } = material;
+        for (name, texture) in [
+            ("albedo", albedo_texture),
+            ("metallic roughness", metallic_roughness_texture),
+            ("opacity", opacity_texture),
+            ("emission", emission_texture),
+        ] {
             if let Some(texture) = texture {
                 self.text(name);
-                texture.size().into_iter().for_each(|size| self.u32(size));
-                self.0.update(texture.texels().as_flattened());
+                self.texture(texture);
             }
+        }
+        if let Some(NormalMap { texture, scale }) = normal_map {
+            self.text("normal");
+            self.texture(texture);
+            self.f32(*scale);
         }
         self.bsdf(bsdf);
         self.rgb(*emission);
+    }
+
+    fn texture(&mut self, texture: &Texture) {
+        texture.size().into_iter().for_each(|size| self.u32(size));
+        self.0.update(texture.texels().as_flattened());
+        let Sampling { wrap, nearest } = texture.sampling();
+        if texture.sampling() != Sampling::default() {
+            self.text("sampled");
+            wrap.into_iter().for_each(|wrap| self.u32(wrap as u32));
+            self.u32(nearest.into());
+        }
     }
 
     fn bsdf(&mut self, bsdf: &Bsdf) {
@@ -125,6 +159,12 @@ impl Hash {
                 self.rgb(coated.albedo());
                 self.f32(coated.eta());
             }
+            Bsdf::Glossy(glossy) => {
+                self.u32(10);
+                self.rgb(glossy.albedo());
+                let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
+                numbers.into_iter().for_each(|number| self.f32(number));
+            }
         }
     }
 
@@ -156,7 +196,7 @@ impl Hash {
                 self.vec3(light.direction);
                 self.rgb(light.irradiance);
             }
-            Emitter::Triangle { .. } => {}
+            Emitter::Triangle { .. } | Emitter::Textured(_) => {}
         }
     }
 
@@ -194,8 +234,9 @@ impl Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::{Coated, Conductor, Dielectric, RoughDielectric, ThinDielectric};
-    use crate::scene::{Directional, Mesh, Region, Spot, Texture};
+    use crate::bsdf::{Coated, Conductor, Dielectric, Glossy, RoughDielectric, ThinDielectric};
+    use crate::scene::texture::Wrap;
+    use crate::scene::{Directional, Mesh, Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 
@@ -203,8 +244,17 @@ mod tests {
         Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
     }
 
+    fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
+        Bsdf::Glossy(Glossy::new(Rgb::splat(albedo), metallic, eta, alpha))
+    }
+
     fn texture(code: u8) -> Arc<Texture> {
         Arc::new(Texture::new(1, 1, vec![[code; 4]]))
+    }
+
+    fn clamped(code: u8) -> Arc<Texture> {
+        let sampling = Sampling { wrap: [Wrap::Clamp; 2], nearest: false };
+        Arc::new(Texture::clone(&texture(code)).sampled(sampling))
     }
 
     #[derive(Clone)]
@@ -269,12 +319,13 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 45] = [
+        let changes: [fn(&mut Parts); 57] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
             |p| p.mesh.normals = vec![Vec3::Y; 4],
             |p| p.mesh.uvs = vec![Vec2::X; 4],
+            |p| p.mesh.tangents = vec![Vec3::X; 4],
             |p| p.mesh.triangles.push([1, 2, 3]),
             |p| p.material.bsdf = Bsdf::diffuse(Rgb::splat(0.6)),
             |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: false },
@@ -286,12 +337,23 @@ mod tests {
             |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2)),
             |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.5)),
             |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.4)),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.6, 0.0, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.1, 1.5, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.4, 0.2]),
+            |p| p.material.bsdf = glossy([0.5, 0.0, 1.5, 0.3]),
             |p| p.material.bsdf = metal("gold", 0.1),
             |p| p.material.bsdf = metal("gold", 0.2),
             |p| p.material.bsdf = metal("silver", 0.2),
             |p| p.material.albedo_texture = Some(texture(1)),
             |p| p.material.albedo_texture = Some(texture(2)),
             |p| p.material.opacity_texture = Some(texture(1)),
+            |p| p.material.opacity_texture = Some(clamped(1)),
+            |p| p.material.metallic_roughness_texture = Some(texture(1)),
+            |p| p.material.emission_texture = Some(texture(1)),
+            |p| p.material.normal_map = Some(NormalMap { texture: texture(1), scale: 1.0 }),
+            |p| p.material.normal_map = Some(NormalMap { texture: texture(1), scale: 0.5 }),
+            |p| p.material.normal_map = Some(NormalMap { texture: texture(2), scale: 1.0 }),
             |p| p.material.emission = Rgb::ZERO,
             |p| p.lights[0] = Emitter::Point { position: Vec3::Y, intensity: 2.0 * Rgb::ONE },
             |p| p.lights[0] = Emitter::Point { position: Vec3::X, intensity: Rgb::ONE },

@@ -1,7 +1,9 @@
-//! All lights of a scene: which one a light path starts from, and which one a vertex connects to.
+//! All lights of a scene: light paths start from them in proportion to their power, and vertices
+//! connect to them by an estimate of what they contribute.
 
 use super::emitter::Emitter;
 use super::environment::Environment;
+use super::light_choice::ByEstimate;
 use crate::math::{Rgb, luminance};
 use crate::rng::Rng;
 use glam::Vec3;
@@ -30,21 +32,22 @@ pub struct LightSample {
     pub irradiance: Rgb,
 }
 
-/// All emitters of a scene, chosen in proportion to the luminance of their power.
+/// All emitters of a scene, and light from all around.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     emitters: Vec<Emitter>,
     environment: Option<Environment>,
     /// Among the emitters and, after them, the environment.
-    all: Choice,
-    /// Those that no ray can hit, alone.
-    deltas: Vec<Emitter>,
-    delta: Choice,
+    by_power: ByPower,
+    /// Among the same.
+    by_estimate: ByEstimate,
+    /// Among those emitters that no ray can hit.
+    delta_by_estimate: ByEstimate,
 }
 
-/// A choice among emitters.
+/// A choice in proportion to the luminance of the power.
 #[derive(Clone, Debug, Default)]
-struct Choice {
+struct ByPower {
     /// Probability of choosing each emitter.
     prob: Vec<f32>,
     /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
@@ -56,7 +59,7 @@ fn chosen_by(emitter: &Emitter) -> f64 {
     f64::from(luminance(emitter.power()))
 }
 
-impl Choice {
+impl ByPower {
     /// In proportion to `weights`.
     fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
         let total: f64 = weights.clone().sum();
@@ -82,17 +85,18 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(|e| chosen_by(e) > 0.0);
-        let deltas: Vec<Emitter> = emitters.iter().filter(|e| e.is_delta()).copied().collect();
-        let all = Choice::new(emitters.iter().map(chosen_by));
-        let delta = Choice::new(deltas.iter().map(chosen_by));
-        Self { emitters, environment: None, all, deltas, delta }
+        let by_power = ByPower::new(emitters.iter().map(chosen_by));
+        let by_estimate = ByEstimate::new(&emitters, None, |_| true);
+        let delta_by_estimate = ByEstimate::new(&emitters, None, Emitter::is_delta);
+        Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
     }
 
     /// Adds light from all around; none if it is black.
     pub(super) fn set_environment(&mut self, environment: Environment) {
         self.environment = Some(environment).filter(|environment| !environment.is_black());
         let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
-        self.all = Choice::new(self.emitters.iter().map(chosen_by).chain(own));
+        self.by_power = ByPower::new(self.emitters.iter().map(chosen_by).chain(own));
+        self.by_estimate = ByEstimate::new(&self.emitters, self.environment.as_ref(), |_| true);
     }
 
     /// Whether there are none.
@@ -128,21 +132,55 @@ impl Lights {
     /// If there are no lights.
     #[inline(always)] // as above
     pub fn emit(&self, rng: &mut Rng) -> Emission {
-        let (index, prob) = self.all.choose(rng.next_f64());
+        let (index, prob) = self.by_power.choose(rng.next_f64());
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, rng),
             None => self.emit_environment(prob, rng),
         }
     }
 
-    /// Chooses a point on a light to connect `position` with; `None` where that point cannot light
-    /// it.
+    /// Chooses a point on a light to connect `position` with, of a surface that is lit from the side
+    /// of this unit normal alone, or from both sides; `None` where that point cannot light it.
+    #[inline(always)] // as above
+    pub fn connect(
+        &self,
+        position: Vec3,
+        normal: Option<Vec3>,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        let (index, prob) = self.by_estimate.choose(position, normal, rng.next_f64())?;
+        self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
+    #[inline(never)] // rare
+    pub fn connect_delta(
+        &self,
+        position: Vec3,
+        normal: Option<Vec3>,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        let (index, prob) = self.delta_by_estimate.choose(position, normal, rng.next_f64())?;
+        self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// [`Self::connect`] with lights chosen by their power alone: simple, and a check of the other.
     ///
     /// # Panics
     /// If there are no lights.
+    pub fn connect_by_power(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.by_power.choose(rng.next_f64());
+        self.connect_chosen(index, prob, position, rng)
+    }
+
     #[inline(always)] // as above
-    pub fn connect(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
-        let (index, prob) = self.all.choose(rng.next_f64());
+    fn connect_chosen(
+        &self,
+        index: usize,
+        prob: f32,
+        position: Vec3,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
         match self.emitters.get(index) {
             Some(emitter) => emitter.connect(position, prob, rng),
             None => Some(self.connect_environment(position, prob, rng)),
@@ -161,16 +199,6 @@ impl Lights {
 
     fn chosen_environment(&self) -> &Environment {
         self.environment.as_ref().expect("it was chosen, hence is there")
-    }
-
-    /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
-    #[inline(never)] // rare
-    pub fn connect_delta(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
-        if self.deltas.is_empty() {
-            return None;
-        }
-        let (index, prob) = self.delta.choose(rng.next_f64());
-        self.deltas[index].connect(position, prob, rng)
     }
 }
 
@@ -222,10 +250,10 @@ mod tests {
         let n = 20_000;
         let mut sum = Rgb::ZERO;
         for _ in 0..n {
-            sum += lights.connect(from, &mut rng).expect("in front").irradiance / n as f32;
+            sum += lights.connect(from, None, &mut rng).expect("in front").irradiance / n as f32;
         }
         assert!((sum / expected - Rgb::ONE).abs().max_element() < 2e-3, "{sum} {expected}");
-        assert!(lights.connect(-from, &mut rng).is_none(), "dark from behind");
+        assert!(lights.connect(-from, None, &mut rng).is_none(), "dark from behind");
     }
 
     #[test]
@@ -238,7 +266,7 @@ mod tests {
         let mut chosen = [0.0; 3];
         let n = 300_000.0;
         for _ in 0..n as usize {
-            let (index, prob) = lights.all.choose(rng.next_f64());
+            let (index, prob) = lights.by_power.choose(rng.next_f64());
             let power = chosen_by(&lights.emitters[index]);
             let class = (power / (4.0 * std::f64::consts::PI)).round() as usize - 1;
             chosen[class] += 1.0;

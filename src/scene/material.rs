@@ -1,9 +1,9 @@
 //! The look of a surface: how it scatters, and what it emits.
 
-use super::Texture;
+use super::{NormalMap, Texture};
 use crate::bsdf::Bsdf;
 use crate::math::Rgb;
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
 /// The look of a surface.
@@ -13,20 +13,69 @@ pub struct Material {
     pub name: String,
     /// How it scatters.
     pub bsdf: Bsdf,
-    /// What the albedo of a diffuse surface or base is multiplied with, place by place.
+    /// What the albedo of a diffuse, coated or glossy surface is multiplied with, place by place.
     pub albedo_texture: Option<Arc<Texture>>,
+    /// What a glossy surface's roughness (green) and metallic share (blue) are multiplied with.
+    pub metallic_roughness_texture: Option<Arc<Texture>>,
     /// Where there is a surface at all: where its opacity is at least a half.
     pub opacity_texture: Option<Arc<Texture>>,
+    /// How its normals are bent.
+    pub normal_map: Option<NormalMap>,
     /// Radiance emitted from the front side, W/(m^2 sr); the front sees the vertices
     /// counterclockwise.
     pub emission: Rgb,
+    /// What the emission is multiplied with.
+    pub emission_texture: Option<Arc<Texture>>,
 }
 
 impl Material {
     /// A material that is the same everywhere and emits nothing.
     pub fn new(name: &str, bsdf: Bsdf) -> Self {
-        let (albedo_texture, opacity_texture) = (None, None);
-        Self { name: name.to_owned(), bsdf, albedo_texture, opacity_texture, emission: Rgb::ZERO }
+        Self {
+            name: name.to_owned(),
+            bsdf,
+            albedo_texture: None,
+            metallic_roughness_texture: None,
+            opacity_texture: None,
+            normal_map: None,
+            emission: Rgb::ZERO,
+            emission_texture: None,
+        }
+    }
+
+    /// Whether it is not the same everywhere where there is a surface.
+    pub fn varies(&self) -> bool {
+        let Self { albedo_texture, metallic_roughness_texture, emission_texture, .. } = self;
+        let textures = [albedo_texture, metallic_roughness_texture, emission_texture];
+        textures.into_iter().any(Option::is_some) || self.normal_map.is_some()
+    }
+
+    /// Whether it has any texture.
+    pub fn is_textured(&self) -> bool {
+        self.varies() || self.opacity_texture.is_some()
+    }
+
+    /// All textures that it has.
+    pub(super) fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
+        let normals = self.normal_map.as_ref().map(|map| &map.texture);
+        let Self { albedo_texture, metallic_roughness_texture, .. } = self;
+        let Self { opacity_texture, emission_texture, .. } = self;
+        let own = [albedo_texture, metallic_roughness_texture, opacity_texture, emission_texture];
+        own.into_iter().flatten().chain(normals)
+    }
+
+    /// Whether it may ask photons where they came from: with a BSDF that varies, or a normal that is
+    /// not the triangle's.
+    pub(super) fn merges_by_direction(&self) -> bool {
+        let lambertian = matches!(self.bsdf, Bsdf::Lambertian { .. });
+        let merges = self.bsdf.merges() || self.metallic_roughness_texture.is_some();
+        merges && !lambertian || self.normal_map.is_some()
+    }
+
+    /// Radiance emitted from the front side at `uv`, W/(m^2 sr).
+    pub fn emission_at(&self, uv: Vec2) -> Rgb {
+        let color = |texture: &Arc<Texture>| texture.color(uv);
+        self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, color)
     }
 
     /// The texture that cuts holes; lights have none, because they emit from all of a triangle.
@@ -36,10 +85,18 @@ impl Material {
 
     /// How it scatters at `uv`, if that varies.
     pub(super) fn bsdf_at(&self, uv: Vec2) -> Option<Bsdf> {
-        let color = self.albedo_texture.as_ref()?.color(uv);
+        let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
+        if albedo.is_none() && data.is_none() {
+            return None;
+        }
+        let color = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
         match self.bsdf {
             Bsdf::Lambertian { albedo, two_sided } => {
                 Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })
+            }
+            Bsdf::Glossy(glossy) => {
+                let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
+                Some(Bsdf::Glossy(glossy.scaled(color, data.z, data.y)))
             }
             Bsdf::Coated(coated) => Some(Bsdf::Coated(coated.with_albedo(coated.albedo() * color))),
             _ => None,

@@ -1,16 +1,17 @@
 //! `[materials.NAME]` of a scene file.
 
-use super::scene_file::{Albedo, Numbers, Power};
-use super::{Material, Texture};
+use super::material_numbers::{Index, Ior, Metallic, NormalScale, Roughness};
+use super::scene_file::{Albedo, Power};
+use super::{Material, NormalMap, Sampling, Texture, Wrap};
 use crate::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, SMOOTH_ALPHA,
+    ThinDielectric,
 };
 use crate::error::Error;
 use crate::math::Rgb;
 use crate::scene::mtl;
 use crate::scene::text::list;
-use crate::settings::as_serde;
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
 use toml::Spanned;
@@ -26,7 +27,15 @@ pub(super) struct MaterialTable {
     kind: MaterialKind,
     albedo: Option<Spanned<Albedo>>,
     albedo_texture: Option<Spanned<String>>,
+    metallic_roughness_texture: Option<Spanned<String>>,
     opacity_texture: Option<Spanned<String>>,
+    normal_texture: Option<Spanned<String>>,
+    normal_scale: Option<Spanned<NormalScale>>,
+    emission_texture: Option<Spanned<String>>,
+    #[serde(default)]
+    texture_wrap: WrapKind,
+    #[serde(default)]
+    texture_filter: FilterKind,
     two_sided: Option<Spanned<bool>>,
     reflectance: Option<Spanned<Albedo>>,
     metal: Option<Spanned<String>>,
@@ -35,7 +44,27 @@ pub(super) struct MaterialTable {
     ior: Option<Spanned<Ior>>,
     outside_ior: Option<Spanned<Ior>>,
     roughness: Option<Spanned<Roughness>>,
+    metallic: Option<Spanned<Metallic>>,
     emission: Option<Power>,
+}
+
+/// How textures go on beyond their edges.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum WrapKind {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
+}
+
+/// What textures are between their texels.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum FilterKind {
+    #[default]
+    Linear,
+    Nearest,
 }
 
 /// The materials there are.
@@ -49,6 +78,7 @@ enum MaterialKind {
     ThinDielectric,
     Metal,
     Coated,
+    Glossy,
 }
 
 impl MaterialKind {
@@ -61,6 +91,17 @@ impl MaterialKind {
             Self::ThinDielectric => ("thin-dielectric", &["ior"]),
             Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness"]),
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
+            Self::Glossy => {
+                let keys = &[
+                    "albedo",
+                    "albedo_texture",
+                    "ior",
+                    "metallic",
+                    "metallic_roughness_texture",
+                    "roughness",
+                ];
+                ("glossy", keys)
+            }
         }
     }
 }
@@ -77,7 +118,11 @@ impl MaterialTable {
         self.check_keys()?;
         let unsaid = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
         let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(unsaid));
-        let alpha = self.roughness.as_ref().map_or(0.0, |r| r.get_ref().0 * r.get_ref().0);
+        // What textures are multiplied with, if they are there.
+        let share = if self.metallic_roughness_texture.is_some() { 1.0 } else { 0.0 };
+        let roughness = self.roughness.as_ref().map_or(share, |r| r.get_ref().0);
+        let metallic = self.metallic.as_ref().map_or(share, |m| m.get_ref().0);
+        let alpha = roughness * roughness;
         let ior =
             |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
         let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
@@ -93,14 +138,59 @@ impl MaterialTable {
             MaterialKind::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { eta }),
             MaterialKind::Metal => Bsdf::Conductor(Conductor::new(self.metal()?, alpha)),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
+            MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
-        let emission = self.emission.map_or(Rgb::ZERO, |emission| emission.0);
+        let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
+        let texture = |key| self.texture(key, folder);
         Ok(Material {
-            emission,
-            albedo_texture: texture(&self.albedo_texture, folder)?,
-            opacity_texture: texture(&self.opacity_texture, folder)?,
+            emission: self.emission.map_or(unsaid, |emission| emission.0),
+            albedo_texture: texture(&self.albedo_texture)?,
+            metallic_roughness_texture: texture(&self.metallic_roughness_texture)?,
+            opacity_texture: texture(&self.opacity_texture)?,
+            normal_map: self.normal_map(texture(&self.normal_texture)?)?,
+            emission_texture: texture(&self.emission_texture)?,
             ..Material::new(name, bsdf)
         })
+    }
+
+    /// The map of normals, if there is one.
+    fn normal_map(&self, texture: Option<Arc<Texture>>) -> Result<Option<NormalMap>, Misplaced> {
+        match (texture, &self.normal_scale) {
+            (None, Some(scale)) => {
+                let problem = "`normal_scale` comes without `normal_texture`";
+                Err((Error::new(problem, "add the texture, or remove it"), scale.span().start))
+            }
+            (texture, scale) => Ok(texture.map(|texture| NormalMap {
+                texture,
+                scale: scale.as_ref().map_or(1.0, |s| s.get_ref().0),
+            })),
+        }
+    }
+
+    /// The texture of this name in `folder`, if one is named.
+    fn texture(
+        &self,
+        name: &Option<Spanned<String>>,
+        folder: &Path,
+    ) -> Result<Option<Arc<Texture>>, Misplaced> {
+        let Some(name) = name else { return Ok(None) };
+        let path = folder.join(name.get_ref());
+        let misplaced = |problem: String| {
+            let advice = "give a PNG or JPEG file relative to the folder of the scene file";
+            (Error::new(problem, advice), name.span().start)
+        };
+        if !path.is_file() {
+            return Err(misplaced(format!("there is no texture `{}`", name.get_ref())));
+        }
+        let texture = Texture::load(&path)
+            .map_err(|e| misplaced(format!("`{}`: {}", name.get_ref(), e.problem())))?;
+        let wrap = match self.texture_wrap {
+            WrapKind::Repeat => Wrap::Repeat,
+            WrapKind::Mirror => Wrap::Mirror,
+            WrapKind::Clamp => Wrap::Clamp,
+        };
+        let nearest = matches!(self.texture_filter, FilterKind::Nearest);
+        Ok(Some(Arc::new(texture.sampled(Sampling { wrap: [wrap; 2], nearest }))))
     }
 
     /// Refuses keys of other types.
@@ -119,6 +209,8 @@ impl MaterialTable {
             ("ior", place(&self.ior)),
             ("outside_ior", place(&self.outside_ior)),
             ("roughness", place(&self.roughness)),
+            ("metallic", place(&self.metallic)),
+            ("metallic_roughness_texture", place(&self.metallic_roughness_texture)),
         ];
         let (kind, keys) = self.kind.keys();
         for (key, place) in given {
@@ -161,24 +253,6 @@ impl MaterialTable {
     }
 }
 
-fn texture(
-    name: &Option<Spanned<String>>,
-    folder: &Path,
-) -> Result<Option<Arc<Texture>>, Misplaced> {
-    let Some(name) = name else { return Ok(None) };
-    let path = folder.join(name.get_ref());
-    let misplaced = |problem: String| {
-        let advice = "give a PNG or JPEG file relative to the folder of the scene file";
-        (Error::new(problem, advice), name.span().start)
-    };
-    if !path.is_file() {
-        return Err(misplaced(format!("there is no texture `{}`", name.get_ref())));
-    }
-    let texture = Texture::load(&path)
-        .map_err(|e| misplaced(format!("`{}`: {}", name.get_ref(), e.problem())))?;
-    Ok(Some(Arc::new(texture)))
-}
-
 /// An interface, rough or smooth.
 pub(super) fn dielectric(eta: f32, alpha: f32) -> Bsdf {
     if alpha < SMOOTH_ALPHA {
@@ -191,68 +265,3 @@ pub(super) fn dielectric(eta: f32, alpha: f32) -> Bsdf {
 fn rgb(key: &Option<Spanned<Albedo>>) -> Option<Rgb> {
     key.as_ref().map(|value| value.get_ref().0)
 }
-
-/// Defines a number within bounds, or one per channel.
-macro_rules! bounded {
-    ($(#[$doc:meta])* $name:ident($inner:ty), $low:expr, $high:expr, $what:literal, $advice:literal) => {
-        $(#[$doc])*
-        #[derive(Clone, Copy, Debug)]
-        struct $name($inner);
-
-        impl<'de> Deserialize<'de> for $name {
-            fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                let value = <$inner as Bounded>::read(from)?;
-                if ($low..=$high).contains(&value.least()) && ($low..=$high).contains(&value.most()) {
-                    return Ok(Self(value));
-                }
-                Err(as_serde(Error::new(concat!("the ", $what, " is out of range"), $advice)))
-            }
-        }
-    };
-}
-
-/// What can be checked against bounds.
-trait Bounded: Sized {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error>;
-    fn least(&self) -> f32;
-    fn most(&self) -> f32;
-}
-
-impl Bounded for f32 {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Self::deserialize(from)
-    }
-    fn least(&self) -> f32 {
-        *self
-    }
-    fn most(&self) -> f32 {
-        *self
-    }
-}
-
-impl Bounded for Rgb {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Ok(Numbers::deserialize(from)?.values.as_vec3())
-    }
-    fn least(&self) -> f32 {
-        self.min_element()
-    }
-    fn most(&self) -> f32 {
-        self.max_element()
-    }
-}
-
-bounded!(
-    /// Refractive index of a clear medium.
-    Ior(f32), 0.1, 10.0, "refractive index",
-    "give a number from 0.1 to 10, such as 1.5 for glass"
-);
-bounded!(
-    /// Real part of a metal's refractive index.
-    Index(Rgb), 1e-3, 100.0, "refractive index",
-    "give a number from 0.001 to 100, or one per channel"
-);
-bounded!(
-    /// The square root of the GGX width.
-    Roughness(f32), 0.0, 1.0, "roughness", "give a number from 0 (smooth) to 1"
-);

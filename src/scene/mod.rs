@@ -10,20 +10,29 @@ mod fingerprint;
 mod framing;
 mod gltf;
 pub mod light;
+mod light_choice;
+mod light_cluster;
 mod light_table;
+mod light_tree;
 pub mod load;
 pub mod material;
+mod material_numbers;
 mod material_table;
 mod mtl;
 mod mtl_material;
+mod normal_map;
 pub mod notes;
 mod obj;
 mod obj_records;
 mod scene_file;
+mod shading;
+mod solid_angle;
 pub mod summary;
 mod surface;
 mod text;
 mod texture;
+mod texture_file;
+mod textured_emitter;
 mod transform;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
@@ -32,18 +41,22 @@ pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
 pub use load::{LoadOptions, Loaded, load, load_with};
 pub use material::Material;
+pub use normal_map::NormalMap;
 pub use notes::{Note, NoteKind};
 pub use summary::Summary;
 pub use surface::Surface;
-pub use texture::Texture;
+pub use texture::{Sampling, Texture, Wrap};
+pub use textured_emitter::TexturedTriangle;
 
 use crate::accel::{Hit, Ray, TriangleMesh};
 use crate::bsdf::Bsdf;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec2, Vec3};
+use normal_map::Tangent;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul};
+use textured_emitter::Glow;
 
 /// A triangle mesh of one material, in world space.
 #[derive(Clone, Debug, Default)]
@@ -57,6 +70,9 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or none; `v` points up in the picture.
     pub uvs: Vec<Vec2>,
+    /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
+    /// triangle's texture coordinates. Which way `v` grows, these tell.
+    pub tangents: Vec<Vec3>,
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`].
@@ -246,18 +262,28 @@ impl Scene {
         let mut emitters = lights;
         for mesh in &meshes {
             first_triangle.push(triangles.len() as u32);
-            let radiance = materials[mesh.material as usize].emission;
+            let material = &materials[mesh.material as usize];
+            let radiance = material.emission;
+            let emits = radiance.max_element() > 0.0;
+            let glow = material.emission_texture.as_ref().filter(|_| emits);
+            let glow = glow.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
             for indices in &mesh.triangles {
                 let indices = indices.map(|index| index as usize);
                 let corners = indices.map(|index| mesh.positions[index]);
                 bounds = corners.into_iter().fold(bounds, Bounds::with);
                 let mut shape = Triangle::new(corners, mesh.material);
-                if !(mesh.normals.is_empty() && mesh.uvs.is_empty()) {
+                if material.varies() || !mesh.normals.is_empty() {
                     shape.corners = varying.len() as u32;
                     varying.push(mesh.corners(indices, shape.normal));
                 }
-                if radiance.max_element() > 0.0 {
-                    emitters.push(Emitter::Triangle { shape, radiance });
+                if emits {
+                    emitters.push(match &glow {
+                        None => Emitter::Triangle { shape, radiance },
+                        Some(glow) => {
+                            let Corners { uvs, .. } = mesh.corners(indices, shape.normal);
+                            glow.emitter(shape, uvs)
+                        }
+                    });
                 }
                 triangles.push(shape);
             }
@@ -326,17 +352,15 @@ impl Scene {
         let material = &self.materials[triangle.material as usize];
         let off_surface = position + normal * triangle.offset;
         let wo = -ray.direction;
-        let interpolated = None;
-        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf }
+        let (interpolated, uv) = (None, None);
+        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
     }
 
     /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
     /// that is not the triangle's.
     pub fn merges_by_direction(&self) -> bool {
-        let varies = |material: &Material| {
-            material.bsdf.merges() && !matches!(material.bsdf, Bsdf::Lambertian { .. })
-        };
-        self.materials.iter().any(varies) || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
+        self.materials.iter().any(Material::merges_by_direction)
+            || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
     }
 
     /// The BSDF of what was hit if it is plain: Lambertian, and the same all over the triangle. The
@@ -346,9 +370,7 @@ impl Scene {
         let triangle = self.triangle(hit);
         let material = &self.materials[triangle.material as usize];
         match material.bsdf {
-            Bsdf::Lambertian { albedo, two_sided }
-                if triangle.corners == Triangle::FLAT && material.albedo_texture.is_none() =>
-            {
+            Bsdf::Lambertian { albedo, two_sided } if triangle.corners == Triangle::FLAT => {
                 Some(Bsdf::Lambertian { albedo, two_sided })
             }
             _ => None,
@@ -364,15 +386,34 @@ impl Scene {
         let own = self.materials[triangle.material as usize].bsdf;
         let plain = self.plain_surface(ray, hit, own);
         let Some(Corners { normals, uvs }) = self.corners.get(triangle.corners as usize) else {
-            return Surface { bsdf: plain.material.bsdf_at(Vec2::ZERO).unwrap_or(own), ..plain };
+            return plain;
         };
         let at = [hit.u, hit.v];
-        let interpolated = (*normals != [triangle.normal; 3]).then(|| {
-            let normal = interpolate(*normals, at).normalize_or(triangle.normal);
-            if plain.front { normal } else { -normal }
+        let interpolated = (*normals != [triangle.normal; 3])
+            .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
+        if !plain.material.varies() {
+            return Surface { interpolated: interpolated.map(|n| plain.to_side(n)), ..plain };
+        }
+        let uv = interpolate(*uvs, at);
+        let bent = plain.material.normal_map.as_ref().and_then(|map| {
+            let tangent = self.tangent(hit, triangle, *uvs)?;
+            map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
         });
-        let bsdf = plain.material.bsdf_at(interpolate(*uvs, at)).unwrap_or(own);
-        Surface { interpolated, bsdf, ..plain }
+        let interpolated = bent.or(interpolated).map(|normal| plain.to_side(normal));
+        let bsdf = plain.material.bsdf_at(uv).unwrap_or(own);
+        Surface { interpolated, bsdf, uv: Some(uv), ..plain }
+    }
+
+    /// Where growing texture coordinates lead at a hit: as the mesh says, else as `uvs` do.
+    fn tangent(&self, hit: &Hit, triangle: &Triangle, uvs: [Vec2; 3]) -> Option<Tangent> {
+        let own = Tangent::new([triangle.edge1, triangle.edge2], uvs)?;
+        let mesh = &self.meshes[hit.mesh as usize];
+        if mesh.tangents.is_empty() {
+            return Some(own);
+        }
+        let corners = mesh.triangles[hit.triangle as usize];
+        let given = interpolate(corners.map(|i| mesh.tangents[i as usize]), [hit.u, hit.v]);
+        Some(if given == Vec3::ZERO { own } else { Tangent { along_u: given, ..own } })
     }
 
     #[inline]

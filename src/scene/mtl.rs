@@ -54,7 +54,7 @@ pub(super) fn load(
             continue;
         }
         let known = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
-        let is_map = keyword.starts_with("map_");
+        let is_map = keyword.starts_with("map_") || keyword == "norm";
         if !known.contains(&keyword) && !is_map {
             continue;
         }
@@ -67,7 +67,7 @@ pub(super) fn load(
         match keyword {
             "Kd" => material.diffuse = Some(share(&lines, rest, path, notes)?),
             "Ks" => material.specular = Some(share(&lines, rest, path, notes)?),
-            "Ke" => material.emission = color(&lines, rest)?,
+            "Ke" => material.emission = Some(color(&lines, rest)?),
             "Ns" => material.exponent = Some(number(&lines, rest, 0.0, 1e9)?),
             "Ni" => material.ior = Some(number(&lines, rest, 0.0, 10.0)?),
             "Pr" => material.roughness = Some(number(&lines, rest, 0.0, 1.0)?),
@@ -77,11 +77,15 @@ pub(super) fn load(
             "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
             "map_Kd" => material.albedo_texture = texture(path, rest)?,
             "map_d" => material.opacity_texture = texture(path, rest)?,
+            "map_Ke" => material.emission_texture = texture(path, rest)?,
+            "norm" => material.normal_texture = texture(path, rest)?,
             _ => {}
         }
         let read = match keyword {
             "map_Kd" => material.albedo_texture.is_some(),
             "map_d" => material.opacity_texture.is_some(),
+            "map_Ke" => material.emission_texture.is_some(),
+            "norm" => material.normal_texture.is_some(),
             _ => false,
         };
         if is_map && !read {

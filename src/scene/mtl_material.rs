@@ -5,12 +5,12 @@
 
 use super::material_table::{DEFAULT_IOR, dielectric};
 use super::mtl::DEFAULT_ALBEDO;
-use super::{Material, Texture};
-use crate::bsdf::{Bsdf, Coated, Conductor, Reflectance};
+use super::{Material, NormalMap, Texture};
+use crate::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::math::Rgb;
 use std::sync::Arc;
 
-/// Below this roughness (`Pr`) a surface that is no metal has a coat.
+/// Below this roughness (`Pr`) a surface that is no metal has a smooth coat.
 pub(super) const COAT_ROUGHNESS: f32 = 0.3;
 
 /// The records of one material, as far as they are understood.
@@ -23,7 +23,7 @@ pub(super) struct MtlMaterial {
     /// `Ks`, at most 1.
     pub specular: Option<Rgb>,
     /// `Ke`, W/(m^2 sr).
-    pub emission: Rgb,
+    pub emission: Option<Rgb>,
     /// `Ns`: Phong's exponent, at least 0.
     pub exponent: Option<f32>,
     /// `Ni`: refractive index.
@@ -40,6 +40,10 @@ pub(super) struct MtlMaterial {
     pub albedo_texture: Option<Arc<Texture>>,
     /// `map_d`
     pub opacity_texture: Option<Arc<Texture>>,
+    /// `map_Ke`
+    pub emission_texture: Option<Arc<Texture>>,
+    /// `norm`
+    pub normal_texture: Option<Arc<Texture>>,
 }
 
 /// What was left out of a material.
@@ -55,10 +59,14 @@ impl MtlMaterial {
     /// The material, and what of its records has no counterpart.
     pub(super) fn material(&self) -> (Material, Ignored) {
         let (bsdf, ignored) = self.bsdf();
+        let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
+        let normal_map = self.normal_texture.clone();
         let material = Material {
-            emission: self.emission,
+            emission: self.emission.unwrap_or(unsaid),
             albedo_texture: self.albedo_texture.clone(),
             opacity_texture: self.opacity_texture.clone(),
+            normal_map: normal_map.map(|texture| NormalMap { texture, scale: 1.0 }),
+            emission_texture: self.emission_texture.clone(),
             ..Material::new(&self.name, bsdf)
         };
         (material, ignored)
@@ -71,12 +79,17 @@ impl MtlMaterial {
         let ior = self.ior.unwrap_or(DEFAULT_IOR);
         let alpha = self.alpha();
         let metal = |normal| Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal }, alpha));
+        let metallic = self.metalness.unwrap_or(0.0);
+        let glossy = || Bsdf::Glossy(Glossy::new(diffuse, metallic, ior, alpha));
         let has_ior = ior > 1.0;
+        let has_highlight = self.model == Some(2) && specular != Rgb::ZERO;
         let transparency = self.opacity.is_some_and(|opacity| opacity < 1.0);
         let kept = Ignored { transparency, ..Ignored::default() };
 
-        if self.metalness.is_some_and(|metalness| metalness >= 0.5) {
+        if metallic >= 1.0 {
             return (metal(diffuse), kept);
+        } else if metallic > 0.0 {
+            return (glossy(), kept);
         }
         match self.model {
             // Refraction, and glass.
@@ -92,10 +105,12 @@ impl MtlMaterial {
             _ if self.roughness.is_some_and(|r| r < COAT_ROUGHNESS) && has_ior => {
                 (Bsdf::Coated(Coated::new(diffuse, ior)), kept)
             }
-            _ => {
-                let highlight = self.model == Some(2) && specular != Rgb::ZERO;
-                (Bsdf::diffuse(diffuse), Ignored { highlight, ..kept })
+            _ if has_ior
+                && (self.roughness.is_some() || has_highlight && self.exponent.is_some()) =>
+            {
+                (glossy(), kept)
             }
+            _ => (Bsdf::diffuse(diffuse), Ignored { highlight: has_highlight, ..kept }),
         }
     }
 

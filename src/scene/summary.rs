@@ -1,6 +1,6 @@
 //! What a scene file was found to hold, in short.
 
-use super::Scene;
+use super::{Material, Scene};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
@@ -29,8 +29,8 @@ pub struct Summary {
 impl Summary {
     pub(super) fn new(scene: &Scene) -> Self {
         let materials = scene.materials.iter();
-        let pictures = materials.flat_map(|m| [&m.albedo_texture, &m.opacity_texture]).flatten();
-        let mut pictures: Vec<_> = pictures.map(Arc::as_ptr).collect();
+        let mut pictures: Vec<_> =
+            materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
         pictures.sort_unstable();
         pictures.dedup();
         let environment = usize::from(scene.lights.environment().is_some());

@@ -1,30 +1,64 @@
-//! Pictures on surfaces: PNG and JPEG files, bilinear, repeated in both directions.
+//! Pictures on surfaces, of 8 bits per channel.
 
-use super::text;
-use crate::error::{Error, Result};
 use crate::math::Rgb;
-use glam::{Vec2, Vec4};
-use std::io::{Cursor, Read};
-use std::path::Path;
-use std::sync::LazyLock;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use std::sync::{Arc, LazyLock};
 
-/// Most texels across and down.
-const MAX_SIZE: u32 = 16_384;
-/// Largest accepted file, bytes.
-const MAX_FILE: u64 = 1 << 30;
-
-/// A picture of 8 bits per channel. `u` runs right and `v` up over [0, 1], and on periodically.
+/// A picture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; beyond it goes on as its
+/// [`Sampling`] says.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub struct Texture {
     width: u32,
     height: u32,
-    /// Red, green, blue (sRGB) and opacity (linear), rows from the top.
-    texels: Vec<[u8; 4]>,
+    /// Red, green, blue and opacity, rows from the top. Clones share them.
+    texels: Arc<[[u8; 4]]>,
     has_opacity: bool,
+    sampling: Sampling,
+}
+
+/// What a picture is between its texels and beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sampling {
+    /// Beyond the edges, along `u` and `v`.
+    pub wrap: [Wrap; 2],
+    /// Whether each texel is of one value; else they are interpolated.
+    pub nearest: bool,
+}
+
+/// How a picture goes on beyond its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// Again and again.
+    #[default]
+    Repeat,
+    /// Every other time mirrored.
+    Mirror,
+    /// As it is at its edge.
+    Clamp,
+}
+
+impl Wrap {
+    /// The place within [0, 1] that stands for `x`.
+    #[inline]
+    fn fold(self, x: f32) -> f32 {
+        match self {
+            // Remainders may round up, and are no number if `x` is infinite.
+            Self::Repeat => x.rem_euclid(1.0).min(1.0),
+            Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
+            Self::Clamp => x.clamp(0.0, 1.0),
+        }
+    }
+
+    /// The texel that stands for number `i`, at most one off the picture.
+    #[inline]
+    fn texel(self, i: i64, size: u32) -> usize {
+        let size = i64::from(size);
+        let inside = match self {
+            Self::Repeat => i.rem_euclid(size),
+            Self::Mirror | Self::Clamp => i.clamp(0, size - 1),
+        };
+        inside as usize
+    }
 }
 
 impl std::fmt::Debug for Texture {
@@ -42,43 +76,22 @@ static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl Texture {
-    /// Reads a PNG or JPEG file, whichever its content is.
-    ///
-    /// # Errors
-    /// If it cannot be read, or is neither.
-    pub(super) fn load(path: &Path) -> Result<Self> {
-        let mut bytes = Vec::new();
-        text::open(path)?
-            .take(MAX_FILE)
-            .read_to_end(&mut bytes)
-            .map_err(|e| Error::io("read the texture", path, e))?;
-        Self::decode(bytes).map_err(|error| error.at(path))
-    }
-
-    /// From the content of a PNG or JPEG file, whichever it is.
-    ///
-    /// # Errors
-    /// If it is neither.
-    pub(super) fn decode(bytes: Vec<u8>) -> Result<Self> {
-        let read = match bytes.as_slice() {
-            [0x89, b'P', b'N', b'G', ..] => png(bytes),
-            [0xff, 0xd8, ..] => jpeg(bytes),
-            _ => Err("it is neither a PNG nor a JPEG file".to_owned()),
-        };
-        read.map_err(|problem| {
-            let problem = format!("the texture cannot be read: {problem}");
-            Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
-        })
-    }
-
-    /// From `width` times `height` texels: red, green, blue (sRGB) and opacity, rows from the top.
+    /// From `width` times `height` texels: red, green, blue and opacity, rows from the top.
+    /// Repeated and interpolated.
     ///
     /// # Panics
     /// If their number is another, or there is none.
     pub fn new(width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
         assert!(!texels.is_empty() && texels.len() == width as usize * height as usize);
         let has_opacity = texels.iter().any(|texel| texel[3] != 255);
-        Self { width, height, texels, has_opacity }
+        let (texels, sampling) = (texels.into(), Sampling::default());
+        Self { width, height, texels, has_opacity, sampling }
+    }
+
+    /// The same picture, sampled in another way.
+    #[must_use]
+    pub fn sampled(self, sampling: Sampling) -> Self {
+        Self { sampling, ..self }
     }
 
     /// Texels across and down.
@@ -91,32 +104,50 @@ impl Texture {
         &self.texels
     }
 
-    /// Mean of the linear color.
-    pub(super) fn mean_color(&self) -> Rgb {
-        let [r, g, b, _] = self.mean(|code| SRGB[usize::from(code)].into());
-        Rgb::new(r, g, b)
+    /// What it is between texels and beyond its edges.
+    pub fn sampling(&self) -> Sampling {
+        self.sampling
     }
 
-    /// Mean of each channel as it is stored, in [0, 1].
-    pub(super) fn mean_stored(&self) -> [f32; 4] {
-        self.mean(|code| f64::from(code) / 255.0)
-    }
-
-    fn mean(&self, value: impl Fn(u8) -> f64) -> [f32; 4] {
-        let mut sums = [0.0; 4];
-        for texel in &self.texels {
-            sums.iter_mut().zip(texel).for_each(|(sum, code)| *sum += value(*code));
-        }
-        sums.map(|sum| (sum / self.texels.len() as f64) as f32)
-    }
-
-    /// Linear color at `uv`.
+    /// Linear color at `uv`, where the picture is sRGB.
     pub fn color(&self, uv: Vec2) -> Rgb {
         let linear = |[r, g, b, _]: [u8; 4]| {
             let table = &*SRGB;
             Vec4::new(table[r as usize], table[g as usize], table[b as usize], 0.0)
         };
-        self.bilinear(uv, linear).truncate()
+        self.filtered(uv, linear).truncate()
+    }
+
+    /// Mean of the linear color.
+    pub(super) fn mean_color(&self) -> Rgb {
+        let mut sum = DVec3::ZERO;
+        for texel in self.texels.iter() {
+            let [r, g, b, _] = texel.map(|code| f64::from(SRGB[usize::from(code)]));
+            sum += DVec3::new(r, g, b);
+        }
+        (sum / self.texels.len() as f64).as_vec3()
+    }
+
+    /// Mean of each channel as it is stored, in [0, 1].
+    pub(super) fn mean_data(&self) -> Vec3 {
+        let mut sum = DVec3::ZERO;
+        for texel in self.texels.iter() {
+            let [r, g, b, _] = texel.map(f64::from);
+            sum += DVec3::new(r, g, b);
+        }
+        (sum / (255.0 * self.texels.len() as f64)).as_vec3()
+    }
+
+    /// The numbers at `uv` as they are stored, in [0, 1].
+    pub fn data(&self, uv: Vec2) -> Vec3 {
+        let stored = |[r, g, b, _]: [u8; 4]| Vec4::from([r, g, b, 0].map(f32::from)) / 255.0;
+        self.filtered(uv, stored).truncate()
+    }
+
+    /// The vector at `uv` of a map of normals, of any length: right, up, and off the surface. Code 128
+    /// is 0, as those mean it who write maps; 1/2 would tilt flat ones by 0.2 degrees.
+    pub fn vector(&self, uv: Vec2) -> Vec3 {
+        (self.data(uv) * 255.0 - 128.0) / 127.0
     }
 
     /// Opacity at `uv`, in [0, 1]: the alpha channel if the picture has one, else its brightness as
@@ -126,76 +157,30 @@ impl Texture {
             let sum = u32::from(r) + u32::from(g) + u32::from(b);
             Vec4::splat(if self.has_opacity { f32::from(a) } else { sum as f32 / 3.0 } / 255.0)
         };
-        self.bilinear(uv, value).x
+        self.filtered(uv, value).x
     }
 
-    /// The mean of the four texels around `uv`, by their distance.
-    fn bilinear(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
-        // Texel centers lie at halves; `rem_euclid` may round up to 1.
-        let along = |x: f32, size: u32| {
-            let place = x.rem_euclid(1.0).min(1.0) * size as f32 - 0.5;
+    /// The nearest texel, or the mean of the four around `uv` by their distance.
+    fn filtered(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
+        let Sampling { wrap: [across, up], nearest } = self.sampling;
+        // Texel centers lie at halves.
+        let along = |wrap: Wrap, x: f32, size: u32| {
+            let place = x * size as f32 - if nearest { 0.0 } else { 0.5 };
             let low = place.floor();
-            let index = |i: f32| (i as i64).rem_euclid(i64::from(size)) as usize;
+            let index = |i: f32| wrap.texel(i as i64, size);
             (index(low), index(low + 1.0), place - low)
         };
-        let (left, right, x) = along(uv.x, self.width);
-        let (top, bottom, y) = along(1.0 - uv.y, self.height);
+        let (left, right, x) = along(across, across.fold(uv.x), self.width);
+        let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);
         let texel =
             |column: usize, row: usize| value(self.texels[row * self.width as usize + column]);
+        if nearest {
+            return texel(left, top);
+        }
         let above = texel(left, top).lerp(texel(right, top), x);
         let below = texel(left, bottom).lerp(texel(right, bottom), x);
         above.lerp(below, y)
     }
-}
-
-/// What decoders say: the problem alone, in words.
-type Decoded<T> = std::result::Result<T, String>;
-
-/// Refuses pictures without texels and those that memory might not hold.
-fn check_size(width: u32, height: u32) -> Decoded<()> {
-    if (1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height) {
-        return Ok(());
-    }
-    Err(format!("it has {width}x{height} texels; at most {MAX_SIZE} across and down are taken"))
-}
-
-fn png(bytes: Vec<u8>) -> Decoded<Texture> {
-    let mut decoder = png::Decoder::new(Cursor::new(bytes));
-    decoder.set_transformations(png::Transformations::normalize_to_color8());
-    let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
-    let (width, height) = (reader.info().width, reader.info().height);
-    check_size(width, height)?;
-    let size = reader.output_buffer_size().ok_or("it is too large")?;
-    let mut data = vec![0; size];
-    let frame = reader.next_frame(&mut data).map_err(|e| e.to_string())?;
-    let data = &data[..frame.buffer_size()];
-    let texels = match frame.color_type {
-        png::ColorType::Grayscale => data.iter().map(|&v| [v, v, v, 255]).collect(),
-        png::ColorType::GrayscaleAlpha => {
-            data.chunks_exact(2).map(|c| [c[0], c[0], c[0], c[1]]).collect()
-        }
-        png::ColorType::Rgb => data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect(),
-        png::ColorType::Rgba => data.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect(),
-        png::ColorType::Indexed => return Err("its palette cannot be read".to_owned()),
-    };
-    Ok(Texture::new(width, height, texels))
-}
-
-fn jpeg(bytes: Vec<u8>) -> Decoded<Texture> {
-    let options = DecoderOptions::default()
-        .set_max_width(MAX_SIZE as usize)
-        .set_max_height(MAX_SIZE as usize)
-        .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let data = decoder.decode().map_err(|e| e.to_string())?;
-    let (width, height) = decoder.dimensions().ok_or("it has no size")?;
-    let (width, height) = (width as u32, height as u32);
-    check_size(width, height)?;
-    let texels: Vec<_> = data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect();
-    if texels.len() != width as usize * height as usize {
-        return Err("it is cut off".to_owned());
-    }
-    Ok(Texture::new(width, height, texels))
 }
 
 #[cfg(test)]
@@ -241,5 +226,47 @@ mod tests {
         assert!((gray.opacity(Vec2::ZERO) - 188.0 / 255.0).abs() < 1e-6);
         let clear = Texture::new(1, 1, vec![[188, 188, 188, 51]]);
         assert!((clear.opacity(Vec2::ZERO) - 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn pictures_go_on_as_they_are_told() {
+        let at = |wrap, u, v| {
+            picture().sampled(Sampling { wrap: [wrap; 2], nearest: false }).color(Vec2::new(u, v))
+        };
+        for (u, v) in [(0.3, 0.9_f32), (0.05, 0.6), (0.99, 0.5)] {
+            let once = at(Wrap::Repeat, 0.25 + 0.5 * u, v.clamp(0.25, 0.75));
+            for wrap in [Wrap::Mirror, Wrap::Clamp] {
+                let off = at(wrap, 0.25 + 0.5 * u, v.clamp(0.25, 0.75)) - once;
+                assert!(off.length() < 1e-5, "the same within it");
+            }
+            let mirrored = at(Wrap::Mirror, u, v);
+            for (x, y) in [(-u, v), (u, 2.0 - v), (2.0 + u, -v), (4.0 - u, v)] {
+                assert!((at(Wrap::Mirror, x, y) - mirrored).length() < 1e-4, "{x} {y}");
+            }
+        }
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            for x in [1e30, -1e30, f32::INFINITY, f32::NEG_INFINITY, -1e-20] {
+                assert!(at(wrap, x, -x).is_finite(), "{wrap:?} {x}");
+            }
+        }
+        assert_eq!(at(Wrap::Clamp, -7.0, 3.0), Rgb::ZERO);
+        assert_eq!(at(Wrap::Clamp, 7.0, -3.0), Rgb::Y);
+        let nearest = picture().sampled(Sampling { nearest: true, ..Sampling::default() });
+        for (u, v, color) in [
+            (0.01, 0.51, Rgb::ZERO),
+            (0.49, 0.49, Rgb::X),
+            (0.51, 0.99, Rgb::ONE),
+            (1.7, 0.2, Rgb::Y),
+        ] {
+            assert_eq!(nearest.color(Vec2::new(u, v)), color, "{u} {v}");
+        }
+    }
+
+    #[test]
+    fn numbers_are_read_as_they_are_stored() {
+        let texture = Texture::new(1, 1, vec![[0, 51, 255, 255]]);
+        assert!((texture.data(Vec2::ZERO) - Vec3::new(0.0, 0.2, 1.0)).length() < 1e-6);
+        let flat = Texture::new(1, 1, vec![[128, 128, 255, 255]]);
+        assert_eq!(flat.vector(Vec2::splat(0.3)), Vec3::Z);
     }
 }

@@ -79,6 +79,11 @@ impl Transform {
         (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3()
     }
 
+    /// Turns a direction along a surface with it, to unit length; zero stays zero.
+    pub(super) fn tangent(&self, tangent: Vec3) -> Vec3 {
+        (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
+    }
+
     /// Orders a triangle's corners so that its front stays in front.
     pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }

@@ -1,6 +1,8 @@
 //! Scenes with known answers, and means with standard errors.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub mod images;
+
 use bdpm::accel::Intersect;
 use bdpm::bsdf::Bsdf;
 use bdpm::film::luminance;
@@ -222,4 +224,21 @@ pub fn pixel_samples(
         });
     }
     samples
+}
+
+/// Mean of each pixel, row by row, with the standard error, luminance.
+pub fn pixel_means(scene: &Scene, settings: Settings, iterations: u64) -> Vec<[f64; 2]> {
+    let accel = accel(scene);
+    let (width, pixels) = (settings.width, settings.pixels());
+    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    for _ in 0..iterations {
+        renderer.iterate(Measure::Off);
+    }
+    let variance = renderer.film().variance_of_mean().unwrap();
+    let mut found = vec![[0.0; 2]; pixels];
+    renderer.film().for_each_pixel(|x, y, sums| {
+        let index = (y * width + x) as usize;
+        found[index] = [luminance(sums.radiance) / iterations as f64, variance[index].sqrt()];
+    });
+    found
 }

@@ -95,8 +95,11 @@ pub(super) fn factors(
     let transmitted = picture(&transmission.transmission_texture, key)?;
 
     // Roughness is green, metalness blue, transmission red.
-    let [_, green, blue, _] = metallic_roughness.as_ref().map_or([1.0; 4], |p| p.mean_stored());
-    let [red, ..] = transmitted.as_ref().map_or([1.0; 4], |picture| picture.mean_stored());
+    let mean = |picture: &Option<Arc<Texture>>| {
+        picture.as_ref().map_or([1.0; 3], |picture| picture.mean_data().to_array())
+    };
+    let [_, green, blue] = mean(&metallic_roughness);
+    let [red, ..] = mean(&transmitted);
     let strength = extensions.emissive_strength.emissive_strength;
     let glow = emissive.as_ref().map_or(Rgb::ONE, |picture| picture.mean_color());
     let emission = Rgb::from_array(material.emissive_factor) * strength * glow;

@@ -1,0 +1,205 @@
+//! Rough facets over a diffuse base, between dielectric and metal: glTF's metallic-roughness model.
+
+use super::conductor::multiple_scattering;
+use super::ggx::{Ggx, reflect};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, Wanted, fresnel, mirrored};
+use crate::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::rng::Rng;
+use glam::Vec3;
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// The material of glTF 2.0 (Appendix B): a dielectric and a metal of the same GGX facets, mixed by
+/// `metallic`, on both sides of the surface. Facets reflect by Schlick's approximation.
+///
+/// It has two lobes. The *facets'* is that of both parts; it merges or passes through by its width,
+/// as metals do. The *base* is what enters the dielectric and leaves it again, with the probability
+/// `albedo`: `f = albedo (1 - E(wo)) (1 - E(wi)) / (pi (1 - E_mean))`, where `E` is the share that
+/// the facets reflect (Kulla and Conty 2017). It is diffuse. Where facets are narrow or smooth, paths
+/// merge by the one lobe and pass through by the other, as at a coat.
+///
+/// Reciprocal; lossless where `albedo` is white.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glossy {
+    albedo: Rgb,
+    metallic: f32,
+    /// Reflectance of the dielectric at normal incidence.
+    normal: f32,
+    facets: Ggx,
+    /// The base's value over albedo and the two shares that enter, 1/sr.
+    base: f32,
+    /// The metal's multiple scattering over the two shares that are lost, 1/sr.
+    multiple: Rgb,
+}
+
+impl Glossy {
+    /// A surface that is `metallic` to this share in [0, 1]; `albedo` is the color of the base, and of
+    /// the metal at normal incidence. The dielectric has the refractive index `eta` over its
+    /// surroundings; `alpha` is the GGX width in [0, 1], smooth below [`SMOOTH_ALPHA`].
+    pub fn new(albedo: Rgb, metallic: f32, eta: f32, alpha: f32) -> Self {
+        let normal = ((eta - 1.0) / (eta + 1.0)).powi(2);
+        Self::with_normal(albedo, metallic.clamp(0.0, 1.0), normal, alpha)
+    }
+
+    fn with_normal(albedo: Rgb, metallic: f32, normal: f32, alpha: f32) -> Self {
+        let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
+        let enters = (1.0 - facets.mean_schlick_albedo(normal)).max(1e-6);
+        let base = (1.0 - metallic) * FRAC_1_PI / enters;
+        let multiple = metallic * multiple_scattering(&facets, fresnel::schlick_mean(albedo));
+        Self { albedo, metallic, normal, facets, base, multiple }
+    }
+
+    /// The same with all of albedo, metallic share and roughness (the square root of the width)
+    /// multiplied, as textures do.
+    #[must_use]
+    pub fn scaled(&self, albedo: Rgb, metallic: f32, roughness: f32) -> Self {
+        let alpha = self.facets.alpha * roughness * roughness;
+        Self::with_normal(self.albedo * albedo, self.metallic * metallic, self.normal, alpha)
+    }
+
+    /// Color of the base, and of the metal at normal incidence.
+    pub fn albedo(&self) -> Rgb {
+        self.albedo
+    }
+
+    /// Share of the metal.
+    pub fn metallic(&self) -> f32 {
+        self.metallic
+    }
+
+    /// Reflectance of the dielectric at normal incidence.
+    pub fn normal_reflectance(&self) -> f32 {
+        self.normal
+    }
+
+    /// GGX width; 0 if it is smooth.
+    pub fn alpha(&self) -> f32 {
+        self.facets.alpha
+    }
+
+    /// The class of the facets' lobe.
+    #[inline]
+    pub(super) fn facets_lobe(&self) -> Lobe {
+        match self.facets.alpha {
+            0.0 => Lobe::Delta,
+            alpha if alpha < DIFFUSE_ALPHA => Lobe::Rough,
+            _ => Lobe::Diffuse,
+        }
+    }
+
+    /// Whether a lobe is of this class.
+    #[inline]
+    pub(super) fn has(&self, lobe: Lobe) -> bool {
+        let has_base = self.base * self.albedo.max_element() > 0.0;
+        self.facets_lobe() == lobe || (lobe == Lobe::Diffuse && has_base)
+    }
+
+    /// Reflectance of both parts at normal incidence: Schlick's formula is linear in it.
+    #[inline]
+    fn mixed_normal(&self) -> Rgb {
+        Rgb::splat(self.normal).lerp(self.albedo, self.metallic)
+    }
+
+    /// Share of the light from the cosine `cos` that enters the dielectric.
+    #[inline]
+    fn enters(&self, cos: f32) -> f32 {
+        (1.0 - self.facets.schlick_albedo(cos, self.normal)).max(0.0)
+    }
+
+    /// What single scattering of a white metal loses of light from the cosine `cos`.
+    #[inline]
+    fn loss(&self, cos: f32) -> f32 {
+        (1.0 - self.facets.single_albedo(cos)).max(0.0)
+    }
+
+    /// Probability of the facets' lobe among both: about its share of what is reflected.
+    fn facets_prob(&self, wo: Vec3) -> f32 {
+        let once = self.facets.schlick_albedo(wo.z, self.mixed_normal().max_element());
+        let facets = once + self.metallic * self.loss(wo.z);
+        let base = (1.0 - self.metallic) * self.albedo.max_element() * self.enters(wo.z);
+        if base > 0.0 { facets / (facets + base) } else { 1.0 }
+    }
+
+    /// The value of the lobes of one class.
+    pub(super) fn eval(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> Rgb {
+        if wi.z <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let own = self.facets_lobe() == lobe;
+        let facets = if own { self.eval_facets(wo, wi) } else { Rgb::ZERO };
+        let base = if lobe == Lobe::Diffuse { self.eval_base(wo, wi) } else { Rgb::ZERO };
+        facets + base
+    }
+
+    fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        self.albedo * (self.base * self.enters(wo.z) * self.enters(wi.z))
+    }
+
+    fn eval_facets(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if self.facets_lobe() == Lobe::Delta {
+            return Rgb::ZERO;
+        }
+        let m = (wo + wi).normalize();
+        let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
+        let again = self.multiple * (self.loss(wo.z) * self.loss(wi.z));
+        fresnel::schlick(wo.dot(m), self.mixed_normal()) * once + again
+    }
+
+    /// Density of sampling the lobes of one class, less than 1 in all if there are others.
+    pub(super) fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
+        if wi.z <= 0.0 {
+            return 0.0;
+        }
+        let prob = self.facets_prob(wo);
+        let own = self.facets_lobe() == lobe;
+        let facets = if own { prob * self.facets_pdf_w(wo, wi) } else { 0.0 };
+        let base = if lobe == Lobe::Diffuse { cosine_hemisphere_pdf_w(wi.z) } else { 0.0 };
+        facets + (1.0 - prob) * base
+    }
+
+    fn facets_pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
+        if self.facets_lobe() == Lobe::Delta {
+            return 0.0;
+        }
+        let m = (wo + wi).normalize();
+        let once = self.facets.g1(wo) * self.facets.d(m) / (4.0 * wo.z);
+        let again = self.metallic * self.loss(wo.z);
+        (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
+    }
+
+    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> Option<BsdfSample> {
+        let lobe = self.facets_lobe();
+        let prob = if wanted == Wanted::All { self.facets_prob(wo) } else { 1.0 };
+        let facets = prob >= 1.0 || rng.next_1d() < prob;
+        if facets && lobe == Lobe::Delta {
+            let reflected = fresnel::schlick(wo.z, self.mixed_normal());
+            return Some(mirrored(wo, reflected / prob));
+        }
+        let wi = if facets { self.sample_facets(wo, rng) } else { self.sample_base(rng) };
+        if wi.z <= 0.0 {
+            return None; // into another facet
+        }
+        if lobe == Lobe::Diffuse {
+            // Both lobes may have it: one density for both.
+            let weight = self.eval(lobe, wo, wi) * (wi.z / self.pdf_w(lobe, wo, wi));
+            return Some(BsdfSample { wi, weight, lobe });
+        }
+        if facets {
+            let pdf = prob * self.facets_pdf_w(wo, wi);
+            let weight = self.eval_facets(wo, wi) * (wi.z / pdf);
+            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
+        }
+        let weight = self.eval_base(wo, wi) * (PI / (1.0 - prob));
+        Some(BsdfSample { wi, weight, lobe: Lobe::Diffuse })
+    }
+
+    fn sample_facets(&self, wo: Vec3, rng: &mut Rng) -> Vec3 {
+        if rng.next_1d() < self.metallic * self.loss(wo.z) {
+            return self.sample_base(rng);
+        }
+        reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
+    }
+
+    fn sample_base(&self, rng: &mut Rng) -> Vec3 {
+        cosine_hemisphere(Vec3::Z, rng.next_2d())
+    }
+}
