@@ -3,10 +3,10 @@
 #[path = "common/gltf.rs"]
 mod model;
 
-use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Reflectance, RoughDielectric, ThinDielectric,
+use bdpm::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
+use bdpm::scene::{
+    Emitter, FieldOfView, LoadOptions, Material, NoteKind, Optics, Sampling, Wrap, load_with,
 };
-use bdpm::scene::{Emitter, FieldOfView, LoadOptions, Material, NoteKind, Optics, load_with};
 use glam::{Vec2, Vec3};
 use model::*;
 use serde_json::{Value, json};
@@ -68,10 +68,11 @@ fn with(mut material: Value, key: &str, value: Value) -> Value {
 #[test]
 fn materials_become_the_documented_ones() {
     let color = Vec3::new(0.8, 0.4, 0.2);
-    let metal = |alpha| {
-        let reflectance = Reflectance::Artist { normal: color };
-        Bsdf::Conductor(Conductor::new(reflectance, alpha))
+    let glossy = |metallic, ior, alpha| Bsdf::Glossy(Glossy::new(color, metallic, ior, alpha));
+    let coat = |material, factor: f32| {
+        with(material, "KHR_materials_clearcoat", json!({ "clearcoatFactor": factor }))
     };
+    let index = |material, ior: f32| with(material, "KHR_materials_ior", json!({ "ior": ior }));
     let glass = |roughness: f32| {
         let white = json!({ "metallicFactor": 0, "roughnessFactor": roughness });
         let material = json!({ "pbrMetallicRoughness": white });
@@ -83,28 +84,17 @@ fn materials_become_the_documented_ones() {
         with(glass(roughness), "KHR_materials_volume", json!({ "thicknessFactor": 0.5 }))
     };
     for (material, expected, note) in [
-        (pbr(0.0, 0.9), Bsdf::diffuse(color), ""),
-        (with(pbr(0.0, 0.5), "doubleSided", json!(false)), Bsdf::diffuse(color), ""),
-        (pbr(0.0, 0.2), Bsdf::Coated(Coated::new(color, 1.5)), ""),
-        (
-            with(pbr(0.0, 0.2), "KHR_materials_ior", json!({ "ior": 1.75 })),
-            Bsdf::Coated(Coated::new(color, 1.75)),
-            "",
-        ),
-        (pbr(1.0, 0.5), metal(0.25), ""),
-        (pbr(1.0, 0.0), metal(0.0), ""),
-        (pbr(0.7, 0.0), metal(0.0), "rounded the metalness of `materials[0]`"),
-        (pbr(0.3, 0.9), Bsdf::diffuse(color), "rounded the metalness of"),
-        (
-            with(pbr(0.0, 0.9), "KHR_materials_clearcoat", json!({ "clearcoatFactor": 1 })),
-            Bsdf::Coated(Coated::new(color, 1.5)),
-            "",
-        ),
-        (
-            with(pbr(1.0, 0.5), "KHR_materials_clearcoat", json!({ "clearcoatFactor": 1 })),
-            metal(0.25),
-            "ignored the clear coat of",
-        ),
+        (pbr(0.0, 0.5), glossy(0.0, 1.5, 0.25), ""),
+        (with(pbr(0.0, 1.0), "doubleSided", json!(false)), glossy(0.0, 1.5, 1.0), ""),
+        (index(pbr(0.0, 0.0), 1.75), glossy(0.0, 1.75, 0.0), ""),
+        (pbr(0.75, 0.5), glossy(0.75, 1.5, 0.25), ""),
+        (pbr(1.0, 0.5), glossy(1.0, 1.5, 0.25), ""),
+        (index(pbr(0.0, 0.5), 1.0), Bsdf::diffuse(color), ""),
+        (index(pbr(0.5, 0.5), 1.0), glossy(0.5, 1.0, 0.25), ""),
+        (coat(pbr(0.0, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), ""),
+        (coat(pbr(0.25, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), "ignored the metal in"),
+        (coat(pbr(0.0, 0.5), 0.25), glossy(0.0, 1.5, 0.25), "ignored the clear coat of"),
+        (coat(pbr(1.0, 0.5), 1.0), glossy(1.0, 1.5, 0.25), "ignored the clear coat of"),
         (thick(0.0), Bsdf::Dielectric(Dielectric { eta: 1.25 }), ""),
         (thick(0.5), Bsdf::RoughDielectric(RoughDielectric::new(1.25, 0.25)), ""),
         (glass(0.0), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), ""),
@@ -122,11 +112,10 @@ fn materials_become_the_documented_ones() {
         ),
         (with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})), Bsdf::diffuse(color), "no shading"),
         (
-            with(pbr(0.0, 1.0), "normalTexture", json!({ "index": 0 })),
-            Bsdf::diffuse(color),
-            "normal",
+            with(pbr(0.0, 0.5), "occlusionTexture", json!({ "index": 0 })),
+            glossy(0.0, 1.5, 0.25),
+            "",
         ),
-        (with(pbr(0.0, 1.0), "occlusionTexture", json!({ "index": 0 })), Bsdf::diffuse(color), ""),
     ] {
         let (read, notes) = looks(material.clone(), WHITE);
         assert_eq!(read.bsdf, expected, "{material}");
@@ -135,56 +124,126 @@ fn materials_become_the_documented_ones() {
     // The standard's default is a rough white metal.
     let mut model = square();
     model.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
-    let white = Reflectance::Artist { normal: Vec3::ONE };
-    assert_eq!(model.load().scene.materials[0].bsdf, Bsdf::Conductor(Conductor::new(white, 1.0)));
+    let white = Bsdf::Glossy(Glossy::new(Vec3::ONE, 1.0, 1.5, 1.0));
+    assert_eq!(model.load().scene.materials[0].bsdf, white);
+}
+
+/// The material `m` of these keys in a scene file, with the picture as `p.png`.
+fn of_scene_file(keys: &str, texels: [[u8; 4]; 2]) -> Material {
+    let scene = format!(
+        "camera = {{ position = [0, 0, 5], target = [0, 0, 0], fov_x_deg = 40 }}\n\
+         environment = {{ radiance = 1 }}\nmesh = [{{ file = 'a.obj', material = 'm' }}]\n\
+         [materials.m]\n{keys}"
+    );
+    let png = picture(texels);
+    let list: [(&str, &[u8]); 3] =
+        [("p.png", &png), ("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", scene.as_bytes())];
+    files(&list).load().scene.materials[0].clone()
 }
 
 #[test]
-fn textures_multiply_or_count_by_their_mean() {
+fn textures_do_the_same_as_in_scene_files() {
+    let texels = [[255, 200, 128, 255], [10, 60, 250, 255]];
+    let info = json!({ "index": 0 });
     let textured = |key: &str, mut material: Value| {
-        material["pbrMetallicRoughness"][key] = json!({ "index": 0 });
+        material["pbrMetallicRoughness"][key] = info.clone();
         material
     };
-    let half = [[255, 255, 255, 255], [0, 0, 0, 255]];
-    let (diffuse, notes) = looks(textured("baseColorTexture", pbr(0.0, 1.0)), half);
-    assert_eq!(diffuse.bsdf, Bsdf::diffuse(Vec3::new(0.8, 0.4, 0.2)));
-    let picture = diffuse.albedo_texture.unwrap();
-    assert_eq!(picture.color(Vec2::new(0.25, 0.5)), Vec3::ONE);
-    assert_eq!((picture.color(Vec2::new(0.75, 0.5)), &notes[..]), (Vec3::ZERO, ""));
-    let (metal, notes) = looks(textured("baseColorTexture", pbr(1.0, 0.0)), half);
-    let expected = Reflectance::Artist { normal: 0.5 * Vec3::new(0.8, 0.4, 0.2) };
-    assert_eq!(metal.bsdf, Bsdf::Conductor(Conductor::new(expected, 0.0)));
-    assert!(metal.albedo_texture.is_none() && notes.contains("mean base color"), "{notes}");
-    // Green is roughness, blue is metalness.
-    let (dull, notes) =
-        looks(textured("metallicRoughnessTexture", pbr(1.0, 1.0)), [[0, 102, 255, 255]; 2]);
-    let Bsdf::Conductor(dull) = dull.bsdf else { panic!("no metal") };
-    assert!((dull.alpha() - 0.16).abs() < 1e-6 && notes.contains("mean metalness"), "{notes}");
-    let wrapped = |wrap: u32, scale: f32| {
-        let mut model = with_material(textured("baseColorTexture", pbr(0.0, 1.0)), half);
-        model.json["samplers"] = json!([{ "wrapS": wrap }]);
-        model.json["textures"][0]["sampler"] = json!(0);
-        let transform = json!({ "KHR_texture_transform": { "scale": [scale, scale] } });
-        let info = &mut model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
-        info["extensions"] = transform;
-        model.load().notes_text()
-    };
-    assert!(wrapped(33071, 2.0).contains("repeated the texture beyond its edges"));
-    assert!(!wrapped(33071, 1.0).contains("repeated") && !wrapped(10497, 2.0).contains("repeated"));
+    let both = textured("metallicRoughnessTexture", textured("baseColorTexture", pbr(1.0, 0.5)));
+    let glossy = "type = 'glossy'\nalbedo = [0.8, 0.4, 0.2]\n";
+    let all = "albedo_texture = 'p.png'\nmetallic_roughness_texture = 'p.png'\n\
+               metallic = 1\nroughness = 0.5\n";
+    let lamp = with(both.clone(), "emissiveFactor", json!([1, 0.5, 0]));
+    let lamp = with(lamp, "emissiveTexture", info.clone());
+    let lamp = with(lamp, "KHR_materials_emissive_strength", json!({ "emissiveStrength": 10 }));
+    let lamp = with(lamp, "doubleSided", json!(false));
+    let bent = json!({ "index": 0, "scale": 0.5 });
+    let coat = with(pbr(0.0, 0.5), "KHR_materials_clearcoat", json!({ "clearcoatFactor": 1 }));
+    for (material, keys) in [
+        (both.clone(), format!("{glossy}{all}")),
+        (
+            textured("baseColorTexture", pbr(0.0, 0.0)),
+            format!("{glossy}albedo_texture = 'p.png'\n"),
+        ),
+        (lamp, format!("{glossy}{all}emission = [10, 5, 0]\nemission_texture = 'p.png'\n")),
+        (
+            with(pbr(1.0, 0.5), "normalTexture", bent.clone()),
+            format!(
+                "{glossy}metallic = 1\nroughness = 0.5\nnormal_texture = 'p.png'\n\
+                 normal_scale = 0.5"
+            ),
+        ),
+        (
+            with(textured("baseColorTexture", coat), "normalTexture", bent),
+            "type = 'coated'\nalbedo = [0.8, 0.4, 0.2]\nalbedo_texture = 'p.png'\n\
+             normal_texture = 'p.png'\nnormal_scale = 0.5"
+                .into(),
+        ),
+    ] {
+        let (read, notes) = looks(with(material, "name", json!("m")), texels);
+        assert_eq!((&read, &notes[..]), (&of_scene_file(&keys, texels), ""), "{keys}");
+    }
 }
 
 #[test]
-fn emission_is_the_factor_times_strength_and_texture() {
+fn samplers_wrap_and_filter() {
+    let mut material = pbr(0.0, 0.5);
+    material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
+    let sampled = |sampler: Value| {
+        let mut model = with_material(material.clone(), WHITE);
+        model.json["samplers"] = json!([sampler]);
+        model.json["textures"][0]["sampler"] = json!(0);
+        model
+    };
+    for (sampler, wrap, nearest) in [
+        (json!({}), [Wrap::Repeat; 2], false),
+        (json!({ "magFilter": 9729, "wrapS": 10497 }), [Wrap::Repeat; 2], false),
+        (json!({ "wrapS": 33071, "wrapT": 33648 }), [Wrap::Clamp, Wrap::Mirror], false),
+        (json!({ "magFilter": 9728, "minFilter": 9729 }), [Wrap::Repeat; 2], true),
+    ] {
+        let loaded = sampled(sampler).load();
+        let picture = loaded.scene.materials[0].albedo_texture.clone().unwrap();
+        assert_eq!(picture.sampling(), Sampling { wrap, nearest });
+    }
+    sampled(json!({ "wrapT": 5 })).files().refused(&["samplers[0].wrapT: unknown 5"]);
+}
+
+#[test]
+fn tangents_are_read_where_they_count() {
+    let bent = json!({ "index": 0, "texCoord": 0 });
+    let tangent = |material: Value| {
+        let mut model = with_material(material, WHITE);
+        let tangents = bytes([[0.0, 2.0, 0.0, 1.0]; 4].as_flattened());
+        let accessor = model.accessor(&tangents, F32, "VEC4", 4);
+        model.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(accessor);
+        model.json["nodes"][0]["rotation"] = json!([0, 1, 0, 0]);
+        model.load().scene.meshes[0].tangents.clone()
+    };
+    assert!(tangent(pbr(0.0, 0.5)).is_empty());
+    assert_eq!(tangent(with(pbr(0.0, 0.5), "normalTexture", bent.clone())), [Vec3::Y; 4]);
+    let mut turned = bent;
+    turned["extensions"] = json!({ "KHR_texture_transform": { "rotation": 1 } });
+    assert!(tangent(with(pbr(0.0, 0.5), "normalTexture", turned)).is_empty());
+}
+
+#[test]
+fn one_set_of_texture_coordinates_serves_all() {
+    let mut material = with(pbr(0.0, 0.5), "normalTexture", json!({ "index": 0 }));
+    let moved = json!({ "KHR_texture_transform": { "offset": [0.5, 0] } });
+    material["pbrMetallicRoughness"]["baseColorTexture"] =
+        json!({ "index": 0, "extensions": moved });
+    let (_, notes) = looks(material, WHITE);
+    assert!(notes.contains("laid all textures like the first of"), "{notes}");
+}
+
+#[test]
+fn emission_is_the_factor_times_strength() {
     let lamp = with(pbr(0.0, 1.0), "emissiveFactor", json!([1, 0.5, 0]));
     let strong = with(lamp, "KHR_materials_emissive_strength", json!({ "emissiveStrength": 10 }));
     let (read, notes) = looks(with(strong.clone(), "doubleSided", json!(false)), WHITE);
     assert_eq!((read.emission, &notes[..]), (Vec3::new(10.0, 5.0, 0.0), ""));
-    let (_, notes) = looks(strong.clone(), WHITE);
+    let (_, notes) = looks(strong, WHITE);
     assert!(notes.contains("only front sides"), "{notes}");
-    let textured = with(strong, "emissiveTexture", json!({ "index": 0 }));
-    let (read, notes) = looks(textured, [[255, 255, 255, 255], [0, 0, 0, 255]]);
-    assert_eq!(read.emission, Vec3::new(5.0, 2.5, 0.0));
-    assert!(notes.contains("mean color of the emissive texture"), "{notes}");
 }
 
 #[test]
@@ -329,17 +388,20 @@ fn lamps_holes_and_mirrors_look_as_those_of_mtl() {
         "pbrMetallicRoughness": {
             "baseColorTexture": { "index": 0 }, "baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0,
         },
-        "alphaMode": "MASK", "doubleSided": true,
+        "alphaMode": "MASK", "doubleSided": true, "extensions": diffuse(),
     });
     let mut model = with_material(material, texels);
-    let metal = json!({ "metallicFactor": 1, "roughnessFactor": 0.6, "baseColorFactor": [0.9, 0.6, 0.3, 1] });
+    let metal = json!({ "metallicFactor": 0.9, "roughnessFactor": 0.6, "baseColorFactor": [0.9, 0.6, 0.3, 1] });
     model.push("materials", json!({ "pbrMetallicRoughness": metal }));
     let black = json!({ "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0 });
     model.push(
         "materials",
         json!({
             "pbrMetallicRoughness": black, "emissiveFactor": [1, 1, 0.5],
-            "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 4 } },
+            "extensions": {
+                "KHR_materials_emissive_strength": { "emissiveStrength": 4 },
+                "KHR_materials_ior": { "ior": 1 },
+            },
         }),
     );
     let part = model.json["meshes"][0]["primitives"][0].clone();
@@ -351,7 +413,7 @@ fn lamps_holes_and_mirrors_look_as_those_of_mtl() {
         let rotation = if turned { [0, 1, 0, 0] } else { [0, 0, 0, 1] };
         model.node(json!({ "mesh": mesh + 1, "translation": [0, 0, z], "rotation": rotation }));
     }
-    let mtl = "newmtl cut\nKd .5\nmap_Kd p.png\nmap_d p.png\nnewmtl metal\nKd .9 .6 .3\nPm 1\nPr .6\n\
+    let mtl = "newmtl cut\nKd .5\nmap_Kd p.png\nmap_d p.png\nnewmtl metal\nKd .9 .6 .3\nPm .9\nPr .6\n\
                newmtl lamp\nKd 0\nKe 4 4 2\n";
     let square =
         |z: i32, x: i32| format!("v {} -1 {z}\nv {x} -1 {z}\nv {x} 1 {z}\nv {} 1 {z}\n", -x, -x);

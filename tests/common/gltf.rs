@@ -153,7 +153,12 @@ impl Files {
 /// A grey diffuse material like that of an OBJ file without one.
 pub fn grey() -> Value {
     let pbr = json!({ "baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0 });
-    json!({ "pbrMetallicRoughness": pbr, "doubleSided": true })
+    json!({ "pbrMetallicRoughness": pbr, "doubleSided": true, "extensions": diffuse() })
+}
+
+/// What leaves a material without highlights.
+pub fn diffuse() -> Value {
+    json!({ "KHR_materials_ior": { "ior": 1 } })
 }
 
 /// Corners of a square, and its two triangles.

@@ -177,6 +177,7 @@ impl<'a> Reader<'a> {
         let width = match kind {
             "SCALAR" => 1,
             "VEC2" => 2,
+            "VEC4" => 4,
             _ => 3,
         };
         let size = width * component.size();

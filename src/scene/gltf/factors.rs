@@ -6,7 +6,7 @@ use super::texture::{Pictures, UvSource};
 use super::{fault, first_name};
 use crate::error::Result;
 use crate::math::Rgb;
-use crate::scene::Texture;
+use crate::scene::{NormalMap, Texture};
 use std::sync::Arc;
 
 /// How `baseColorFactor`'s and `baseColorTexture`'s alpha counts.
@@ -27,19 +27,19 @@ pub(super) struct Factors {
     pub opacity: f32,
     /// What both are multiplied with.
     pub base_texture: Option<Arc<Texture>>,
-    /// Of the base color texture.
-    pub uv_source: Option<UvSource>,
-    /// Whether that is repeated in both directions.
-    pub repeats: bool,
     pub alpha: Alpha,
-    /// With the mean of their texture, if there is one.
     pub metalness: f32,
     pub roughness: f32,
-    pub metallic_roughness_texture: bool,
-    /// Radiance, W/(m^2 sr), with the mean of its texture.
+    /// What both are multiplied with: roughness with green, metalness with blue.
+    pub metallic_roughness_texture: Option<Arc<Texture>>,
+    /// Radiance, W/(m^2 sr).
     pub emission: Rgb,
-    pub emissive_texture: bool,
-    pub normal_texture: bool,
+    pub emissive_texture: Option<Arc<Texture>>,
+    pub normal_map: Option<NormalMap>,
+    /// How the first texture lies on the surface.
+    pub uv_source: Option<UvSource>,
+    /// Whether another lies in another way.
+    pub has_other_uvs: bool,
     /// 1.5 if nothing is said.
     pub ior: f32,
     /// With the mean of its texture.
@@ -94,15 +94,19 @@ pub(super) fn factors(
     let key = "extensions.KHR_materials_transmission.transmissionTexture";
     let transmitted = picture(&transmission.transmission_texture, key)?;
 
-    // Roughness is green, metalness blue, transmission red.
-    let mean = |picture: &Option<Arc<Texture>>| {
-        picture.as_ref().map_or([1.0; 3], |picture| picture.mean_data().to_array())
-    };
-    let [_, green, blue] = mean(&metallic_roughness);
-    let [red, ..] = mean(&transmitted);
+    let normals = material.normal_texture.as_ref();
+    let normal_picture = picture(&normals.map(|normals| normals.info.clone()), "normalTexture")?;
+    let normal_map = normal_picture.zip(normals).map(|(texture, normals)| {
+        let scale = normals.scale;
+        NormalMap { texture, scale }
+    });
+    if normal_map.as_ref().is_some_and(|map| !(-100.0..=100.0).contains(&map.scale)) {
+        return Err(fault(at("normalTexture.scale"), "it is not from -100 to 100"));
+    }
+
+    let red = transmitted.map_or(1.0, |picture| picture.mean_data().x);
     let strength = extensions.emissive_strength.emissive_strength;
-    let glow = emissive.as_ref().map_or(Rgb::ONE, |picture| picture.mean_color());
-    let emission = Rgb::from_array(material.emissive_factor) * strength * glow;
+    let emission = Rgb::from_array(material.emissive_factor) * strength;
     if !(emission.is_finite() && emission.min_element() >= 0.0) {
         return Err(fault(at("emissiveFactor"), "the emission is negative or not finite"));
     }
@@ -115,12 +119,16 @@ pub(super) fn factors(
             return Err(fault(key, format!("it is {ior}, not from 0.1 to 10")));
         }
     };
-    let uv_source = pbr.base_color_texture.as_ref().map(UvSource::new);
-    if uv_source.is_some_and(|uv| !uv.is_finite()) {
-        let key = "pbrMetallicRoughness.baseColorTexture.extensions.KHR_texture_transform";
-        return Err(fault(at(key), "it is not finite"));
+    let infos = [
+        pbr.base_color_texture.as_ref(),
+        pbr.metallic_roughness_texture.as_ref(),
+        normals.map(|normals| &normals.info),
+        material.emissive_texture.as_ref(),
+    ];
+    let uv_sources: Vec<UvSource> = infos.into_iter().flatten().map(UvSource::new).collect();
+    if uv_sources.iter().any(|uv| !uv.is_finite()) {
+        return Err(fault(at("extensions"), "a KHR_texture_transform is not finite"));
     }
-    let repeats = pbr.base_color_texture.as_ref().map(|info| pictures.repeats(info)).transpose()?;
     let coat = &extensions.clearcoat;
     let coat_textures = [
         &coat.clearcoat_texture,
@@ -132,15 +140,15 @@ pub(super) fn factors(
         base_color,
         opacity: share(a, "pbrMetallicRoughness.baseColorFactor")?,
         base_texture,
-        uv_source,
-        repeats: repeats.unwrap_or(true),
         alpha: alpha(material, &place)?,
-        metalness: blue * share(pbr.metallic_factor, "pbrMetallicRoughness.metallicFactor")?,
-        roughness: green * share(pbr.roughness_factor, "pbrMetallicRoughness.roughnessFactor")?,
-        metallic_roughness_texture: metallic_roughness.is_some(),
+        metalness: share(pbr.metallic_factor, "pbrMetallicRoughness.metallicFactor")?,
+        roughness: share(pbr.roughness_factor, "pbrMetallicRoughness.roughnessFactor")?,
+        metallic_roughness_texture: metallic_roughness,
         emission,
-        emissive_texture: emissive.is_some(),
-        normal_texture: material.normal_texture.is_some(),
+        emissive_texture: emissive,
+        normal_map,
+        uv_source: uv_sources.first().copied(),
+        has_other_uvs: uv_sources.iter().any(|uv| *uv != uv_sources[0]),
         ior,
         transmission: red
             * share(transmission.transmission_factor, "extensions.KHR_materials_transmission")?,

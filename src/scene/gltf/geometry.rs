@@ -69,14 +69,22 @@ pub(super) fn triangle_count(
     Ok(Some(mode.count(accessor.count)))
 }
 
+/// What a material needs of its meshes besides their shape. Nothing else is read: surfaces on which
+/// nothing varies are rendered faster.
+pub(super) struct Wanted<'a> {
+    /// Where texture coordinates come from.
+    pub uv_source: Option<&'a UvSource>,
+    /// Whether tangents count, if there are any.
+    pub tangents: bool,
+}
+
 /// The mesh of a primitive of triangles, with the vertices that it uses, for many primitives may share
-/// the accessors of all vertices; empty for points and lines. Without a source no texture coordinates
-/// are read: surfaces on which nothing varies are rendered faster.
+/// the accessors of all vertices; empty for points and lines.
 pub(super) fn read(
     document: &Document,
     buffers: &Buffers,
     primitive: &Primitive,
-    uv_source: Option<&UvSource>,
+    wanted: &Wanted,
     place: &str,
 ) -> Result<Mesh> {
     let Some(mode) = Mode::of(primitive, place)? else { return Ok(Mesh::default()) };
@@ -116,10 +124,14 @@ pub(super) fn read(
         found => Ok(found),
     };
     let normals = of_vertices("NORMAL", "VEC3")?;
-    let uvs = match uv_source {
+    let uvs = match wanted.uv_source {
         None => None,
         Some(source) => of_vertices(&format!("TEXCOORD_{}", source.set), "VEC2")?
             .map(|(uvs, at)| (uvs, at, source)),
+    };
+    let tangents = match (wanted.tangents, wanted.uv_source) {
+        (true, Some(source)) if source.keeps_tangents() => of_vertices("TANGENT", "VEC4")?,
+        _ => None,
     };
     let mut mesh = Mesh { triangles, ..Mesh::default() };
     mesh.positions = finite(&positions, &used, &at)?.map(Vec3::from_array).collect();
@@ -131,6 +143,14 @@ pub(super) fn read(
     if let Some((uvs, at, source)) = &uvs {
         let uvs = finite(uvs, &used, at)?.map(Vec2::from_array);
         mesh.uvs = uvs.map(|uv| source.apply(uv)).collect();
+    }
+    if let Some((tangents, _)) = &tangents {
+        // As for normals; which way `v` grows, in the fourth number, texture coordinates tell.
+        let tangent = |vertex: &u32| {
+            let [x, y, z, _] = tangents.numbers((*vertex).into());
+            Vec3::new(x, y, z)
+        };
+        mesh.tangents = used.iter().map(tangent).collect();
     }
     Ok(mesh)
 }
@@ -151,18 +171,26 @@ fn indexed(mode: Mode, indices: &Reader, vertices: u64, place: &str) -> Result<V
     (0..mode.count(indices.count)).map(triangle).collect()
 }
 
-/// Numbers the vertices anew without those that are not used; returns their former indices.
+/// Numbers the vertices anew by their first use, without those that are not used; returns their former
+/// indices.
 fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
     let mut used = triangles.as_flattened().to_vec();
     used.sort_unstable();
     used.dedup();
     // They ascend without a gap if the last has its own number.
-    if used.last().is_some_and(|last| *last as usize + 1 > used.len()) {
-        for corner in triangles.as_flattened_mut() {
-            *corner = used.partition_point(|vertex| vertex < corner) as u32;
+    let dense = used.last().is_none_or(|last| *last as usize + 1 == used.len());
+    let mut numbers = vec![u32::MAX; used.len()];
+    let mut order = Vec::with_capacity(used.len());
+    for corner in triangles.as_flattened_mut() {
+        let vertex = *corner;
+        let rank = if dense { vertex as usize } else { used.partition_point(|v| *v < vertex) };
+        if numbers[rank] == u32::MAX {
+            numbers[rank] = order.len() as u32;
+            order.push(vertex);
         }
+        *corner = numbers[rank];
     }
-    used
+    order
 }
 
 /// The elements of `used`, of numbers up to [`MAX_COORDINATE`].
@@ -200,12 +228,12 @@ mod tests {
     }
 
     #[test]
-    fn unused_vertices_are_left_out() {
+    fn vertices_are_numbered_by_their_first_use() {
         let mut triangles = [[7, 3, 9], [9, 3, 4]];
-        assert_eq!(compact(&mut triangles), [3, 4, 7, 9]);
-        assert_eq!(triangles, [[2, 0, 3], [3, 0, 1]]);
+        assert_eq!(compact(&mut triangles), [7, 3, 9, 4]);
+        assert_eq!(triangles, [[0, 1, 2], [2, 1, 3]]);
         let mut all = [[0, 2, 1]];
-        assert_eq!((compact(&mut all), all), (vec![0, 1, 2], [[0, 2, 1]]));
+        assert_eq!((compact(&mut all), all), (vec![0, 2, 1], [[0, 1, 2]]));
         assert!(compact(&mut []).is_empty());
     }
 }

@@ -20,6 +20,7 @@ pub(super) struct Texture {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Sampler {
+    pub mag_filter: Option<u32>,
     pub wrap_s: Option<u32>,
     pub wrap_t: Option<u32>,
 }
@@ -29,7 +30,7 @@ pub(super) struct Sampler {
 pub(super) struct Material {
     pub name: String,
     pub pbr_metallic_roughness: Pbr,
-    pub normal_texture: Option<TextureInfo>,
+    pub normal_texture: Option<NormalTextureInfo>,
     pub emissive_texture: Option<TextureInfo>,
     pub emissive_factor: [f32; 3],
     pub alpha_mode: Option<String>,
@@ -68,6 +69,18 @@ pub(super) struct TextureInfo {
     pub tex_coord: u32,
     #[serde(default)]
     pub extensions: TextureExtensions,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+pub(super) struct NormalTextureInfo {
+    #[serde(flatten)]
+    pub info: TextureInfo,
+    #[serde(default = "one")]
+    pub scale: f32,
+}
+
+fn one() -> f32 {
+    1.0
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -3,11 +3,12 @@
 use super::factors::{Alpha, Factors};
 use super::remarks::Remarks;
 use super::texture::{Coverage, coverage};
-use crate::bsdf::{Bsdf, Coated, Conductor, Reflectance, SMOOTH_ALPHA, ThinDielectric};
+use crate::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use crate::math::Rgb;
 use crate::scene::Material;
 use crate::scene::material_table::{DEFAULT_IOR, dielectric};
 use crate::scene::mtl_material::COAT_ROUGHNESS;
+use glam::Vec3;
 
 /// The material, with remarks on what of it has no counterpart; `None` if it is nowhere to be seen.
 pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Material> {
@@ -26,71 +27,80 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
         }
     };
     let emits = emission.max_element() > 0.0;
-    let with_albedo = matches!(bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_));
     for (left_out, what) in [
-        (factors.normal_texture, "ignored the normal texture of"),
         (factors.unlit, "shaded what has no shading, the material"),
-        (emits && factors.emissive_texture, "took the mean color of the emissive texture of"),
+        (factors.has_other_uvs, "laid all textures like the first of the material"),
         (emits && factors.double_sided, "let only front sides emit light, of the material"),
         (emits && opacity_texture.is_some(), "filled the holes in the lamps of the material"),
-        (base_texture.is_some() && !with_albedo && !glass, "took the mean base color of the metal"),
     ] {
         if left_out {
             remarks.skipped(what, name);
         }
     }
-    let albedo_texture = base_texture.clone().filter(|_| with_albedo);
-    let own = Material::new(name, bsdf);
-    Some(Material { emission: *emission, albedo_texture, opacity_texture, ..own })
+    let data = factors.metallic_roughness_texture.clone();
+    Some(Material {
+        emission: *emission,
+        albedo_texture: base_texture.clone().filter(|_| !glass),
+        metallic_roughness_texture: data.filter(|_| matches!(bsdf, Bsdf::Glossy(_))),
+        opacity_texture,
+        normal_map: factors.normal_map.clone(),
+        emission_texture: factors.emissive_texture.clone().filter(|_| emits),
+        ..Material::new(name, bsdf)
+    })
 }
 
 fn bsdf(factors: &Factors, remarks: &mut Remarks) -> Bsdf {
-    let Factors { base_color, metalness, roughness, transmission, .. } = *factors;
+    let Factors { base_color, metalness, roughness, transmission, clearcoat, ior, .. } = *factors;
     if factors.unlit {
         return Bsdf::diffuse(base_color);
     }
     let name = &factors.name;
-    let alpha = roughness * roughness;
-    let is_metal = metalness >= 0.5;
+    // What is not glossy counts by means.
+    let data = factors.metallic_roughness_texture.as_ref();
+    let layered = transmission > 0.0 || clearcoat > 0.0;
+    let mean = data.filter(|_| layered).map_or(Vec3::ONE, |picture| picture.mean_data());
+    let [metal_mean, roughness_mean] = [metalness * mean.z, roughness * mean.y];
+    let is_metal = metal_mean >= 0.5;
     let is_glass = !is_metal && transmission >= 0.5;
-    let has_coat = factors.clearcoat >= 0.5 && factors.clearcoat_roughness < COAT_ROUGHNESS;
-    let coat_is_lost = factors.clearcoat > 0.0 && (!has_coat || is_metal || is_glass);
+    let is_coated =
+        !is_metal && !is_glass && clearcoat >= 0.5 && factors.clearcoat_roughness < COAT_ROUGHNESS;
     for (left_out, what) in [
-        (factors.metallic_roughness_texture, "took the mean metalness and roughness of"),
-        (metalness > 0.0 && metalness < 1.0, "rounded the metalness of"),
+        ((is_glass || is_coated) && metal_mean > 0.0, "ignored the metal in"),
         (!is_metal && transmission > 0.0 && transmission < 1.0, "rounded the transmission of"),
-        (coat_is_lost, "ignored the clear coat of"),
-        (factors.clearcoat_texture && factors.clearcoat > 0.0, "ignored coat textures of"),
+        (clearcoat > 0.0 && !is_coated, "ignored the clear coat of"),
+        (factors.clearcoat_texture && clearcoat > 0.0, "ignored coat textures of"),
+        (is_glass && data.is_some(), "took the mean roughness of"),
     ] {
         if left_out {
             remarks.skipped(what, name);
         }
     }
-    if is_metal {
-        let mean = factors.base_texture.as_ref().map_or(Rgb::ONE, |picture| picture.mean_color());
-        let normal = base_color * mean;
-        return Bsdf::Conductor(Conductor::new(Reflectance::Artist { normal }, alpha));
-    }
     if is_glass {
-        let tinted = factors.thick && factors.attenuation != Rgb::ONE;
-        if tinted || base_color != Rgb::ONE || factors.base_texture.is_some() {
-            remarks.skipped("ignored the color of the glass", name);
-        }
-        if factors.thick {
-            return dielectric(factors.ior, alpha);
-        }
-        if alpha >= SMOOTH_ALPHA {
-            remarks.skipped("ignored the roughness of the thin glass", name);
-        }
-        return Bsdf::ThinDielectric(ThinDielectric { eta: factors.ior });
+        return glass(factors, roughness_mean * roughness_mean, remarks);
     }
-    match (has_coat, factors.ior) {
-        (true, _) => Bsdf::Coated(Coated::new(base_color, DEFAULT_IOR)),
-        (false, ior) if roughness < COAT_ROUGHNESS && ior > 1.0 => {
-            Bsdf::Coated(Coated::new(base_color, ior))
-        }
-        _ => Bsdf::diffuse(base_color),
+    if is_coated {
+        return Bsdf::Coated(Coated::new(base_color, DEFAULT_IOR));
     }
+    // Of the index of the air nothing reflects but metal.
+    if ior <= 1.0 && metalness == 0.0 {
+        return Bsdf::diffuse(base_color);
+    }
+    Bsdf::Glossy(Glossy::new(base_color, metalness, ior, roughness * roughness))
+}
+
+fn glass(factors: &Factors, alpha: f32, remarks: &mut Remarks) -> Bsdf {
+    let name = &factors.name;
+    let tinted = factors.thick && factors.attenuation != Rgb::ONE;
+    if tinted || factors.base_color != Rgb::ONE || factors.base_texture.is_some() {
+        remarks.skipped("ignored the color of the glass", name);
+    }
+    if factors.thick {
+        return dielectric(factors.ior, alpha);
+    }
+    if alpha >= SMOOTH_ALPHA {
+        remarks.skipped("ignored the roughness of the thin glass", name);
+    }
+    Bsdf::ThinDielectric(ThinDielectric { eta: factors.ior })
 }
 
 /// Where the surface is.

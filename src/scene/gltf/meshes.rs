@@ -1,6 +1,7 @@
 //! The meshes of a file, each read once however often it is placed, and the materials in use.
 
 use super::buffers::Buffers;
+use super::geometry::Wanted;
 use super::json::{Document, Primitive, get};
 use super::nodes::Placed;
 use super::remarks::Remarks;
@@ -25,9 +26,10 @@ pub(super) struct Meshes<'a> {
 struct Look {
     /// Index of the material in the scene.
     material: u32,
-    /// Of its texture.
+    /// Of its textures.
     uv_source: Option<UvSource>,
-    repeats: bool,
+    /// Whether it bends normals.
+    bends: bool,
 }
 
 impl<'a> Meshes<'a> {
@@ -112,13 +114,9 @@ impl<'a> Meshes<'a> {
             }
             self.remark(primitive, &name);
             let look = self.look(primitive.material, &place, pictures, materials)?;
-            let Some(Look { material, uv_source, repeats }) = look else { continue };
-            let mesh = geometry::read(document, buffers, primitive, uv_source.as_ref(), &place)?;
-            let beyond =
-                |uv: &glam::Vec2| uv.min_element() < -1e-4 || uv.max_element() > 1.0 + 1e-4;
-            if !repeats && mesh.uvs.iter().any(beyond) {
-                self.remarks.skipped("repeated the texture beyond its edges on", &name);
-            }
+            let Some(Look { material, uv_source, bends }) = look else { continue };
+            let wanted = Wanted { uv_source: uv_source.as_ref(), tangents: bends };
+            let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;
             if !mesh.triangles.is_empty() {
                 parts.push((mesh, material));
             }
@@ -153,9 +151,10 @@ impl<'a> Meshes<'a> {
         let place = format!("{place}.material");
         let factors = factors::factors(self.document, pictures, index, &place)?;
         let look = material::material(&factors, &mut self.remarks).map(|material| {
+            let uv_source = factors.uv_source.filter(|_| material.is_textured());
+            let bends = material.normal_map.is_some();
             materials.push(material);
-            let material = materials.len() as u32 - 1;
-            Look { material, uv_source: factors.uv_source, repeats: factors.repeats }
+            Look { material: materials.len() as u32 - 1, uv_source, bends }
         });
         self.looks.insert(index, look);
         Ok(look)

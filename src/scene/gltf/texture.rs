@@ -5,7 +5,7 @@ use super::fault;
 use super::json::{Document, get};
 use super::json_material::{TextureInfo, TextureTransform};
 use crate::error::{Error, Result};
-use crate::scene::Texture;
+use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::HashMap;
 use std::path::Path;
@@ -14,15 +14,14 @@ use std::sync::Arc;
 /// Largest accepted picture, bytes.
 const MAX_FILE: u64 = 1 << 30;
 
-/// The code for textures that are repeated.
-const REPEAT: u32 = 10_497;
-
 /// The pictures of a file, each read with its first use.
 pub(super) struct Pictures<'a> {
     document: &'a Document,
     buffers: &'a Buffers<'a>,
     folder: &'a Path,
-    read: HashMap<Source<'a>, Arc<Texture>>,
+    read: HashMap<Source<'a>, Texture>,
+    /// Shared by all materials that sample it so.
+    sampled: HashMap<(Source<'a>, Sampling), Arc<Texture>>,
 }
 
 /// Where a picture comes from; images may share it.
@@ -34,7 +33,7 @@ enum Source<'a> {
 
 impl<'a> Pictures<'a> {
     pub fn new(document: &'a Document, buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
-        Self { document, buffers, folder, read: HashMap::new() }
+        Self { document, buffers, folder, read: HashMap::new(), sampled: HashMap::new() }
     }
 
     /// The picture of the texture that `place` refers to.
@@ -50,6 +49,17 @@ impl<'a> Pictures<'a> {
             (None, Some(view)) => Source::View(view),
             (None, None) => return Err(fault(place, "it has neither uri nor bufferView")),
         };
+        let sampling = self.sampling(info.index, texture.sampler)?;
+        if let Some(texture) = self.sampled.get(&(source, sampling)) {
+            return Ok(texture.clone());
+        }
+        let texture = Arc::new(self.read(source, &place)?.sampled(sampling));
+        self.sampled.insert((source, sampling), texture.clone());
+        Ok(texture)
+    }
+
+    /// The picture from there; of clones the texels are there once.
+    fn read(&mut self, source: Source<'a>, place: &str) -> Result<Texture> {
         if let Some(read) = self.read.get(&source) {
             return Ok(read.clone());
         }
@@ -61,18 +71,24 @@ impl<'a> Pictures<'a> {
         };
         let texture = Texture::decode(bytes)
             .map_err(|e| Error::new(format!("{place}: {}", e.problem()), e.advice()))?;
-        let texture = Arc::new(texture);
         self.read.insert(source, texture.clone());
         Ok(texture)
     }
 
-    /// Whether the texture is repeated in both directions, as all are rendered.
-    pub fn repeats(&self, info: &TextureInfo) -> Result<bool> {
-        let texture = self.document.textures.get(info.index);
-        let Some(sampler) = texture.and_then(|texture| texture.sampler) else { return Ok(true) };
-        let place = format!("textures[{}].sampler", info.index);
-        let sampler = get(&self.document.samplers, "samplers", sampler, place)?;
-        Ok([sampler.wrap_s, sampler.wrap_t].iter().all(|wrap| wrap.is_none_or(|w| w == REPEAT)))
+    /// How the texture of this index is sampled.
+    fn sampling(&self, texture: usize, sampler: Option<usize>) -> Result<Sampling> {
+        let Some(index) = sampler else { return Ok(Sampling::default()) };
+        let place = format!("textures[{texture}].sampler");
+        let sampler = get(&self.document.samplers, "samplers", index, place)?;
+        let wrap = |code: Option<u32>, key: &str| match code {
+            None | Some(10_497) => Ok(Wrap::Repeat),
+            Some(33_648) => Ok(Wrap::Mirror),
+            Some(33_071) => Ok(Wrap::Clamp),
+            Some(code) => Err(fault(format!("samplers[{index}].{key}"), format!("unknown {code}"))),
+        };
+        let wrap = [wrap(sampler.wrap_s, "wrapS")?, wrap(sampler.wrap_t, "wrapT")?];
+        // Pictures are seen from nearby or with many samples: how they would shrink is of no interest.
+        Ok(Sampling { wrap, nearest: sampler.mag_filter == Some(9728) })
     }
 }
 
@@ -101,6 +117,14 @@ impl UvSource {
     /// Whether it leads from numbers to numbers.
     pub fn is_finite(&self) -> bool {
         self.map.is_none_or(|map| map.is_finite())
+    }
+
+    /// Whether growing `u` leads the same way as in the coordinates of the file.
+    pub fn keeps_tangents(&self) -> bool {
+        self.map.is_none_or(|map| {
+            let [along_u, along_v] = [map.matrix2.x_axis, map.matrix2.y_axis];
+            along_u.x > 0.0 && along_v.y > 0.0 && along_u.y == 0.0 && along_v.x == 0.0
+        })
     }
 
     /// From coordinates of the file, whose v points down, to those of [`Texture`].
@@ -148,7 +172,8 @@ pub(super) fn coverage(picture: Option<&Arc<Texture>>, factor: f32, cutoff: f32)
     }
     let texels = picture.texels().iter().map(|[r, g, b, a]| [*r, *g, *b, moved[usize::from(*a)]]);
     let [width, height] = picture.size();
-    Coverage::Partly(Arc::new(Texture::new(width, height, texels.collect())))
+    let moved = Texture::new(width, height, texels.collect()).sampled(picture.sampling());
+    Coverage::Partly(Arc::new(moved))
 }
 
 #[cfg(test)]
