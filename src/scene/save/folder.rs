@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::output::write_atomically;
 use crate::scene::text::list;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(super) struct Folder<'a> {
@@ -50,7 +51,25 @@ impl<'a> Folder<'a> {
         Ok(self.planned.len())
     }
 
-    /// Writes a file.
+    /// Writes a part, quickly rather than all or nothing: there may be thousands, and the scene file,
+    /// which comes last, makes them count.
+    pub fn write_part(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<()> {
+        let path = self.path(name);
+        let all = || {
+            // What others link to stays as it is.
+            let _ = std::fs::remove_file(&path);
+            let mut file = BufWriter::with_capacity(1 << 18, File::create_new(&path)?);
+            write(&mut file)?;
+            file.flush()
+        };
+        all().map_err(|e| Error::io("write", &path, e))
+    }
+
+    /// Writes a file that appears complete or not at all.
     pub fn write(
         &self,
         name: &str,

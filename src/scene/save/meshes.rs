@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::scene::Mesh;
 use crate::scene::notes::Note;
 use crate::scene::text::list;
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -48,10 +49,8 @@ impl<'a> Meshes<'a> {
     }
 
     pub fn write(&self, out: &Folder) -> Result<()> {
-        for (mesh, file) in self.meshes.iter().zip(&self.files) {
-            out.write(file, |to| write(mesh, to))?;
-        }
-        Ok(())
+        let all = self.meshes.par_iter().zip(&self.files);
+        all.try_for_each(|(mesh, file)| out.write_part(file, |to| write(mesh, to)))
     }
 }
 

@@ -49,7 +49,7 @@ impl<'a> Pictures<'a> {
 
     pub fn write(&self, out: &Folder) -> Result<()> {
         for (texture, file) in &self.pictures {
-            out.write(file, |to| write_png(texture, to))?;
+            out.write_part(file, |to| write_png(texture, to))?;
         }
         Ok(())
     }
