@@ -169,7 +169,11 @@ fn pictures_of_all_kinds_are_read() {
         assert_eq!(texture.color(Vec2::new(0.75, 0.5)), Vec3::ONE, "{kind:?}");
         assert_eq!(bsdf.albedo(), Vec3::ONE, "without Kd the picture tells all");
         assert!(opacity_texture.is_some());
-        assert!(loaded.notes.iter().all(|note| !note.contains("texture")), "{:?}", loaded.notes);
+        assert!(
+            loaded.notes.iter().all(|note| !note.text.contains("texture")),
+            "{:?}",
+            loaded.notes
+        );
     }
 }
 
@@ -198,11 +202,11 @@ fn broken_pictures_are_refused_and_missing_ones_are_told() {
     refused("map_Kd p.png", &huge, &["100000x1 texels"]);
     for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
-        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes.join("\n");
+        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
         assert!(notes.contains("ignored some textures"), "{notes}");
     }
     let (_folder, path) = model("f 1 2 3", "map_Kd p.png", &good);
-    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes.join("\n");
+    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
     assert!(notes.contains("without texture coordinates"), "{notes}");
 }
 
@@ -265,6 +269,16 @@ fn every_texture_of_a_scene_file_is_read() {
     assert!((data.data(Vec2::new(0.1, 0.5)) - Vec3::new(0.0, 0.2, 1.0)).length() < 1e-6);
     let normals = glossy.normal_map.unwrap();
     assert_eq!((normals.scale, normals.texture.sampling()), (0.5, sampling));
+
+    // Each may have its own way; they share the file.
+    let both = load(
+        "type = 'glossy'\ntexture_wrap = 'clamp'\nalbedo_texture = 'p.png'\n\
+         normal_texture = { file = 'p.png', wrap = ['repeat', 'mirror'], filter = 'nearest' }",
+    );
+    let own = both.normal_map.unwrap().texture.sampling();
+    assert_eq!(own, Sampling { wrap: [Wrap::Repeat, Wrap::Mirror], nearest: true });
+    let others = Sampling { wrap: [Wrap::Clamp; 2], nearest: false };
+    assert_eq!(both.albedo_texture.unwrap().sampling(), others);
 
     let lamp = load("emission_texture = 'p.png'");
     assert_eq!((lamp.emission, lamp.emission_at(Vec2::new(0.25, 0.5)).z), (Vec3::ONE, 1.0));

@@ -6,6 +6,7 @@ mod analyze;
 mod analyze_text;
 mod calibrate;
 mod compare;
+mod convert;
 mod info;
 mod optimize;
 mod optimize_plot;
@@ -21,6 +22,7 @@ mod session;
 
 use bdpm::accel::backend::Backend;
 use bdpm::error::{Error, Result};
+use bdpm::scene::{LoadOptions, Loaded, load_with};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
@@ -52,6 +54,8 @@ enum Command {
     Reproduce(reproduce::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
+    /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
+    Convert(convert::Args),
     /// Tell how far an image is from a reference
     Compare(compare::Args),
 }
@@ -66,6 +70,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Reproduce(args) => reproduce::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
     };
     match output.and_then(|text| print(&text)) {
@@ -101,9 +106,15 @@ fn json(value: &impl Serialize) -> String {
 /// What a scene is and how to look at it.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Scene: a .toml or .obj file, or a folder that holds scene.toml
+    /// Scene: a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
+    /// The camera of a glTF file to render with [default: its first]
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// Refuse scenes of which anything is skipped
+    #[arg(long)]
+    strict: bool,
     /// Image size in pixels
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: Option<[u32; 2]>,
@@ -146,6 +157,12 @@ struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// Loads the scene.
+    fn load(&self) -> Result<Loaded> {
+        let options = LoadOptions { camera: self.camera.as_deref(), strict: self.strict };
+        load_with(&self.scene, &options)
+    }
+
     /// The settings that were asked for.
     fn wishes(&self) -> RenderDefaults {
         RenderDefaults {

@@ -2,6 +2,7 @@
 
 use super::emitter::{Directional, Emitter, Spot};
 use super::scene_file::{Point, Power};
+use super::transform::normalized;
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -12,7 +13,7 @@ use std::f32::consts::PI;
 pub const LUMENS_PER_WATT: f32 = 683.0;
 
 /// Narrowest falloff of a spot in cosines: rounding must not leave none.
-const LEAST_FALLOFF: f32 = 1e-5;
+pub(super) const LEAST_FALLOFF: f32 = 1e-5;
 
 /// `[[light]]`
 #[derive(Debug, Deserialize)]
@@ -119,7 +120,7 @@ fn one_of(keys: &[(&str, &Option<Power>, f32)]) -> Result<Rgb> {
 }
 
 fn unit(direction: Vec3) -> Result<Vec3> {
-    let unit = direction.normalize_or_zero();
+    let unit = normalized(direction);
     if unit == Vec3::ZERO {
         return Err(Error::new(
             "the light's direction has no length",

@@ -1,11 +1,14 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
+mod builder;
 pub mod camera;
 mod camera_table;
 pub mod emitter;
 pub mod environment;
 mod environment_table;
 mod fingerprint;
+mod framing;
+mod gltf;
 pub mod light;
 mod light_choice;
 mod light_cluster;
@@ -19,15 +22,19 @@ mod material_table;
 mod mtl;
 mod mtl_material;
 mod normal_map;
+pub mod notes;
 mod obj;
 mod obj_records;
+pub mod save;
 mod scene_file;
 mod shading;
 mod solid_angle;
+pub mod summary;
 mod surface;
 mod text;
 mod texture;
 mod texture_file;
+mod texture_table;
 mod textured_emitter;
 mod transform;
 
@@ -35,9 +42,12 @@ pub use camera::{Camera, FieldOfView, Optics, View};
 pub use emitter::{Directional, Emitter, Spot};
 pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
-pub use load::{Loaded, load};
+pub use load::{LoadOptions, Loaded, load, load_with};
 pub use material::Material;
 pub use normal_map::NormalMap;
+pub use notes::{Note, NoteKind};
+pub use save::{Saved, save};
+pub use summary::Summary;
 pub use surface::Surface;
 pub use texture::{Sampling, Texture, Wrap};
 pub use textured_emitter::TexturedTriangle;

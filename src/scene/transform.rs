@@ -46,7 +46,8 @@ impl Transform {
         Self::new(DAffine3::from_mat4(matrix))
     }
 
-    fn new(map: DAffine3) -> Result<Self> {
+    /// Refuses maps that cannot be undone.
+    pub(super) fn new(map: DAffine3) -> Result<Self> {
         let determinant = map.matrix3.determinant();
         if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
             return Err(Error::new(
@@ -65,7 +66,7 @@ impl Transform {
 
     /// Moves a point; `None` if it ends up beyond [`MAX_COORDINATE`].
     pub(super) fn point(&self, point: Vec3) -> Option<Vec3> {
-        let moved = self.map.transform_point3(point.as_dvec3()).as_vec3();
+        let moved = self.map.transform_point3(point.as_dvec3()).as_vec3() + Vec3::ZERO;
         // Written so that NaN fails.
         (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
     }
@@ -75,13 +76,24 @@ impl Transform {
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
         let turned = self.map.matrix3.inverse().transpose() * normal.as_dvec3();
         let swapped = self.reverse != (self.map.matrix3.determinant() < 0.0);
-        (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3()
+        // Of zeros the positive one, so that turning by nothing changes no bit.
+        (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3() + Vec3::ZERO
+    }
+
+    /// Turns a direction along a surface with it, to unit length; zero stays zero.
+    pub(super) fn tangent(&self, tangent: Vec3) -> Vec3 {
+        (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
     }
 
     /// Orders a triangle's corners so that its front stays in front.
     pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }
     }
+}
+
+/// Of unit length, with a single rounding; zero stays zero.
+pub(super) fn normalized(vector: Vec3) -> Vec3 {
+    vector.as_dvec3().normalize_or_zero().as_vec3()
 }
 
 /// Sine and cosine of an angle in degrees, exact for multiples of 90.
