@@ -3,7 +3,7 @@
 #
 #     scripts/blender-export.sh OUT.glb [SCENE.blend]
 #
-# Without SCENE.blend a small one is made, of a textured floor, balls of plastic, gold and glass, and two lamps.
+# Without SCENE.blend a small one is made, of a textured floor, balls of plastic, gold and chalk, and two lamps.
 # Also writes OUT.exr and OUT.png, by bdpm, and OUT-cycles.exr, the same view by Blender's path tracer:
 # `bdpm compare` tells how far apart they are. Takes Blender (Debian: `blender` and `python3-numpy`).
 # BDPM is the program to run, BDPM_ARGS are more arguments for it.
