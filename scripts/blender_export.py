@@ -73,7 +73,7 @@ def export(path):
     options = dict(filepath=path, export_format="GLB", export_cameras=True, export_lights=True)
     options.update(export_tangents=True, export_apply=True)
     known = bpy.ops.export_scene.gltf.get_rna_type().properties.keys()
-    # Since Blender 3.6 the unit of lights is a choice.
+    # Old versions have no choice of the unit of lights.
     if "export_import_convert_lighting_mode" in known:
         options["export_import_convert_lighting_mode"] = "SPEC"
     bpy.ops.export_scene.gltf(**options)
