@@ -1,6 +1,6 @@
 //! The one error type: what is wrong, where, and what to do about it.
 
-use std::fmt;
+use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Shorthand for results of this crate.
@@ -94,6 +94,11 @@ impl Error {
     }
 }
 
+/// Control characters would let a file, whose names and lines are shown, write to the terminal.
+pub(crate) fn visible(c: char) -> char {
+    if c.is_control() && c != '\t' && c != '\n' { '\u{fffd}' } else { c }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(place) = &self.place {
@@ -103,11 +108,11 @@ impl fmt::Display for Error {
             }
             write!(f, ": ")?;
         }
-        write!(f, "{}", self.problem)?;
+        for c in self.problem.chars() {
+            f.write_char(visible(c))?;
+        }
         if let Some((number, text)) = self.place.as_ref().and_then(|place| place.line.as_ref()) {
             // A minified file may be one long line: show its beginning only.
-            // Control characters would let a file write to the terminal.
-            let visible = |c: char| if c.is_control() && c != '\t' { '\u{fffd}' } else { c };
             let shown: String = text.chars().take(120).map(visible).collect();
             write!(f, "\n  {number} | {shown}")?;
         }

@@ -13,6 +13,7 @@ pub mod film;
 pub mod goal;
 pub mod light_paths;
 pub mod math;
+mod memory;
 pub mod merge;
 pub mod noise;
 pub mod optimize;

@@ -8,6 +8,7 @@ use crate::counts::Counts;
 use crate::error::{Error, Result};
 use crate::film::{Film, PixelSums};
 use crate::light_paths::{LightPaths, Photon};
+use crate::memory::{GIB, available_memory};
 use crate::merge::Merge;
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
@@ -315,14 +316,4 @@ fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<
         )),
         _ => Ok(()),
     }
-}
-
-pub(crate) const GIB: f64 = (1u64 << 30) as f64;
-
-/// Memory that can still be had, bytes, where the system tells (Linux).
-pub(crate) fn available_memory() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kib: f64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024.0)
 }

@@ -169,7 +169,11 @@ fn pictures_of_all_kinds_are_read() {
         assert_eq!(texture.color(Vec2::new(0.75, 0.5)), Vec3::ONE, "{kind:?}");
         assert_eq!(bsdf.albedo(), Vec3::ONE, "without Kd the picture tells all");
         assert!(opacity_texture.is_some());
-        assert!(loaded.notes.iter().all(|note| !note.contains("texture")), "{:?}", loaded.notes);
+        assert!(
+            loaded.notes.iter().all(|note| !note.text.contains("texture")),
+            "{:?}",
+            loaded.notes
+        );
     }
 }
 
@@ -198,11 +202,11 @@ fn broken_pictures_are_refused_and_missing_ones_are_told() {
     refused("map_Kd p.png", &huge, &["100000x1 texels"]);
     for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
-        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes.join("\n");
+        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
         assert!(notes.contains("ignored some textures"), "{notes}");
     }
     let (_folder, path) = model("f 1 2 3", "map_Kd p.png", &good);
-    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes.join("\n");
+    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
     assert!(notes.contains("without texture coordinates"), "{notes}");
 }
 

@@ -4,7 +4,8 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::accel::backend;
 use bdpm::error::Result;
-use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics, Scene, load::load};
+use bdpm::scene::summary::counted;
+use bdpm::scene::{Emitter, FieldOfView, Loaded, Note, Optics as SceneOptics, Summary};
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::fmt::Write;
@@ -22,6 +23,9 @@ struct Report<'a> {
     meshes: usize,
     triangles: usize,
     materials: usize,
+    /// What was read, by name, and what was skipped or chosen.
+    read: &'a Summary,
+    notes: &'a [Note],
     /// Lower and upper corner, scene units.
     bounds: [[f32; 3]; 2],
     size: f32,
@@ -126,17 +130,18 @@ impl Optics {
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let loaded = load(&args.scene.scene)?;
+    let loaded = args.scene.load()?;
     loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let scene = &loaded.scene;
     let settings = Settings::resolve(&args.scene.wishes(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
-    let report = Report::new(scene, &accel, &settings);
+    let report = Report::new(&loaded, &accel, &settings);
     Ok(if args.scene.json { json(&report) } else { text(&report) })
 }
 
 impl<'a> Report<'a> {
-    fn new(scene: &'a Scene, accel: &'a AccelInfo, settings: &'a Settings) -> Self {
+    fn new(loaded: &'a Loaded, accel: &'a AccelInfo, settings: &'a Settings) -> Self {
+        let scene = &loaded.scene;
         let emitters = scene.lights.emitters();
         let count = |of: fn(&Emitter) -> bool| emitters.iter().filter(|e| of(e)).count();
         Self {
@@ -145,6 +150,8 @@ impl<'a> Report<'a> {
             meshes: scene.meshes.len(),
             triangles: scene.triangle_count(),
             materials: scene.materials.len(),
+            read: &loaded.summary,
+            notes: &loaded.notes,
             bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
             size: scene.size(),
             accel: Accel {
@@ -194,6 +201,8 @@ fn text(report: &Report) -> String {
             counted(report.materials, "material")
         ),
     );
+    row("materials", names(&report.read.materials));
+    row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
     row("scene size", format!("{} scene units", report.size));
     row("backend", format!("{}, {} rays per packet", accel.name, accel.packet_size));
@@ -208,7 +217,11 @@ fn text(report: &Report) -> String {
             }
         ),
     );
-    row("lights", format!("{}, {} W in all", lights.text(), numbers(&lights.power)));
+    let named = match &report.read.light_names[..] {
+        [] => String::new(),
+        some => format!(": {}", names(some)),
+    };
+    row("lights", format!("{}, {} W in all{named}", lights.text(), numbers(&lights.power)));
     row(
         "camera",
         format!(
@@ -218,6 +231,9 @@ fn text(report: &Report) -> String {
             camera.optics.text()
         ),
     );
+    if let Some(name) = &report.read.camera {
+        row("camera name", format!("{name}, of {}", names(&report.read.cameras)));
+    }
     row(
         "regions",
         match &report.regions[..] {
@@ -232,11 +248,12 @@ fn text(report: &Report) -> String {
     text
 }
 
-/// A number with its noun.
-fn counted(count: usize, noun: &str) -> String {
-    match (count, noun) {
-        (1, noun) => format!("1 {noun}"),
-        (count, "mesh") => format!("{count} meshes"),
-        (count, noun) => format!("{count} {noun}s"),
+/// The first few names.
+fn names(all: &[String]) -> String {
+    const SHOWN: usize = 12;
+    let shown = all[..all.len().min(SHOWN)].join(", ");
+    match all.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
     }
 }

@@ -21,6 +21,7 @@ mod session;
 
 use bdpm::accel::backend::Backend;
 use bdpm::error::{Error, Result};
+use bdpm::scene::{LoadOptions, Loaded, load_with};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
@@ -101,9 +102,15 @@ fn json(value: &impl Serialize) -> String {
 /// What a scene is and how to look at it.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Scene: a .toml or .obj file, or a folder that holds scene.toml
+    /// Scene: a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
+    /// The camera of a glTF file to render with [default: its first]
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// Refuse scenes of which anything is skipped
+    #[arg(long)]
+    strict: bool,
     /// Image size in pixels
     #[arg(long, value_name = "WxH", value_parser = resolution)]
     resolution: Option<[u32; 2]>,
@@ -146,6 +153,12 @@ struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// Loads the scene.
+    fn load(&self) -> Result<Loaded> {
+        let options = LoadOptions { camera: self.camera.as_deref(), strict: self.strict };
+        load_with(&self.scene, &options)
+    }
+
     /// The settings that were asked for.
     fn wishes(&self) -> RenderDefaults {
         RenderDefaults {

@@ -8,7 +8,7 @@ use bdpm::error::{Error, Result};
 use bdpm::goal::{Goal, Standing, StoppedBy};
 use bdpm::origin::Origin;
 use bdpm::render::{IterationReport, Renderer};
-use bdpm::scene::{Scene, load::load};
+use bdpm::scene::{Scene, Summary};
 use bdpm::settings::{Length, RenderDefaults, Settings};
 use bdpm::steer::Steer;
 use serde::Serialize;
@@ -70,6 +70,7 @@ pub struct Seconds {
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
     pub scene: Scene,
+    summary: Summary,
     pub accel: Box<dyn Intersect>,
     pub origin: Origin,
     load_time: Duration,
@@ -101,12 +102,12 @@ impl Prepared {
             .build()
             .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "lower --threads"))?;
         let start = Instant::now();
-        let loaded = threads.install(|| load(&args.scene.scene))?;
+        let loaded = threads.install(|| args.scene.load())?;
         let load_time = start.elapsed();
         if !args.quiet {
             loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
         }
-        let scene = loaded.scene;
+        let (scene, summary) = (loaded.scene, loaded.summary);
         // A resumed image has its own settings; arguments that agree with them do no harm.
         let defaults = begun.map_or(loaded.defaults, |(origin, _)| wishes(&origin.settings));
         let settings = Settings::resolve(&asked, &defaults, scene.size())?;
@@ -127,7 +128,7 @@ impl Prepared {
         let start = Instant::now();
         let accel = threads.install(|| backend::build(backend, &scene))?;
         let build_time = start.elapsed();
-        Ok(Self { threads, scene, accel, origin, load_time, build_time })
+        Ok(Self { threads, scene, summary, accel, origin, load_time, build_time })
     }
 
     /// A renderer from the first iteration.
@@ -209,6 +210,7 @@ impl<'a> Session<'a> {
         let progress = Progress::new(goal, quiet);
         let presses = catch_interrupts(progress.clone())?;
         let Settings { width, height, .. } = prepared.origin.settings;
+        progress.note(&format!("read {}", prepared.summary));
         progress.note(&format!(
             "{verb} {}: {width}x{height} pixels, {counts}, {} threads, {}",
             prepared.origin.scene,

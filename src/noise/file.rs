@@ -16,8 +16,8 @@ use super::image::{NoiseImage, NoiseSample, PixelEstimate};
 use super::region::{rectangles_from_text, rectangles_to_text};
 use crate::error::{Error, Result};
 use crate::math::Rgb;
+use crate::memory::{GIB, available_memory};
 use crate::output::{self, Image, Layer, Metadata, Value};
-use crate::render::{GIB, available_memory};
 use crate::scene::Region;
 use std::path::Path;
 

@@ -12,7 +12,7 @@ use std::f32::consts::PI;
 pub const LUMENS_PER_WATT: f32 = 683.0;
 
 /// Narrowest falloff of a spot in cosines: rounding must not leave none.
-const LEAST_FALLOFF: f32 = 1e-5;
+pub(super) const LEAST_FALLOFF: f32 = 1e-5;
 
 /// `[[light]]`
 #[derive(Debug, Deserialize)]

@@ -55,6 +55,15 @@ impl Material {
         self.varies() || self.opacity_texture.is_some()
     }
 
+    /// All textures that it has.
+    pub(super) fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
+        let normals = self.normal_map.as_ref().map(|map| &map.texture);
+        let Self { albedo_texture, metallic_roughness_texture, .. } = self;
+        let Self { opacity_texture, emission_texture, .. } = self;
+        let own = [albedo_texture, metallic_roughness_texture, opacity_texture, emission_texture];
+        own.into_iter().flatten().chain(normals)
+    }
+
     /// Whether it may ask photons where they came from: with a BSDF that varies, or a normal that is
     /// not the triangle's.
     pub(super) fn merges_by_direction(&self) -> bool {

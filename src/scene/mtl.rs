@@ -7,6 +7,7 @@ use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
 use crate::scene::mtl_material::MtlMaterial;
+use crate::scene::notes::Note;
 use crate::scene::text::{Lines, list, split_keyword};
 use crate::scene::{Material, Texture};
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,7 +30,7 @@ pub(super) fn grey(name: &str) -> Material {
 pub(super) fn load(
     path: &Path,
     materials: &mut BTreeMap<String, Material>,
-    notes: &mut Vec<String>,
+    notes: &mut Vec<Note>,
 ) -> Result<()> {
     let mut lines = Lines::open(path)?;
     let mut current: Option<MtlMaterial> = None;
@@ -101,7 +102,8 @@ pub(super) fn load(
     ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
-            notes.push(format!("{}: ignored {what} of {names}", path.display()));
+            let note = format!("{}: ignored {what} of {names}", path.display());
+            notes.push(Note::skipped(note));
         }
     }
     Ok(())
@@ -155,18 +157,16 @@ fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
 }
 
 /// A color of at most 1; more is cut with a note.
-fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<String>) -> Result<Rgb> {
+fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Result<Rgb> {
     let color = color(lines, text)?;
     if color.max_element() > 1.0 {
         let what = match split_keyword(lines.line()).0 {
             "Ks" => "specular",
             _ => "diffuse",
         };
-        notes.push(format!(
-            "{}:{}: the {what} color {color} is above 1 and was clamped",
-            path.display(),
-            lines.number()
-        ));
+        let (path, line) = (path.display(), lines.number());
+        let note = format!("{path}:{line}: the {what} color {color} is above 1 and was clamped");
+        notes.push(Note::skipped(note));
     }
     Ok(color.min(Rgb::ONE))
 }

@@ -11,7 +11,7 @@ use crate::math::Rgb;
 use std::sync::Arc;
 
 /// Below this roughness (`Pr`) a surface that is no metal has a smooth coat.
-const COAT_ROUGHNESS: f32 = 0.3;
+pub(super) const COAT_ROUGHNESS: f32 = 0.3;
 
 /// The records of one material, as far as they are understood.
 #[derive(Clone, Debug, Default)]

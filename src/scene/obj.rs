@@ -6,29 +6,22 @@
 
 use super::obj_records::{Part, Records};
 use crate::error::{Error, Result};
-use crate::scene::Material;
 use crate::scene::mtl;
+use crate::scene::notes::Note;
 use crate::scene::text::{Lines, list};
+use crate::scene::{Material, Mesh};
 use glam::{Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// The triangles of one object or group that share a material.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct ObjMesh {
-    /// Name of the object or group.
-    pub name: String,
+    /// Named as the object or group; its material's index is not yet known.
+    pub mesh: Mesh,
     /// As named by `usemtl`.
     pub material: Option<String>,
-    /// Finite, at most [`MAX_COORDINATE`].
-    pub positions: Vec<Vec3>,
-    /// One per position, or none: `vn`, of any length.
-    pub normals: Vec<Vec3>,
-    /// One per position, or none: `vt`.
-    pub uvs: Vec<Vec2>,
-    /// Indices into `positions`, in range.
-    pub triangles: Vec<[u32; 3]>,
 }
 
 /// What an OBJ file and its material libraries hold.
@@ -39,7 +32,14 @@ pub(super) struct ObjFile {
     /// By name.
     pub materials: BTreeMap<String, Material>,
     /// What was ignored.
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
+}
+
+impl ObjFile {
+    /// Of all meshes.
+    pub(super) fn triangle_count(&self) -> u64 {
+        self.meshes.iter().map(|part| part.mesh.triangles.len() as u64).sum()
+    }
 }
 
 /// Reads an OBJ file with its material libraries.
@@ -63,13 +63,15 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
     let mut notes = Vec::new();
     if records.ignored_elements > 0 {
         let count = records.ignored_elements;
-        notes.push(format!("{}: ignored {count} points, lines or curves", path.display()));
+        let note = format!("{}: ignored {count} points, lines or curves", path.display());
+        notes.push(Note::skipped(note));
     }
     if !records.unknown.is_empty() {
         let known = records.unknown.iter().map(|(word, line)| format!("{word} (line {line})"));
         let words: Vec<_> = known.collect();
         let words = list(words.iter().map(String::as_str));
-        notes.push(format!("{}: ignored unknown records {words}", path.display()));
+        let note = format!("{}: ignored unknown records {words}", path.display());
+        notes.push(Note::skipped(note));
     }
     let mut materials = BTreeMap::new();
     for library in &records.libraries {
@@ -92,10 +94,10 @@ fn group(models: Vec<tobj::Model>, parts: &[Part]) -> Vec<ObjMesh> {
         }
         let index = *index_of.entry(part).or_insert_with(|| {
             let Part { name, material, .. } = part.clone();
-            meshes.push(ObjMesh { name, material, ..ObjMesh::default() });
+            meshes.push(ObjMesh { mesh: Mesh { name, ..Mesh::default() }, material });
             meshes.len() - 1
         });
-        let mesh = &mut meshes[index];
+        let mesh = &mut meshes[index].mesh;
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(Vec3::from_slice));
         mesh.normals.extend(model.mesh.normals.chunks_exact(3).map(Vec3::from_slice));
@@ -118,7 +120,7 @@ impl Library {
         &self,
         obj: &Path,
         materials: &mut BTreeMap<String, Material>,
-        notes: &mut Vec<String>,
+        notes: &mut Vec<Note>,
     ) -> Result<()> {
         let folder = obj.parent().unwrap_or(Path::new(""));
         let find = |name: &str| -> Option<PathBuf> {
@@ -143,11 +145,9 @@ impl Library {
         }
         if !missing.is_empty() {
             let names = list(missing);
-            notes.push(format!(
-                "{}:{}: the material library {names} does not exist",
-                obj.display(),
-                self.line
-            ));
+            let (path, line) = (obj.display(), self.line);
+            let note = format!("{path}:{line}: the material library {names} does not exist");
+            notes.push(Note::skipped(note));
         }
         Ok(())
     }

@@ -128,6 +128,16 @@ impl Texture {
         (sum / self.texels.len() as f64).as_vec3()
     }
 
+    /// Mean of each channel as it is stored, in [0, 1].
+    pub(super) fn mean_data(&self) -> Vec3 {
+        let mut sum = DVec3::ZERO;
+        for texel in self.texels.iter() {
+            let [r, g, b, _] = texel.map(f64::from);
+            sum += DVec3::new(r, g, b);
+        }
+        (sum / (255.0 * self.texels.len() as f64)).as_vec3()
+    }
+
     /// The numbers at `uv` as they are stored, in [0, 1].
     pub fn data(&self, uv: Vec2) -> Vec3 {
         let stored = |[r, g, b, _]: [u8; 4]| Vec4::from([r, g, b, 0].map(f32::from)) / 255.0;

@@ -46,7 +46,8 @@ impl Transform {
         Self::new(DAffine3::from_mat4(matrix))
     }
 
-    fn new(map: DAffine3) -> Result<Self> {
+    /// Refuses maps that cannot be undone.
+    pub(super) fn new(map: DAffine3) -> Result<Self> {
         let determinant = map.matrix3.determinant();
         if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
             return Err(Error::new(
@@ -76,6 +77,11 @@ impl Transform {
         let turned = self.map.matrix3.inverse().transpose() * normal.as_dvec3();
         let swapped = self.reverse != (self.map.matrix3.determinant() < 0.0);
         (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3()
+    }
+
+    /// Turns a direction along a surface with it, to unit length; zero stays zero.
+    pub(super) fn tangent(&self, tangent: Vec3) -> Vec3 {
+        (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
     }
 
     /// Orders a triangle's corners so that its front stays in front.

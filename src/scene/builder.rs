@@ -1,0 +1,261 @@
+//! A scene as it comes together while files are read.
+
+use super::framing;
+use super::load::{Loaded, scene_name};
+use super::mtl;
+use super::notes::Note;
+use super::obj::ObjFile;
+use super::summary::Summary;
+use super::text::list;
+use super::transform::Transform;
+use super::{Camera, Emitter, Environment, Material, Mesh, Region, Scene, triangle_area};
+use crate::error::{Error, Result};
+use crate::math::Bounds;
+use crate::memory::{GIB, available_memory};
+use crate::settings::RenderDefaults;
+use glam::Vec3;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+
+/// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
+/// shading, and its place in the hierarchy.
+const TRIANGLE_BYTES: f64 = 200.0;
+
+/// Meshes and materials as they come together.
+#[derive(Default)]
+pub(super) struct Builder {
+    pub meshes: Vec<Mesh>,
+    pub materials: Vec<Material>,
+    /// Index in `materials` by the OBJ file that names it (none for the scene file) and name.
+    material_index: HashMap<(Option<PathBuf>, String), u32>,
+    /// Names that the OBJ file uses without defining them.
+    undefined: BTreeSet<String>,
+    /// Whether meshes of the OBJ file name no material, and it defines none for them.
+    unnamed: bool,
+    /// Names of textured materials on meshes without texture coordinates.
+    untextured: BTreeSet<String>,
+    triangles: u64,
+    /// Triangles without area.
+    dropped: u64,
+    pub notes: Vec<Note>,
+}
+
+/// What a file says besides its meshes and materials.
+#[derive(Default)]
+pub(super) struct Rest {
+    pub regions: Vec<Region>,
+    pub environment: Option<Environment>,
+    pub defaults: RenderDefaults,
+}
+
+impl Builder {
+    /// Begins with what is to be told anyway.
+    pub fn new(notes: Vec<Note>) -> Self {
+        Self { notes, ..Self::default() }
+    }
+
+    /// Index of a material, which becomes part of the scene with its first use: from the scene
+    /// file, else from the OBJ file's libraries, else grey.
+    fn material(
+        &mut self,
+        name: Option<&str>,
+        own: &BTreeMap<String, Material>,
+        path: &Path,
+        obj: &ObjFile,
+    ) -> u32 {
+        let is_named = name.is_some();
+        let name = name.unwrap_or("default");
+        let own = own.get(name);
+        let file = own.is_none().then(|| path.to_owned());
+        *self.material_index.entry((file, name.to_owned())).or_insert_with(|| {
+            let material = match (own, obj.materials.get(name)) {
+                (Some(material), _) | (None, Some(material)) => material.clone(),
+                (None, None) => {
+                    if is_named {
+                        self.undefined.insert(name.to_owned());
+                    }
+                    self.unnamed |= !is_named;
+                    mtl::grey(name)
+                }
+            };
+            self.materials.push(material);
+            self.materials.len() as u32 - 1
+        })
+    }
+
+    /// Adds an OBJ file's meshes; `None` if a point moves out of range.
+    pub fn add(
+        &mut self,
+        path: &Path,
+        obj: &ObjFile,
+        transform: &Transform,
+        material: Option<&str>,
+        own: &BTreeMap<String, Material>,
+    ) -> Option<()> {
+        for part in &obj.meshes {
+            let material = self.material(material.or(part.material.as_deref()), own, path, obj);
+            self.place(&part.mesh.name, &part.mesh, transform, material)?;
+        }
+        let grey = format!("took grey of albedo {}", mtl::DEFAULT_ALBEDO);
+        let path = path.display();
+        if !self.undefined.is_empty() {
+            let names = list(self.undefined.iter().map(String::as_str));
+            self.notes.push(Note::skipped(format!("{path}: {names} undefined; {grey}")));
+            self.undefined.clear();
+        }
+        if std::mem::take(&mut self.unnamed) {
+            self.notes.push(Note::chosen(format!("{path}: faces without material; {grey}")));
+        }
+        Some(())
+    }
+
+    /// Adds a mesh at its place, of the material of this index and without its triangles of no
+    /// area; `None` if a point moves out of range.
+    pub fn place(
+        &mut self,
+        name: &str,
+        mesh: &Mesh,
+        transform: &Transform,
+        material: u32,
+    ) -> Option<()> {
+        let look = &self.materials[material as usize];
+        if mesh.uvs.is_empty() && look.is_textured() {
+            self.untextured.insert(look.name.clone());
+        }
+        let positions: Vec<Vec3> =
+            mesh.positions.iter().map(|p| transform.point(*p)).collect::<Option<_>>()?;
+        let corners = mesh.triangles.iter().map(|corners| transform.corners(*corners));
+        let triangles: Vec<[u32; 3]> = corners
+            .filter(|corners| triangle_area(corners.map(|i| positions[i as usize])) > 0.0)
+            .collect();
+        self.dropped += (mesh.triangles.len() - triangles.len()) as u64;
+        if !triangles.is_empty() {
+            let name = name.to_owned();
+            let normals = mesh.normals.iter().map(|n| transform.normal(*n)).collect();
+            let tangents = mesh.tangents.iter().map(|t| transform.tangent(*t)).collect();
+            let uvs = mesh.uvs.clone();
+            self.meshes.push(Mesh { name, positions, normals, uvs, tangents, triangles, material });
+        }
+        Some(())
+    }
+
+    /// Refuses more triangles than can be numbered or held, before memory is taken for them.
+    pub fn count(&mut self, triangles: u64, path: &Path) -> Result<()> {
+        self.triangles = self.triangles.saturating_add(triangles);
+        let advice = "leave out or simplify some meshes";
+        if self.triangles > u64::from(u32::MAX) {
+            let problem = format!("the scene has more than {} triangles", u32::MAX);
+            return Err(Error::new(problem, advice).at(path));
+        }
+        let needed = self.triangles as f64 * TRIANGLE_BYTES;
+        match available_memory() {
+            Some(available) if needed > available => {
+                let problem = format!(
+                    "the scene has {} triangles or more, for which {:.1} GiB of memory are needed, \
+                     but {:.1} GiB are available",
+                    self.triangles,
+                    needed / GIB,
+                    available / GIB
+                );
+                Err(Error::new(problem, advice).at(path))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The box around all triangles.
+    pub fn bounds(&self) -> Bounds {
+        let corners = |mesh: &Mesh| {
+            let points = mesh.triangles.iter().flatten().map(|i| mesh.positions[*i as usize]);
+            points.fold(Bounds::EMPTY, Bounds::with)
+        };
+        let boxes = self.meshes.iter().map(corners);
+        boxes.fold(Bounds::EMPTY, |all, one| all.with(one.min).with(one.max))
+    }
+
+    /// Whether there is anything to render.
+    pub fn require_triangles(&mut self, path: &Path) -> Result<()> {
+        if self.meshes.is_empty() {
+            let problem = match self.dropped {
+                0 => "the scene has no triangle".to_owned(),
+                count => format!("all {count} triangles of the scene have no area"),
+            };
+            let advice = "add a mesh that has faces of at least three vertices";
+            return Err(Error::new(problem, advice).at(path));
+        }
+        if !self.untextured.is_empty() {
+            let names = list(self.untextured.iter().map(String::as_str));
+            let note =
+                "has a mesh without texture coordinates, and there its texture's corner alone";
+            self.notes.push(Note::skipped(format!("{}: {names} {note}", path.display())));
+        }
+        if self.dropped > 0 {
+            // Nobody sees them.
+            let note = format!("dropped {} triangles without area", self.dropped);
+            self.notes.push(Note::chosen(note));
+        }
+        Ok(())
+    }
+
+    /// A camera that sees everything, with a note.
+    pub fn place_camera(&mut self, path: &Path) -> Result<Camera> {
+        let camera = framing::camera(&self.bounds())?;
+        let (path, position) = (path.display(), camera.position());
+        let degrees = framing::DEGREES;
+        let note = format!("{path}: no camera; put one at {position}, {degrees} degrees high");
+        self.notes.push(Note::chosen(note));
+        Ok(camera)
+    }
+
+    /// The lights of the file or, where nothing emits, one above the camera, with a note.
+    pub fn lights_or_one(
+        &mut self,
+        lights: Vec<Emitter>,
+        camera: &Camera,
+        path: &Path,
+    ) -> Vec<Emitter> {
+        let emits = |material: &Material| material.emission.max_element() > 0.0;
+        if !lights.is_empty() || self.materials.iter().any(emits) {
+            return lights;
+        }
+        let (light, intensity) = framing::light(&self.bounds(), camera.position());
+        let path = path.display();
+        let place = match light {
+            Emitter::Point { position, .. } => position,
+            _ => camera.position(),
+        };
+        let note = format!(
+            "{path}: nothing emits light; put a point light of {intensity} W/sr at {place}"
+        );
+        self.notes.push(Note::chosen(note));
+        vec![light]
+    }
+
+    pub fn finish(
+        self,
+        path: &Path,
+        lights: Vec<Emitter>,
+        camera: Camera,
+        rest: Rest,
+    ) -> Result<Loaded> {
+        let Self { meshes, materials, notes, .. } = self;
+        let Rest { regions, environment, defaults } = rest;
+        let mut scene = Scene::new(scene_name(path), meshes, materials, lights, camera, regions);
+        if let Some(environment) = environment {
+            scene = scene.with_environment(environment);
+        }
+        if scene.lights.is_empty() {
+            return Err(Error::new(
+                "the scene has no light",
+                "add a `[[light]]` table to the scene file, or give a material an `emission`",
+            )
+            .at(path));
+        }
+        if !scene.lights.power().is_finite() {
+            let problem = "the power of all lights is too large for a number";
+            return Err(Error::new(problem, "lower their intensity or emission").at(path));
+        }
+        let summary = Summary::new(&scene);
+        Ok(Loaded { scene, defaults, notes, summary })
+    }
+}

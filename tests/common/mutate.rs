@@ -1,0 +1,165 @@
+//! Files that were tampered with: random changes of bytes, and what must hold after loading.
+#![allow(dead_code)] // each test binary uses its own part
+
+use bdpm::scene::load;
+use bdpm::settings::{RenderDefaults, Settings};
+use proptest::prelude::*;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Text that is likely to matter where it does not belong.
+pub const TOKENS: &[&str] = &[
+    "nan",
+    "-inf",
+    "1e39",
+    "1e400",
+    "1e-400",
+    "-1",
+    "0",
+    "4294967295",
+    "4294967296",
+    "-0.0",
+    "9223372036854775807",
+    "-9223372036854775808",
+    "99999999999999999999",
+    "1e15",
+    "1e-45",
+    "/",
+    "//",
+    "\\\n",
+    "\n",
+    "\r",
+    "\r\n",
+    "\0",
+    "\u{feff}",
+    "é",
+    "\u{2028}",
+    "#",
+    "f",
+    "v",
+    "o",
+    "g",
+    "usemtl",
+    "mtllib",
+    "newmtl",
+    "Kd",
+    "Ke",
+    "[",
+    "]",
+    "[[",
+    "]]",
+    "{",
+    "}",
+    "\"",
+    "'''",
+    "=",
+    ".",
+    ",",
+    "true",
+    "1979-05-27",
+    "0x10",
+    "camera",
+    "mesh",
+    "a.obj",
+    "a.mtl",
+    ".",
+    "..",
+    "%",
+];
+
+#[derive(Clone, Debug)]
+pub enum Change {
+    Delete { at: f64, length: usize },
+    Double { at: f64, length: usize },
+    Byte { at: f64, byte: u8 },
+    Insert { at: f64, token: usize },
+    ReplaceWord { at: f64, token: usize },
+    SwapLines { a: f64, b: f64 },
+}
+
+pub fn change() -> impl Strategy<Value = Change> {
+    let at = 0.0..1.0;
+    let token = 0..TOKENS.len();
+    prop_oneof![
+        (at.clone(), 1..40_usize).prop_map(|(at, length)| Change::Delete { at, length }),
+        (at.clone(), 1..80_usize).prop_map(|(at, length)| Change::Double { at, length }),
+        (at.clone(), any::<u8>()).prop_map(|(at, byte)| Change::Byte { at, byte }),
+        (at.clone(), token.clone()).prop_map(|(at, token)| Change::Insert { at, token }),
+        (at.clone(), token).prop_map(|(at, token)| Change::ReplaceWord { at, token }),
+        (at.clone(), at).prop_map(|(a, b)| Change::SwapLines { a, b }),
+    ]
+}
+
+pub fn apply(text: &mut Vec<u8>, change: &Change) {
+    let place = |at: f64, count: usize| ((at * count as f64) as usize).min(count.saturating_sub(1));
+    if text.is_empty() {
+        return;
+    }
+    let size = text.len();
+    match *change {
+        Change::Delete { at, length } => {
+            let begin = place(at, size);
+            text.drain(begin..(begin + length).min(size));
+        }
+        Change::Double { at, length } => {
+            let begin = place(at, size);
+            let piece = text[begin..(begin + length).min(size)].to_vec();
+            text.splice(begin..begin, piece);
+        }
+        Change::Byte { at, byte } => text[place(at, size)] = byte,
+        Change::Insert { at, token } => {
+            let begin = place(at, size);
+            text.splice(begin..begin, TOKENS[token].bytes());
+        }
+        Change::ReplaceWord { at, token } => {
+            let middle = place(at, size);
+            let is_space = |byte: &u8| byte.is_ascii_whitespace() || b",[]".contains(byte);
+            let begin = text[..middle].iter().rposition(is_space).map_or(0, |i| i + 1);
+            let end = text[middle..].iter().position(is_space).map_or(size, |i| i + middle);
+            text.splice(begin..end.max(begin), TOKENS[token].bytes());
+        }
+        Change::SwapLines { a, b } => {
+            let mut lines: Vec<Vec<u8>> =
+                text.split(|byte| *byte == b'\n').map(<[u8]>::to_vec).collect();
+            let (a, b) = (place(a, lines.len()), place(b, lines.len()));
+            lines.swap(a, b);
+            *text = lines.join(&b'\n');
+        }
+    }
+}
+
+/// What loads must be fit for rendering; what does not must say why.
+pub fn load_and_check(path: &Path) {
+    let start = Instant::now();
+    match load(path) {
+        Ok(loaded) => {
+            let scene = &loaded.scene;
+            assert!(scene.triangle_count() > 0 && scene.lights.power().is_finite());
+            assert!(!scene.lights.is_empty());
+            for triangle in scene.triangles() {
+                assert!((triangle.normal.length() - 1.0).abs() < 1e-5, "{triangle:?}");
+                assert!(triangle.area() > 0.0 && triangle.area().is_finite(), "{triangle:?}");
+            }
+            for mesh in &scene.meshes {
+                let count = mesh.positions.len();
+                assert!(mesh.triangles.iter().flatten().all(|i| (*i as usize) < count));
+                assert!((mesh.material as usize) < scene.materials.len());
+            }
+            for material in &scene.materials {
+                let albedo = material.bsdf.albedo();
+                assert!(albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0);
+            }
+            // A radius may still be unfit for the scene's size, but must say so.
+            if let Err(e) =
+                Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size())
+            {
+                assert!(e.to_string().contains("radius"), "{e}");
+            }
+        }
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.contains("\nhelp: ") && text.len() < 5000, "{text}");
+        }
+    }
+    assert!(start.elapsed() < Duration::from_secs(5), "took {:?}", start.elapsed());
+}
