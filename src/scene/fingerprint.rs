@@ -1,7 +1,9 @@
 //! What makes two scenes the same, in 64 bits.
 
 use super::texture::{Sampling, Texture};
-use super::{Camera, Emitter, Environment, FieldOfView, Material, NormalMap, Optics, Scene};
+use super::{
+    Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
+};
 use crate::bsdf::{Bsdf, Reflectance};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -14,25 +16,9 @@ impl Scene {
     pub fn fingerprint(&self) -> u64 {
         let mut hash = Hash(Xxh3Default::new());
         // Every list starts with its length, so that no two scenes write the same bytes.
-        hash.count(self.meshes.len());
-        for mesh in &self.meshes {
-            hash.u32(mesh.material);
-            hash.count(mesh.positions.len());
-            mesh.positions.iter().for_each(|&position| hash.vec3(position));
-            if !mesh.normals.is_empty() {
-                hash.text("normals");
-                mesh.normals.iter().for_each(|&normal| hash.vec3(normal));
-            }
-            if !mesh.uvs.is_empty() {
-                hash.text("uvs");
-                mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| hash.f32(x)));
-            }
-            if !mesh.tangents.is_empty() {
-                hash.text("tangents");
-                mesh.tangents.iter().for_each(|&tangent| hash.vec3(tangent));
-            }
-            hash.count(mesh.triangles.len());
-            mesh.triangles.iter().flatten().for_each(|&index| hash.u32(index));
+        hash.count(self.placements.len());
+        for placement in &self.placements {
+            hash.placed(self.mesh(placement), placement);
         }
         hash.count(self.materials.len());
         self.materials.iter().for_each(|material| hash.material(material));
@@ -73,6 +59,38 @@ impl Hash {
 
     fn rgb(&mut self, value: Rgb) {
         self.vec3(value);
+    }
+
+    /// A mesh as it is in the scene's space: whether it is held once does not show.
+    fn placed(&mut self, mesh: &Mesh, Placement { material, transform, .. }: &Placement) {
+        let moved = transform.as_ref();
+        self.u32(*material);
+        self.count(mesh.positions.len());
+        for &position in &mesh.positions {
+            // At places that a scene may have, all points are in range.
+            self.vec3(moved.map_or(position, |to| to.point(position).unwrap_or_default()));
+        }
+        if !mesh.normals.is_empty() {
+            self.text("normals");
+            for &normal in &mesh.normals {
+                self.vec3(moved.map_or(normal, |to| to.normal(normal)));
+            }
+        }
+        if !mesh.uvs.is_empty() {
+            self.text("uvs");
+            mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| self.f32(x)));
+        }
+        if !mesh.tangents.is_empty() {
+            self.text("tangents");
+            for &tangent in &mesh.tangents {
+                self.vec3(moved.map_or(tangent, |to| to.tangent(tangent)));
+            }
+        }
+        self.count(mesh.triangles.len());
+        for &corners in &mesh.triangles {
+            let corners = moved.map_or(corners, |to| to.corners(corners));
+            corners.into_iter().for_each(|index| self.u32(index));
+        }
     }
 
     fn material(&mut self, material: &Material) {
@@ -236,7 +254,7 @@ mod tests {
     use super::*;
     use crate::bsdf::{Coated, Conductor, Dielectric, Glossy, RoughDielectric, ThinDielectric};
     use crate::scene::texture::Wrap;
-    use crate::scene::{Directional, Mesh, Region, Spot};
+    use crate::scene::{Directional, Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 

@@ -68,7 +68,8 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
 
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut meshes = Meshes::new(&document);
-    builder.count(meshes.triangle_count(&nodes)?, path)?;
+    let [placed, new] = meshes.triangle_counts(&nodes)?;
+    builder.count(placed, new, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
     let mut pictures = Pictures::new(&document, &buffers, folder);
     // Each mesh with each of its places.
@@ -91,7 +92,7 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
         }
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
-    builder.require_triangles(path)?;
+    builder.arrange(path)?;
 
     let (camera, resolution) = match view {
         Some(view) => view,
