@@ -1,22 +1,21 @@
 //! A scene as it comes together while files are read.
 
-use super::arrange::Uses;
+use super::arrange::{Part, Uses};
 use super::framing;
 use super::load::{Loaded, scene_name};
 use super::mtl;
 use super::notes::Note;
-use super::obj::ObjFile;
+use super::obj::{ObjFile, ObjMesh};
 use super::summary::Summary;
 use super::text::list;
 use super::transform::Transform;
-use super::{Arrangement, Camera, Emitter, Environment, Material, Mesh, Placement, Region, Scene};
+use super::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::memory::{GIB, available_memory};
 use crate::settings::RenderDefaults;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
 /// shading, and its place in the hierarchy.
@@ -94,10 +93,12 @@ impl Builder {
         material: Option<&str>,
         own: &BTreeMap<String, Material>,
     ) -> Option<()> {
-        for part in &obj.meshes {
-            let material = self.material(material.or(part.material.as_deref()), own, path, obj);
-            self.place(&part.mesh.name, &part.mesh, transform, material)?;
+        let mut parts = Vec::new();
+        for ObjMesh { mesh, material: named } in &obj.meshes {
+            let material = self.material(material.or(named.as_deref()), own, path, obj);
+            parts.push(Part { name: &mesh.name, mesh, material });
         }
+        self.place(&parts, transform)?;
         let grey = format!("took grey of albedo {}", mtl::DEFAULT_ALBEDO);
         let path = path.display();
         if !self.undefined.is_empty() {
@@ -111,20 +112,15 @@ impl Builder {
         Some(())
     }
 
-    /// Adds a mesh at one of its places, where it has the material of this index; `None` if a point
-    /// moves out of range.
-    pub fn place(
-        &mut self,
-        name: &str,
-        mesh: &Arc<Mesh>,
-        transform: &Transform,
-        material: u32,
-    ) -> Option<()> {
-        let look = &self.materials[material as usize];
-        if mesh.uvs.is_empty() && look.is_textured() {
-            self.untextured.insert(look.name.clone());
+    /// Adds meshes that belong together at one of their places; `None` if a point moves out of range.
+    pub fn place(&mut self, parts: &[Part<'_>], transform: &Transform) -> Option<()> {
+        for part in parts {
+            let look = &self.materials[part.material as usize];
+            if part.mesh.uvs.is_empty() && look.is_textured() {
+                self.untextured.insert(look.name.clone());
+            }
         }
-        self.uses.add(name, mesh, transform, material)
+        self.uses.add(parts, transform)
     }
 
     /// Refuses more triangles than can be numbered at all places, or `new` ones that cannot be held,

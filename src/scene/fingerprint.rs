@@ -17,8 +17,14 @@ impl Scene {
         let mut hash = Hash(Xxh3Default::new());
         // Every list starts with its length, so that no two scenes write the same bytes.
         hash.count(self.placements.len());
-        for placement in &self.placements {
-            hash.placed(self.mesh(placement), placement);
+        for Placement { mesh, material, transform } in &self.placements {
+            hash.u32(*material);
+            let mesh = &self.meshes[*mesh as usize];
+            match transform {
+                None => hash.mesh(mesh),
+                // Whether it is held once does not show.
+                Some(transform) => hash.mesh(&mesh.moved(transform)),
+            }
         }
         hash.count(self.materials.len());
         self.materials.iter().for_each(|material| hash.material(material));
@@ -61,20 +67,12 @@ impl Hash {
         self.vec3(value);
     }
 
-    /// A mesh as it is in the scene's space: whether it is held once does not show.
-    fn placed(&mut self, mesh: &Mesh, Placement { material, transform, .. }: &Placement) {
-        let moved = transform.as_ref();
-        self.u32(*material);
+    fn mesh(&mut self, mesh: &Mesh) {
         self.count(mesh.positions.len());
-        for &position in &mesh.positions {
-            // At places that a scene may have, all points are in range.
-            self.vec3(moved.map_or(position, |to| to.point(position).unwrap_or_default()));
-        }
+        mesh.positions.iter().for_each(|&position| self.vec3(position));
         if !mesh.normals.is_empty() {
             self.text("normals");
-            for &normal in &mesh.normals {
-                self.vec3(moved.map_or(normal, |to| to.normal(normal)));
-            }
+            mesh.normals.iter().for_each(|&normal| self.vec3(normal));
         }
         if !mesh.uvs.is_empty() {
             self.text("uvs");
@@ -82,15 +80,10 @@ impl Hash {
         }
         if !mesh.tangents.is_empty() {
             self.text("tangents");
-            for &tangent in &mesh.tangents {
-                self.vec3(moved.map_or(tangent, |to| to.tangent(tangent)));
-            }
+            mesh.tangents.iter().for_each(|&tangent| self.vec3(tangent));
         }
         self.count(mesh.triangles.len());
-        for &corners in &mesh.triangles {
-            let corners = moved.map_or(corners, |to| to.corners(corners));
-            corners.into_iter().for_each(|index| self.u32(index));
-        }
+        mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
 
     fn material(&mut self, material: &Material) {

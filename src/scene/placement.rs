@@ -5,6 +5,7 @@ use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
 use crate::accel::{self, Geometry};
 use crate::math::Bounds;
+use glam::Vec3;
 
 /// Where a mesh is, and what it is made of there.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,23 @@ impl From<Vec<Mesh>> for Arrangement {
     }
 }
 
+impl Mesh {
+    /// A copy at a place, where all points must stay in the range of coordinates.
+    #[must_use]
+    pub fn moved(&self, transform: &Transform) -> Self {
+        let point = |point: &Vec3| transform.point(*point).unwrap_or_default();
+        Self {
+            name: self.name.clone(),
+            positions: self.positions.iter().map(point).collect(),
+            normals: self.normals.iter().map(|normal| transform.normal(*normal)).collect(),
+            uvs: self.uvs.clone(),
+            tangents: self.tangents.iter().map(|t| transform.tangent(*t)).collect(),
+            triangles: self.triangles.iter().map(|t| transform.corners(*t)).collect(),
+            material: self.material,
+        }
+    }
+}
+
 impl Scene {
     /// The meshes at their places as an intersection backend takes them.
     pub fn geometry(&self) -> Geometry<'_> {
@@ -58,13 +76,14 @@ impl Scene {
     }
 
     /// All triangles in the scene's space, placement after placement.
-    pub fn triangles(&self) -> impl Iterator<Item = Triangle> + '_ {
-        let placements = self.placements.iter().zip(&self.first_triangle);
-        placements.flat_map(|(placement, first)| {
+    pub fn triangles(&self) -> Vec<Triangle> {
+        let mut triangles = Vec::with_capacity(self.triangle_count());
+        for (placement, first) in self.placements.iter().zip(&self.first_triangle) {
             let count = self.mesh(placement).triangles.len();
             let stored = &self.triangles[*first as usize..][..count];
-            stored.iter().map(|triangle| placement.triangle(triangle))
-        })
+            triangles.extend(stored.iter().map(|triangle| placement.triangle(triangle)));
+        }
+        triangles
     }
 
     /// Number of triangles, counted at each place.
@@ -111,9 +130,10 @@ impl Placement {
         }
         let picture = material.emission_texture.as_ref();
         let glow = picture.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
-        emitters.extend(mesh.triangles.iter().zip(stored).map(|(indices, stored)| {
+        emitters.extend(mesh.triangles.iter().zip(stored).filter_map(|(indices, stored)| {
             let shape = self.triangle(stored);
-            match &glow {
+            // Where a mesh is made tiny it may end up with none.
+            (shape.area() > 0.0).then(|| match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {
                     let indices = indices.map(|index| index as usize);
@@ -121,7 +141,7 @@ impl Placement {
                     let ordered = |transform: Transform| transform.ordered(uvs);
                     glow.emitter(shape, self.transform.map_or(uvs, ordered))
                 }
-            }
+            })
         }));
     }
 }

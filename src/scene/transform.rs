@@ -101,9 +101,18 @@ impl Transform {
     /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
     /// swapped the normal is as well.
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
+        self.turn(normal).0
+    }
+
+    /// The same, and so many times as long as before the map's own result is.
+    #[inline]
+    fn turn(&self, normal: Vec3) -> (Vec3, f64) {
         let turned = self.normals * normal.as_dvec3();
+        let length = turned.length();
         let swapped = self.reverse != (self.determinant < 0.0);
-        (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3()
+        let unit = if swapped { -length } else { length }.recip();
+        // Infinite for zero, and where the length is too small for a number.
+        (if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO }, length)
     }
 
     /// Turns a direction along a surface with it, to unit length; zero stays zero.
@@ -156,7 +165,7 @@ impl Transform {
             edge(edge1),
             edge(edge2),
         ]);
-        let stretch = (self.normals * normal.as_dvec3()).length();
+        let (normal, stretch) = self.turn(normal);
         let area = f64::from(area) * self.determinant.abs() * stretch;
         let largest = Triangle::largest([origin, origin + edge1, origin + edge2]);
         let reach = f64::from(largest).max(self.map.translation.abs().max_element());
@@ -164,7 +173,7 @@ impl Transform {
             origin,
             edge1,
             edge2,
-            normal: self.normal(normal),
+            normal,
             offset: Triangle::offset((reach * self.magnification) as f32),
             area: area as f32,
             ..*stored

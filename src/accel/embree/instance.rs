@@ -2,22 +2,22 @@
 
 use super::EmbreeError;
 use super::scene::{GeomId, GeometryHandle, SceneBuilder};
-use crate::accel::{Geometry, MeshError, TriangleMesh, instance_transform};
+use crate::accel::{Geometry, MeshError, Place, TriangleMesh, instance_transform};
 use crate::math::Bounds;
 use embree4_sys as sys;
 use glam::{DAffine3, DVec3, Vec3};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
-/// Names a mesh of a [`SceneBuilder`] that may have several places.
+/// Names meshes of a [`SceneBuilder`] that may have several places.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SharedId(usize);
 
-/// A mesh that may have several places.
+/// Meshes that may have several places.
 #[derive(Debug)]
 pub(super) struct Shared {
-    /// Of this mesh alone. Instances of it are attached to other scenes while nothing can be attached
-    /// to it any more.
+    /// Of these meshes alone. Instances of it are attached to other scenes while nothing can be
+    /// attached to it any more.
     pub(super) scene: SceneBuilder,
     bounds: Bounds,
     is_empty: bool,
@@ -25,42 +25,51 @@ pub(super) struct Shared {
 
 impl SceneBuilder {
     /// Adds meshes at their places; those with a transform are held once however many places they
-    /// have.
+    /// have. Neighbors in the list that are moved together become one instance: rays meet fewer.
     ///
     /// # Errors
     /// As [`add_mesh`](Self::add_mesh) and [`place`](Self::place).
     pub fn add(&mut self, geometry: &Geometry<'_>) -> Result<(), EmbreeError> {
         let mut shared = HashMap::new();
-        for place in &geometry.places {
-            let mesh = geometry.mesh(place);
-            let Some(to_scene) = place.to_scene else {
-                self.add_mesh(mesh)?;
+        // Meshes that follow another in the list are parts of one thing; two places of one mesh are not.
+        let together = |a: &Place, b: &Place| a.to_scene == b.to_scene && a.mesh < b.mesh;
+        for places in geometry.places.chunk_by(together) {
+            let meshes: Vec<_> = places.iter().map(|place| geometry.mesh(place)).collect();
+            let Some(to_scene) = places[0].to_scene else {
+                meshes.into_iter().try_for_each(|mesh| self.add_mesh(mesh).map(|_| ()))?;
                 continue;
             };
-            let id = match shared.entry(place.mesh) {
+            let names: Vec<u32> = places.iter().map(|place| place.mesh).collect();
+            let id = match shared.entry(names) {
                 Entry::Occupied(known) => *known.get(),
-                Entry::Vacant(new) => *new.insert(self.share(mesh)?),
+                Entry::Vacant(new) => *new.insert(self.share(&meshes)?),
             };
             self.place(id, to_scene)?;
         }
         Ok(())
     }
 
-    /// Copies a mesh into the scene that gets its places by [`place`](Self::place).
+    /// Copies meshes into the scene that get their places, all of them together, by
+    /// [`place`](Self::place).
     ///
     /// # Errors
     /// As [`add_mesh`](Self::add_mesh).
-    pub fn share(&mut self, mesh: TriangleMesh<'_>) -> Result<SharedId, EmbreeError> {
+    pub fn share(&mut self, meshes: &[TriangleMesh<'_>]) -> Result<SharedId, EmbreeError> {
         let mut scene = Self::new(&self.device)?;
         scene.set_watertight(self.watertight)?;
-        scene.add_mesh(mesh).map_err(|error| self.about_next(error))?;
-        let bounds = mesh.positions.iter().copied().fold(Bounds::EMPTY, Bounds::with);
-        self.shared.push(Shared { scene, bounds, is_empty: mesh.triangles.is_empty() });
+        for &mesh in meshes {
+            scene.add_mesh(mesh).map_err(|error| self.about_next(error))?;
+        }
+        let points = meshes.iter().flat_map(|mesh| mesh.positions).copied();
+        let bounds = points.fold(Bounds::EMPTY, Bounds::with);
+        let is_empty = meshes.iter().all(|mesh| mesh.triangles.is_empty());
+        self.shared.push(Shared { scene, bounds, is_empty });
         Ok(SharedId(self.shared.len() - 1))
     }
 
-    /// Puts a shared mesh to a place. Rays are transformed in f32: where they hit is off by rounding
-    /// errors of the coordinates on both sides of the transform.
+    /// Puts shared meshes to a place; the id is that of the first of them, and the others' follow. Rays
+    /// are transformed in f32: where they hit is off by rounding errors of the coordinates on both
+    /// sides of the transform.
     ///
     /// # Errors
     /// [`EmbreeError::Mesh`] if the transform is nothing for numbers, or moves the mesh out of their
@@ -99,14 +108,16 @@ impl SceneBuilder {
                 }
             })?;
         }
-        self.meshes += 1;
+        self.meshes += scene.meshes;
         Ok(GeomId(mesh))
     }
 
-    /// An error about a scene's only mesh as one about the mesh that this scene would get next.
+    /// An error about a mesh of another scene, if its meshes were added to this one.
     fn about_next(&self, error: EmbreeError) -> EmbreeError {
         match error {
-            EmbreeError::Mesh { problem, .. } => EmbreeError::Mesh { mesh: self.meshes, problem },
+            EmbreeError::Mesh { mesh, problem } => {
+                EmbreeError::Mesh { mesh: self.meshes + mesh, problem }
+            }
             other => other,
         }
     }

@@ -81,10 +81,10 @@ pub(super) unsafe fn closest_hit(scene: sys::RTCScene, ray: &Ray) -> Hit {
     }
 }
 
-/// The mesh of a hit: an instance, if it has one, has a single geometry in it.
+/// The mesh of a hit: instances are named as the first of the meshes that they show.
 #[inline(always)]
 fn named(instance: u32, geometry: u32) -> u32 {
-    if instance == sys::RTC_INVALID_ID { geometry } else { instance }
+    if instance == sys::RTC_INVALID_ID { geometry } else { instance + geometry }
 }
 
 /// # Safety

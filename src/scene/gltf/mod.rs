@@ -18,6 +18,7 @@ mod remarks;
 mod texture;
 
 use crate::error::{Error, Result, visible};
+use crate::scene::arrange::Part;
 use crate::scene::builder::{Builder, Rest};
 use crate::scene::load::Loaded;
 use crate::scene::notes::Note;
@@ -81,15 +82,16 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
             meshes.remarks.chosen("left out what its transform flattens:", &name);
             continue;
         };
-        for (mesh, material) in
-            meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?
-        {
-            builder.place(&name, mesh, &transform, *material).ok_or_else(|| {
-                let problem = "its transform moves the mesh out of the range of coordinates";
-                let place = format!("nodes[{}]", placed.index);
-                Error::new(format!("{place}: {problem}"), "scale or move it less")
-            })?;
-        }
+        let parts = meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?;
+        let parts: Vec<_> = parts
+            .iter()
+            .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
+            .collect();
+        builder.place(&parts, &transform).ok_or_else(|| {
+            let problem = "its transform moves the mesh out of the range of coordinates";
+            let place = format!("nodes[{}]", placed.index);
+            Error::new(format!("{place}: {problem}"), "scale or move it less")
+        })?;
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
     builder.arrange(path)?;
