@@ -7,7 +7,7 @@ mod home;
 mod raw;
 
 use bdpm::accel::backend::{Backend, build};
-use bdpm::accel::{AccelInfo, Coherence, Hit, Intersect, Ray};
+use bdpm::accel::{AccelInfo, Coherence, Hit, Intersect, Ray, TriangleMesh};
 use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::light_paths::LightPaths;
 use bdpm::math::Rgb;
@@ -112,7 +112,12 @@ fn bench_raw(criterion: &mut Criterion, group: &str, raw: &RawScene, packets: &[
 fn phases(criterion: &mut Criterion) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
-    let raw = RawScene::new(scene.triangle_meshes());
+    let geometry = scene.geometry();
+    let copy = |place| (geometry.positions(place), geometry.mesh(place).triangles);
+    let copies: Vec<_> = geometry.places.iter().map(copy).collect();
+    let raw = RawScene::new(
+        copies.iter().map(|(positions, triangles)| TriangleMesh { positions, triangles }),
+    );
     // One thread, so that a phase's time is the time of its work.
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
 

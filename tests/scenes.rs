@@ -11,7 +11,7 @@ use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::summary::Summary;
-use bdpm::scene::load;
+use bdpm::scene::{Arrangement, load};
 use bdpm::settings::{Direct, RenderDefaults};
 use bdpm::{Renderer, Scene, Settings};
 use common::accel;
@@ -79,8 +79,9 @@ impl Case {
     /// What images are compared of, where it is not the scene itself.
     fn compared(&self, scene: &Scene) -> Option<Scene> {
         self.lamps_alone.then(|| {
-            let Scene { name, meshes, materials, camera, regions, .. } = scene.clone();
-            Scene::new(name, meshes, materials, Vec::new(), camera, regions)
+            let Scene { name, meshes, placements, materials, camera, regions, .. } = scene.clone();
+            let arrangement = Arrangement { meshes, placements };
+            Scene::new(name, arrangement, materials, Vec::new(), camera, regions)
         })
     }
 

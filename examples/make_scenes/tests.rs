@@ -109,9 +109,10 @@ fn flames_shine_outward() {
     let loaded = load(&scenes().join("hall")).unwrap();
     let scene = &loaded.scene;
     let lamps = scene
-        .meshes
+        .placements
         .iter()
-        .filter(|mesh| scene.materials[mesh.material as usize].emission != Vec3::ZERO);
+        .filter(|placement| scene.materials[placement.material as usize].emission != Vec3::ZERO)
+        .map(|placement| scene.mesh(placement));
     let mut count = 0;
     for mesh in lamps {
         let corner = |i: u32| (mesh.positions[i as usize] - mesh.positions[0]).as_dvec3();

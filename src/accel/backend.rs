@@ -47,17 +47,17 @@ impl fmt::Display for Backend {
 /// # Errors
 /// If the program was built without `backend`, or the build fails.
 pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
-    let meshes = scene.triangle_meshes();
+    let geometry = scene.geometry();
     match backend {
         Backend::Bvh => {
-            let bvh = Bvh::build(&meshes).map_err(|e| refused(backend, &e))?;
+            let bvh = Bvh::new(&geometry).map_err(|e| refused(backend, &e))?;
             Ok(CutOuts::wrap(Box::new(bvh), scene))
         }
         #[cfg(feature = "embree")]
         Backend::Embree => {
             use super::embree::{CommittedScene, Device};
             let committed = Device::new()
-                .and_then(|device| CommittedScene::from_meshes(&device, &meshes))
+                .and_then(|device| CommittedScene::new(&device, &geometry))
                 .map_err(|e| refused(backend, &e))?;
             Ok(CutOuts::wrap(Box::new(committed), scene))
         }

@@ -1,8 +1,9 @@
 //! The pure-Rust backend: `obvhs`'s BVH with our own watertight triangle test.
 //!
-//! It needs no library, runs everywhere, and is the reference that Embree is checked against.
+//! It needs no library, runs everywhere, and is the reference that Embree is checked against. So it
+//! stays simple: shared meshes are copied to each of their places.
 
-use super::{AccelInfo, Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use super::{AccelInfo, Coherence, Geometry, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -68,16 +69,26 @@ impl Bvh {
     /// # Errors
     /// If [`TriangleMesh::validate`] refuses a mesh, or all together are too many.
     pub fn build(meshes: &[TriangleMesh<'_>]) -> Result<Self, BvhError> {
+        Self::new(&Geometry::of_meshes(meshes))
+    }
+
+    /// Builds the BVH of meshes at their places; the indices are those of the places.
+    ///
+    /// # Errors
+    /// As [`build`](Self::build).
+    pub fn new(geometry: &Geometry<'_>) -> Result<Self, BvhError> {
         let start = Instant::now();
-        let count = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+        let count = geometry.placed_triangles();
         if count >= u32::MAX as usize / 2 {
             return Err(BvhError::TooManyTriangles { count }); // nodes are numbered too
         }
         let mut triangles = Vec::with_capacity(count);
-        for (mesh, data) in (0..).zip(meshes) {
+        for (mesh, place) in (0..).zip(&geometry.places) {
+            let positions = &*geometry.positions(place);
+            let data = TriangleMesh { positions, ..geometry.mesh(place) };
             data.validate().map_err(|problem| BvhError::Mesh { mesh, problem })?;
             triangles.extend((0..).zip(data.triangles).map(|(triangle, indices)| Triangle {
-                vertices: indices.map(|index| data.positions[index as usize]),
+                vertices: indices.map(|index| positions[index as usize]),
                 mesh,
                 triangle,
             }));

@@ -1,8 +1,9 @@
 //! Cut-outs: parts of triangles that all rays pass as if nothing were there.
 
 use super::{AccelInfo, Coherence, Hit, Intersect, Ray};
-use crate::scene::{Scene, Texture};
+use crate::scene::{Mesh, Placement, Scene, Texture};
 use glam::Vec2;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Surfaces of less opacity are not there.
@@ -11,27 +12,31 @@ const THRESHOLD: f32 = 0.5;
 /// A backend in which some meshes have holes.
 pub struct CutOuts {
     inner: Box<dyn Intersect>,
-    /// By mesh.
+    /// By the mesh index of hits.
     masks: Vec<Option<Mask>>,
 }
 
-/// The holes of one mesh.
+/// The holes of a mesh at one of its places.
 struct Mask {
     opacity: Arc<Texture>,
     /// Texture coordinates of each triangle's corners.
-    uvs: Vec<[Vec2; 3]>,
+    uvs: Arc<[[Vec2; 3]]>,
 }
 
 impl CutOuts {
     /// Cuts the holes of the scene's materials out of `inner`, if there are any.
     pub fn wrap(inner: Box<dyn Intersect>, scene: &Scene) -> Box<dyn Intersect> {
-        let mask = |mesh: &crate::scene::Mesh| {
-            let material = &scene.materials[mesh.material as usize];
-            let opacity = material.cut_out()?.clone();
+        let uvs = |mesh: &Mesh| {
             let uv = |index: u32| mesh.uvs.get(index as usize).copied().unwrap_or_default();
-            Some(Mask { opacity, uvs: mesh.triangles.iter().map(|t| t.map(uv)).collect() })
+            mesh.triangles.iter().map(|corners| corners.map(uv)).collect::<Arc<_>>()
         };
-        let masks: Vec<_> = scene.meshes.iter().map(mask).collect();
+        let mut known: HashMap<u32, Arc<_>> = HashMap::new();
+        let mut mask = |placement: &Placement| {
+            let opacity = scene.materials[placement.material as usize].cut_out()?.clone();
+            let uvs = known.entry(placement.mesh).or_insert_with(|| uvs(scene.mesh(placement)));
+            Some(Mask { opacity, uvs: uvs.clone() })
+        };
+        let masks: Vec<_> = scene.placements.iter().map(&mut mask).collect();
         if masks.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, masks }) }
     }
 

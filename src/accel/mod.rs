@@ -10,6 +10,9 @@ pub mod bvh;
 mod cut_out;
 #[cfg(feature = "embree")]
 pub mod embree;
+mod geometry;
+
+pub use geometry::{Geometry, Place, instance_transform};
 
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.
 ///
@@ -49,7 +52,8 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of the triangle's third vertex.
     pub v: f32,
-    /// Index of the mesh, in the order in which meshes were added; `u32::MAX` for a miss.
+    /// Index of the mesh or, where it may have several, of its place, in the order in which they were
+    /// added; `u32::MAX` for a miss.
     pub mesh: u32,
     /// Index of the triangle within its mesh.
     pub triangle: u32,
@@ -109,7 +113,7 @@ pub struct AccelInfo {
     pub name: String,
     /// Rays per packet of the batched queries; 1 if they loop over single rays.
     pub packet_size: usize,
-    /// Number of triangles.
+    /// Number of triangles that it holds: those of shared meshes once, if it can.
     pub triangles: usize,
     /// Bytes of the structure and its copy of the geometry.
     pub bytes: usize,
@@ -198,6 +202,18 @@ pub enum MeshError {
         /// Index of the vertex.
         vertex: usize,
         /// Its position.
+        position: Vec3,
+    },
+    /// Rays cannot be taken through the transform of an instance and back.
+    #[error("the transform is not finite, cannot be undone or scales by more than 1e9")]
+    Transform,
+    /// An instance reaches beyond [`TriangleMesh::MAX_COORDINATE`].
+    #[error(
+        "an instance is too far out: {position}; coordinates must be below {:e}",
+        TriangleMesh::MAX_COORDINATE
+    )]
+    TooFar {
+        /// A corner of its box.
         position: Vec3,
     },
     /// There are more vertices than 32 bits can number.

@@ -20,8 +20,12 @@ pub struct Args {
 struct Report<'a> {
     scene: &'a str,
     fingerprint: String,
+    /// Counted at each of their places.
     meshes: usize,
     triangles: usize,
+    /// Those at several places are held once.
+    stored_meshes: usize,
+    stored_triangles: usize,
     materials: usize,
     /// What was read, by name, and what was skipped or chosen.
     read: &'a Summary,
@@ -147,8 +151,10 @@ impl<'a> Report<'a> {
         Self {
             scene: &scene.name,
             fingerprint: format!("{:016x}", scene.fingerprint()),
-            meshes: scene.meshes.len(),
+            meshes: scene.placements.len(),
             triangles: scene.triangle_count(),
+            stored_meshes: scene.meshes.len(),
+            stored_triangles: scene.stored_triangle_count(),
             materials: scene.materials.len(),
             read: &loaded.summary,
             notes: &loaded.notes,
@@ -201,6 +207,10 @@ fn text(report: &Report) -> String {
             counted(report.materials, "material")
         ),
     );
+    if report.stored_meshes < report.meshes {
+        let held = counted(report.stored_triangles, "triangle");
+        row("held once each", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
+    }
     row("materials", names(&report.read.materials));
     row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));

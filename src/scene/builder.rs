@@ -1,19 +1,19 @@
 //! A scene as it comes together while files are read.
 
+use super::arrange::{Part, Uses};
 use super::framing;
 use super::load::{Loaded, scene_name};
 use super::mtl;
 use super::notes::Note;
-use super::obj::ObjFile;
+use super::obj::{ObjFile, ObjMesh};
 use super::summary::Summary;
 use super::text::list;
 use super::transform::Transform;
-use super::{Camera, Emitter, Environment, Material, Mesh, Region, Scene, triangle_area};
+use super::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use crate::memory::{GIB, available_memory};
 use crate::settings::RenderDefaults;
-use glam::Vec3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,8 @@ const TRIANGLE_BYTES: f64 = 200.0;
 /// Meshes and materials as they come together.
 #[derive(Default)]
 pub(super) struct Builder {
-    pub meshes: Vec<Mesh>,
+    uses: Uses,
+    arrangement: Arrangement,
     pub materials: Vec<Material>,
     /// Index in `materials` by the OBJ file that names it (none for the scene file) and name.
     material_index: HashMap<(Option<PathBuf>, String), u32>,
@@ -92,10 +93,12 @@ impl Builder {
         material: Option<&str>,
         own: &BTreeMap<String, Material>,
     ) -> Option<()> {
-        for part in &obj.meshes {
-            let material = self.material(material.or(part.material.as_deref()), own, path, obj);
-            self.place(&part.mesh.name, &part.mesh, transform, material)?;
+        let mut parts = Vec::new();
+        for ObjMesh { mesh, material: named } in &obj.meshes {
+            let material = self.material(material.or(named.as_deref()), own, path, obj);
+            parts.push(Part { name: &mesh.name, mesh, material });
         }
+        self.place(&parts, transform)?;
         let grey = format!("took grey of albedo {}", mtl::DEFAULT_ALBEDO);
         let path = path.display();
         if !self.undefined.is_empty() {
@@ -109,73 +112,41 @@ impl Builder {
         Some(())
     }
 
-    /// Adds a mesh at its place, of the material of this index and without its triangles of no
-    /// area; `None` if a point moves out of range.
-    pub fn place(
-        &mut self,
-        name: &str,
-        mesh: &Mesh,
-        transform: &Transform,
-        material: u32,
-    ) -> Option<()> {
-        let look = &self.materials[material as usize];
-        if mesh.uvs.is_empty() && look.is_textured() {
-            self.untextured.insert(look.name.clone());
+    /// Adds meshes that belong together at one of their places; `None` if a point moves out of range.
+    pub fn place(&mut self, parts: &[Part<'_>], transform: &Transform) -> Option<()> {
+        for part in parts {
+            let look = &self.materials[part.material as usize];
+            if part.mesh.uvs.is_empty() && look.is_textured() {
+                self.untextured.insert(look.name.clone());
+            }
         }
-        let positions: Vec<Vec3> =
-            mesh.positions.iter().map(|p| transform.point(*p)).collect::<Option<_>>()?;
-        let corners = mesh.triangles.iter().map(|corners| transform.corners(*corners));
-        let triangles: Vec<[u32; 3]> = corners
-            .filter(|corners| triangle_area(corners.map(|i| positions[i as usize])) > 0.0)
-            .collect();
-        self.dropped += (mesh.triangles.len() - triangles.len()) as u64;
-        if !triangles.is_empty() {
-            let name = name.to_owned();
-            let normals = mesh.normals.iter().map(|n| transform.normal(*n)).collect();
-            let tangents = mesh.tangents.iter().map(|t| transform.tangent(*t)).collect();
-            let uvs = mesh.uvs.clone();
-            self.meshes.push(Mesh { name, positions, normals, uvs, tangents, triangles, material });
-        }
-        Some(())
+        self.uses.add(parts, transform)
     }
 
-    /// Refuses more triangles than can be numbered or held, before memory is taken for them.
-    pub fn count(&mut self, triangles: u64, path: &Path) -> Result<()> {
-        self.triangles = self.triangles.saturating_add(triangles);
-        let advice = "leave out or simplify some meshes";
+    /// Refuses more triangles than can be numbered at all places, or `new` ones that cannot be held,
+    /// before memory is taken for them.
+    pub fn count(&mut self, placed: u64, new: u64, path: &Path) -> Result<()> {
+        self.triangles = self.triangles.saturating_add(placed);
         if self.triangles > u64::from(u32::MAX) {
             let problem = format!("the scene has more than {} triangles", u32::MAX);
-            return Err(Error::new(problem, advice).at(path));
+            return Err(Error::new(problem, ADVICE).at(path));
         }
-        let needed = self.triangles as f64 * TRIANGLE_BYTES;
-        match available_memory() {
-            Some(available) if needed > available => {
-                let problem = format!(
-                    "the scene has {} triangles or more, for which {:.1} GiB of memory are needed, \
-                     but {:.1} GiB are available",
-                    self.triangles,
-                    needed / GIB,
-                    available / GIB
-                );
-                Err(Error::new(problem, advice).at(path))
-            }
-            _ => Ok(()),
-        }
+        require_memory(new, path)
     }
 
     /// The box around all triangles.
     pub fn bounds(&self) -> Bounds {
-        let corners = |mesh: &Mesh| {
-            let points = mesh.triangles.iter().flatten().map(|i| mesh.positions[*i as usize]);
-            points.fold(Bounds::EMPTY, Bounds::with)
-        };
-        let boxes = self.meshes.iter().map(corners);
-        boxes.fold(Bounds::EMPTY, |all, one| all.with(one.min).with(one.max))
+        let Arrangement { meshes, placements } = &self.arrangement;
+        let enclose = |bounds, one: &Placement| one.enclose(bounds, &meshes[one.mesh as usize]);
+        placements.iter().fold(Bounds::EMPTY, enclose)
     }
 
-    /// Whether there is anything to render.
-    pub fn require_triangles(&mut self, path: &Path) -> Result<()> {
-        if self.meshes.is_empty() {
+    /// Puts all meshes at their places, if there is anything to render.
+    pub fn arrange(&mut self, path: &Path) -> Result<()> {
+        let uses = std::mem::take(&mut self.uses);
+        require_memory(uses.stored(), path)?;
+        (self.arrangement, self.dropped) = uses.arrange();
+        if self.arrangement.placements.is_empty() {
             let problem = match self.dropped {
                 0 => "the scene has no triangle".to_owned(),
                 count => format!("all {count} triangles of the scene have no area"),
@@ -238,9 +209,10 @@ impl Builder {
         camera: Camera,
         rest: Rest,
     ) -> Result<Loaded> {
-        let Self { meshes, materials, notes, .. } = self;
+        let Self { arrangement, materials, notes, .. } = self;
         let Rest { regions, environment, defaults } = rest;
-        let mut scene = Scene::new(scene_name(path), meshes, materials, lights, camera, regions);
+        let mut scene =
+            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions);
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
         }
@@ -257,5 +229,24 @@ impl Builder {
         }
         let summary = Summary::new(&scene);
         Ok(Loaded { scene, defaults, notes, summary })
+    }
+}
+
+const ADVICE: &str = "leave out or simplify some meshes";
+
+/// Refuses more triangles than can be held.
+fn require_memory(triangles: u64, path: &Path) -> Result<()> {
+    let needed = triangles as f64 * TRIANGLE_BYTES;
+    match available_memory() {
+        Some(available) if needed > available => {
+            let problem = format!(
+                "the scene has {triangles} triangles or more, for which {:.1} GiB of memory are \
+                 needed, but {:.1} GiB are available",
+                needed / GIB,
+                available / GIB
+            );
+            Err(Error::new(problem, ADVICE).at(path))
+        }
+        _ => Ok(()),
     }
 }

@@ -1,7 +1,9 @@
 //! What makes two scenes the same, in 64 bits.
 
 use super::texture::{Sampling, Texture};
-use super::{Camera, Emitter, Environment, FieldOfView, Material, NormalMap, Optics, Scene};
+use super::{
+    Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
+};
 use crate::bsdf::{Bsdf, Reflectance};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -14,25 +16,15 @@ impl Scene {
     pub fn fingerprint(&self) -> u64 {
         let mut hash = Hash(Xxh3Default::new());
         // Every list starts with its length, so that no two scenes write the same bytes.
-        hash.count(self.meshes.len());
-        for mesh in &self.meshes {
-            hash.u32(mesh.material);
-            hash.count(mesh.positions.len());
-            mesh.positions.iter().for_each(|&position| hash.vec3(position));
-            if !mesh.normals.is_empty() {
-                hash.text("normals");
-                mesh.normals.iter().for_each(|&normal| hash.vec3(normal));
+        hash.count(self.placements.len());
+        for Placement { mesh, material, transform } in &self.placements {
+            hash.u32(*material);
+            let mesh = &self.meshes[*mesh as usize];
+            match transform {
+                None => hash.mesh(mesh),
+                // Whether it is held once does not show.
+                Some(transform) => hash.mesh(&mesh.moved(transform)),
             }
-            if !mesh.uvs.is_empty() {
-                hash.text("uvs");
-                mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| hash.f32(x)));
-            }
-            if !mesh.tangents.is_empty() {
-                hash.text("tangents");
-                mesh.tangents.iter().for_each(|&tangent| hash.vec3(tangent));
-            }
-            hash.count(mesh.triangles.len());
-            mesh.triangles.iter().flatten().for_each(|&index| hash.u32(index));
         }
         hash.count(self.materials.len());
         self.materials.iter().for_each(|material| hash.material(material));
@@ -73,6 +65,25 @@ impl Hash {
 
     fn rgb(&mut self, value: Rgb) {
         self.vec3(value);
+    }
+
+    fn mesh(&mut self, mesh: &Mesh) {
+        self.count(mesh.positions.len());
+        mesh.positions.iter().for_each(|&position| self.vec3(position));
+        if !mesh.normals.is_empty() {
+            self.text("normals");
+            mesh.normals.iter().for_each(|&normal| self.vec3(normal));
+        }
+        if !mesh.uvs.is_empty() {
+            self.text("uvs");
+            mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| self.f32(x)));
+        }
+        if !mesh.tangents.is_empty() {
+            self.text("tangents");
+            mesh.tangents.iter().for_each(|&tangent| self.vec3(tangent));
+        }
+        self.count(mesh.triangles.len());
+        mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
 
     fn material(&mut self, material: &Material) {
@@ -236,7 +247,7 @@ mod tests {
     use super::*;
     use crate::bsdf::{Coated, Conductor, Dielectric, Glossy, RoughDielectric, ThinDielectric};
     use crate::scene::texture::Wrap;
-    use crate::scene::{Directional, Mesh, Region, Spot};
+    use crate::scene::{Directional, Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 

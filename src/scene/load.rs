@@ -141,13 +141,15 @@ fn load_toml(path: &Path) -> Result<Loaded> {
             let advice = "check the name; it is relative to the folder of the scene file";
             return Err(here(format!("cannot read the mesh file `{name}`: {error}"), advice));
         }
-        if !files.contains_key(&obj_path) {
+        let is_new = !files.contains_key(&obj_path);
+        if is_new {
             let read = obj::load(&obj_path)?;
             builder.notes.extend(read.notes.iter().cloned());
             files.insert(obj_path.clone(), read);
         }
         let obj = &files[&obj_path];
-        builder.count(obj.triangle_count(), path)?;
+        let count = obj.triangle_count();
+        builder.count(count, if is_new { count } else { 0 }, path)?;
         if let Some(wanted) = &mesh.material {
             check_material(wanted.get_ref(), &file, obj)
                 .map_err(|e| place(e, wanted.span().start))?;
@@ -158,7 +160,7 @@ fn load_toml(path: &Path) -> Result<Loaded> {
             place(Error::new(problem, "scale or move it less"), table.span().start)
         })?;
     }
-    builder.require_triangles(path)?;
+    builder.arrange(path)?;
 
     let used: BTreeSet<&str> = builder.materials.iter().map(|m| m.name.as_str()).collect();
     let unused = file.materials.keys().map(String::as_str).filter(|name| !used.contains(name));
@@ -203,10 +205,10 @@ fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
 fn load_obj(path: &Path) -> Result<Loaded> {
     let obj = obj::load(path)?;
     let mut builder = Builder::new(obj.notes.clone());
-    builder.count(obj.triangle_count(), path)?;
+    builder.count(obj.triangle_count(), obj.triangle_count(), path)?;
     // The identity keeps all points in range.
     let _ = builder.add(path, &obj, &Transform::IDENTITY, None, &BTreeMap::new());
-    builder.require_triangles(path)?;
+    builder.arrange(path)?;
 
     let camera = builder.place_camera(path)?;
     let lights = builder.lights_or_one(Vec::new(), &camera, path);

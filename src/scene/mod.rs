@@ -1,5 +1,6 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
+mod arrange;
 mod builder;
 pub mod camera;
 mod camera_table;
@@ -9,6 +10,7 @@ mod environment_table;
 mod fingerprint;
 mod framing;
 mod gltf;
+mod hit;
 pub mod light;
 mod light_choice;
 mod light_cluster;
@@ -25,6 +27,7 @@ mod normal_map;
 pub mod notes;
 mod obj;
 mod obj_records;
+mod placement;
 pub mod save;
 mod scene_file;
 mod shading;
@@ -46,23 +49,22 @@ pub use load::{LoadOptions, Loaded, load, load_with};
 pub use material::Material;
 pub use normal_map::NormalMap;
 pub use notes::{Note, NoteKind};
+pub use placement::{Arrangement, Placement};
 pub use save::{Saved, save};
 pub use summary::Summary;
 pub use surface::Surface;
 pub use texture::{Sampling, Texture, Wrap};
 pub use textured_emitter::TexturedTriangle;
+pub use transform::Transform;
 
-use crate::accel::{Hit, Ray, TriangleMesh};
-use crate::bsdf::Bsdf;
+use crate::accel::TriangleMesh;
 use crate::error::{Error, Result};
 use crate::math::Bounds;
 use glam::{DVec3, Vec2, Vec3};
-use normal_map::Tangent;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul};
-use textured_emitter::Glow;
 
-/// A triangle mesh of one material, in world space.
+/// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Name as in its file.
@@ -91,13 +93,8 @@ impl Mesh {
 
     /// What varies over the triangle of these corners and this normal.
     fn corners(&self, indices: [usize; 3], normal: Vec3) -> Corners {
-        let own = |index: usize| {
-            let given = self.normals.get(index).copied().unwrap_or_default();
-            match given.dot(normal) {
-                0.0 => normal,
-                cos => given * cos.signum(),
-            }
-        };
+        let own =
+            |index: usize| to_front(self.normals.get(index).copied().unwrap_or_default(), normal);
         let uv = |index: usize| self.uvs.get(index).copied().unwrap_or_default();
         Corners { normals: indices.map(own), uvs: indices.map(uv) }
     }
@@ -132,6 +129,14 @@ struct Corners {
     uvs: [Vec2; 3],
 }
 
+/// A vertex's normal, turned to the front of its triangle of this `normal`, and never in its plane.
+fn to_front(given: Vec3, normal: Vec3) -> Vec3 {
+    match given.dot(normal) {
+        0.0 => normal,
+        cos => given * cos.signum(),
+    }
+}
+
 /// The mean of the corners' values with barycentric weights `u`, `v` of the second and third.
 #[inline]
 fn interpolate<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(
@@ -156,18 +161,28 @@ pub(crate) fn triangle_area(corners: [Vec3; 3]) -> f32 {
 impl Triangle {
     /// Nothing varies over it.
     const FLAT: u32 = u32::MAX;
+    /// The same, but it has several places.
+    const PLACED: u32 = u32::MAX - 1;
 
     fn new(corners: [Vec3; 3], material: u32) -> Self {
         let [a, b, c] = corners;
         let (edge1, edge2) = (b - a, c - a);
         let normal = long_normal(corners).normalize_or_zero().as_vec3();
-        // An interpolated point is off its plane by a few units in the last place of the largest
-        // vertex coordinate.
-        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
-        let offset = largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE;
+        let offset = Self::offset(Self::largest(corners));
         let area = triangle_area(corners);
         let corners = Self::FLAT;
         Self { origin: a, edge1, edge2, normal, offset, material, area, corners }
+    }
+
+    /// The largest coordinate of its corners.
+    fn largest([a, b, c]: [Vec3; 3]) -> f32 {
+        a.abs().max(b.abs()).max(c.abs()).max_element()
+    }
+
+    /// An interpolated point is off its plane by a few units in the last place of the largest vertex
+    /// coordinate.
+    fn offset(largest: f32) -> f32 {
+        largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE
     }
 
     /// Area, scene units squared.
@@ -226,8 +241,10 @@ pub fn check_rectangles(rectangles: &[[f64; 4]]) -> Result<()> {
 pub struct Scene {
     /// Name of the scene file or folder.
     pub name: String,
-    /// All meshes; their order is the mesh index of [`Hit`].
+    /// All meshes.
     pub meshes: Vec<Mesh>,
+    /// Where they are; the order is the mesh index of [`Hit`].
+    pub placements: Vec<Placement>,
     /// All materials.
     pub materials: Vec<Material>,
     /// All lights, emissive triangles among them.
@@ -238,11 +255,11 @@ pub struct Scene {
     pub regions: Vec<Region>,
     /// Box around all meshes.
     pub bounds: Bounds,
-    /// All triangles, mesh after mesh.
+    /// All triangles, mesh after mesh, in their mesh's space.
     triangles: Vec<Triangle>,
     /// Of the triangles over which something varies.
     corners: Vec<Corners>,
-    /// Index in `triangles` of each mesh's first.
+    /// Index in `triangles` of the first of each placement's mesh.
     first_triangle: Vec<u32>,
 }
 
@@ -250,47 +267,51 @@ impl Scene {
     /// Puts a scene together; `lights` come on top of the emissive triangles.
     ///
     /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
-    /// zero area, fewer than 2^32 triangles in all ([`load()`] sees to it).
+    /// zero area, fewer than 2^32 triangles in all; and so at each place ([`load()`] sees to it).
     pub fn new(
         name: String,
-        meshes: Vec<Mesh>,
+        arrangement: impl Into<Arrangement>,
         materials: Vec<Material>,
         lights: Vec<Emitter>,
         camera: Camera,
         regions: Vec<Region>,
     ) -> Self {
-        let mut bounds = Bounds::EMPTY;
+        let Arrangement { meshes, placements } = arrangement.into();
+        let mut varies: Vec<_> = meshes.iter().map(|mesh| !mesh.normals.is_empty()).collect();
+        // What to put into stored triangles: of shared meshes, any of their materials.
+        let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
+        for Placement { mesh, material, transform } in &placements {
+            varies[*mesh as usize] |= materials[*material as usize].varies();
+            let flat = if transform.is_some() { Triangle::PLACED } else { Triangle::FLAT };
+            looks[*mesh as usize] = (flat, *material);
+        }
         let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());
-        let mut first_triangle = Vec::with_capacity(meshes.len());
-        let mut varying = Vec::new();
-        let mut emitters = lights;
-        for mesh in &meshes {
-            first_triangle.push(triangles.len() as u32);
-            let material = &materials[mesh.material as usize];
-            let radiance = material.emission;
-            let emits = radiance.max_element() > 0.0;
-            let glow = material.emission_texture.as_ref().filter(|_| emits);
-            let glow = glow.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
+        let mut first_of_mesh = Vec::with_capacity(meshes.len());
+        let mut corners = Vec::new();
+        for ((mesh, varies), (flat, material)) in meshes.iter().zip(varies).zip(looks) {
+            first_of_mesh.push(triangles.len() as u32);
             for indices in &mesh.triangles {
                 let indices = indices.map(|index| index as usize);
-                let corners = indices.map(|index| mesh.positions[index]);
-                bounds = corners.into_iter().fold(bounds, Bounds::with);
-                let mut shape = Triangle::new(corners, mesh.material);
-                if material.varies() || !mesh.normals.is_empty() {
-                    shape.corners = varying.len() as u32;
-                    varying.push(mesh.corners(indices, shape.normal));
-                }
-                if emits {
-                    emitters.push(match &glow {
-                        None => Emitter::Triangle { shape, radiance },
-                        Some(glow) => {
-                            let Corners { uvs, .. } = mesh.corners(indices, shape.normal);
-                            glow.emitter(shape, uvs)
-                        }
-                    });
+                let points = indices.map(|index| mesh.positions[index]);
+                let mut shape = Triangle { corners: flat, ..Triangle::new(points, material) };
+                if varies {
+                    shape.corners = corners.len() as u32;
+                    corners.push(mesh.corners(indices, shape.normal));
                 }
                 triangles.push(shape);
             }
+        }
+
+        let mut bounds = Bounds::EMPTY;
+        let mut first_triangle = Vec::with_capacity(placements.len());
+        let mut emitters = lights;
+        for placement in &placements {
+            let mesh = &meshes[placement.mesh as usize];
+            let first = first_of_mesh[placement.mesh as usize];
+            let stored = &triangles[first as usize..][..mesh.triangles.len()];
+            first_triangle.push(first);
+            bounds = placement.enclose(bounds, mesh);
+            placement.emit(mesh, stored, &materials, &mut emitters);
         }
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
@@ -299,10 +320,10 @@ impl Scene {
             }
         }
         let lights = Lights::new(emitters);
-        let corners = varying;
         Self {
             name,
             meshes,
+            placements,
             materials,
             lights,
             camera,
@@ -322,42 +343,9 @@ impl Scene {
         self
     }
 
-    /// The meshes as an intersection backend takes them.
-    pub fn triangle_meshes(&self) -> Vec<TriangleMesh<'_>> {
-        self.meshes.iter().map(Mesh::as_triangles).collect()
-    }
-
-    /// All triangles, mesh after mesh.
-    pub fn triangles(&self) -> &[Triangle] {
-        &self.triangles
-    }
-
-    /// Number of triangles.
-    pub fn triangle_count(&self) -> usize {
-        self.triangles.len()
-    }
-
     /// Longest side of the bounding box, scene units.
     pub fn size(&self) -> f32 {
         self.bounds.longest_side()
-    }
-
-    /// What `ray`, of a direction of unit length, hit, if it is [`plain`](Self::plain) and scatters as
-    /// `bsdf`.
-    ///
-    /// # Panics
-    /// If the ray missed.
-    #[inline(always)] // a call costs a tenth of the light phase
-    pub fn plain_surface(&self, ray: &Ray, hit: &Hit, bsdf: Bsdf) -> Surface<'_> {
-        let triangle = self.triangle(hit);
-        let front = triangle.normal.dot(ray.direction) <= 0.0;
-        let normal = if front { triangle.normal } else { -triangle.normal };
-        let position = triangle.point([hit.u, hit.v]);
-        let material = &self.materials[triangle.material as usize];
-        let off_surface = position + normal * triangle.offset;
-        let wo = -ray.direction;
-        let (interpolated, uv) = (None, None);
-        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
     }
 
     /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
@@ -365,64 +353,5 @@ impl Scene {
     pub fn merges_by_direction(&self) -> bool {
         self.materials.iter().any(Material::merges_by_direction)
             || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())
-    }
-
-    /// The BSDF of what was hit if it is plain: Lambertian, and the same all over the triangle. The
-    /// compiler sees that it is, and makes a short loop for such surfaces.
-    #[inline(always)]
-    pub fn plain(&self, hit: &Hit) -> Option<Bsdf> {
-        let triangle = self.triangle(hit);
-        let material = &self.materials[triangle.material as usize];
-        match material.bsdf {
-            Bsdf::Lambertian { albedo, two_sided } if triangle.corners == Triangle::FLAT => {
-                Some(Bsdf::Lambertian { albedo, two_sided })
-            }
-            _ => None,
-        }
-    }
-
-    /// What `ray`, of a direction of unit length, hit.
-    ///
-    /// # Panics
-    /// If the ray missed.
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
-        let triangle = self.triangle(hit);
-        let own = self.materials[triangle.material as usize].bsdf;
-        let plain = self.plain_surface(ray, hit, own);
-        let Some(Corners { normals, uvs }) = self.corners.get(triangle.corners as usize) else {
-            return plain;
-        };
-        let at = [hit.u, hit.v];
-        let interpolated = (*normals != [triangle.normal; 3])
-            .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
-        if !plain.material.varies() {
-            return Surface { interpolated: interpolated.map(|n| plain.to_side(n)), ..plain };
-        }
-        let uv = interpolate(*uvs, at);
-        let bent = plain.material.normal_map.as_ref().and_then(|map| {
-            let tangent = self.tangent(hit, triangle, *uvs)?;
-            map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
-        });
-        let interpolated = bent.or(interpolated).map(|normal| plain.to_side(normal));
-        let bsdf = plain.material.bsdf_at(uv).unwrap_or(own);
-        Surface { interpolated, bsdf, uv: Some(uv), ..plain }
-    }
-
-    /// Where growing texture coordinates lead at a hit: as the mesh says, else as `uvs` do.
-    fn tangent(&self, hit: &Hit, triangle: &Triangle, uvs: [Vec2; 3]) -> Option<Tangent> {
-        let own = Tangent::new([triangle.edge1, triangle.edge2], uvs)?;
-        let mesh = &self.meshes[hit.mesh as usize];
-        if mesh.tangents.is_empty() {
-            return Some(own);
-        }
-        let corners = mesh.triangles[hit.triangle as usize];
-        let given = interpolate(corners.map(|i| mesh.tangents[i as usize]), [hit.u, hit.v]);
-        Some(if given == Vec3::ZERO { own } else { Tangent { along_u: given, ..own } })
-    }
-
-    #[inline]
-    fn triangle(&self, hit: &Hit) -> &Triangle {
-        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
-        &self.triangles[index as usize]
     }
 }

@@ -14,12 +14,13 @@ use glam::{Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The triangles of one object or group that share a material.
 #[derive(Clone, Debug)]
 pub(super) struct ObjMesh {
     /// Named as the object or group; its material's index is not yet known.
-    pub mesh: Mesh,
+    pub mesh: Arc<Mesh>,
     /// As named by `usemtl`.
     pub material: Option<String>,
 }
@@ -82,7 +83,7 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
 
 /// Joins the models of equal name and material, which a file may switch between at will.
 fn group(models: Vec<tobj::Model>, parts: &[Part]) -> Vec<ObjMesh> {
-    let mut meshes: Vec<ObjMesh> = Vec::new();
+    let mut meshes: Vec<(Mesh, Option<String>)> = Vec::new();
     let mut index_of = HashMap::new();
     for model in models {
         // The name is the number under which `Records` announced the part.
@@ -94,10 +95,10 @@ fn group(models: Vec<tobj::Model>, parts: &[Part]) -> Vec<ObjMesh> {
         }
         let index = *index_of.entry(part).or_insert_with(|| {
             let Part { name, material, .. } = part.clone();
-            meshes.push(ObjMesh { mesh: Mesh { name, ..Mesh::default() }, material });
+            meshes.push((Mesh { name, ..Mesh::default() }, material));
             meshes.len() - 1
         });
-        let mesh = &mut meshes[index].mesh;
+        let mesh = &mut meshes[index].0;
         let first = mesh.positions.len() as u32;
         mesh.positions.extend(model.mesh.positions.chunks_exact(3).map(Vec3::from_slice));
         mesh.normals.extend(model.mesh.normals.chunks_exact(3).map(Vec3::from_slice));
@@ -105,7 +106,8 @@ fn group(models: Vec<tobj::Model>, parts: &[Part]) -> Vec<ObjMesh> {
         let triangles = model.mesh.indices.chunks_exact(3);
         mesh.triangles.extend(triangles.map(|t| [t[0] + first, t[1] + first, t[2] + first]));
     }
-    meshes
+    let shared = |(mesh, material)| ObjMesh { mesh: Arc::new(mesh), material };
+    meshes.into_iter().map(shared).collect()
 }
 
 /// A mention of a material library.

@@ -35,7 +35,7 @@ impl Summary {
         pictures.dedup();
         let environment = usize::from(scene.lights.environment().is_some());
         Self {
-            meshes: scene.meshes.len(),
+            meshes: scene.placements.len(),
             triangles: scene.triangle_count(),
             materials: scene.materials.iter().map(|material| material.name.clone()).collect(),
             textures: pictures.len(),

@@ -1,6 +1,9 @@
 //! Placing a mesh in the scene: affine maps that keep front sides in front.
 
+use super::Triangle;
+use crate::accel::instance_transform;
 use crate::error::{Error, Result};
+use crate::math::Bounds;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 
 /// Largest accepted coordinate, scene units: squares of distances still fit an f32.
@@ -8,18 +11,35 @@ pub(super) const MAX_COORDINATE: f32 = 1e15;
 
 /// An invertible affine map, kept in f64 so that only the result is rounded.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Transform {
+pub struct Transform {
     map: DAffine3,
+    /// Inverse transpose of its matrix.
+    normals: DMat3,
+    /// Of its matrix; less than 0 if it mirrors.
+    determinant: f64,
+    /// So many times as large as coordinates' own are rounding errors of points that are taken through
+    /// the map and back, component by component: 1 for moving and scaling along the axes.
+    magnification: f64,
     /// Whether the order of a triangle's corners must be reversed.
     reverse: bool,
 }
 
 impl Transform {
-    pub(super) const IDENTITY: Self = Self { map: DAffine3::IDENTITY, reverse: false };
+    /// Moves nothing.
+    pub const IDENTITY: Self = Self {
+        map: DAffine3::IDENTITY,
+        normals: DMat3::IDENTITY,
+        determinant: 1.0,
+        magnification: 1.0,
+        reverse: false,
+    };
 
     /// First scales, then turns about the x, y and z axis of the scene in this order
     /// (counterclockwise, degrees), then moves.
-    pub(super) fn from_parts(translate: DVec3, rotate_deg: DVec3, scale: DVec3) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If it cannot be undone.
+    pub fn from_parts(translate: DVec3, rotate_deg: DVec3, scale: DVec3) -> Result<Self> {
         let [x, y, z] = rotate_deg.to_array().map(sin_cos);
         let about_x =
             DMat3::from_cols_array_2d(&[[1.0, 0.0, 0.0], [0.0, x.1, x.0], [0.0, -x.0, x.1]]);
@@ -35,7 +55,10 @@ impl Transform {
     }
 
     /// From the rows of a matrix that multiplies column vectors.
-    pub(super) fn from_rows(rows: [[f64; 4]; 4]) -> Result<Self> {
+    ///
+    /// # Errors
+    /// If it is not affine, or cannot be undone.
+    pub fn from_rows(rows: [[f64; 4]; 4]) -> Result<Self> {
         if rows[3] != [0.0, 0.0, 0.0, 1.0] {
             return Err(Error::new(
                 "the last row of the matrix is not [0, 0, 0, 1]",
@@ -44,6 +67,16 @@ impl Transform {
         }
         let matrix = DMat4::from_cols_array_2d(&rows).transpose();
         Self::new(DAffine3::from_mat4(matrix))
+    }
+
+    /// The rows of the matrix that multiplies column vectors.
+    pub fn rows(&self) -> [[f64; 4]; 4] {
+        DMat4::from(self.map).transpose().to_cols_array_2d()
+    }
+
+    /// Whether front and back sides are swapped, besides what a mirror does.
+    pub fn is_flipped(&self) -> bool {
+        self.reverse != (self.determinant < 0.0)
     }
 
     /// Refuses maps that cannot be undone.
@@ -55,12 +88,16 @@ impl Transform {
                 "give finite numbers and a scale other than 0 along each axis",
             ));
         }
-        Ok(Self { map, reverse: determinant < 0.0 })
+        let inverse = map.matrix3.inverse();
+        let abs = |m: DMat3| DMat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
+        let magnification = (abs(map.matrix3) * (abs(inverse) * DVec3::ONE)).max_element();
+        let (normals, reverse) = (inverse.transpose(), determinant < 0.0);
+        Ok(Self { map, normals, determinant, magnification, reverse })
     }
 
     /// Swaps front and back sides on top.
     #[must_use]
-    pub(super) fn flipped(self, flip: bool) -> Self {
+    pub fn flipped(self, flip: bool) -> Self {
         Self { reverse: self.reverse != flip, ..self }
     }
 
@@ -74,10 +111,19 @@ impl Transform {
     /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
     /// swapped the normal is as well.
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
-        let turned = self.map.matrix3.inverse().transpose() * normal.as_dvec3();
-        let swapped = self.reverse != (self.map.matrix3.determinant() < 0.0);
         // Of zeros the positive one, so that turning by nothing changes no bit.
-        (if swapped { -turned } else { turned }).normalize_or_zero().as_vec3() + Vec3::ZERO
+        self.turn(normal).0 + Vec3::ZERO
+    }
+
+    /// The same, and so many times as long as before the map's own result is.
+    #[inline]
+    fn turn(&self, normal: Vec3) -> (Vec3, f64) {
+        let turned = self.normals * normal.as_dvec3();
+        let length = turned.length();
+        let swapped = self.reverse != (self.determinant < 0.0);
+        let unit = if swapped { -length } else { length }.recip();
+        // Infinite for zero, and where the length is too small for a number.
+        (if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO }, length)
     }
 
     /// Turns a direction along a surface with it, to unit length; zero stays zero.
@@ -87,7 +133,62 @@ impl Transform {
 
     /// Orders a triangle's corners so that its front stays in front.
     pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+        self.ordered([a, b, c])
+    }
+
+    /// What belongs to a triangle's corners, in the order of [`corners`](Self::corners).
+    pub(super) fn ordered<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }
+    }
+
+    /// Barycentric weights of the second and third corner, in the same order.
+    pub(super) fn weights(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+        if self.reverse { [v, u] } else { [u, v] }
+    }
+
+    /// The map alone.
+    pub(super) fn map(&self) -> DAffine3 {
+        self.map
+    }
+
+    /// Whether an instance can have it: without ado for numbers, and without making rounding errors of
+    /// rays much larger than those of the coordinates.
+    pub(super) fn suits_instances(&self) -> bool {
+        instance_transform(self.map).is_ok() && self.magnification < 100.0
+    }
+
+    /// The largest coordinate of a box's corners after moving; any number if it is empty.
+    pub(super) fn reach(&self, Bounds { min, max }: &Bounds) -> f64 {
+        let sides = [min.as_dvec3(), max.as_dvec3()];
+        (0..8).fold(0.0, |reach: f64, corner| {
+            let corner = [0, 1, 2].map(|axis| sides[corner >> axis & 1][axis]);
+            let moved = self.map.transform_point3(DVec3::from_array(corner));
+            reach.max(moved.abs().max_element())
+        })
+    }
+
+    /// Moves a triangle, with room for the rounding of rays that an instance transforms.
+    pub(super) fn triangle(&self, stored: &Triangle) -> Triangle {
+        let Triangle { origin, edge1, edge2, normal, area, .. } = *stored;
+        let edge = |edge: Vec3| (self.map.matrix3 * edge.as_dvec3()).as_vec3();
+        let [origin, edge1, edge2] = self.ordered([
+            self.map.transform_point3(origin.as_dvec3()).as_vec3(),
+            edge(edge1),
+            edge(edge2),
+        ]);
+        let (normal, stretch) = self.turn(normal);
+        let area = f64::from(area) * self.determinant.abs() * stretch;
+        let largest = Triangle::largest([origin, origin + edge1, origin + edge2]);
+        let reach = f64::from(largest).max(self.map.translation.abs().max_element());
+        Triangle {
+            origin,
+            edge1,
+            edge2,
+            normal,
+            offset: Triangle::offset((reach * self.magnification) as f32),
+            area: area as f32,
+            ..*stored
+        }
     }
 }
 

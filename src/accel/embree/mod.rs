@@ -78,10 +78,12 @@
 #![allow(unsafe_code)]
 
 mod device;
+mod instance;
 mod packets;
 mod scene;
 
 pub use device::Device;
+pub use instance::SharedId;
 pub use scene::{CommittedScene, GeomId, SceneBuilder};
 
 use super::MeshError;

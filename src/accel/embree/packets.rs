@@ -76,9 +76,15 @@ pub(super) unsafe fn closest_hit(scene: sys::RTCScene, ray: &Ray) -> Hit {
         t: query.ray.tfar,
         u: query.hit.u,
         v: query.hit.v,
-        mesh: query.hit.geomID,
+        mesh: named(query.hit.instID[0], query.hit.geomID),
         triangle: query.hit.primID,
     }
+}
+
+/// The mesh of a hit: instances are named as the first of the meshes that they show.
+#[inline(always)]
+fn named(instance: u32, geometry: u32) -> u32 {
+    if instance == sys::RTC_INVALID_ID { geometry } else { instance + geometry }
 }
 
 /// # Safety
@@ -203,11 +209,11 @@ macro_rules! packets {
                 };
                 let mut query =
                     sys::$ray_hit { ray: fresh_ray!($ray, [!0; $n]), ..Default::default() };
-                query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
                 let mut trace = |rays: &[Ray; $n], valid: &Valid, hits: &mut [Hit; $n]| {
                     stage(rays, &mut query.ray);
                     // A lane that hits nothing keeps these: together with its distance, a miss.
                     query.hit.geomID = [sys::RTC_INVALID_ID; $n];
+                    query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
                     query.hit.primID = [sys::RTC_INVALID_ID; $n];
                     query.hit.u = [0.0; $n];
                     query.hit.v = [0.0; $n];
@@ -218,7 +224,7 @@ macro_rules! packets {
                         sys::$intersect(valid.0.as_ptr(), scene, &mut query, &mut arguments);
                     }
                     for (lane, hit) in hits.iter_mut().enumerate() {
-                        let mesh = query.hit.geomID[lane];
+                        let mesh = named(query.hit.instID[0][lane], query.hit.geomID[lane]);
                         let t = query.ray.tfar[lane];
                         *hit = Hit {
                             t: if mesh == sys::RTC_INVALID_ID { f32::INFINITY } else { t },

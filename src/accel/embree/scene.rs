@@ -1,17 +1,19 @@
 //! Scenes: built once, then immutable.
 
+use super::instance::Shared;
 use super::packets::{self, PacketSize};
 use super::{Device, EmbreeError};
-use crate::accel::{AccelInfo, Coherence, Hit, Intersect, Ray, TriangleMesh};
+use crate::accel::{AccelInfo, Coherence, Geometry, Hit, Intersect, Ray, TriangleMesh};
 use embree4_sys as sys;
 use std::time::{Duration, Instant};
 
 /// Names a mesh of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct GeomId(u32);
+pub struct GeomId(pub(super) u32);
 
 impl GeomId {
-    /// The number that [`Hit::mesh`] holds: meshes count from 0 in the order of adding.
+    /// The number that [`Hit::mesh`] holds: meshes, and places of shared ones, count from 0 in the
+    /// order of adding.
     pub const fn index(self) -> u32 {
         self.0
     }
@@ -19,7 +21,7 @@ impl GeomId {
 
 /// An owned reference to an Embree scene.
 #[derive(Debug)]
-pub(super) struct SceneHandle(sys::RTCScene);
+pub(super) struct SceneHandle(pub(super) sys::RTCScene);
 
 impl Drop for SceneHandle {
     fn drop(&mut self) {
@@ -29,7 +31,7 @@ impl Drop for SceneHandle {
 }
 
 /// An owned reference to an Embree geometry; a scene that it is attached to holds its own.
-struct GeometryHandle(sys::RTCGeometry);
+pub(super) struct GeometryHandle(pub(super) sys::RTCGeometry);
 
 impl Drop for GeometryHandle {
     fn drop(&mut self) {
@@ -42,12 +44,15 @@ impl Drop for GeometryHandle {
 #[derive(Debug)]
 pub struct SceneBuilder {
     // Dropped in this order: the scene's handle before the device's.
-    handle: SceneHandle,
-    meshes: u32,
+    pub(super) handle: SceneHandle,
+    /// Meshes and places of shared ones.
+    pub(super) meshes: u32,
+    pub(super) shared: Vec<Shared>,
+    pub(super) watertight: bool,
     triangles: usize,
     /// What the device held before this scene.
     bytes_before: usize,
-    device: Device,
+    pub(super) device: Device,
 }
 
 // SAFETY: Embree ties scenes and geometries to no thread; it only forbids changing one from two
@@ -61,7 +66,15 @@ impl SceneBuilder {
             // SAFETY: the device handle is valid as long as `device`.
             SceneHandle(unsafe { sys::rtcNewScene(device.handle()) })
         })?;
-        let scene = Self { handle, meshes: 0, triangles: 0, bytes_before, device: device.clone() };
+        let scene = Self {
+            handle,
+            meshes: 0,
+            shared: Vec::new(),
+            watertight: false,
+            triangles: 0,
+            bytes_before,
+            device: device.clone(),
+        };
         let quality = sys::RTCBuildQuality::RTC_BUILD_QUALITY_HIGH;
         device.checked("set the scene's build quality", || {
             // SAFETY: the scene handle is valid and used by this thread only.
@@ -89,7 +102,9 @@ impl SceneBuilder {
         self.device.checked("set the scene's flags", || {
             // SAFETY: the scene handle is valid and `&mut self` means that nobody else uses it.
             unsafe { sys::rtcSetSceneFlags(self.handle.0, flags) };
-        })
+        })?;
+        self.watertight = on;
+        self.shared.iter_mut().try_for_each(|shared| shared.scene.set_watertight(on))
     }
 
     /// Copies a mesh into the scene. An empty one takes an id too.
@@ -169,8 +184,12 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// If Embree cannot, as when memory runs out.
-    pub fn commit(self) -> Result<CommittedScene, EmbreeError> {
+    pub fn commit(mut self) -> Result<CommittedScene, EmbreeError> {
         let start = Instant::now();
+        for Shared { scene, .. } in std::mem::take(&mut self.shared) {
+            // Its places hold what Embree needs of it.
+            self.triangles += scene.commit()?.triangles;
+        }
         self.device.checked("build the scene", || {
             // SAFETY: the scene handle is valid, and `self` by value means that nobody else uses it.
             unsafe { sys::rtcCommitScene(self.handle.0) };
@@ -209,10 +228,16 @@ impl CommittedScene {
     /// # Errors
     /// As [`SceneBuilder::add_mesh`] and [`SceneBuilder::commit`].
     pub fn from_meshes(device: &Device, meshes: &[TriangleMesh<'_>]) -> Result<Self, EmbreeError> {
+        Self::new(device, &Geometry::of_meshes(meshes))
+    }
+
+    /// Builds a scene of meshes at their places; the indices are those of the places.
+    ///
+    /// # Errors
+    /// As [`SceneBuilder::add`] and [`SceneBuilder::commit`].
+    pub fn new(device: &Device, geometry: &Geometry<'_>) -> Result<Self, EmbreeError> {
         let mut builder = device.scene_builder()?;
-        for &mesh in meshes {
-            builder.add_mesh(mesh)?;
-        }
+        builder.add(geometry)?;
         builder.commit()
     }
 }

@@ -10,12 +10,13 @@ use super::{factors, fault, first_name, geometry, material};
 use crate::error::Result;
 use crate::scene::{Material, Mesh};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// What is read of meshes and materials.
 pub(super) struct Meshes<'a> {
     document: &'a Document,
     /// By index: the parts of a mesh, with the indices of their materials in the scene.
-    read: HashMap<usize, Vec<(Mesh, u32)>>,
+    read: HashMap<usize, Vec<(Arc<Mesh>, u32)>>,
     /// By index, or none for the standard's default; none for those that are nowhere to be seen.
     looks: HashMap<Option<usize>, Option<Look>>,
     pub remarks: Remarks,
@@ -38,8 +39,9 @@ impl<'a> Meshes<'a> {
         Self { document, read: HashMap::new(), looks: HashMap::new(), remarks }
     }
 
-    /// Number of triangles of all meshes at all their places; nothing is read for it.
-    pub fn triangle_count(&self, nodes: &[Placed]) -> Result<u64> {
+    /// Number of triangles of all meshes: at all their places, and each counted once. Nothing is read
+    /// for it.
+    pub fn triangle_counts(&self, nodes: &[Placed]) -> Result<[u64; 2]> {
         let mut counts: HashMap<usize, u64> = HashMap::new();
         // Elements of sparse accessors are looked at with each use.
         let (mut all, mut replaced): (u64, u64) = (0, 0);
@@ -68,7 +70,7 @@ impl<'a> Meshes<'a> {
             };
             all = all.saturating_add(count);
         }
-        Ok(all)
+        Ok([all, counts.into_values().fold(0, u64::saturating_add)])
     }
 
     /// Number of elements that the sparse accessors of a primitive replace.
@@ -87,7 +89,7 @@ impl<'a> Meshes<'a> {
         buffers: &Buffers,
         pictures: &mut Pictures,
         materials: &mut Vec<Material>,
-    ) -> Result<&[(Mesh, u32)]> {
+    ) -> Result<&[(Arc<Mesh>, u32)]> {
         if !self.read.contains_key(&index) {
             let parts = self.parts(index, buffers, pictures, materials)?;
             self.read.insert(index, parts);
@@ -101,7 +103,7 @@ impl<'a> Meshes<'a> {
         buffers: &Buffers,
         pictures: &mut Pictures,
         materials: &mut Vec<Material>,
-    ) -> Result<Vec<(Mesh, u32)>> {
+    ) -> Result<Vec<(Arc<Mesh>, u32)>> {
         let document = self.document;
         let mesh = get(&document.meshes, "meshes", index, "nodes")?;
         let name = first_name([&mesh.name], || format!("meshes[{index}]"));
@@ -118,7 +120,7 @@ impl<'a> Meshes<'a> {
             let wanted = Wanted { uv_source: uv_source.as_ref(), tangents: bends };
             let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;
             if !mesh.triangles.is_empty() {
-                parts.push((mesh, material));
+                parts.push((Arc::new(mesh), material));
             }
         }
         Ok(parts)

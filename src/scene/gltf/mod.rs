@@ -18,6 +18,7 @@ mod remarks;
 mod texture;
 
 use crate::error::{Error, Result, visible};
+use crate::scene::arrange::Part;
 use crate::scene::builder::{Builder, Rest};
 use crate::scene::load::Loaded;
 use crate::scene::notes::Note;
@@ -68,7 +69,8 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
 
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut meshes = Meshes::new(&document);
-    builder.count(meshes.triangle_count(&nodes)?, path)?;
+    let [placed, new] = meshes.triangle_counts(&nodes)?;
+    builder.count(placed, new, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
     let mut pictures = Pictures::new(&document, &buffers, folder);
     // Each mesh with each of its places.
@@ -80,18 +82,19 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
             meshes.remarks.chosen("left out what its transform flattens:", &name);
             continue;
         };
-        for (mesh, material) in
-            meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?
-        {
-            builder.place(&name, mesh, &transform, *material).ok_or_else(|| {
-                let problem = "its transform moves the mesh out of the range of coordinates";
-                let place = format!("nodes[{}]", placed.index);
-                Error::new(format!("{place}: {problem}"), "scale or move it less")
-            })?;
-        }
+        let parts = meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?;
+        let parts: Vec<_> = parts
+            .iter()
+            .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
+            .collect();
+        builder.place(&parts, &transform).ok_or_else(|| {
+            let problem = "its transform moves the mesh out of the range of coordinates";
+            let place = format!("nodes[{}]", placed.index);
+            Error::new(format!("{place}: {problem}"), "scale or move it less")
+        })?;
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
-    builder.require_triangles(path)?;
+    builder.arrange(path)?;
 
     let (camera, resolution) = match view {
         Some(view) => view,

@@ -1,29 +1,30 @@
-//! Meshes: an OBJ file each, in scene coordinates.
+//! Meshes: an OBJ file each, and a table for each of their places.
 
 use super::folder::Folder;
 use super::materials::Materials;
 use super::names::{Names, for_file, for_line};
 use super::numbers::unnormalized;
 use crate::error::Result;
-use crate::scene::Mesh;
 use crate::scene::notes::Note;
 use crate::scene::text::list;
+use crate::scene::{Mesh, Placement, Scene};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
 pub(super) struct Meshes<'a> {
-    meshes: &'a [Mesh],
+    scene: &'a Scene,
+    /// Of each mesh.
     files: Vec<String>,
 }
 
 impl<'a> Meshes<'a> {
-    pub fn new(meshes: &'a [Mesh]) -> Self {
+    pub fn new(scene: &'a Scene) -> Self {
         let mut names = Names::default();
         let file =
             |mesh: &Mesh| format!("meshes/{}.obj", names.unique(for_file(&mesh.name, "mesh")));
-        Self { meshes, files: meshes.iter().map(file).collect() }
+        Self { scene, files: scene.meshes.iter().map(file).collect() }
     }
 
     pub fn files(&self) -> impl Iterator<Item = &str> {
@@ -33,12 +34,18 @@ impl<'a> Meshes<'a> {
     /// All `[[mesh]]`.
     pub fn tables(&self, materials: &Materials, notes: &mut Vec<Note>) -> String {
         let mut text = String::new();
-        for (mesh, file) in self.meshes.iter().zip(&self.files) {
-            let material = materials.quoted(mesh.material);
+        for Placement { mesh, material, transform } in &self.scene.placements {
+            let (file, material) = (&self.files[*mesh as usize], materials.quoted(*material));
             // Strings take everything, here and elsewhere.
             let _ = write!(text, "\n[[mesh]]\nfile = \"{file}\"\nmaterial = {material}\n");
+            if let Some(transform) = transform {
+                let _ = writeln!(text, "matrix = {:?}", transform.rows());
+                if transform.is_flipped() {
+                    text += "flip = true\n";
+                }
+            }
         }
-        let with_tangents = self.meshes.iter().filter(|mesh| !mesh.tangents.is_empty());
+        let with_tangents = self.scene.meshes.iter().filter(|mesh| !mesh.tangents.is_empty());
         let names: BTreeSet<&str> = with_tangents.map(|mesh| &mesh.name[..]).collect();
         if !names.is_empty() {
             let names = list(names);
@@ -49,7 +56,7 @@ impl<'a> Meshes<'a> {
     }
 
     pub fn write(&self, out: &Folder) -> Result<()> {
-        let all = self.meshes.par_iter().zip(&self.files);
+        let all = self.scene.meshes.par_iter().zip(&self.files);
         all.try_for_each(|(mesh, file)| out.write_part(file, |to| write(mesh, to)))
     }
 }

@@ -39,7 +39,7 @@ pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Resu
     let mut notes = Vec::new();
     let materials = Materials::new(&scene.materials);
     let mut pictures = Pictures::default();
-    let meshes = Meshes::new(&scene.meshes);
+    let meshes = Meshes::new(scene);
 
     let mut text = tables::head(origin);
     text += &tables::camera(&scene.camera);

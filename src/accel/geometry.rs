@@ -1,0 +1,73 @@
+//! What a backend intersects: meshes at their places.
+
+use super::{MeshError, TriangleMesh};
+use glam::{Affine3A, DAffine3, Vec3};
+use std::borrow::Cow;
+
+/// Meshes, and where each is seen. [`Hit::mesh`](super::Hit::mesh) is an index into the places.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry<'a> {
+    /// Held once each.
+    pub meshes: Vec<TriangleMesh<'a>>,
+    /// In the order of their indices.
+    pub places: Vec<Place>,
+}
+
+/// Where a mesh is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Index of the mesh.
+    pub mesh: u32,
+    /// From the mesh's space to the scene's; none for a mesh in the scene's, which should have no
+    /// other place.
+    pub to_scene: Option<DAffine3>,
+}
+
+impl<'a> Geometry<'a> {
+    /// Each mesh where it is, in the order of the slice.
+    pub fn of_meshes(meshes: &[TriangleMesh<'a>]) -> Self {
+        let places = (0..).zip(meshes).map(|(mesh, _)| Place { mesh, to_scene: None });
+        Self { meshes: meshes.to_vec(), places: places.collect() }
+    }
+
+    /// Number of triangles, counted at each place.
+    pub fn placed_triangles(&self) -> usize {
+        self.places.iter().map(|place| self.mesh(place).triangles.len()).sum()
+    }
+
+    /// The mesh of a place, in its own space.
+    ///
+    /// # Panics
+    /// If there is no such mesh.
+    pub fn mesh(&self, place: &Place) -> TriangleMesh<'a> {
+        self.meshes[place.mesh as usize]
+    }
+
+    /// The vertices of a place's mesh in the scene.
+    ///
+    /// # Panics
+    /// If there is no such mesh.
+    pub fn positions(&self, place: &Place) -> Cow<'a, [Vec3]> {
+        let positions = self.mesh(place).positions;
+        let Some(to_scene) = place.to_scene else { return Cow::Borrowed(positions) };
+        let placed = positions.iter().map(|p| to_scene.transform_point3(p.as_dvec3()).as_vec3());
+        Cow::Owned(placed.collect())
+    }
+}
+
+/// The transform of an instance in f32, if rays can be taken through it and back.
+///
+/// # Errors
+/// If it is too far from a rotation of about the same size.
+pub fn instance_transform(to_scene: DAffine3) -> Result<Affine3A, MeshError> {
+    let scale = to_scene.matrix3;
+    let inverse = scale.inverse();
+    // Products of three numbers must be normal in f32, for determinants; written so that NaN fails.
+    let tame = |x: glam::DMat3| x.to_cols_array().iter().all(|x| x.abs() < MAX_SCALE);
+    let far = to_scene.translation.abs().max_element();
+    let fits = tame(scale) && tame(inverse) && far < f64::from(TriangleMesh::MAX_COORDINATE);
+    if fits { Ok(to_scene.as_affine3a()) } else { Err(MeshError::Transform) }
+}
+
+/// Bounds the entries of an instance's transform and of its inverse.
+const MAX_SCALE: f64 = 1e9;

@@ -1,0 +1,142 @@
+//! From a hit to the surface there.
+
+use super::normal_map::Tangent;
+use super::transform::Transform;
+use super::{Corners, Material, Placement, Scene, Surface, Triangle, interpolate, to_front};
+use crate::accel::{Hit, Ray};
+use crate::bsdf::Bsdf;
+use glam::{Vec2, Vec3};
+
+impl Scene {
+    /// What `ray`, of a direction of unit length, hit, if it is [`plain`](Self::plain) and scatters as
+    /// `bsdf`.
+    ///
+    /// # Panics
+    /// If the ray missed.
+    #[inline(always)] // a call costs a tenth of the light phase
+    pub fn plain_surface(&self, ray: &Ray, hit: &Hit, bsdf: Bsdf) -> Surface<'_> {
+        let triangle = self.triangle(hit);
+        Surface::flat(
+            ray,
+            triangle,
+            [hit.u, hit.v],
+            &self.materials[triangle.material as usize],
+            bsdf,
+        )
+    }
+
+    /// The BSDF of what was hit if it is plain: Lambertian, and the same all over the triangle. The
+    /// compiler sees that it is, and makes a short loop for such surfaces.
+    #[inline(always)]
+    pub fn plain(&self, hit: &Hit) -> Option<Bsdf> {
+        let triangle = self.triangle(hit);
+        let material = &self.materials[triangle.material as usize];
+        match material.bsdf {
+            Bsdf::Lambertian { albedo, two_sided } if triangle.corners == Triangle::FLAT => {
+                Some(Bsdf::Lambertian { albedo, two_sided })
+            }
+            _ => None,
+        }
+    }
+
+    /// What `ray`, of a direction of unit length, hit.
+    ///
+    /// # Panics
+    /// If the ray missed.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
+        let triangle = self.triangle(hit);
+        let corners = self.corners.get(triangle.corners as usize);
+        match &self.placements[hit.mesh as usize] {
+            Placement { transform: None, .. } => {
+                self.shade(ray, hit, [hit.u, hit.v], triangle, corners)
+            }
+            placement @ Placement { transform: Some(transform), .. } => {
+                let (triangle, at) = (placement.triangle(triangle), [hit.u, hit.v]);
+                let corners = corners.map(|corners| corners.moved(transform, triangle.normal));
+                self.shade(ray, hit, transform.weights(at), &triangle, corners.as_ref())
+            }
+        }
+    }
+
+    /// The surface of a triangle in the scene's space, at these barycentric weights.
+    fn shade(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        at: [f32; 2],
+        triangle: &Triangle,
+        corners: Option<&Corners>,
+    ) -> Surface<'_> {
+        let material = &self.materials[triangle.material as usize];
+        let own = material.bsdf;
+        let plain = Surface::flat(ray, triangle, at, material, own);
+        let Some(Corners { normals, uvs }) = corners else {
+            return plain;
+        };
+        let interpolated = (*normals != [triangle.normal; 3])
+            .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
+        if !material.varies() {
+            return Surface { interpolated: interpolated.map(|n| plain.to_side(n)), ..plain };
+        }
+        let uv = interpolate(*uvs, at);
+        let bent = material.normal_map.as_ref().and_then(|map| {
+            let tangent = self.tangent(hit, triangle, *uvs)?;
+            map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
+        });
+        let interpolated = bent.or(interpolated).map(|normal| plain.to_side(normal));
+        let bsdf = material.bsdf_at(uv).unwrap_or(own);
+        Surface { interpolated, bsdf, uv: Some(uv), ..plain }
+    }
+
+    /// Where growing texture coordinates lead at a hit: as the mesh says, else as `uvs` do.
+    fn tangent(&self, hit: &Hit, triangle: &Triangle, uvs: [Vec2; 3]) -> Option<Tangent> {
+        let own = Tangent::new([triangle.edge1, triangle.edge2], uvs)?;
+        let placement = &self.placements[hit.mesh as usize];
+        let mesh = self.mesh(placement);
+        if mesh.tangents.is_empty() {
+            return Some(own);
+        }
+        let corners = mesh.triangles[hit.triangle as usize].map(|i| mesh.tangents[i as usize]);
+        let corners = match &placement.transform {
+            None => corners,
+            Some(transform) => corners.map(|tangent| transform.tangent(tangent)),
+        };
+        let given = interpolate(corners, [hit.u, hit.v]);
+        Some(if given == Vec3::ZERO { own } else { Tangent { along_u: given, ..own } })
+    }
+
+    /// In its mesh's space.
+    #[inline]
+    fn triangle(&self, hit: &Hit) -> &Triangle {
+        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
+        &self.triangles[index as usize]
+    }
+}
+
+impl Corners {
+    /// In another space, where the triangle has this normal.
+    fn moved(&self, transform: &Transform, normal: Vec3) -> Self {
+        let normals = self.normals.map(|own| to_front(transform.normal(own), normal));
+        Self { normals: transform.ordered(normals), uvs: transform.ordered(self.uvs) }
+    }
+}
+
+impl<'a> Surface<'a> {
+    /// A triangle at these barycentric weights, if nothing varies over it.
+    #[inline(always)] // see `Scene::plain_surface`
+    fn flat(
+        ray: &Ray,
+        triangle: &Triangle,
+        at: [f32; 2],
+        material: &'a Material,
+        bsdf: Bsdf,
+    ) -> Self {
+        let front = triangle.normal.dot(ray.direction) <= 0.0;
+        let normal = if front { triangle.normal } else { -triangle.normal };
+        let position = triangle.point(at);
+        let off_surface = position + normal * triangle.offset;
+        let wo = -ray.direction;
+        let (interpolated, uv) = (None, None);
+        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
+    }
+}
