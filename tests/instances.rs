@@ -184,7 +184,8 @@ fn images_are_nearly_the_same() {
         let sum = |image: &[Vec3]| image.iter().map(|p| f64::from(luminance(*p))).sum::<f64>();
         let ratio = sum(&image) / sum(&expected);
         println!("{}: {agree} of {}, mean {ratio}", accel.describe().name, expected.len());
-        assert!(agree * 100 > expected.len() * 90 && (ratio - 1.0).abs() < 0.01);
+        // One light path that goes another way changes all pixels around it.
+        assert!(agree * 100 > expected.len() * 75 && (ratio - 1.0).abs() < 1e-3);
     }
 }
 
