@@ -304,6 +304,14 @@ fn impossible_materials() {
         "`mirror`",
         "`clamp`",
     ]);
+    with("texture_wrap = [\"clamp\"]").refused(&["s.toml:14: ", "two words, for u and v"]);
+    with("normal_texture = { wrap = \"clamp\" }")
+        .refused(&["s.toml:14: the key `file` is missing"]);
+    with("normal_texture = { file = \"a.png\", flip = 1 }")
+        .refused(&["s.toml:14: unknown key `flip`", "use one of `file`, `wrap`, `filter`"]);
+    with("normal_texture = 3")
+        .refused(&["s.toml:14: wrong type", "the name of a file, or a table"]);
+    with("type = \"glossy\"\nalpha = 0.3\nroughness = 0.5").refused(&["`alpha` comes besides"]);
     with("texture_filter = 3").refused(&["s.toml:14: ", "help: "]);
     with("type = \"coated\"\nroughness = 0.1").refused(&["s.toml:15: a material of type `coated`"]);
     for (line, part) in [

@@ -8,7 +8,7 @@ use bdpm::bsdf::{
 };
 use bdpm::scene::{Material, Mesh, NormalMap, Scene, Texture};
 use bdpm::settings::{Direct, Settings};
-use common::images::{Difference, Pixels};
+use common::images::{Difference, Subject};
 use common::*;
 use glam::Vec3;
 use std::sync::Arc;
@@ -18,7 +18,9 @@ const SIDE: u32 = 12;
 /// Strategies against the path tracer: each pixel, and the whole image.
 fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
     let accel = accel(scene);
-    let expected = Pixels::traced(scene, &*accel, &settings(SIDE, SIDE), 16_384);
+    let base = settings(SIDE, SIDE);
+    let subject = Subject { scene, accel: &*accel, settings: &base, region: &[] };
+    let expected = subject.traced(16_384);
     for &(direct, merge_vertex) in strategies {
         let settings = Settings {
             direct,
@@ -27,9 +29,9 @@ fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
             camera_paths: 16,
             radius: 0.04,
             seed: 3,
-            ..settings(SIDE, SIDE)
+            ..base.clone()
         };
-        let found = Pixels::extrapolated(scene, &*accel, &settings, 60);
+        let found = Subject { settings: &settings, ..subject }.extrapolated(60);
         let Difference { off, error, z2 } = found.against(&expected);
         println!("{name} {direct:?} k = {merge_vertex}: {off:.5} +- {error:.5}, z^2 {z2:.2}");
         assert!(error < 0.008, "{name} {direct:?} {merge_vertex}: {error}");

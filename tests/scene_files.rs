@@ -332,6 +332,7 @@ fn every_type_of_material_can_be_written() {
             "type = 'dielectric'\nroughness = 0.5",
             Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.25)),
         ),
+        ("type = 'dielectric'\nalpha = 0.3", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.3))),
         ("type = 'thin-dielectric'\nior = 2", Bsdf::ThinDielectric(ThinDielectric { eta: 2.0 })),
         (
             "type = 'metal'\nmetal = 'gold'\nroughness = 0.5",

@@ -270,6 +270,16 @@ fn every_texture_of_a_scene_file_is_read() {
     let normals = glossy.normal_map.unwrap();
     assert_eq!((normals.scale, normals.texture.sampling()), (0.5, sampling));
 
+    // Each may have its own way; they share the file.
+    let both = load(
+        "type = 'glossy'\ntexture_wrap = 'clamp'\nalbedo_texture = 'p.png'\n\
+         normal_texture = { file = 'p.png', wrap = ['repeat', 'mirror'], filter = 'nearest' }",
+    );
+    let own = both.normal_map.unwrap().texture.sampling();
+    assert_eq!(own, Sampling { wrap: [Wrap::Repeat, Wrap::Mirror], nearest: true });
+    let others = Sampling { wrap: [Wrap::Clamp; 2], nearest: false };
+    assert_eq!(both.albedo_texture.unwrap().sampling(), others);
+
     let lamp = load("emission_texture = 'p.png'");
     assert_eq!((lamp.emission, lamp.emission_at(Vec2::new(0.25, 0.5)).z), (Vec3::ONE, 1.0));
     let lamp = load("emission_texture = 'p.png'\nemission = [4, 0, 2]\ntexture_wrap = 'clamp'");

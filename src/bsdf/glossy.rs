@@ -180,8 +180,9 @@ impl Glossy {
         }
         if lobe == Lobe::Diffuse {
             // Both lobes may have it: one density for both.
-            let weight = self.eval(lobe, wo, wi) * (wi.z / self.pdf_w(lobe, wo, wi));
-            return Some(BsdfSample { wi, weight, lobe });
+            let pdf = self.pdf_w(lobe, wo, wi);
+            let weight = self.eval(lobe, wo, wi) * (wi.z / pdf);
+            return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });
         }
         if facets {
             let pdf = prob * self.facets_pdf_w(wo, wi);

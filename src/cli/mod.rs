@@ -6,6 +6,7 @@ mod analyze;
 mod analyze_text;
 mod calibrate;
 mod compare;
+mod convert;
 mod info;
 mod optimize;
 mod optimize_plot;
@@ -53,6 +54,8 @@ enum Command {
     Reproduce(reproduce::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
+    /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
+    Convert(convert::Args),
     /// Tell how far an image is from a reference
     Compare(compare::Args),
 }
@@ -67,6 +70,7 @@ pub fn run() -> ExitCode {
         Command::Calibrate(args) => calibrate::run(&args),
         Command::Reproduce(args) => reproduce::run(&args),
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
     };
     match output.and_then(|text| print(&text)) {

@@ -127,13 +127,13 @@ impl Source<'_> {
             Self::Measured(noise, region) => noise.mean_coefficients(region),
             Self::Given(coefficients) => *coefficients,
         };
-        let bounds = Bounds {
-            light_paths: 1..=MAX_LIGHT_PATHS,
-            camera_paths: 1..=u32::MAX,
-            iteration_time: budget.time / LEAST_ITERATIONS,
+        let problem = |iteration_time| {
+            let (light_paths, camera_paths) = (1..=MAX_LIGHT_PATHS, 1..=u32::MAX);
+            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            Problem::new(&[coefficients], &[1.0], Objective::Pooled, budget.model, &bounds)
         };
-        let time = budget.model;
-        let best = Problem::new(&[coefficients], &[1.0], Objective::Pooled, time, &bounds);
+        let least = problem(f64::INFINITY).least_sensible_time();
+        let best = problem((budget.time / LEAST_ITERATIONS).max(least));
         self.best_light_paths(f64::from(best.uniform().camera_paths), budget)
     }
 }
@@ -148,7 +148,9 @@ fn pooled(pixels: &[NoiseSample]) -> Coefficients {
 fn best_light_paths(c: Coefficients, n_camera: f64, budget: &Budget) -> f64 {
     let [t, s] = budget.model.in_light_paths(n_camera);
     let (p, q) = (c.a / n_camera + c.f, c.b / n_camera);
-    let most = ((budget.time / LEAST_ITERATIONS - t) / s).min(f64::from(MAX_LIGHT_PATHS));
+    // No shorter than is sensible, as `Problem::least_sensible_time` says.
+    let longest = (budget.time / LEAST_ITERATIONS).max(2.0 * (t + s));
+    let most = ((longest - t) / s).min(f64::from(MAX_LIGHT_PATHS));
     let best = (t * p / (s * q)).sqrt();
     // Without variance that light paths lower, the ratio may be 0/0.
     let best = if p == 0.0 { 1.0 } else { best };

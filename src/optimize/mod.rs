@@ -178,12 +178,17 @@ impl Problem {
         Uniform { light_paths, camera_paths, iteration_time, variance, cost }
     }
 
-    /// Time of the best iteration with the fewest camera paths, seconds. A shorter one saves light
-    /// paths at the price of all that the camera paths cost: no limit should ask for it.
+    /// Time of the best iteration with the fewest camera paths, but at most twice that of the fewest
+    /// paths of both kinds, seconds. A shorter one saves light paths at the price of all that the
+    /// camera paths cost: no limit should ask for it.
+    ///
+    /// Twice is enough for a cost of at most twice the least at these camera paths: at `s N_F = t` it
+    /// is `2 (t q + s p)`, and the least is `(sqrt(t q) + sqrt(s p))^2`.
     pub fn least_sensible_time(&self) -> f64 {
         let camera_paths = [self.camera_paths[0]; 2];
         let unlimited = Self { camera_paths, iteration_time: f64::INFINITY, ..self.clone() };
-        unlimited.uniform().iteration_time
+        let fewest = [self.light_paths[0], self.camera_paths[0]].map(f64::from);
+        unlimited.uniform().iteration_time.min(2.0 * self.time.iteration(fewest[0], fewest[1]))
     }
 
     /// What a number of camera paths for each pixel of the region leads to.
@@ -326,5 +331,11 @@ mod tests {
         assert_eq!(best.camera_paths, 1);
         assert!((f64::from(best.light_paths) / expected - 1.0).abs() < 1e-3, "{best:?} {expected}");
         assert!(best.cost < 1e-2 * problem(limit).uniform().cost);
+        // Without noise of camera paths, light paths would take all time.
+        let coefficients = [Coefficients { a: 0.0, b: 0.0, f: 1.0 }; 9];
+        let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
+        let bounds = Bounds { light_paths, camera_paths, iteration_time: f64::INFINITY };
+        let dark = Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds);
+        assert!((dark.least_sensible_time() / 2.02 - 1.0).abs() < 1e-3);
     }
 }

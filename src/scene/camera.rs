@@ -13,6 +13,8 @@ pub struct Camera {
     right: Vec3,
     up: Vec3,
     optics: Optics,
+    /// Direction and up vector as they were given: they alone lead to the same frame bit by bit.
+    aim: [Vec3; 2],
 }
 
 /// How a camera gathers light.
@@ -128,6 +130,7 @@ impl Camera {
             ));
         }
         optics.validate()?;
+        let aim = [direction, up];
         let forward = direction.normalize_or_zero();
         let right = forward.cross(up.normalize_or_zero()).normalize_or_zero();
         if right == Vec3::ZERO {
@@ -137,7 +140,7 @@ impl Camera {
             ));
         }
         let up = right.cross(forward);
-        Ok(Self { position, forward, right, up, optics })
+        Ok(Self { position, forward, right, up, optics, aim })
     }
 
     /// The pinhole, or the center of the lens or the sensor.
@@ -153,6 +156,11 @@ impl Camera {
     /// Unit vector toward the image's top, perpendicular to [`Self::direction`].
     pub fn up(&self) -> Vec3 {
         self.up
+    }
+
+    /// Direction and up vector as they were given.
+    pub(super) fn aim(&self) -> [Vec3; 2] {
+        self.aim
     }
 
     /// How it gathers light.

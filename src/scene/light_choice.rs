@@ -37,12 +37,8 @@ pub(super) struct ByEstimate {
 }
 
 impl ByEstimate {
-    /// Among the `wanted` ones of `emitters` and the environment.
-    pub(super) fn new(
-        emitters: &[Emitter],
-        environment: Option<&Environment>,
-        wanted: impl Fn(&Emitter) -> bool,
-    ) -> Self {
+    /// Among the `wanted` ones of `emitters`.
+    pub(super) fn new(emitters: &[Emitter], wanted: impl Fn(&Emitter) -> bool) -> Self {
         let own = || (0..).zip(emitters).filter(|(_, emitter)| wanted(emitter));
         let sun = |(index, emitter): (u32, &Emitter)| match emitter {
             Emitter::Directional(light) => {
@@ -51,13 +47,17 @@ impl ByEstimate {
             }
             _ => None,
         };
-        let around = environment.map(|map| {
+        Self { near: LightTree::new(own()), far: own().filter_map(sun).collect() }
+    }
+
+    /// Among these and light from all around, of so many emitters in all.
+    pub(super) fn set_environment(&mut self, emitters: usize, environment: Option<&Environment>) {
+        self.far.retain(|far| far.toward.is_some());
+        self.far.extend(environment.map(|map| {
             // A quarter of the integral over all directions is the mean over all normals.
             let irradiance = 0.25 * luminance(map.integral());
-            Far { index: emitters.len() as u32, irradiance, toward: None }
-        });
-        let far = own().filter_map(sun).chain(around).collect();
-        Self { near: LightTree::new(own()), far }
+            Far { index: emitters as u32, irradiance, toward: None }
+        }));
     }
 
     /// Chooses by a uniform number, for a point with this normal (a surface that is lit from one

@@ -78,8 +78,10 @@ impl Cluster {
                 (at(*position), all, *intensity)
             }
             Emitter::Spot(spot) => {
-                let reach = spot.cos_outer.acos();
-                let cone = Beam { axis: spot.direction, spread: 0.0, reach };
+                // Beyond the reach of the estimate's heights, anywhere.
+                let spread = if spot.cos_outer < 0.0 { PI } else { 0.0 };
+                let reach = spot.cos_outer.max(0.0).acos();
+                let cone = Beam { axis: spot.direction, spread, reach };
                 (at(spot.position), cone, spot.intensity)
             }
             Emitter::Triangle { shape, radiance } => panel(shape, *radiance),

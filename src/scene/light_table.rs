@@ -2,6 +2,7 @@
 
 use super::emitter::{Directional, Emitter, Spot};
 use super::scene_file::{Point, Power};
+use super::transform::normalized;
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -119,7 +120,7 @@ fn one_of(keys: &[(&str, &Option<Power>, f32)]) -> Result<Rgb> {
 }
 
 fn unit(direction: Vec3) -> Result<Vec3> {
-    let unit = direction.normalize_or_zero();
+    let unit = normalized(direction);
     if unit == Vec3::ZERO {
         return Err(Error::new(
             "the light's direction has no length",

@@ -7,12 +7,12 @@
 
 use super::emitter::Emitter;
 use super::light_cluster::Cluster;
-use crate::math::Bounds;
+use super::light_split::split;
 use glam::Vec3;
 use std::f32::consts::PI;
 
 /// A cluster as its estimate needs it: one cache line.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
 struct Node {
     /// Middle of the box around all its emitters.
@@ -45,6 +45,18 @@ const SPREAD_OUT: f32 = 0.25;
 #[inline]
 fn cos_of_rest(cos_a: f32, (sin_b, cos_b): (f32, f32)) -> f32 {
     if cos_a >= cos_b { 1.0 } else { cos_a * cos_b + (1.0 - cos_a * cos_a).max(0.0).sqrt() * sin_b }
+}
+
+/// Each of two clusters that may contribute gets this share of the choices at the least. Estimates
+/// know nothing of what is in between, and bounds may be far off: a lamp close by that is hidden, or
+/// shines elsewhere, must not take all.
+const LEAST_SHARE: f32 = 0.01;
+
+/// Share of the choices that the first of two clusters gets by their estimates.
+#[inline]
+fn share(a: f32, b: f32) -> f32 {
+    let share = a / (a + b);
+    if a > 0.0 && b > 0.0 { share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE) } else { share }
 }
 
 /// The middle of the heights that are above the horizon, of a body that reaches from `extent` below
@@ -109,7 +121,8 @@ impl Node {
         }
         let cosines =
             (received.min(spread_out) / spread_out) * (emitted.min(spread_out) / spread_out);
-        self.intensity * cosines / spread_out2
+        // Finite, also in the very place of a point.
+        (self.intensity * cosines / spread_out2).min(f32::MAX / 4.0)
     }
 }
 
@@ -127,9 +140,8 @@ impl LightTree {
         let mut leaves: Vec<(u32, Cluster)> = emitters.filter_map(placed).collect();
         let mut tree = Self { nodes: Vec::with_capacity(2 * leaves.len()) };
         if !leaves.is_empty() {
-            let root = union(&leaves);
-            tree.nodes.push(Node::new(&root, 0));
-            tree.fill(0, &root, &mut leaves);
+            tree.nodes.push(Node::default());
+            tree.fill(0, &mut leaves);
         }
         tree
     }
@@ -155,17 +167,16 @@ impl LightTree {
             let children = &self.nodes[first..first + 2];
             let [a, b] = [0, 1].map(|child| children[child].estimate(position, normal));
             let total = a + b;
-            // Written so that neither 0/0 nor inf/inf goes on.
-            if !(total > 0.0 && total.is_finite()) {
+            if total <= 0.0 {
                 return None;
             }
-            let share = a / total;
+            let share = share(a, b);
             let (child, own) = if u < f64::from(share) {
                 u /= f64::from(share);
                 (0, share)
             } else {
                 u = (u - f64::from(share)) / (1.0 - f64::from(share));
-                (1, b / total)
+                (1, 1.0 - share)
             };
             prob *= own;
             content = children[child].content;
@@ -173,77 +184,22 @@ impl LightTree {
         (prob > 0.0).then_some((content & !LEAF, prob))
     }
 
-    /// Makes `node`, which holds `leaves`, a leaf or gives it children.
-    fn fill(&mut self, node: usize, cluster: &Cluster, leaves: &mut [(u32, Cluster)]) {
-        if let [(emitter, _)] = leaves {
-            self.nodes[node].content = *emitter | LEAF;
-            return;
-        }
-        let middle = split(cluster, leaves);
-        let (left, right) = leaves.split_at_mut(middle);
-        let clusters = [union(left), union(right)];
-        let first = self.nodes.len();
-        self.nodes[node].content = first as u32;
-        self.nodes.extend(clusters.iter().map(|cluster| Node::new(cluster, 0)));
-        self.fill(first, &clusters[0], left);
-        self.fill(first + 1, &clusters[1], right);
-    }
-}
-
-/// # Panics
-/// If there is none.
-fn union(leaves: &[(u32, Cluster)]) -> Cluster {
-    let clusters = leaves.iter().map(|(_, cluster)| *cluster);
-    clusters.reduce(Cluster::with).expect("a node holds emitters")
-}
-
-const BINS: usize = 12;
-
-/// Reorders two or more leaves into two sets of the least cost among the planes between bins of their
-/// centers (the paper's Section 4.2); where the second one begins.
-fn split(cluster: &Cluster, leaves: &mut [(u32, Cluster)]) -> usize {
-    let centers = leaves.iter().map(|(_, leaf)| leaf.bounds.center());
-    let centers = centers.fold(Bounds::EMPTY, Bounds::with);
-    let extent = centers.max - centers.min;
-    let whole = cluster.bounds.longest_side();
-    let bin = |leaf: &Cluster, axis: usize| {
-        let share = (leaf.bounds.center()[axis] - centers.min[axis]) / extent[axis];
-        ((share * BINS as f32) as usize).min(BINS - 1)
-    };
-    let mut best: Option<(f32, usize, usize)> = None;
-    for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {
-        let mut bins = [None; BINS];
-        for (_, leaf) in leaves.iter() {
-            let own: &mut Option<Cluster> = &mut bins[bin(leaf, axis)];
-            *own = Some(own.map_or(*leaf, |cluster| cluster.with(*leaf)));
-        }
-        let side = |bins: &[Option<Cluster>]| {
-            bins.iter().flatten().copied().reduce(Cluster::with).map(|side| side.cost())
-        };
-        // Thin boxes are cut across.
-        let cut = whole / (cluster.bounds.max - cluster.bounds.min)[axis];
-        for plane in 1..BINS {
-            let (left, right) = bins.split_at(plane);
-            if let (Some(left), Some(right)) = (side(left), side(right)) {
-                let cost = cut * (left + right);
-                if best.is_none_or(|(least, ..)| cost < least) {
-                    best = Some((cost, axis, plane));
-                }
+    /// Makes `node`, which holds `leaves`, a leaf or gives it children; what bounds it.
+    fn fill(&mut self, node: usize, leaves: &mut [(u32, Cluster)]) -> Cluster {
+        let (cluster, content) = match leaves {
+            [(emitter, cluster)] => (*cluster, *emitter | LEAF),
+            _ => {
+                let middle = split(leaves);
+                let (left, right) = leaves.split_at_mut(middle);
+                let first = self.nodes.len();
+                self.nodes.extend([Node::default(); 2]);
+                let children = [self.fill(first, left), self.fill(first + 1, right)];
+                (children[0].with(children[1]), first as u32)
             }
-        }
+        };
+        self.nodes[node] = Node::new(&cluster, content);
+        cluster
     }
-    let Some((_, axis, plane)) = best else {
-        // All in one place.
-        return leaves.len() / 2;
-    };
-    let mut middle = 0;
-    for i in 0..leaves.len() {
-        if bin(&leaves[i].1, axis) < plane {
-            leaves.swap(i, middle);
-            middle += 1;
-        }
-    }
-    middle
 }
 
 #[cfg(test)]
@@ -305,11 +261,9 @@ mod tests {
             }
             let children = [0, 1].map(|child| content as usize + child);
             let own = children.map(|child| tree.nodes[child].estimate(position, normal));
-            let total = own[0] + own[1];
-            if total > 0.0 {
-                for (child, own) in children.into_iter().zip(own) {
-                    todo.push((child, prob * f64::from(own / total)));
-                }
+            if own[0] + own[1] > 0.0 {
+                let share = f64::from(share(own[0], own[1]));
+                todo.extend([(children[0], prob * share), (children[1], prob * (1.0 - share))]);
             }
         }
         probs
@@ -392,6 +346,23 @@ mod tests {
         assert!(by_estimate < 0.03 * by_power, "{by_estimate} {by_power}");
     }
 
+    /// Spots overhead that shine elsewhere, as nobody can tell from their bounds, and a far lamp.
+    #[test]
+    fn bright_lamps_that_shine_elsewhere_do_not_hide_a_far_one() {
+        let mut rng = rng(3);
+        let spot = |i: usize| {
+            let direction = Vec3::from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]][i]);
+            let (position, intensity) = (Vec3::new(0.0, 0.0, 3.0), Vec3::splat(1e4));
+            let (cos_inner, cos_outer) = (0.99, 0.98);
+            Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+        };
+        let far = Emitter::Point { position: Vec3::new(60.0, 0.0, 3.0), intensity: Vec3::ONE };
+        let tree = tree(&[spot(0), spot(1), spot(2), far]);
+        let choices = (0..1000).map(|_| tree.choose(Vec3::ZERO, Some(Vec3::Z), rng.next_f64()));
+        let found = choices.flatten().filter(|&(index, _)| index == 3).count();
+        assert!(found >= 5, "{found}");
+    }
+
     #[test]
     fn lamps_in_one_place_and_far_apart_make_a_tree() {
         let point = |x: f32| {
@@ -406,7 +377,7 @@ mod tests {
             let tree = tree(&emitters);
             assert_eq!(tree.nodes.len(), 2 * emitters.len() - 1);
             let probs = probs(&tree, Vec3::new(0.5, 1.0, 2.0), None, emitters.len());
-            assert!((probs.iter().sum::<f64>() - 1.0).abs() < 1e-4);
+            assert!((probs.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             assert!(probs.iter().all(|&prob| prob > 0.0));
         }
         assert!(tree(&[]).choose(Vec3::ZERO, None, 0.5).is_none());

@@ -10,6 +10,7 @@ use crate::scene::obj::{self, ObjFile};
 use crate::scene::scene_file::{self, SceneFile};
 use crate::scene::summary::Summary;
 use crate::scene::text::{self, list};
+use crate::scene::texture_table::Pictures;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Region, Scene, gltf};
 use crate::settings::RenderDefaults;
@@ -117,9 +118,10 @@ fn load_toml(path: &Path) -> Result<Loaded> {
     let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
     let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    let mut pictures = Pictures::new(folder);
     let own = file.materials.iter().map(|(name, table)| {
         let material =
-            table.material(name, folder).map_err(|(error, offset)| place(error, offset))?;
+            table.material(name, &mut pictures).map_err(|(error, offset)| place(error, offset))?;
         Ok((name.clone(), material))
     });
     let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;

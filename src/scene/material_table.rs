@@ -2,6 +2,7 @@
 
 use super::material_numbers::{Index, Ior, Metallic, NormalScale, Roughness};
 use super::scene_file::{Albedo, Power};
+use super::texture_table::{FilterKind, Pictures, TextureTable, Wraps};
 use super::{Material, NormalMap, Sampling, Texture, Wrap};
 use crate::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, SMOOTH_ALPHA,
@@ -12,7 +13,6 @@ use crate::math::Rgb;
 use crate::scene::mtl;
 use crate::scene::text::list;
 use serde::Deserialize;
-use std::path::Path;
 use std::sync::Arc;
 use toml::Spanned;
 
@@ -26,16 +26,14 @@ pub(super) struct MaterialTable {
     #[serde(default, rename = "type")]
     kind: MaterialKind,
     albedo: Option<Spanned<Albedo>>,
-    albedo_texture: Option<Spanned<String>>,
-    metallic_roughness_texture: Option<Spanned<String>>,
-    opacity_texture: Option<Spanned<String>>,
-    normal_texture: Option<Spanned<String>>,
+    albedo_texture: Option<Spanned<TextureTable>>,
+    metallic_roughness_texture: Option<Spanned<TextureTable>>,
+    opacity_texture: Option<Spanned<TextureTable>>,
+    normal_texture: Option<Spanned<TextureTable>>,
     normal_scale: Option<Spanned<NormalScale>>,
-    emission_texture: Option<Spanned<String>>,
-    #[serde(default)]
-    texture_wrap: WrapKind,
-    #[serde(default)]
-    texture_filter: FilterKind,
+    emission_texture: Option<Spanned<TextureTable>>,
+    texture_wrap: Option<Wraps>,
+    texture_filter: Option<FilterKind>,
     two_sided: Option<Spanned<bool>>,
     reflectance: Option<Spanned<Albedo>>,
     metal: Option<Spanned<String>>,
@@ -44,27 +42,9 @@ pub(super) struct MaterialTable {
     ior: Option<Spanned<Ior>>,
     outside_ior: Option<Spanned<Ior>>,
     roughness: Option<Spanned<Roughness>>,
+    alpha: Option<Spanned<Roughness>>,
     metallic: Option<Spanned<Metallic>>,
     emission: Option<Power>,
-}
-
-/// How textures go on beyond their edges.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum WrapKind {
-    #[default]
-    Repeat,
-    Mirror,
-    Clamp,
-}
-
-/// What textures are between their texels.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum FilterKind {
-    #[default]
-    Linear,
-    Nearest,
 }
 
 /// The materials there are.
@@ -87,9 +67,9 @@ impl MaterialKind {
         match self {
             Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance"]),
-            Self::Dielectric => ("dielectric", &["ior", "outside_ior", "roughness"]),
+            Self::Dielectric => ("dielectric", &["ior", "outside_ior", "roughness", "alpha"]),
             Self::ThinDielectric => ("thin-dielectric", &["ior"]),
-            Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness"]),
+            Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness", "alpha"]),
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
             Self::Glossy => {
                 let keys = &[
@@ -99,6 +79,7 @@ impl MaterialKind {
                     "metallic",
                     "metallic_roughness_texture",
                     "roughness",
+                    "alpha",
                 ];
                 ("glossy", keys)
             }
@@ -110,19 +91,22 @@ impl MaterialKind {
 type Misplaced = (Error, usize);
 
 impl MaterialTable {
-    /// The material of these keys, with textures from `folder`.
+    /// The material of these keys.
     ///
     /// # Errors
     /// If a key does not belong to the type, or two contradict each other.
-    pub(super) fn material(&self, name: &str, folder: &Path) -> Result<Material, Misplaced> {
+    pub(super) fn material(
+        &self,
+        name: &str,
+        pictures: &mut Pictures,
+    ) -> Result<Material, Misplaced> {
         self.check_keys()?;
         let unsaid = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
         let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(unsaid));
         // What textures are multiplied with, if they are there.
         let share = if self.metallic_roughness_texture.is_some() { 1.0 } else { 0.0 };
-        let roughness = self.roughness.as_ref().map_or(share, |r| r.get_ref().0);
         let metallic = self.metallic.as_ref().map_or(share, |m| m.get_ref().0);
-        let alpha = roughness * roughness;
+        let alpha = self.alpha()?.unwrap_or(share);
         let ior =
             |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
         let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
@@ -141,7 +125,7 @@ impl MaterialTable {
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
         let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
-        let texture = |key| self.texture(key, folder);
+        let mut texture = |key| self.texture(key, pictures);
         Ok(Material {
             emission: self.emission.map_or(unsaid, |emission| emission.0),
             albedo_texture: texture(&self.albedo_texture)?,
@@ -167,30 +151,30 @@ impl MaterialTable {
         }
     }
 
-    /// The texture of this name in `folder`, if one is named.
+    /// Width of the distribution of facets, if it is given.
+    fn alpha(&self) -> Result<Option<f32>, Misplaced> {
+        match (&self.roughness, &self.alpha) {
+            (Some(_), Some(alpha)) => {
+                let problem = "`alpha` comes besides `roughness`, of which it is the square";
+                Err((Error::new(problem, "give one of them"), alpha.span().start))
+            }
+            (Some(roughness), None) => Ok(Some(roughness.get_ref().0 * roughness.get_ref().0)),
+            (None, alpha) => Ok(alpha.as_ref().map(|alpha| alpha.get_ref().0)),
+        }
+    }
+
+    /// A texture, if one is named.
     fn texture(
         &self,
-        name: &Option<Spanned<String>>,
-        folder: &Path,
+        key: &Option<Spanned<TextureTable>>,
+        pictures: &mut Pictures,
     ) -> Result<Option<Arc<Texture>>, Misplaced> {
-        let Some(name) = name else { return Ok(None) };
-        let path = folder.join(name.get_ref());
-        let misplaced = |problem: String| {
-            let advice = "give a PNG or JPEG file relative to the folder of the scene file";
-            (Error::new(problem, advice), name.span().start)
-        };
-        if !path.is_file() {
-            return Err(misplaced(format!("there is no texture `{}`", name.get_ref())));
-        }
-        let texture = Texture::load(&path)
-            .map_err(|e| misplaced(format!("`{}`: {}", name.get_ref(), e.problem())))?;
-        let wrap = match self.texture_wrap {
-            WrapKind::Repeat => Wrap::Repeat,
-            WrapKind::Mirror => Wrap::Mirror,
-            WrapKind::Clamp => Wrap::Clamp,
-        };
-        let nearest = matches!(self.texture_filter, FilterKind::Nearest);
-        Ok(Some(Arc::new(texture.sampled(Sampling { wrap: [wrap; 2], nearest }))))
+        let Some(key) = key else { return Ok(None) };
+        let TextureTable { file, wrap, filter } = key.get_ref();
+        let wrap = wrap.or(self.texture_wrap).map_or([Wrap::Repeat; 2], |wraps| wraps.0);
+        let nearest = filter.or(self.texture_filter) == Some(FilterKind::Nearest);
+        let texture = pictures.get(file, Sampling { wrap, nearest });
+        texture.map(Some).map_err(|error| (error, key.span().start))
     }
 
     /// Refuses keys of other types.
@@ -209,6 +193,7 @@ impl MaterialTable {
             ("ior", place(&self.ior)),
             ("outside_ior", place(&self.outside_ior)),
             ("roughness", place(&self.roughness)),
+            ("alpha", place(&self.alpha)),
             ("metallic", place(&self.metallic)),
             ("metallic_roughness_texture", place(&self.metallic_roughness_texture)),
         ];

@@ -93,7 +93,7 @@ impl Transform {
 
     /// Moves a point; `None` if it ends up beyond [`MAX_COORDINATE`].
     pub(super) fn point(&self, point: Vec3) -> Option<Vec3> {
-        let moved = self.map.transform_point3(point.as_dvec3()).as_vec3();
+        let moved = self.map.transform_point3(point.as_dvec3()).as_vec3() + Vec3::ZERO;
         // Written so that NaN fails.
         (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
     }
@@ -112,7 +112,9 @@ impl Transform {
         let swapped = self.reverse != (self.determinant < 0.0);
         let unit = if swapped { -length } else { length }.recip();
         // Infinite for zero, and where the length is too small for a number.
-        (if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO }, length)
+        let turned = if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO };
+        // Of zeros the positive one, so that turning by nothing changes no bit.
+        (turned + Vec3::ZERO, length)
     }
 
     /// Turns a direction along a surface with it, to unit length; zero stays zero.
@@ -179,6 +181,11 @@ impl Transform {
             ..*stored
         }
     }
+}
+
+/// Of unit length, with a single rounding; zero stays zero.
+pub(super) fn normalized(vector: Vec3) -> Vec3 {
+    vector.as_dvec3().normalize_or_zero().as_vec3()
 }
 
 /// Sine and cosine of an angle in degrees, exact for multiples of 90.

@@ -10,60 +10,74 @@ pub struct Pixels {
     pub mean: Vec<f64>,
     /// Of the means.
     pub variance: Vec<f64>,
-    /// Of the sum of all pixels, which share light paths.
+    /// Of the sum of the means, which share light paths.
     pub variance_of_sum: f64,
 }
 
-impl Pixels {
-    /// The film after iterations whose sums over all pixels are `totals`.
-    fn new(film: &Film, totals: &[f64]) -> Self {
-        let mut mean = vec![0.0; film.pixels()];
-        film.for_each_pixel(|x, y, sums| {
-            mean[film.index(x, y)] = luminance(sums.radiance) / film.iterations as f64;
-        });
-        let variance_of_sum = Estimate::from_samples(totals).error.powi(2);
-        Self { mean, variance: film.variance_of_mean().unwrap(), variance_of_sum }
-    }
+/// What images are made of.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    pub scene: &'a Scene,
+    pub accel: &'a dyn Intersect,
+    pub settings: &'a Settings,
+    /// The pixels that count; all if there is none.
+    pub region: &'a [usize],
+}
 
+impl Subject<'_> {
     /// By the path tracer, of so many paths in each pixel.
-    pub fn traced(scene: &Scene, accel: &dyn Intersect, settings: &Settings, paths: u32) -> Self {
-        let mut tracer = PathTracer::new(scene, accel, settings);
+    pub fn traced(&self, paths: u32) -> Pixels {
+        let mut tracer = PathTracer::new(self.scene, self.accel, self.settings);
         let mut totals = Totals::default();
         for _ in 0..64 {
             tracer.iterate(paths / 64);
-            totals.add(tracer.film());
+            totals.add(tracer.film(), self.region);
         }
-        Self::new(tracer.film(), &totals.each)
+        Pixels::new(tracer.film(), &totals.each, self.region)
+    }
+
+    /// By the renderer.
+    pub fn rendered(&self, settings: Settings, iterations: u64) -> Pixels {
+        let mut renderer = Renderer::new(self.scene, self.accel, settings).unwrap();
+        let mut totals = Totals::default();
+        for _ in 0..iterations {
+            assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
+            totals.add(renderer.film(), self.region);
+        }
+        Pixels::new(renderer.film(), &totals.each, self.region)
     }
 
     /// By the renderer, without the merge bias that falls as the squared radius: from that of the
     /// settings and one that is smaller by a root of two.
-    pub fn extrapolated(
-        scene: &Scene,
-        accel: &dyn Intersect,
-        settings: &Settings,
-        iterations: u64,
-    ) -> Self {
+    pub fn extrapolated(&self, iterations: u64) -> Pixels {
+        let Settings { radius, seed, .. } = *self.settings;
         let at = |radius: f32, seed: u64| {
-            let settings = Settings { radius, seed, ..settings.clone() };
-            let mut renderer = Renderer::new(scene, accel, settings).unwrap();
-            let mut totals = Totals::default();
-            for _ in 0..iterations {
-                assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
-                totals.add(renderer.film());
-            }
-            Self::new(renderer.film(), &totals.each)
+            self.rendered(Settings { radius, seed, ..self.settings.clone() }, iterations)
         };
-        let Settings { radius, seed, .. } = *settings;
         let (large, small) = (at(radius, seed), at(radius * 0.5f32.sqrt(), seed + 1));
         let pairs = |a: &[f64], b: &[f64], of: fn(f64, f64) -> f64| {
             a.iter().zip(b).map(|(&a, &b)| of(a, b)).collect()
         };
-        Self {
+        Pixels {
             mean: pairs(&small.mean, &large.mean, |a, b| 2.0 * a - b),
             variance: pairs(&small.variance, &large.variance, |a, b| 4.0 * a + b),
             variance_of_sum: 4.0 * small.variance_of_sum + large.variance_of_sum,
         }
+    }
+}
+
+impl Pixels {
+    /// Of the film after iterations whose sums over the region are `totals`.
+    fn new(film: &Film, totals: &[f64], region: &[usize]) -> Self {
+        let variance_of_sum = Estimate::from_samples(totals).error.powi(2);
+        let inside = |values: Vec<f64>| match region {
+            [] => values,
+            _ => region.iter().map(|&i| values[i]).collect(),
+        };
+        let scale = 1.0 / film.iterations as f64;
+        let mean = sums(film).into_iter().map(|sum| scale * sum).collect();
+        let variance = film.variance_of_mean().unwrap();
+        Self { mean: inside(mean), variance: inside(variance), variance_of_sum }
     }
 
     /// How far they are from others.
@@ -89,7 +103,7 @@ impl Pixels {
     }
 }
 
-/// Sums over all pixels of one iteration after the other.
+/// Sums over the region of one iteration after the other.
 #[derive(Default)]
 struct Totals {
     sum: f64,
@@ -97,11 +111,22 @@ struct Totals {
 }
 
 impl Totals {
-    fn add(&mut self, film: &Film) {
-        let sum = film.mean_luminance() * (film.pixels() as f64 * film.iterations as f64);
+    fn add(&mut self, film: &Film, region: &[usize]) {
+        let sums = sums(film);
+        let sum = match region {
+            [] => sums.iter().sum::<f64>(),
+            _ => region.iter().map(|&i| sums[i]).sum(),
+        };
         self.each.push(sum - self.sum);
         self.sum = sum;
     }
+}
+
+/// Sums over the iterations by pixel, luminance.
+fn sums(film: &Film) -> Vec<f64> {
+    let mut all = vec![0.0; film.pixels()];
+    film.for_each_pixel(|x, y, sums| all[film.index(x, y)] = luminance(sums.radiance));
+    all
 }
 
 /// The difference of two images.

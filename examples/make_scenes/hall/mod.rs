@@ -165,16 +165,15 @@ fn settings(scene: &mut SceneText) {
         "camera",
         &["position = [-0.9, 2.7, 20.2]", "direction = [0.035, 0.06, -1]", "fov_y_deg = 62"],
     );
-    // So many lamps of like power are better found by light paths than chosen by camera paths.
     scene.table(
         "render",
         &[
             "resolution = [720, 480]",
-            "light_paths = 1000000",
+            "light_paths = 500000",
             "camera_paths = 2",
-            "radius = 0.08",
-            "merge_vertex = 1",
-            "direct = \"photon-map\"",
+            "radius = 0.04",
+            "merge_vertex = 2",
+            "direct = \"connect\"",
         ],
     );
     scene.table("regions", &["vault = [[0.3, 0, 0.7, 0.25]]", "floor = [[0.35, 0.75, 0.65, 1]]"]);

@@ -1,0 +1,77 @@
+//! Names that files, OBJ records and TOML keys can have, each once.
+
+use std::collections::{HashMap, HashSet};
+
+/// Longest name, characters: file systems take 255 bytes.
+const MAX_LENGTH: usize = 60;
+
+/// Hands out names.
+#[derive(Default)]
+pub(super) struct Names {
+    /// In lower case, for file systems that do not tell cases apart.
+    taken: HashSet<String>,
+    /// The number to try next for a name that is taken.
+    next: HashMap<String, u32>,
+}
+
+impl Names {
+    /// A name like `name` that nothing else has.
+    pub fn unique(&mut self, name: String) -> String {
+        let key = name.to_lowercase();
+        if self.taken.insert(key.clone()) {
+            return name;
+        }
+        let next = self.next.entry(key).or_insert(2);
+        loop {
+            let numbered = format!("{name}-{next}");
+            *next += 1;
+            if self.taken.insert(numbered.to_lowercase()) {
+                return numbered;
+            }
+        }
+    }
+}
+
+/// `name` as part of a file name: letters, digits, `-` and `_`.
+pub(super) fn for_file(name: &str, otherwise: &str) -> String {
+    let kept = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
+    let words: String = name.chars().map(kept).collect();
+    let words: Vec<&str> = words.split('-').filter(|word| !word.is_empty()).collect();
+    let name: String = words.join("-").chars().take(MAX_LENGTH).collect();
+    if name.is_empty() { otherwise.to_owned() } else { name }
+}
+
+/// `name` as it can be in a line of an OBJ file and in quotes.
+pub(super) fn for_line(name: &str, otherwise: &str) -> String {
+    let kept = |c: char| if c.is_control() || "\\\"'\u{feff}".contains(c) { '_' } else { c };
+    let name: String = name.trim().chars().map(kept).take(MAX_LENGTH).collect();
+    let name = name.trim();
+    if name.is_empty() { otherwise.to_owned() } else { name.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_told_apart() {
+        let mut names = Names::default();
+        let all = ["a", "A", "a-2", "a", "b"].map(|name| names.unique(name.to_owned()));
+        assert_eq!(all, ["a", "A-2", "a-2-2", "a-3", "b"]);
+    }
+
+    #[test]
+    fn names_are_harmless() {
+        for (name, file, line) in [
+            ("Red wall", "Red-wall", "Red wall"),
+            ("../../etc/passwd", "etc-passwd", "../../etc/passwd"),
+            (" .. ", "x", ".."),
+            ("a\n[camera]\\", "a-camera", "a_[camera]_"),
+            ("Küche", "K-che", "Küche"),
+            ("", "x", "x"),
+        ] {
+            assert_eq!((&for_file(name, "x")[..], &for_line(name, "x")[..]), (file, line));
+        }
+        assert_eq!(for_file(&"long".repeat(99), "x").len(), MAX_LENGTH);
+    }
+}
