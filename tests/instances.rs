@@ -75,20 +75,10 @@ fn scene_of(arrangement: impl Into<Arrangement>) -> Scene {
     Scene::new("test".into(), arrangement, materials(), lights, camera, Vec::new())
 }
 
-/// A copy of each mesh at each place.
-fn flattened(Arrangement { meshes, placements }: &Arrangement) -> Vec<Mesh> {
-    let copy = |Placement { mesh, material, transform }: &Placement| {
-        let mesh = &meshes[*mesh as usize];
-        let moved = transform.map_or_else(|| mesh.clone(), |transform| mesh.moved(&transform));
-        Mesh { material: *material, ..moved }
-    };
-    placements.iter().map(copy).collect()
-}
-
 fn both() -> [Scene; 2] {
-    let arrangement = arrangement();
-    let copies = flattened(&arrangement);
-    [scene_of(arrangement), scene_of(copies)]
+    let shared = scene_of(arrangement());
+    let copied = scene_of(shared.copies());
+    [shared, copied]
 }
 
 fn backends(scene: &Scene) -> Vec<Box<dyn Intersect>> {
@@ -184,7 +174,8 @@ fn images_are_nearly_the_same() {
         let sum = |image: &[Vec3]| image.iter().map(|p| f64::from(luminance(*p))).sum::<f64>();
         let ratio = sum(&image) / sum(&expected);
         println!("{}: {agree} of {}, mean {ratio}", accel.describe().name, expected.len());
-        assert!(agree * 100 > expected.len() * 90 && (ratio - 1.0).abs() < 0.01);
+        // One light path that goes another way changes all pixels around it.
+        assert!(agree * 100 > expected.len() * 75 && (ratio - 1.0).abs() < 1e-3);
     }
 }
 
@@ -269,11 +260,9 @@ fn files_that_are_used_often_are_held_once() {
     assert_eq!(scene.placements.len(), count as usize - 1);
     assert_eq!(scene.triangle_count(), (count as usize - 1) * 320);
     assert_eq!(scene.stored_triangle_count(), 320);
-    let arrangement =
-        Arrangement { meshes: scene.meshes.clone(), placements: scene.placements.clone() };
     let copies = Scene::new(
         String::new(),
-        flattened(&arrangement),
+        scene.copies(),
         scene.materials.clone(),
         scene.lights.emitters().to_vec(),
         scene.camera,

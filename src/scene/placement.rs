@@ -86,6 +86,17 @@ impl Scene {
         triangles
     }
 
+    /// A copy of each mesh at each of its places, of the material that it has there.
+    pub fn copies(&self) -> Vec<Mesh> {
+        let copy = |placement: &Placement| {
+            let mesh = self.mesh(placement);
+            let transform = placement.transform.as_ref();
+            let moved = transform.map_or_else(|| mesh.clone(), |transform| mesh.moved(transform));
+            Mesh { material: placement.material, ..moved }
+        };
+        self.placements.iter().map(copy).collect()
+    }
+
     /// Number of triangles, counted at each place.
     pub fn triangle_count(&self) -> usize {
         self.placements.iter().map(|placement| self.mesh(placement).triangles.len()).sum()

@@ -111,8 +111,7 @@ impl Transform {
     /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
     /// swapped the normal is as well.
     pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
-        // Of zeros the positive one, so that turning by nothing changes no bit.
-        self.turn(normal).0 + Vec3::ZERO
+        self.turn(normal).0
     }
 
     /// The same, and so many times as long as before the map's own result is.
@@ -123,7 +122,9 @@ impl Transform {
         let swapped = self.reverse != (self.determinant < 0.0);
         let unit = if swapped { -length } else { length }.recip();
         // Infinite for zero, and where the length is too small for a number.
-        (if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO }, length)
+        let turned = if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO };
+        // Of zeros the positive one, so that turning by nothing changes no bit.
+        (turned + Vec3::ZERO, length)
     }
 
     /// Turns a direction along a surface with it, to unit length; zero stays zero.
