@@ -9,6 +9,7 @@ use bdpm::scene::{Emitter, FieldOfView, Loaded, Note, Optics as SceneOptics, Sum
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::fmt::Write;
+use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -30,6 +31,9 @@ struct Report<'a> {
     /// What was read, by name, and what was skipped or chosen.
     read: &'a Summary,
     notes: &'a [Note],
+    /// Time to read the files, and to make triangles and lights of them.
+    read_seconds: f64,
+    assembly_seconds: f64,
     /// Lower and upper corner, scene units.
     bounds: [[f32; 3]; 2],
     size: f32,
@@ -134,17 +138,24 @@ impl Optics {
 }
 
 pub fn run(args: &Args) -> Result<String> {
+    let start = Instant::now();
     let loaded = args.scene.load()?;
+    let loading = start.elapsed();
     loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let scene = &loaded.scene;
     let settings = Settings::resolve(&args.scene.wishes(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
-    let report = Report::new(&loaded, &accel, &settings);
+    let report = Report::new(&loaded, loading, &accel, &settings);
     Ok(if args.scene.json { json(&report) } else { text(&report) })
 }
 
 impl<'a> Report<'a> {
-    fn new(loaded: &'a Loaded, accel: &'a AccelInfo, settings: &'a Settings) -> Self {
+    fn new(
+        loaded: &'a Loaded,
+        loading: Duration,
+        accel: &'a AccelInfo,
+        settings: &'a Settings,
+    ) -> Self {
         let scene = &loaded.scene;
         let emitters = scene.lights.emitters();
         let count = |of: fn(&Emitter) -> bool| emitters.iter().filter(|e| of(e)).count();
@@ -158,6 +169,8 @@ impl<'a> Report<'a> {
             materials: scene.materials.len(),
             read: &loaded.summary,
             notes: &loaded.notes,
+            read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
+            assembly_seconds: loaded.assembly.as_secs_f64(),
             bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
             size: scene.size(),
             accel: Accel {
@@ -211,6 +224,8 @@ fn text(report: &Report) -> String {
         let held = counted(report.stored_triangles, "triangle");
         row("held once each", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
     }
+    let [read, assembly] = [report.read_seconds, report.assembly_seconds].map(short_time);
+    row("loading", format!("read in {read}, put together in {assembly}"));
     row("materials", names(&report.read.materials));
     row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
@@ -221,10 +236,7 @@ fn text(report: &Report) -> String {
         format!(
             "{:.1} KiB, built in {}",
             accel.bytes as f64 / 1024.0,
-            match accel.build_seconds {
-                seconds if seconds < 0.1 => format!("{:.2}ms", 1e3 * seconds),
-                seconds => human_time(seconds),
-            }
+            short_time(accel.build_seconds)
         ),
     );
     let named = match &report.read.light_names[..] {
@@ -256,6 +268,10 @@ fn text(report: &Report) -> String {
         row(&name.replace('_', " "), value);
     }
     text
+}
+
+fn short_time(seconds: f64) -> String {
+    if seconds < 0.1 { format!("{:.2}ms", 1e3 * seconds) } else { human_time(seconds) }
 }
 
 /// The first few names.

@@ -16,6 +16,7 @@ use crate::memory::{GIB, available_memory};
 use crate::settings::RenderDefaults;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
 /// shading, and its place in the hierarchy.
@@ -211,11 +212,13 @@ impl Builder {
     ) -> Result<Loaded> {
         let Self { arrangement, materials, notes, .. } = self;
         let Rest { regions, environment, defaults } = rest;
+        let start = Instant::now();
         let mut scene =
             Scene::new(scene_name(path), arrangement, materials, lights, camera, regions);
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
         }
+        let assembly = start.elapsed();
         if scene.lights.is_empty() {
             return Err(Error::new(
                 "the scene has no light",
@@ -228,7 +231,7 @@ impl Builder {
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = Summary::new(&scene);
-        Ok(Loaded { scene, defaults, notes, summary })
+        Ok(Loaded { scene, defaults, notes, summary, assembly })
     }
 }
 

@@ -16,6 +16,7 @@ use crate::scene::{Material, Region, Scene, gltf};
 use crate::settings::RenderDefaults;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A scene with what its file says about rendering it.
 #[derive(Clone, Debug)]
@@ -28,6 +29,8 @@ pub struct Loaded {
     pub notes: Vec<Note>,
     /// What was read.
     pub summary: Summary,
+    /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
+    pub assembly: Duration,
 }
 
 impl Loaded {
