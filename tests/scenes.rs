@@ -135,7 +135,8 @@ impl Case {
             assert!(error < self.error, "{what}: {error} says little");
             // Along edges the kernel loses area in proportion to the radius.
             assert!(off.abs() < 4.0 * error + 5e-3, "{what}: {off} +- {error}");
-            assert!(z2 < 3.0, "{what}: {z2}");
+            // Pixels share photons: the squares scatter more than independent ones would.
+            assert!(z2 < 5.0, "{what}: {z2}");
         }
     }
 
