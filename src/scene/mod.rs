@@ -243,7 +243,7 @@ pub struct Scene {
     pub name: String,
     /// All meshes.
     pub meshes: Vec<Mesh>,
-    /// Where they are; the order is the mesh index of [`Hit`].
+    /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
     pub placements: Vec<Placement>,
     /// All materials.
     pub materials: Vec<Material>,
