@@ -37,6 +37,8 @@ struct Case {
     quiet: f64,
     /// Largest standard error of the mean, relative, so that the test says something.
     error: f64,
+    /// Largest mean square of the pixels' deviations.
+    z2: f64,
 }
 
 impl Default for Case {
@@ -51,6 +53,7 @@ impl Default for Case {
             lamps_alone: false,
             quiet: 1.0,
             error: 0.03,
+            z2: 3.0,
         }
     }
 }
@@ -135,8 +138,7 @@ impl Case {
             assert!(error < self.error, "{what}: {error} says little");
             // Along edges the kernel loses area in proportion to the radius.
             assert!(off.abs() < 4.0 * error + 5e-3, "{what}: {off} +- {error}");
-            // Pixels share photons: the squares scatter more than independent ones would.
-            assert!(z2 < 5.0, "{what}: {z2}");
+            assert!(z2 < self.z2, "{what}: {z2}");
         }
     }
 
@@ -207,6 +209,7 @@ fn hall() {
     // Flames are smaller than pixels, and a pixel sees few of the light paths.
     let (lamps_alone, quiet, error) = (true, 0.5, 0.12);
     let (radius, paths) = (0.005, 2048);
-    let name = "hall";
-    Case { name, radius, paths, lamps_alone, quiet, error, ..Case::default() }.check();
+    // Pixels share few photons here: the squares scatter more than independent ones would.
+    let (name, z2) = ("hall", 5.0);
+    Case { name, radius, paths, lamps_alone, quiet, error, z2, ..Case::default() }.check();
 }
