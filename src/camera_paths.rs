@@ -3,6 +3,8 @@
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
+use crate::diffuse::{DiffusePoint, DiffuseVertices};
+use crate::lanes::{LANES, Rngs};
 use crate::light_paths::Photon;
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
@@ -107,6 +109,9 @@ pub struct CameraPaths {
     pub rays: u64,
     segments: Vec<Ray>,
     walks: Vec<Walk>,
+    /// Those of the next segments, in the order in which they are found.
+    next_segments: Vec<Ray>,
+    next_walks: Vec<Walk>,
     hits: Vec<Hit>,
     shadow_rays: Vec<Ray>,
     /// Path and contribution of each shadow ray.
@@ -115,7 +120,7 @@ pub struct CameraPaths {
 }
 
 /// A path under way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
     throughput: Rgb,
@@ -174,52 +179,154 @@ impl CameraPaths {
         self.walks.clear();
         self.gather_points.clear();
         self.views.clear();
-        for (path, id) in paths.enumerate() {
-            let pixel = id.y * pass.settings.width + id.x;
-            let mut rng = pass.key.rng(camera_path_index(pixel, id.index));
-            let [dx, dy] = rng.next_2d();
-            let lens = if pass.view.has_aperture() { rng.next_2d() } else { [0.0; 2] };
-            let (ray, weight) = pass.view.ray(id.x as f32 + dx, id.y as f32 + dy, lens);
-            self.segments.push(ray);
-            self.walks.push(Walk {
-                rng,
-                throughput: Rgb::splat(weight),
-                inverse_weight: weight.recip(),
-                path: path as u32,
-                vertices: 0,
-                passed: 0,
-            });
+        let mut paths = paths.fuse();
+        loop {
+            let (mut count, mut rngs) = (0, Rngs::default());
+            let [mut x, mut y] = [[0.0; LANES]; 2];
+            for id in paths.by_ref().take(LANES) {
+                let pixel = id.y * pass.settings.width + id.x;
+                rngs.set(count, pass.key.rng(camera_path_index(pixel, id.index)));
+                (x[count], y[count]) = (id.x as f32, id.y as f32);
+                count += 1;
+            }
+            if count == 0 {
+                break;
+            }
+            let offsets = [rngs.next_1d(), rngs.next_1d()];
+            for lane in 0..LANES {
+                x[lane] += offsets[0][lane];
+                y[lane] += offsets[1][lane];
+            }
+            let directions = pass.view.pinhole_directions(&x, &y);
+            for lane in 0..count {
+                let mut rng = rngs.get(lane);
+                let (ray, weight) = if pass.view.has_aperture() {
+                    pass.view.ray(x[lane], y[lane], rng.next_2d())
+                } else {
+                    (Ray::new(pass.view.position, directions.get(lane)), 1.0)
+                };
+                self.segments.push(ray);
+                self.walks.push(Walk {
+                    rng,
+                    throughput: Rgb::splat(weight),
+                    inverse_weight: weight.recip(),
+                    path: self.walks.len() as u32,
+                    vertices: 0,
+                    passed: 0,
+                });
+            }
         }
         self.direct.clear();
         self.direct.resize(self.walks.len(), Rgb::ZERO);
     }
 
-    /// At the hits: emission, connection, gathering, and the next segment; paths that end are
-    /// squeezed out.
+    /// At the hits: emission, connection, gathering, and the next segment.
     fn scatter(&mut self, pass: &CameraPass) {
-        let mut alive = 0;
+        let mut vertices = DiffuseVertices::default();
         for i in 0..self.walks.len() {
-            let hit = self.hits[i];
+            let (ray, hit) = (self.segments[i], self.hits[i]);
             if hit.is_miss() {
                 self.leave(pass, i);
                 continue;
             }
-            let (ray, walk) = (self.segments[i], self.walks[i].clone());
-            let next = match pass.scene.plain(&hit) {
-                Some(bsdf) => {
-                    let surface = pass.scene.plain_surface(&ray, &hit, bsdf);
-                    self.scatter_at(pass, &surface, walk)
-                }
-                None => self.scatter_anywhere(pass, &pass.scene.surface(&ray, &hit), walk),
+            let Some(point) = pass.scene.plain(&ray, &hit).or_else(|| self.elsewhere(pass, i))
+            else {
+                continue;
             };
-            if let Some((ray, walk)) = next {
-                self.segments[alive] = ray;
-                self.walks[alive] = walk;
-                alive += 1;
+            let Walk { rng, throughput, path, vertices: before, .. } = self.walks[i];
+            // Emission hit later is carried by connections or photons.
+            if before == 0 && point.emission != Rgb::ZERO {
+                self.direct[path as usize] += throughput * point.emission;
+            }
+            vertices.push(i, &point, throughput, rng);
+            if vertices.is_full() {
+                self.scatter_diffuse(pass, &mut vertices);
             }
         }
-        self.segments.truncate(alive);
-        self.walks.truncate(alive);
+        self.scatter_diffuse(pass, &mut vertices);
+        std::mem::swap(&mut self.segments, &mut self.next_segments);
+        std::mem::swap(&mut self.walks, &mut self.next_walks);
+        self.next_segments.clear();
+        self.next_walks.clear();
+    }
+
+    /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
+    #[inline(never)] // keeps the loop over plain vertices short
+    fn elsewhere(&mut self, pass: &CameraPass, i: usize) -> Option<DiffusePoint> {
+        let surface = pass.scene.surface(&self.segments[i], &self.hits[i]);
+        let diffuse = surface.diffuse();
+        if diffuse.is_none()
+            && let Some((ray, walk)) = self.scatter_other(pass, &surface, self.walks[i])
+        {
+            self.next_segments.push(ray);
+            self.next_walks.push(walk);
+        }
+        diffuse
+    }
+
+    /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
+    #[inline(never)] // called at two places
+    fn scatter_diffuse(&mut self, pass: &CameraPass, at: &mut DiffuseVertices) {
+        let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
+        if direct == Direct::Connect {
+            self.connect_diffuse(pass, at);
+        }
+        let mut any_goes_on = false;
+        for (lane, walk) in at.lanes() {
+            let Walk { path, vertices, .. } = self.walks[walk];
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+            let weight = at.weight(lane);
+            let (vertex, view) = (vertices + 1, GatherPoint::NO_VIEW);
+            any_goes_on |= vertex < merge_vertex;
+            if vertex == merge_vertex || pass.gather_early {
+                self.gather_points.push(GatherPoint {
+                    position,
+                    path,
+                    weight,
+                    vertex,
+                    normal,
+                    view,
+                });
+            }
+        }
+        if any_goes_on {
+            let directions = at.sample();
+            let ends = match camera_roulette {
+                Roulette::Albedo => at.rng.next_1d(),
+                Roulette::Weight => [0.0; LANES],
+            };
+            for (lane, walk) in at.lanes() {
+                let mut walk = self.walks[walk];
+                let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
+                let survival = match camera_roulette {
+                    Roulette::Albedo => albedo.max_element().min(1.0),
+                    Roulette::Weight => 1.0,
+                };
+                walk.vertices += 1;
+                if walk.vertices < merge_vertex && albedo != Rgb::ZERO && ends[lane] < survival {
+                    walk.rng = at.rng.get(lane);
+                    walk.throughput = at.carried.get(lane) * (albedo / survival);
+                    self.next_segments.push(Ray::new(off_surface, directions.get(lane)));
+                    self.next_walks.push(walk);
+                }
+            }
+        }
+        at.clear();
+    }
+
+    /// Connects diffuse vertices with one light each.
+    #[inline(always)]
+    fn connect_diffuse(&mut self, pass: &CameraPass, at: &mut DiffuseVertices) {
+        let light = pass.scene.lights.connect_all(at);
+        let contributions = at.contributions(&light);
+        for (lane, walk) in at.lanes() {
+            let contribution = contributions.get(lane);
+            if contribution != Rgb::ZERO {
+                let path = self.walks[walk].path;
+                let off_surface = at.off_surface.get(lane);
+                self.send_shadow_ray(path, contribution, light.target.get(lane), off_surface);
+            }
+        }
     }
 
     /// Where path `i` left the scene: emission from all around, if nothing else carries it.
@@ -232,20 +339,8 @@ impl CameraPaths {
         }
     }
 
-    /// [`Self::scatter_at`] of surfaces that are not plain.
-    #[inline(never)] // the compiler then specializes the other copy for plain ones
-    fn scatter_anywhere(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        walk: Walk,
-    ) -> Option<(Ray, Walk)> {
-        self.scatter_at(pass, surface, walk)
-    }
-
-    /// At one hit; the next segment unless the path ends.
-    #[inline(always)]
-    fn scatter_at(
+    /// At a surface that is not diffuse alone; the next segment unless the path ends.
+    fn scatter_other(
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
@@ -257,14 +352,7 @@ impl CameraPaths {
             self.direct[walk.path as usize] += walk.throughput * surface.emission();
         }
         let vertex = walk.vertices + 1;
-        let merges = match surface.constant() {
-            Some(value) => {
-                self.connect_lambertian(pass, surface, &mut walk, value);
-                self.gather(pass, surface, &walk, (value, GatherPoint::NO_VIEW));
-                true
-            }
-            None => self.at_other_vertex(pass, surface, &mut walk),
-        };
+        let merges = self.at_other_vertex(pass, surface, &mut walk);
         // Cut here, the path still goes on where the surface mirrors besides.
         let cut = merges && vertex == merge_vertex;
         let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
@@ -289,27 +377,7 @@ impl CameraPaths {
         Some((Ray::new(surface.off_surface, sample.wi), walk))
     }
 
-    /// Connects a vertex whose BSDF is `value` in all directions.
-    #[inline(always)]
-    fn connect_lambertian(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        walk: &mut Walk,
-        value: Rgb,
-    ) {
-        if pass.settings.direct == Direct::Connect
-            && let Some(light) =
-                pass.scene.lights.connect(surface.position, Some(surface.normal), &mut walk.rng)
-            && let cos_theta = light.wi.dot(surface.normal)
-            && cos_theta > 0.0
-        {
-            self.send_shadow_ray(surface.off_surface, walk, &light, (value, cos_theta));
-        }
-    }
-
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
-    #[inline(never)] // keeps the loop over diffuse vertices short
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
         let lights = &pass.scene.lights;
         let bsdf = &surface.bsdf;
@@ -328,7 +396,7 @@ impl CameraPaths {
         if merges {
             self.views.push(GatherView { bsdf: *bsdf, at });
             let view = self.views.len() as u32 - 1;
-            self.gather(pass, surface, walk, (Rgb::ONE, view));
+            self.gather(pass, surface, walk, view);
         }
         merges
     }
@@ -346,43 +414,29 @@ impl CameraPaths {
         {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
-            self.send_shadow_ray(surface.start(light.wi), walk, &light, (value, cos_theta));
+            let contribution = walk.throughput * value * light.irradiance * cos_theta;
+            let start = surface.start(light.wi);
+            self.send_shadow_ray(walk.path, contribution, light.target, start);
         }
     }
 
-    /// Leaves a point at which photons are gathered, with the BSDF as a value or in one of `views`.
-    #[inline]
-    fn gather(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        walk: &Walk,
-        (value, view): (Rgb, u32),
-    ) {
+    /// Leaves a point at which photons are gathered with the BSDF in one of `views`.
+    fn gather(&mut self, pass: &CameraPass, surface: &Surface, walk: &Walk, view: u32) {
         let vertex = walk.vertices + 1;
         if vertex < pass.settings.merge_vertex && !pass.gather_early {
             return;
         }
-        let weight = walk.throughput * value;
         let Surface { position, normal, .. } = *surface;
-        let path = walk.path;
+        let (path, weight) = (walk.path, walk.throughput);
         self.gather_points.push(GatherPoint { position, path, weight, vertex, normal, view });
     }
 
-    /// Connects a vertex with a point on a light, toward which its BSDF has this value and its
-    /// normal this cosine.
+    /// Adds this to a path if nothing is between a point on a light and a vertex.
     #[inline]
-    fn send_shadow_ray(
-        &mut self,
-        off_surface: Vec3,
-        walk: &Walk,
-        light: &LightSample,
-        (value, cos_theta): (Rgb, f32),
-    ) {
-        let contribution = walk.throughput * value * light.irradiance * cos_theta;
+    fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
         // From the light: shadow rays to one point then share their origin.
-        self.shadow_rays.push(Ray::segment(light.target, off_surface));
-        self.connections.push((walk.path, contribution));
+        self.shadow_rays.push(Ray::segment(target, off_surface));
+        self.connections.push((path, contribution));
     }
 
     /// Adds the light of all connections that nothing blocks.

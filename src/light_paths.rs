@@ -1,6 +1,7 @@
 //! Light phase: traces light paths breadth-first and stores their photons in path order.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
+use crate::diffuse::{DiffusePoint, DiffuseVertices};
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Scene, Surface};
@@ -139,7 +140,7 @@ impl LightPaths {
 }
 
 /// A path under way.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
     flux: Rgb,
@@ -148,6 +149,20 @@ struct Walk {
     path: u32,
     /// Of its next photon; `None` if that comes straight from a light that is connected.
     class: Option<PhotonClass>,
+}
+
+impl Walk {
+    /// Probability of going on from a vertex of this weight.
+    #[inline]
+    fn survival(&self, weight: Rgb, roulette: Roulette) -> f32 {
+        let share = match roulette {
+            Roulette::Albedo => weight.max_element(),
+            Roulette::Weight => {
+                (self.flux * weight).max_element() * self.inverse_emitted / WEIGHT_FLOOR
+            }
+        };
+        share.min(MAX_SURVIVAL)
+    }
 }
 
 /// Consecutive paths that are traced together.
@@ -161,6 +176,9 @@ struct Batch {
     directions: bool,
     rays_in_flight: Vec<Ray>,
     walks: Vec<Walk>,
+    /// Those of the next bounce, in the order in which they are found.
+    next_rays: Vec<Ray>,
+    next_walks: Vec<Walk>,
     hits: Vec<Hit>,
     rays: u64,
     busy: Duration,
@@ -217,46 +235,77 @@ impl Batch {
         }
     }
 
-    /// Stores a photon at each hit of a surface that merges, and scatters the path; paths that end are
-    /// squeezed out.
+    /// Stores a photon at each hit of a surface that merges, and scatters the path.
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
-        let mut alive = 0;
+        let mut vertices = DiffuseVertices::default();
         for i in 0..self.walks.len() {
-            let hit = self.hits[i];
+            let (ray, hit) = (self.rays_in_flight[i], self.hits[i]);
             if hit.is_miss() {
                 continue;
             }
-            let (ray, walk) = (self.rays_in_flight[i], self.walks[i].clone());
-            let next = match scene.plain(&hit) {
-                Some(bsdf) => {
-                    self.scatter_at(&scene.plain_surface(&ray, &hit, bsdf), walk, roulette)
-                }
-                None => self.scatter_anywhere(&scene.surface(&ray, &hit), walk, roulette),
+            let plain = scene.plain(&ray, &hit);
+            let Some(point) = plain.or_else(|| self.elsewhere(scene, i, roulette)) else {
+                continue;
             };
-            if let Some((ray, walk)) = next {
-                self.rays_in_flight[alive] = ray;
-                self.walks[alive] = walk;
-                alive += 1;
+            let Walk { rng, flux, path, class, .. } = self.walks[i];
+            if let Some(class) = class {
+                let photon = Photon::new(point.position, path, flux, point.normal, class);
+                self.store(photon, -ray.direction);
+            }
+            vertices.push(i, &point, flux, rng);
+            if vertices.is_full() {
+                self.scatter_diffuse(&mut vertices, roulette);
             }
         }
-        self.rays_in_flight.truncate(alive);
-        self.walks.truncate(alive);
+        self.scatter_diffuse(&mut vertices, roulette);
+        std::mem::swap(&mut self.rays_in_flight, &mut self.next_rays);
+        std::mem::swap(&mut self.walks, &mut self.next_walks);
+        self.next_rays.clear();
+        self.next_walks.clear();
     }
 
-    /// [`Self::scatter_at`] of surfaces that are not plain.
-    #[inline(never)] // the compiler then specializes the other copy for plain ones
-    fn scatter_anywhere(
-        &mut self,
-        surface: &Surface,
-        walk: Walk,
-        roulette: Roulette,
-    ) -> Option<(Ray, Walk)> {
-        self.scatter_at(surface, walk, roulette)
+    /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
+    #[inline(never)] // keeps the loop over plain vertices short
+    fn elsewhere(&mut self, scene: &Scene, i: usize, roulette: Roulette) -> Option<DiffusePoint> {
+        let surface = scene.surface(&self.rays_in_flight[i], &self.hits[i]);
+        let diffuse = surface.diffuse();
+        if diffuse.is_none()
+            && let Some((ray, walk)) = self.scatter_other(&surface, self.walks[i], roulette)
+        {
+            self.next_rays.push(ray);
+            self.next_walks.push(walk);
+        }
+        diffuse
     }
 
-    /// At one hit; the next ray unless the path ends.
-    #[inline(always)]
-    fn scatter_at(
+    /// Stores an arrival; `from` is a unit vector toward where it came from.
+    #[inline]
+    fn store(&mut self, photon: Photon, from: Vec3) {
+        self.arrivals.push(if self.directions { photon.coming_from(from) } else { photon });
+    }
+
+    /// Goes on from diffuse vertices.
+    #[inline(never)] // called at two places
+    fn scatter_diffuse(&mut self, at: &mut DiffuseVertices, roulette: Roulette) {
+        let directions = at.sample();
+        let ends = at.rng.next_1d();
+        for (lane, walk) in at.lanes() {
+            let mut walk = self.walks[walk];
+            let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
+            let survival = walk.survival(albedo, roulette);
+            if ends[lane] < survival {
+                walk.flux *= albedo / survival;
+                walk.rng = at.rng.get(lane);
+                walk.class = Some(PhotonClass::LastVertex);
+                self.next_rays.push(Ray::new(off_surface, directions.get(lane)));
+                self.next_walks.push(walk);
+            }
+        }
+        at.clear();
+    }
+
+    /// At a surface that is not diffuse alone; the next ray unless the path ends.
+    fn scatter_other(
         &mut self,
         surface: &Surface,
         mut walk: Walk,
@@ -266,27 +315,19 @@ impl Batch {
         if surface.bsdf.merges()
             && let Some(class) = walk.class
         {
-            let photon = Photon::new(position, walk.path, walk.flux, normal, class);
-            self.arrivals.push(if self.directions { photon.coming_from(wo) } else { photon });
+            self.store(Photon::new(position, walk.path, walk.flux, normal, class), wo);
         }
         let sample = surface.scatter_flux(&mut walk.rng)?;
-        let weight = sample.weight;
         walk.class = Some(match walk.class {
             _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
             Some(class) => class,
             None => PhotonClass::EveryVertex,
         });
-        let survival = match roulette {
-            Roulette::Albedo => weight.max_element().min(MAX_SURVIVAL),
-            Roulette::Weight => {
-                let weight = (walk.flux * weight).max_element() * walk.inverse_emitted;
-                (weight / WEIGHT_FLOOR).min(MAX_SURVIVAL)
-            }
-        };
+        let survival = walk.survival(sample.weight, roulette);
         if walk.rng.next_1d() >= survival {
             return None;
         }
-        walk.flux *= weight / survival;
+        walk.flux *= sample.weight / survival;
         Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
     }
 

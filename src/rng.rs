@@ -1,7 +1,7 @@
 //! Keyed random streams: path `index` of `iteration` draws the same numbers on any thread.
-
-use rand_core::{Rng as _, SeedableRng};
-use rand_xoshiro::Xoshiro128PlusPlus;
+//!
+//! The generator is xoshiro128++ (Blackman and Vigna 2021), here rather than from a crate because
+//! [`lanes`](crate::lanes) steps sixteen of them side by side; a test holds it against the crate.
 
 /// Which part of the renderer draws; streams of different parts never coincide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,35 +40,51 @@ impl StreamKey {
         // For one key, index -> a is a bijection: no two paths share a state.
         let a = mix(self.0.wrapping_add(index.wrapping_mul(GOLDEN)));
         let b = mix(a ^ self.0.rotate_left(32));
-        let mut state = [0; 16];
-        state[..8].copy_from_slice(&a.to_le_bytes());
-        state[8..].copy_from_slice(&b.to_le_bytes());
-        Rng(Xoshiro128PlusPlus::from_seed(state))
+        // Never all zero, where the generator would stand still, unless the key is 0: only 0 mixes to 0.
+        Rng([a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32])
     }
 }
 
 /// The random numbers of one path: 16 bytes of state.
-#[derive(Clone, Debug)]
-pub struct Rng(Xoshiro128PlusPlus);
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rng(pub(crate) [u32; 4]);
 
 impl Rng {
+    /// 32 random bits.
+    #[inline(always)] // as those below: parts of vector loops
+    pub(crate) fn next_u32(&mut self) -> u32 {
+        let [a, b, c, d] = self.0;
+        let bits = a.wrapping_add(d).rotate_left(7).wrapping_add(a);
+        let (c, d) = (c ^ a, d ^ b);
+        self.0 = [a ^ d, b ^ c, c ^ (b << 9), d.rotate_left(11)];
+        bits
+    }
+
     /// Uniform in [0, 1), a multiple of 2^-24.
-    #[inline]
+    #[inline(always)]
     pub fn next_1d(&mut self) -> f32 {
-        (self.0.next_u32() >> 8) as f32 * (1.0 / (1 << 24) as f32)
+        // By way of `i32`, from which there are vector instructions.
+        (self.next_u32() >> 8) as i32 as f32 * (1.0 / (1 << 24) as f32)
     }
 
     /// Uniform in [0, 1), a multiple of 2^-53: for choices among many.
-    #[inline]
+    #[inline(always)]
     pub fn next_f64(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+        unit_f64([self.next_u32(), self.next_u32()])
     }
 
     /// Two independent uniform numbers in [0, 1).
-    #[inline]
+    #[inline(always)]
     pub fn next_2d(&mut self) -> [f32; 2] {
         [self.next_1d(), self.next_1d()]
     }
+}
+
+/// A number in [0, 1) of 64 random bits, a multiple of 2^-53.
+#[inline(always)]
+pub(crate) fn unit_f64([low, high]: [u32; 2]) -> f64 {
+    let bits = u64::from(low) | u64::from(high) << 32;
+    (bits >> 11) as i64 as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
 /// 2^64 divided by the golden ratio, odd: spreads consecutive integers over all bits.
@@ -99,6 +115,24 @@ mod tests {
         assert_ne!(base, draw(1, Stream::CameraPath, 2, 3));
         assert_ne!(base, draw(1, Stream::LightPath, 3, 3));
         assert_ne!(base, draw(1, Stream::LightPath, 2, 4));
+    }
+
+    #[test]
+    fn the_generator_is_xoshiro128_plus_plus() {
+        use rand_core::{Rng as _, SeedableRng};
+        for index in 0..100 {
+            let mut own = StreamKey::new(9, Stream::Test, 0).rng(index);
+            let mut seed = [0; 16];
+            for (bytes, word) in seed.as_chunks_mut::<4>().0.iter_mut().zip(own.0) {
+                *bytes = word.to_le_bytes();
+            }
+            let mut other = rand_xoshiro::Xoshiro128PlusPlus::from_seed(seed);
+            for _ in 0..100 {
+                assert_eq!(own.next_u32(), other.next_u32());
+            }
+            let number = (other.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+            assert_eq!(own.next_f64(), number);
+        }
     }
 
     #[test]

@@ -164,6 +164,8 @@ struct TilePaths<'a> {
     /// Paths that a pixel has at least: measuring takes two, even where the image takes one.
     least: u32,
     pixel: u32,
+    /// Column and row of the current pixel.
+    place: (u32, u32),
     path: u32,
     /// Paths of the current pixel: those of the image, and those that are traced.
     in_image: u32,
@@ -174,8 +176,17 @@ impl<'a> TilePaths<'a> {
     fn new(job: &Job<'a>, tile: Tile) -> Self {
         let least = if job.measure == Measure::Off { 1 } else { 2 };
         let (width, counts) = (job.pass.settings.width, job.counts);
-        let mut paths =
-            Self { tile, width, counts, least, pixel: 0, path: 0, in_image: 0, traced: 0 };
+        let mut paths = Self {
+            tile,
+            width,
+            counts,
+            least,
+            pixel: 0,
+            place: (0, 0),
+            path: 0,
+            in_image: 0,
+            traced: 0,
+        };
         paths.enter_pixel();
         paths
     }
@@ -185,6 +196,7 @@ impl<'a> TilePaths<'a> {
             return;
         }
         let (x, y) = self.tile.pixel(self.pixel);
+        self.place = (x, y);
         self.path = 0;
         self.in_image = self.counts.camera_paths.at((y * self.width + x) as usize);
         self.traced = self.in_image.max(self.least);
@@ -209,7 +221,7 @@ impl Iterator for TilePaths<'_> {
         if self.pixel as usize == self.tile.len() {
             return None;
         }
-        let (x, y) = self.tile.pixel(self.pixel);
+        let (x, y) = self.place;
         let id = CameraPathId { x, y, index: self.path };
         self.advance();
         Some(id)

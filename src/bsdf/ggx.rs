@@ -4,8 +4,9 @@
 //! Directions are local: the surface's normal is z. Walter et al. 2007 (distribution), Heitz 2014
 //! (masking), Dupuy and Benyoub 2023 (sampling), Kulla and Conty 2017 (energy).
 
+use crate::math::sin_cos_turns;
 use glam::{DVec2, Vec2, Vec3};
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 use std::sync::LazyLock;
 
 /// Microfacets of slope deviation `alpha / sqrt(2)`.
@@ -58,7 +59,7 @@ impl Ggx {
         let beam = squeeze(wo);
         let z = (1.0 - u) * (1.0 + beam.z) - beam.z;
         let ring = (1.0 - z * z).max(0.0).sqrt();
-        let (sin, cos) = (TAU * v).sin_cos();
+        let (sin, cos) = sin_cos_turns(v);
         squeeze(Vec3::new(ring * cos, ring * sin, z) + beam)
     }
 
@@ -203,7 +204,7 @@ mod tests {
                     let tan = alpha * (u / (1.0 - u)).sqrt();
                     let slopes = (1.0 - u).powi(2) / (PI * alpha * alpha);
                     for j in 0..n {
-                        let (y, x) = (TAU * (j as f32 + 0.5) / n as f32).sin_cos();
+                        let (y, x) = (2.0 * PI * (j as f32 + 0.5) / n as f32).sin_cos();
                         let m = Vec3::new(tan * x, tan * y, 1.0).normalize();
                         // dm = cos^3 d(slopes)
                         let weight = ggx.d(m) * m.z.powi(3) / slopes / (n * n) as f32;
@@ -225,7 +226,7 @@ mod tests {
             let ggx = Ggx { alpha };
             let wo = Vec3::new(0.3, -0.2, 0.8).normalize();
             let cap = 1.0 - 0.5 * alpha.min(0.6); // cosine of its edge
-            let expected = f64::from(TAU) * f64::from(1.0 - cap);
+            let expected = std::f64::consts::TAU * f64::from(1.0 - cap);
             let n = 200_000;
             let (mut sum, mut square) = (0.0, 0.0);
             for _ in 0..n {

@@ -170,12 +170,12 @@ impl Bsdf {
         matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_))
     }
 
-    /// The value toward `wo` on the front or the back if it is the same for all `wi`, 1/sr.
+    /// Share of the incident flux that the front or the back reflects diffusely, if it does no other.
     #[inline]
-    pub fn constant(&self, front: bool) -> Option<Rgb> {
+    pub fn diffuse_albedo(&self, front: bool) -> Option<Rgb> {
         match *self {
             Self::Lambertian { albedo, two_sided } => {
-                Some(if front || two_sided { albedo * FRAC_1_PI } else { Rgb::ZERO })
+                Some(if front || two_sided { albedo } else { Rgb::ZERO })
             }
             _ => None,
         }
@@ -185,8 +185,8 @@ impl Bsdf {
     /// and leaves toward `wo` ([`Transport::Radiance`]).
     #[inline]
     pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
-        if let Some(value) = self.constant(at.front) {
-            return if wi.dot(at.normal) > 0.0 { value } else { Rgb::ZERO };
+        if let Some(albedo) = self.diffuse_albedo(at.front) {
+            return if wi.dot(at.normal) > 0.0 { albedo * FRAC_1_PI } else { Rgb::ZERO };
         }
         self.eval_locally(at, wi, None)
     }
@@ -203,7 +203,6 @@ impl Bsdf {
 
     /// The value of what is not Lambertian, in the frame of the normal; of lobes of several classes
     /// that of one or all.
-    #[inline(never)] // keeps the loops over diffuse vertices short
     fn eval_locally(&self, at: &Vertex, wi: Vec3, lobe: Option<Lobe>) -> Rgb {
         let frame = Frame::new(at.normal);
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
@@ -246,7 +245,6 @@ impl Bsdf {
     }
 
     /// Samples the direction of the next segment; `None` where all is absorbed.
-    #[inline(always)] // of Lambertian surfaces; a call costs a tenth of the light phase
     pub fn sample(
         &self,
         at: &Vertex,
@@ -265,7 +263,6 @@ impl Bsdf {
     }
 
     /// [`Self::sample`] of what is not Lambertian, in the frame of the normal.
-    #[inline(never)] // as above
     fn sample_locally(
         &self,
         at: &Vertex,

@@ -2,7 +2,9 @@
 
 use super::light::{Emission, LightSample};
 use super::solid_angle::SphericalTriangle;
-use crate::math::{Rgb, cosine_hemisphere, uniform_disc, uniform_sphere, uniform_triangle};
+use crate::math::{
+    Rgb, cosine_hemisphere, sin_cos_turns, uniform_disc, uniform_sphere, uniform_triangle,
+};
 use crate::rng::Rng;
 use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
@@ -95,7 +97,7 @@ impl Spot {
             self.cos_outer + u.cbrt() * (self.cos_inner - self.cos_outer)
         };
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        let (sin, cos) = (TAU * v).sin_cos();
+        let (sin, cos) = sin_cos_turns(v);
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
         Emission {
             origin: self.position,

@@ -5,38 +5,28 @@ use super::transform::Transform;
 use super::{Corners, Material, Placement, Scene, Surface, Triangle, interpolate, to_front};
 use crate::accel::{Hit, Ray};
 use crate::bsdf::Bsdf;
+use crate::diffuse::DiffusePoint;
+use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
 impl Scene {
-    /// What `ray`, of a direction of unit length, hit, if it is [`plain`](Self::plain) and scatters as
-    /// `bsdf`.
+    /// Where `ray` hit, if the surface is Lambertian and the same all over the triangle.
     ///
     /// # Panics
     /// If the ray missed.
     #[inline(always)] // a call costs a tenth of the light phase
-    pub fn plain_surface(&self, ray: &Ray, hit: &Hit, bsdf: Bsdf) -> Surface<'_> {
-        let triangle = self.triangle(hit);
-        Surface::flat(
-            ray,
-            triangle,
-            [hit.u, hit.v],
-            &self.materials[triangle.material as usize],
-            bsdf,
-        )
-    }
-
-    /// The BSDF of what was hit if it is plain: Lambertian, and the same all over the triangle. The
-    /// compiler sees that it is, and makes a short loop for such surfaces.
-    #[inline(always)]
-    pub fn plain(&self, hit: &Hit) -> Option<Bsdf> {
+    pub fn plain(&self, ray: &Ray, hit: &Hit) -> Option<DiffusePoint> {
         let triangle = self.triangle(hit);
         let material = &self.materials[triangle.material as usize];
-        match material.bsdf {
-            Bsdf::Lambertian { albedo, two_sided } if triangle.corners == Triangle::FLAT => {
-                Some(Bsdf::Lambertian { albedo, two_sided })
-            }
-            _ => None,
-        }
+        let plain = triangle.corners == Triangle::FLAT;
+        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return None };
+        plain.then(|| {
+            let Side { front, position, normal, off_surface } =
+                Side::new(ray, triangle, [hit.u, hit.v]);
+            let albedo = if front || two_sided { albedo } else { Rgb::ZERO };
+            let emission = if front { material.emission } else { Rgb::ZERO };
+            DiffusePoint { position, normal, off_surface, albedo, emission }
+        })
     }
 
     /// What `ray`, of a direction of unit length, hit.
@@ -123,7 +113,6 @@ impl Corners {
 
 impl<'a> Surface<'a> {
     /// A triangle at these barycentric weights, if nothing varies over it.
-    #[inline(always)] // see `Scene::plain_surface`
     fn flat(
         ray: &Ray,
         triangle: &Triangle,
@@ -131,12 +120,29 @@ impl<'a> Surface<'a> {
         material: &'a Material,
         bsdf: Bsdf,
     ) -> Self {
+        let Side { front, position, normal, off_surface } = Side::new(ray, triangle, at);
+        let wo = -ray.direction;
+        let (interpolated, uv) = (None, None);
+        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
+    }
+}
+
+/// The side of a triangle that a ray comes from.
+struct Side {
+    front: bool,
+    position: Vec3,
+    normal: Vec3,
+    off_surface: Vec3,
+}
+
+impl Side {
+    /// At these barycentric weights.
+    #[inline(always)] // see `Scene::plain`
+    fn new(ray: &Ray, triangle: &Triangle, at: [f32; 2]) -> Self {
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };
         let position = triangle.point(at);
         let off_surface = position + normal * triangle.offset;
-        let wo = -ray.direction;
-        let (interpolated, uv) = (None, None);
-        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
+        Self { front, position, normal, off_surface }
     }
 }

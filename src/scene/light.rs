@@ -40,7 +40,7 @@ pub struct Lights {
     /// Among the emitters and, after them, the environment.
     by_power: ByPower,
     /// Among the same.
-    by_estimate: ByEstimate,
+    pub(super) by_estimate: ByEstimate,
     /// Among those emitters that no ray can hit.
     delta_by_estimate: ByEstimate,
 }
@@ -141,7 +141,6 @@ impl Lights {
 
     /// Chooses a point on a light to connect `position` with, of a surface that is lit from the side
     /// of this unit normal alone, or from both sides; `None` where that point cannot light it.
-    #[inline(always)] // as above
     pub fn connect(
         &self,
         position: Vec3,
@@ -173,8 +172,8 @@ impl Lights {
         self.connect_chosen(index, prob, position, rng)
     }
 
-    #[inline(always)] // as above
-    fn connect_chosen(
+    #[inline(never)] // point lights need it not: see `connect_all`
+    pub(super) fn connect_chosen(
         &self,
         index: usize,
         prob: f32,

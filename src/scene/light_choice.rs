@@ -60,10 +60,15 @@ impl ByEstimate {
         }));
     }
 
+    /// The only light, if there is but one and it has a place: it is always chosen.
+    pub(super) fn only(&self) -> Option<usize> {
+        self.near.only().filter(|_| self.far.is_empty()).map(|index| index as usize)
+    }
+
     /// Chooses by a uniform number, for a point with this normal (a surface that is lit from one
     /// side): the index among the emitters, or after the last one the environment, and its
     /// probability; `None` where none can light it.
-    #[inline(always)] // as what calls it
+    #[inline(never)] // keeps the loop over the only light short
     pub(super) fn choose(
         &self,
         position: Vec3,
@@ -80,7 +85,6 @@ impl ByEstimate {
 
     /// An estimate knows nothing of what is in between: a sun outside would hide the lamps of a
     /// room. Hence half of the choices are by the estimates, half are the same for all that are not 0.
-    #[inline(never)] // keeps the loop over near lights short
     fn choose_with_far(
         &self,
         position: Vec3,

@@ -2,6 +2,7 @@
 
 use super::Material;
 use crate::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
+use crate::diffuse::DiffusePoint;
 use crate::math::Rgb;
 use crate::rng::Rng;
 use glam::{Vec2, Vec3};
@@ -55,10 +56,13 @@ impl Surface<'_> {
         }
     }
 
-    /// The BSDF's value if light from all directions counts by it and the triangle's cosine, 1/sr.
-    #[inline]
-    pub fn constant(&self) -> Option<Rgb> {
-        if self.interpolated.is_some() { None } else { self.bsdf.constant(self.front) }
+    /// The same as a vertex that scatters by an albedo and the triangle's cosine alone, if it does.
+    pub fn diffuse(&self) -> Option<DiffusePoint> {
+        let Self { position, normal, off_surface, .. } = *self;
+        let albedo = self.bsdf.diffuse_albedo(self.front)?;
+        let emission = if self.front { self.emission() } else { Rgb::ZERO };
+        let point = DiffusePoint { position, normal, off_surface, albedo, emission };
+        self.interpolated.is_none().then_some(point)
     }
 
     /// Whether `wi` is on the same side of the triangle as of the normal of `at`; else light would

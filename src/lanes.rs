@@ -1,0 +1,80 @@
+//! Numbers of several paths side by side.
+//!
+//! Loops over the lanes of these arrays become vector instructions, of whatever width the processor
+//! has, as long as their bodies have neither calls nor branches.
+
+use crate::rng::{Rng, unit_f64};
+use glam::Vec3;
+
+/// Paths side by side: one register of AVX-512, two of AVX2, four of SSE.
+pub const LANES: usize = 16;
+
+/// A vector of each path, component by component.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct Vec3s {
+    x: [f32; LANES],
+    y: [f32; LANES],
+    z: [f32; LANES],
+}
+
+impl Vec3s {
+    /// That of one path.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+
+    /// Replaces that of one path.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, vector: Vec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = vector.into();
+    }
+}
+
+/// The random numbers of each path.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct Rngs([[u32; LANES]; 4]);
+
+impl Rngs {
+    /// Those of one path.
+    #[inline(always)]
+    pub fn get(&self, lane: usize) -> Rng {
+        let [a, b, c, d] = &self.0;
+        Rng([a[lane], b[lane], c[lane], d[lane]])
+    }
+
+    /// Replaces those of one path.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, rng: Rng) {
+        for (words, word) in self.0.iter_mut().zip(rng.0) {
+            words[lane] = word;
+        }
+    }
+
+    /// One number of each path, uniform in [0, 1).
+    #[inline(always)]
+    pub fn next_1d(&mut self) -> [f32; LANES] {
+        let mut numbers = [0.0; LANES];
+        for (lane, number) in numbers.iter_mut().enumerate() {
+            let mut rng = self.get(lane);
+            *number = rng.next_1d();
+            self.set(lane, rng);
+        }
+        numbers
+    }
+    /// One number of each path, uniform in [0, 1): for choices among many.
+    #[inline(always)]
+    pub fn next_f64(&mut self) -> [f64; LANES] {
+        let mut bits = [[0; LANES]; 2];
+        for words in &mut bits {
+            for (lane, word) in words.iter_mut().enumerate() {
+                let mut rng = self.get(lane);
+                *word = rng.next_u32();
+                self.set(lane, rng);
+            }
+        }
+        std::array::from_fn(|lane| unit_f64(bits.map(|words| words[lane])))
+    }
+}
