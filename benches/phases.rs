@@ -5,35 +5,23 @@
 
 mod home;
 mod raw;
+mod subject;
 
 use bdpm::accel::backend::{Backend, build};
 use bdpm::accel::{AccelInfo, Coherence, Hit, Intersect, Ray, TriangleMesh};
-use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::camera_paths::{CameraPass, CameraPaths};
 use bdpm::light_paths::LightPaths;
-use bdpm::math::Rgb;
-use bdpm::merge::{Merge, PairVisitor};
+use bdpm::merge::Merge;
 use bdpm::noise::Measure;
 use bdpm::photon_map::PhotonMap;
 use bdpm::rng::{Stream, StreamKey};
-use bdpm::scene::load;
-use bdpm::{Renderer, Scene, Settings};
+use bdpm::{Renderer, Settings};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use home::median;
 use raw::{Packets, RawScene};
-use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
-
-/// Camera paths per batch, as the renderer takes them.
-const BATCH: u32 = 2048;
-
-fn scene() -> (Scene, Settings) {
-    let path = std::env::var("BDPM_SCENE").unwrap_or_else(|_| "scenes/cornell-box".into());
-    let loaded = load(Path::new(&path)).unwrap();
-    let mut settings =
-        Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size()).unwrap();
-    (settings.width, settings.height, settings.camera_paths) = (64, 64, 25);
-    (loaded.scene, settings)
-}
+use subject::{BATCH, Sum, camera_phase, scene};
 
 /// Keeps all rays that go through it.
 struct Recorder<'a> {
@@ -72,32 +60,6 @@ impl Intersect for Recorder<'_> {
 
     fn describe(&self) -> AccelInfo {
         self.accel.describe()
-    }
-}
-
-/// The camera paths of the image, batch after batch.
-fn camera_phase(pass: &CameraPass, paths: &mut CameraPaths, mut each: impl FnMut(&CameraPaths)) {
-    let Settings { width, height, camera_paths, .. } = *pass.settings;
-    let all = width * height * camera_paths;
-    for first in (0..all).step_by(BATCH as usize) {
-        let ids = (first..all.min(first + BATCH)).map(|path| {
-            let pixel = path / camera_paths;
-            CameraPathId { x: pixel % width, y: pixel / width, index: path % camera_paths }
-        });
-        paths.trace(pass, ids);
-        each(paths);
-    }
-}
-
-struct Sum(Rgb);
-
-impl PairVisitor for Sum {
-    fn pair(&mut self, _: u32, contribution: Rgb, _: bool) {
-        self.0 += contribution;
-    }
-
-    fn end_path(&mut self, direct: Rgb) {
-        self.0 += direct;
     }
 }
 
@@ -176,9 +138,9 @@ fn phases(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(8 * u64::from(BATCH)));
         group.bench_function("phase", |bencher| {
             bencher.iter(|| {
-                let mut sum = Sum(Rgb::ZERO);
+                let mut sum = Sum::default();
                 batches.iter().for_each(|batch| merge.visit(batch, &mut sum));
-                sum.0
+                sum.light
             });
         });
         group.finish();
@@ -204,16 +166,6 @@ fn iterations(criterion: &mut Criterion) {
         }
         group.finish();
     }
-}
-
-/// Median of a benchmark of this run, seconds.
-fn median(group: &str, name: &str) -> Option<f64> {
-    let folder = |name: &str| name.replace('/', "_");
-    let file =
-        home::criterion_home().join(folder(group)).join(folder(name)).join("new/estimates.json");
-    let json: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
-    Some(json["median"]["point_estimate"].as_f64()? * 1e-9)
 }
 
 fn ratios(_: &mut Criterion) {

@@ -21,7 +21,7 @@ const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
 const MAX_SURVIVAL: f32 = 0.995;
 
 /// A light path's arrival at a surface: 36 bytes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Photon {
     /// Where it arrived, scene units.
@@ -31,20 +31,21 @@ pub struct Photon {
     /// Flux it carries, W: its share of the light is `flux / N_F`.
     pub flux: Rgb,
     /// Surface normal on the side it arrived from, each coordinate in 1/127.
-    normal: [i8; 3],
-    class: PhotonClass,
+    pub(crate) normal: [i8; 3],
+    pub(crate) class: PhotonClass,
     /// Packed unit vector toward where it came from, if it was told.
-    from: u32,
+    pub(crate) from: u32,
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PhotonClass {
     /// No diffuse bounce since the light, though it may have passed through vertices (a caustic):
     /// merged at every vertex `1..=k`.
     EveryVertex,
     /// At least one diffuse bounce: merged at vertex `k` only.
+    #[default]
     LastVertex,
 }
 

@@ -3,7 +3,7 @@
 use crate::camera_paths::{CameraPaths, GatherPoint};
 use crate::light_paths::{Photon, PhotonClass};
 use crate::math::{Rgb, disc_area};
-use crate::photon_map::PhotonMap;
+use crate::photon_map::{PhotonMap, Rows};
 
 /// What is done with the pairs of a batch of camera paths.
 pub trait PairVisitor {
@@ -15,6 +15,10 @@ pub trait PairVisitor {
     /// The current camera path is complete; `direct` is its `D_j`.
     fn end_path(&mut self, direct: Rgb);
 }
+
+/// Gather points whose rows are found before the first of them is merged: waiting for memory
+/// overlaps.
+const GROUP: usize = 32;
 
 /// The constant merge kernel `1/(pi r^2)` over a photon map.
 #[derive(Clone, Copy, Debug)]
@@ -37,17 +41,26 @@ impl<'a> Merge<'a> {
     /// Shows `visitor` all pairs of the batch, camera path after camera path.
     #[inline]
     pub fn visit(&self, paths: &CameraPaths, visitor: &mut impl PairVisitor) {
-        let mut points = &paths.gather_points[..];
-        for (path, &direct) in paths.direct.iter().enumerate() {
-            while let Some((point, rest)) = points.split_first()
-                && point.path as usize == path
-            {
-                match paths.views.get(point.view as usize) {
-                    None => self.at_point(point, visitor, |_| Rgb::ONE),
-                    Some(view) => self.at_point(point, visitor, |photon| view.value(photon, point)),
-                }
-                points = rest;
+        let mut ended = 0;
+        let mut rows = [Rows::default(); GROUP];
+        for points in paths.gather_points.chunks(GROUP) {
+            for (rows, point) in rows.iter_mut().zip(points) {
+                *rows = self.map.rows(point.position);
             }
+            for (point, rows) in points.iter().zip(&rows) {
+                for &direct in &paths.direct[ended..point.path as usize] {
+                    visitor.end_path(direct);
+                }
+                ended = point.path as usize;
+                match paths.views.get(point.view as usize) {
+                    None => self.at_point(point, rows, visitor, |_| Rgb::ONE),
+                    Some(view) => {
+                        self.at_point(point, rows, visitor, |photon| view.value(photon, point));
+                    }
+                }
+            }
+        }
+        for &direct in &paths.direct[ended..] {
             visitor.end_path(direct);
         }
     }
@@ -58,12 +71,13 @@ impl<'a> Merge<'a> {
     fn at_point(
         &self,
         point: &GatherPoint,
+        rows: &Rows,
         visitor: &mut impl PairVisitor,
         value: impl Fn(&Photon) -> Rgb,
     ) {
         let weight = point.weight * self.kernel;
         let last = point.vertex == self.merge_vertex;
-        self.map.for_each_within(point.position, |photon, distance2| {
+        self.map.for_each_in(rows, point.position, |photon, distance2| {
             let counts = last || photon.class() == PhotonClass::EveryVertex;
             if counts && photon.faces(point.normal) {
                 let contribution = weight * photon.flux * value(photon);

@@ -1,4 +1,5 @@
 //! Where Criterion's results are.
+#![allow(dead_code)] // each bench takes its part
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -18,4 +19,13 @@ fn target_folder() -> Option<PathBuf> {
     let output = cargo.args(["metadata", "--format-version", "1", "--no-deps"]).output().ok()?;
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).ok()?;
     Some(metadata["target_directory"].as_str()?.into())
+}
+
+/// Median of a benchmark of this run, seconds.
+pub fn median(group: &str, name: &str) -> Option<f64> {
+    let folder = |name: &str| name.replace('/', "_");
+    let file = criterion_home().join(folder(group)).join(folder(name)).join("new/estimates.json");
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(file).ok()?).ok()?;
+    Some(json["median"]["point_estimate"].as_f64()? * 1e-9)
 }

@@ -1,6 +1,8 @@
 //! Embree without the safe layer: the limit that everything above it is measured against.
 #![allow(unsafe_code, dead_code)]
 
+pub mod points;
+
 use bdpm::accel::{Coherence, Ray, TriangleMesh};
 use embree4_sys::*;
 

@@ -1,0 +1,250 @@
+//! Merging beside a k-d tree (`kiddo`) and Embree's point queries that do the same look-ups, and
+//! building the map beside copying and sorting the same bytes. Ratios are printed at the end.
+//!
+//! All three find the same photons around the gather points of `scenes/cornell-box` and add up the
+//! same pairs, which is asserted. `BDPM_SCENE` takes another scene.
+
+#![allow(missing_docs)]
+
+mod home;
+mod raw;
+mod subject;
+
+use bdpm::accel::Intersect;
+use bdpm::accel::backend::{Backend, build};
+use bdpm::camera_paths::{CameraPass, CameraPaths, GatherPoint};
+use bdpm::light_paths::{LightPaths, Photon, PhotonClass};
+use bdpm::math::disc_area;
+use bdpm::merge::{Merge, PairVisitor};
+use bdpm::photon_map::PhotonMap;
+use bdpm::rng::{Stream, StreamKey};
+use bdpm::{Scene, Settings};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::Vec3;
+use home::median;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use raw::points::RawPoints;
+use std::cell::RefCell;
+use std::hint::black_box;
+use std::time::Duration;
+use subject::{Sum, camera_phase, scene};
+
+const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
+const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
+
+/// Of the image's batches of camera paths, one in so many is merged.
+const BATCH_STEP: usize = 6;
+
+/// Look-ups and pairs found, for each number of light paths.
+type Counts = RefCell<Vec<[u64; 2]>>;
+
+/// Batches of camera paths from all over the image.
+fn batches(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> Vec<CameraPaths> {
+    let pass = CameraPass {
+        scene,
+        view: scene.camera.view(settings.width, settings.height),
+        accel,
+        settings,
+        key: StreamKey::new(1, Stream::CameraPath, 0),
+        gather_early: false,
+    };
+    let mut batches = Vec::new();
+    camera_phase(&pass, &mut CameraPaths::default(), |paths| batches.push(paths.clone()));
+    batches.into_iter().step_by(BATCH_STEP).collect()
+}
+
+/// Merges as [`Merge`] does, photons within the radius being found by `look_up(position, found)`.
+fn merge_by(
+    (batches, photons, settings): (&[CameraPaths], &[Photon], &Settings),
+    mut look_up: impl FnMut(Vec3, &mut dyn FnMut(u32)),
+) -> Sum {
+    let kernel = disc_area(settings.radius).recip();
+    let mut sum = Sum::default();
+    for point in batches.iter().flat_map(|batch| &batch.gather_points) {
+        assert_eq!(point.view, GatherPoint::NO_VIEW, "this bench merges Lambertian surfaces");
+        let weight = point.weight * kernel;
+        let last = point.vertex == settings.merge_vertex;
+        look_up(point.position, &mut |index| {
+            let photon = &photons[index as usize];
+            if (last || photon.class() == PhotonClass::EveryVertex) && photon.faces(point.normal) {
+                sum.pair(photon.path, weight * photon.flux, false);
+            }
+        });
+    }
+    sum
+}
+
+fn merge_with_map(batches: &[CameraPaths], map: &PhotonMap, settings: &Settings) -> Sum {
+    let merge = Merge::new(map, settings.merge_vertex);
+    let mut sum = Sum::default();
+    batches.iter().for_each(|batch| merge.visit(batch, &mut sum));
+    sum
+}
+
+#[track_caller]
+fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
+    assert_eq!(sum.pairs, expected.pairs, "{what}");
+    let off = (sum.light - expected.light).abs().max_element();
+    assert!(off <= 1e-3 * expected.light.max_element(), "{what}: {off}");
+}
+
+fn merging(criterion: &mut Criterion, counts: &Counts) {
+    let (scene, settings) = scene();
+    let accel = build(Backend::Embree, &scene).unwrap();
+    let batches = batches(&scene, &*accel, &settings);
+    let look_ups: usize = batches.iter().map(|batch| batch.gather_points.len()).sum();
+    for light_paths in LIGHT_PATHS {
+        let mut light = LightPaths::default();
+        light.trace(&scene, &*accel, &settings, light_paths, 0);
+        let photons: Vec<Photon> = light.photons().flatten().copied().collect();
+        let positions: Vec<Vec3> = photons.iter().map(|photon| photon.position).collect();
+        let subject = (&batches[..], &photons[..], &settings);
+
+        let mut map = PhotonMap::default();
+        map.build(&light, settings.radius);
+        let expected = merge_with_map(&batches, &map, &settings);
+        counts.borrow_mut().push([look_ups as u64, expected.pairs]);
+
+        let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
+        let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&points).unwrap();
+        let mut scratch = tree.create_scratch::<SquaredEuclidean<f32>>();
+        let radius2 = settings.radius * settings.radius;
+        let mut kiddo = || {
+            merge_by(subject, |position, found| {
+                tree.query(&position.to_array())
+                    .within::<SquaredEuclidean<f32>>(radius2)
+                    .unsorted()
+                    .without_distances()
+                    .with_scratch(&mut scratch)
+                    .visit(|result| found(result.item));
+            })
+        };
+        assert_same("kiddo", &kiddo(), &expected);
+
+        let embree = RawPoints::new(&positions);
+        let queries = || {
+            merge_by(subject, |position, found| embree.within(position, settings.radius, found))
+        };
+        assert_same("Embree", &queries(), &expected);
+
+        let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));
+        group.throughput(Throughput::Elements(look_ups as u64));
+        group.bench_function(STRUCTURES[0], |bencher| {
+            bencher.iter(|| merge_with_map(&batches, &map, &settings).light);
+        });
+        group.bench_function(STRUCTURES[1], |bencher| bencher.iter(|| kiddo().light));
+        group.bench_function(STRUCTURES[2], |bencher| bencher.iter(|| queries().light));
+        group.finish();
+        building(criterion, &light, &photons, settings.radius);
+    }
+}
+
+/// The map, by one thread and two, and what bounds it from below: a copy and a counting sort.
+fn building(criterion: &mut Criterion, light: &LightPaths, photons: &[Photon], radius: f32) {
+    let mut group = criterion.benchmark_group(format!("build/{}", light_paths_of(photons)));
+    group.throughput(Throughput::Elements(photons.len() as u64));
+    for (threads, name) in [(1, "1 thread"), (2, "2 threads")] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut map = PhotonMap::default();
+        pool.install(|| map.build(light, radius)); // takes the memory
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| pool.install(|| map.build(light, radius)));
+        });
+    }
+    let (mut copy, mut sorted) = (photons.to_vec(), photons.to_vec());
+    let keys = keys(photons, 2.0 * radius);
+    let mut starts = vec![0u32; keys.iter().max().map_or(0, |&last| last as usize + 2)];
+    group.bench_function("copy and counting sort", |bencher| {
+        bencher.iter(|| {
+            copy.copy_from_slice(black_box(photons));
+            starts.fill(0);
+            keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
+            let mut sum = 0;
+            for start in &mut starts {
+                sum += *start;
+                *start = sum;
+            }
+            for (photon, &key) in copy.iter().zip(&keys) {
+                let place = &mut starts[key as usize];
+                sorted[*place as usize] = *photon;
+                *place += 1;
+            }
+        });
+    });
+    group.finish();
+}
+
+fn light_paths_of(photons: &[Photon]) -> u32 {
+    let last = photons.last().map_or(0, |photon| photon.path);
+    LIGHT_PATHS.into_iter().find(|&count| last < count).unwrap()
+}
+
+/// The cells of a plain grid.
+fn keys(photons: &[Photon], cell: f32) -> Vec<u32> {
+    let corner = photons.iter().fold(Vec3::INFINITY, |corner, photon| corner.min(photon.position));
+    let cells = || photons.iter().map(|photon| ((photon.position - corner) / cell).as_uvec3());
+    let size = cells().fold(glam::UVec3::ZERO, glam::UVec3::max) + 1;
+    cells().map(|cell| (cell.z * size.y + cell.y) * size.x + cell.x).collect()
+}
+
+/// Fits `time per look-up = a + b found per look-up` to all sizes by least squares of relative
+/// errors; nanoseconds.
+fn fit(points: &[[f64; 2]]) -> [f64; 2] {
+    let [mut xx, mut xf, mut ff, mut x, mut f] = [0.0; 5];
+    for &[found, time] in points {
+        let (u, v) = (time.recip(), found / time);
+        (xx, xf, ff, x, f) = (xx + u * u, xf + u * v, ff + v * v, x + u, f + v);
+    }
+    let determinant = xx * ff - xf * xf;
+    [(x * ff - f * xf) / determinant, (xx * f - xf * x) / determinant].map(|t| t * 1e9)
+}
+
+fn ratios(counts: &Counts) {
+    let counts = counts.borrow();
+    let mut fits = STRUCTURES.map(|_| Vec::new());
+    println!("\nlight paths, found per look-up: nanoseconds per look-up, and over the map");
+    for (light_paths, &[look_ups, pairs]) in LIGHT_PATHS.into_iter().zip(&*counts) {
+        let group = format!("look-ups/{light_paths}");
+        let (look_ups, pairs) = (look_ups as f64, pairs as f64);
+        let Some(map) = median(&group, STRUCTURES[0]) else { continue };
+        print!("{light_paths:8} {:7.3}:", pairs / look_ups);
+        for (name, fits) in STRUCTURES.iter().zip(&mut fits) {
+            let Some(time) = median(&group, name) else { continue };
+            print!("  {name} {:.1} ({:.2})", time / look_ups * 1e9, time / map);
+            fits.push([pairs / look_ups, time / look_ups]);
+        }
+        println!();
+    }
+    for (name, points) in STRUCTURES.iter().zip(&fits) {
+        if points.len() > 1 {
+            let [look_up, found] = fit(points);
+            println!("{name}: {look_up:.1} ns per look-up, {found:.2} ns per found photon");
+        }
+    }
+    for light_paths in LIGHT_PATHS {
+        let group = format!("build/{light_paths}");
+        let time = |name| median(&group, name).unwrap_or(f64::NAN);
+        let one = time("1 thread");
+        println!(
+            "build {light_paths:8}: {:.2} times copy and sort, {:.2} times 2 threads",
+            one / time("copy and counting sort"),
+            one / time("2 threads"),
+        );
+    }
+}
+
+fn all(criterion: &mut Criterion) {
+    let counts = Counts::default();
+    merging(criterion, &counts);
+    ratios(&counts);
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_secs(1));
+    targets = all
+}
+criterion_main!(benches);

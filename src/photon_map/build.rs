@@ -1,0 +1,216 @@
+//! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
+//! the partitions, then each partition by bucket.
+//!
+//! Chunks and partitions depend on the photons only, and so does their order.
+
+use super::{Block, Grid, LANES, Light, PhotonMap};
+use crate::light_paths::{Photon, PhotonClass};
+use crate::math::Bounds;
+use rayon::prelude::*;
+
+/// Photons per chunk, about: they fit in the second-level cache.
+const CHUNK: usize = 8192;
+/// Photons per partition, about: likewise.
+const PARTITION: usize = 4096;
+/// Most partitions: so many places are written to in turn.
+const PARTITIONS: usize = 128;
+
+/// Consecutive photons sorted by partition, and what they have in common.
+#[derive(Debug, Default)]
+pub struct Chunk {
+    photons: Vec<Photon>,
+    /// Bucket of each.
+    buckets: Vec<u32>,
+    /// Where each partition ends.
+    ends: Vec<u32>,
+    /// Bucket of each photon in the order they came.
+    unsorted: Vec<u32>,
+}
+
+/// What is to be known of all photons before they can be sorted.
+#[derive(Clone, Copy)]
+pub struct Extent {
+    pub bounds: Bounds,
+    pub count: usize,
+    pub any_at_every_vertex: bool,
+    /// Whether photons tell where they come from; the packed direction 0 needs no telling.
+    pub directions: bool,
+}
+
+impl Extent {
+    const EMPTY: Self = Self {
+        bounds: Bounds::EMPTY,
+        count: 0,
+        any_at_every_vertex: false,
+        directions: false,
+    };
+
+    pub fn new(slices: &[&[Photon]]) -> Self {
+        slices.par_iter().map(|photons| Self::of(photons)).reduce(|| Self::EMPTY, Self::and)
+    }
+
+    fn of(photons: &[Photon]) -> Self {
+        photons.iter().fold(Self { count: photons.len(), ..Self::EMPTY }, |extent, photon| Self {
+            bounds: extent.bounds.with(photon.position),
+            any_at_every_vertex: extent.any_at_every_vertex
+                | (photon.class() == PhotonClass::EveryVertex),
+            directions: extent.directions | (photon.from != 0),
+            ..extent
+        })
+    }
+
+    fn and(self, other: Self) -> Self {
+        let Bounds { min, max } = other.bounds;
+        Self {
+            bounds: Bounds { min: self.bounds.min.min(min), max: self.bounds.max.max(max) },
+            count: self.count + other.count,
+            any_at_every_vertex: self.any_at_every_vertex | other.any_at_every_vertex,
+            directions: self.directions | other.directions,
+        }
+    }
+}
+
+impl Chunk {
+    /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
+    fn sort(&mut self, slices: &[&[Photon]], grid: &Grid, shift: u32, partitions: usize) {
+        let photons = || slices.iter().copied().flatten();
+        self.unsorted.clear();
+        for photons in slices {
+            let bucket = |photon: &Photon| grid.bucket(grid.cell(photon.position));
+            self.unsorted.extend(photons.iter().map(bucket));
+        }
+        // Places are handed out from where a partition starts, one ahead of its end.
+        let mut next = [0u32; PARTITIONS + 1];
+        for bucket in &self.unsorted {
+            next[(bucket >> shift) as usize + 1] += 1;
+        }
+        for i in 1..=partitions {
+            next[i] += next[i - 1];
+        }
+        self.ends.clear();
+        self.ends.extend_from_slice(&next[1..=partitions]);
+        let count = self.unsorted.len();
+        self.buckets.resize(count, 0);
+        self.photons.resize(count, Photon::default());
+        for (photon, &bucket) in photons().zip(&self.unsorted) {
+            let next = &mut next[(bucket >> shift) as usize];
+            self.photons[*next as usize] = *photon;
+            self.buckets[*next as usize] = bucket;
+            *next += 1;
+        }
+    }
+
+    /// The photons of one partition and their buckets.
+    fn partition(&self, partition: usize) -> (&[Photon], &[u32]) {
+        let start = partition.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
+        let range = start..self.ends[partition] as usize;
+        (&self.photons[range.clone()], &self.buckets[range])
+    }
+}
+
+/// The places of one partition in the map.
+struct Partition<'a> {
+    /// Of its first photon.
+    offset: u32,
+    starts: &'a mut [u32],
+    blocks: &'a mut [Block],
+    lights: &'a mut [Light],
+    paths: &'a mut [u32],
+    froms: &'a mut [u32],
+}
+
+impl Partition<'_> {
+    /// Sorts the partition's photons, whose buckets start at `first`, into their places.
+    fn fill(&mut self, chunks: &[Chunk], partition: usize, first: u32) {
+        self.starts.fill(0);
+        let runs = || chunks.iter().map(|chunk| chunk.partition(partition));
+        for &bucket in runs().flat_map(|(_, buckets)| buckets) {
+            self.starts[(bucket - first) as usize] += 1;
+        }
+        let mut end = 0;
+        for start in &mut *self.starts {
+            end += *start;
+            *start = end;
+        }
+        // From the last photon to the first, so that ends turn into starts.
+        for (photons, buckets) in runs().rev() {
+            for (photon, bucket) in photons.iter().zip(buckets).rev() {
+                let start = &mut self.starts[(bucket - first) as usize];
+                *start -= 1;
+                let place = *start as usize;
+                self.blocks[place / LANES].set(place % LANES, photon.position);
+                self.lights[place] = Light::of(photon);
+                self.paths[place] = photon.path;
+                if let Some(from) = self.froms.get_mut(place) {
+                    *from = photon.from;
+                }
+            }
+        }
+        for place in end as usize..self.blocks.len() * LANES {
+            self.blocks[place / LANES].set(place % LANES, glam::Vec3::NAN);
+        }
+        for start in &mut *self.starts {
+            *start += self.offset;
+        }
+    }
+}
+
+/// Takes the first `count` elements off `rest`.
+fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    rest.split_off_mut(..count).expect("there are as many")
+}
+
+impl PhotonMap {
+    /// Sorts the photons into the buckets of `self.grid`.
+    pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
+        let Extent { count, directions, .. } = *extent;
+        let partitions = (count / PARTITION).next_power_of_two().min(PARTITIONS);
+        let shift = self.grid.buckets().div_ceil(partitions).next_power_of_two().ilog2();
+        let per_chunk = slices.len().div_ceil((count / CHUNK).max(1));
+        self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
+        let grid = &self.grid;
+        self.chunks
+            .par_iter_mut()
+            .zip(slices.par_chunks(per_chunk))
+            .for_each(|(chunk, slices)| chunk.sort(slices, grid, shift, partitions));
+
+        // Partitions begin with a block of their own: they can be filled at the same time.
+        let sizes: Vec<usize> = (0..partitions)
+            .map(|p| self.chunks.iter().map(|chunk| chunk.partition(p).0.len()).sum::<usize>())
+            .map(|photons: usize| photons.next_multiple_of(LANES))
+            .collect();
+        let places = sizes.iter().sum();
+        assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
+        self.blocks.resize(places / LANES, Block::default());
+        self.lights.resize(places, Light::default());
+        self.paths.resize(places, 0);
+        self.froms.resize(if directions { places } else { 0 }, 0);
+        self.starts.resize(self.grid.buckets() + 1, 0);
+        self.starts[self.grid.buckets()] = places as u32;
+
+        let mut starts = &mut self.starts[..self.grid.buckets()];
+        let (mut blocks, mut lights) = (&mut self.blocks[..], &mut self.lights[..]);
+        let (mut paths, mut froms) = (&mut self.paths[..], &mut self.froms[..]);
+        let mut offset = 0;
+        let all: Vec<Partition> = sizes
+            .iter()
+            .map(|&size| {
+                let buckets = starts.len().min(1 << shift);
+                let partition = Partition {
+                    offset,
+                    starts: take(&mut starts, buckets),
+                    blocks: take(&mut blocks, size / LANES),
+                    lights: take(&mut lights, size),
+                    paths: take(&mut paths, size),
+                    froms: take(&mut froms, if directions { size } else { 0 }),
+                };
+                offset += size as u32;
+                partition
+            })
+            .collect();
+        let chunks = &self.chunks[..];
+        all.into_par_iter().enumerate().with_max_len(1).for_each(|(index, mut partition)| {
+            partition.fill(chunks, index, (index as u32) << shift);
+        });
+    }
+}

@@ -1,0 +1,132 @@
+//! The cells of the photon map, and the buckets that they fall into.
+
+use super::SLACK;
+use crate::math::Bounds;
+use glam::{IVec3, Vec3};
+
+/// Cells relative to a corner outside of the photons' bounding box.
+///
+/// A cell is wider than a look-up's sphere along y and z, so that a look-up meets at most two rows
+/// of cells per axis. The bucket of cell `(x, y, z)` is `x + y * stride_y + z * stride_z`, modulo
+/// the number of buckets: the cells of a row are neighbors in the sorted array, and a look-up reads
+/// at most four ranges of it. Cells along x are finer, which makes the ranges shorter and costs
+/// nothing but their places.
+///
+/// Where the whole grid fits, the strides are those of an array and every cell has its own bucket.
+/// Otherwise they are chosen so that the four ranges of a look-up never overlap, and no photon is
+/// met twice; photons of other cells in the same bucket fail the distance test.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Grid {
+    corner: Vec3,
+    inverse_cell: Vec3,
+    stride_y: u32,
+    stride_z: u32,
+    /// Number of buckets less one: a power of two less one, or all ones where the grid is an array.
+    mask: u32,
+    buckets: u32,
+}
+
+/// Width of a cell over the diameter of a look-up: room for the rounding of cell coordinates.
+const CELL_MARGIN: f32 = 1.01;
+/// Smallest width of a cell over the largest coordinate: keeps cell coordinates exact enough for
+/// the margin (their errors add up to 6 half units in the last place, 0.4 % of a cell).
+const MIN_CELL: f32 = 1e-4;
+/// Cells along x for one along y and z.
+const FINE: f32 = 4.0;
+/// Buckets for each photon, at most.
+const BUCKETS_PER_PHOTON: usize = 4;
+/// A grid of up to this many cells is an array, however few the photons.
+const ARRAY_CELLS: usize = 1 << 14;
+/// Where the grid does not fit, cells are widened up to this much to make it fit.
+const WIDEST: f32 = 4.0;
+/// Fewest buckets of a hashed grid: the four ranges of a look-up are short beside it.
+const MIN_HASHED: usize = 256;
+
+impl Grid {
+    /// For photons within `bounds`.
+    pub fn new(bounds: Bounds, radius: f32, photons: usize) -> Self {
+        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        let narrowest = (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL);
+        // A look-up reaches up to a diameter beyond the photons on each side.
+        let corner = bounds.min - Vec3::splat(narrowest);
+        let most = (BUCKETS_PER_PHOTON * photons).clamp(ARRAY_CELLS, 1 << 30);
+        let mut cell = narrowest;
+        while cell <= WIDEST * narrowest {
+            let inverse_cell = Vec3::new(FINE, 1.0, 1.0) / cell;
+            // One more for rounding, and one that look-ups read in any case.
+            let size = ((bounds.max - corner + narrowest) * inverse_cell).floor() + 3.0;
+            let buckets = size.as_dvec3().element_product();
+            if buckets <= most as f64 {
+                let stride_y = size.x as u32;
+                let stride_z = stride_y * size.y as u32;
+                let buckets = buckets as u32;
+                return Self { corner, inverse_cell, stride_y, stride_z, mask: u32::MAX, buckets };
+            }
+            cell *= 1.1;
+        }
+        let inverse_cell = Vec3::new(FINE, 1.0, 1.0) / narrowest;
+        let buckets =
+            (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, 1 << 30);
+        // Odd strides at fractions of the table after the plastic number's powers: rows of cells
+        // spread evenly, and neighboring rows are at least 12 % of the table apart (tested).
+        let stride = |fraction: f64| (buckets as f64 * fraction) as u32 | 1;
+        let (stride_y, stride_z) = (stride(0.754_877_666), stride(0.569_840_291));
+        let buckets = buckets as u32;
+        Self { corner, inverse_cell, stride_y, stride_z, mask: buckets - 1, buckets }
+    }
+
+    /// Number of buckets.
+    pub fn buckets(&self) -> usize {
+        self.buckets as usize
+    }
+
+    /// Coordinates of photons and within reach of them are positive: truncating rounds down.
+    #[inline]
+    pub fn cell(&self, position: Vec3) -> IVec3 {
+        ((position - self.corner) * self.inverse_cell).as_ivec3()
+    }
+
+    /// The bucket of a cell.
+    #[inline]
+    pub fn bucket(&self, cell: IVec3) -> u32 {
+        let row = (cell.y as u32).wrapping_mul(self.stride_y);
+        let layer = (cell.z as u32).wrapping_mul(self.stride_z);
+        (cell.x as u32).wrapping_add(row).wrapping_add(layer) & self.mask
+    }
+
+    /// Whether cells share buckets.
+    #[cfg(test)]
+    pub fn is_hashed(&self) -> bool {
+        self.mask != u32::MAX
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_four_ranges_of_a_look_up_never_overlap() {
+        for bits in 8..=30 {
+            let count = (1usize << bits) / BUCKETS_PER_PHOTON;
+            let bounds = Bounds { min: Vec3::ZERO, max: Vec3::splat(1.0) };
+            let grid = Grid::new(bounds, 1e-5, count);
+            let Grid { stride_y, stride_z, mask, .. } = grid;
+            if !grid.is_hashed() {
+                continue;
+            }
+            let distance = |step: u32| (step & mask).min(step.wrapping_neg() & mask);
+            let steps = [
+                stride_y,
+                stride_z,
+                stride_y.wrapping_add(stride_z),
+                stride_y.wrapping_sub(stride_z),
+            ];
+            for step in steps {
+                // A range has one bucket more than cells in a diameter, and one for rounding.
+                assert!(distance(step) as f32 >= FINE + 2.0, "{grid:?}");
+                assert!(f64::from(distance(step)) > 0.12 * f64::from(mask), "{grid:?}");
+            }
+        }
+    }
+}

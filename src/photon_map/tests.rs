@@ -1,0 +1,105 @@
+//! Look-ups against a search of all photons.
+
+use super::*;
+use crate::rng::{Stream, StreamKey};
+
+fn photon(position: Vec3, path: usize) -> Photon {
+    Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, PhotonClass::LastVertex)
+}
+
+/// Looks up every query and compares with a search of all photons by the same distance test.
+#[track_caller]
+fn assert_exact(photons: &[Photon], queries: &[Vec3], radius: f32) -> usize {
+    let mut map = PhotonMap::default();
+    // Two slices, as from two batches.
+    let (front, back) = photons.split_at(photons.len() / 3);
+    map.build_from(&[front, back], radius);
+    let mut found_in_all = 0;
+    for &query in queries {
+        let mut found = Vec::new();
+        map.for_each_within(query, |photon, _| found.push(photon.path));
+        found.sort_unstable();
+        let near = |p: &&Photon| p.position.distance_squared(query) <= radius * radius;
+        let expected: Vec<u32> = photons.iter().filter(near).map(|p| p.path).collect();
+        assert_eq!(found, expected, "around {query} within {radius}");
+        found_in_all += found.len();
+    }
+    found_in_all
+}
+
+/// Points in a box, half of them on its floor as on a surface.
+fn points(count: u64, corner: Vec3, size: Vec3, seed: u64) -> Vec<Vec3> {
+    let key = StreamKey::new(seed, Stream::Test, 0);
+    let point = |index| {
+        let mut rng = key.rng(index);
+        let height = if index % 2 == 0 { rng.next_1d() } else { 0.0 };
+        corner + size * Vec3::new(rng.next_1d(), rng.next_1d(), height)
+    };
+    (0..count).map(point).collect()
+}
+
+fn photons(positions: &[Vec3]) -> Vec<Photon> {
+    positions.iter().enumerate().map(|(path, &position)| photon(position, path)).collect()
+}
+
+#[test]
+fn finds_what_a_search_of_all_photons_finds() {
+    let boxes = [
+        (Vec3::ZERO, Vec3::splat(556.0)),
+        (Vec3::new(-3.0, 20.0, -7e3), Vec3::new(1e3, 1e-3, 5.0)),
+        (Vec3::splat(1e6), Vec3::splat(2.0)),
+        (Vec3::splat(-1e-6), Vec3::splat(1e-6)),
+    ];
+    for (corner, size) in boxes {
+        let photons = photons(&points(3000, corner, size, 1));
+        // Queries in the box, around it, and on photons.
+        let mut queries = points(300, corner, size, 2);
+        queries.extend(points(300, corner - 0.5 * size, 2.0 * size, 3));
+        queries.extend(photons.iter().step_by(30).map(|p| p.position));
+        for share in [1e-9, 1e-5, 1e-3, 0.01, 0.1, 0.5, 1.0, 10.0, 1e6] {
+            assert_exact(&photons, &queries, share * size.max_element());
+        }
+    }
+}
+
+#[test]
+fn hashed_grids_find_the_same_once() {
+    // 2^18 cells do not hold a radius of a thousandth of the box: buckets are shared.
+    let photons = photons(&points(20_000, Vec3::ZERO, Vec3::splat(10.0), 4));
+    let mut map = PhotonMap::default();
+    map.build_from(&[&photons], 0.01);
+    assert!(map.grid.is_hashed(), "this test means to hash");
+    let queries: Vec<Vec3> = photons.iter().step_by(50).map(|p| p.position).collect();
+    for radius in [0.003, 0.01, 0.05] {
+        assert!(assert_exact(&photons, &queries, radius) >= queries.len());
+    }
+}
+
+#[test]
+fn photons_on_cell_borders_and_on_the_edge_of_the_radius_are_found_once() {
+    // A lattice at all multiples of half a cell, looked up from all lattice points.
+    for radius in [0.5, 1.0 / 3.0] {
+        let half = radius * SLACK * 1.01;
+        let coordinates = || (0..8).map(|i| i as f32 * half);
+        let mut positions = Vec::new();
+        for x in coordinates() {
+            for y in coordinates() {
+                positions.extend(coordinates().map(|z| Vec3::new(x, y, z)));
+            }
+        }
+        assert_exact(&photons(&positions), &positions, radius);
+    }
+    let edge = [Vec3::ZERO, Vec3::X, Vec3::Y, -Vec3::Z];
+    assert_eq!(assert_exact(&photons(&edge), &[Vec3::ZERO], 1.0), 4);
+}
+
+#[test]
+fn an_empty_map_finds_nothing_also_after_a_full_one() {
+    let mut map = PhotonMap::default();
+    map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
+    map.build_from(&[&[photon(Vec3::ZERO, 0)]], 1.0);
+    assert_eq!(map.len(), 1);
+    map.build_from(&[], 1.0);
+    assert!(map.is_empty());
+    map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
+}
