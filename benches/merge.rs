@@ -122,9 +122,8 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         assert_same("kiddo", &kiddo(), &expected);
 
         let embree = RawPoints::new(&positions);
-        let queries = || {
-            merge_by(subject, |position, found| embree.within(position, settings.radius, found))
-        };
+        let queries =
+            || merge_by(subject, |position, found| embree.within(position, settings.radius, found));
         assert_same("Embree", &queries(), &expected);
 
         let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));

@@ -1,9 +1,10 @@
-//! The three phases of an iteration beside their limit, raw Embree packets on the same rays; the
-//! cost of measuring; and what a second thread gains. Ratios of one run are printed at the end.
+//! The phases of an iteration for Criterion's statistics; and, in turn with each other, the phases and
+//! their limit, raw Embree packets on the same rays; measuring and not; one thread and two. Ratios are
+//! printed at the end. `BDPM_SCENE` takes another scene than `scenes/cornell-box`.
 
 #![allow(missing_docs)]
 
-mod home;
+mod paired;
 mod raw;
 mod subject;
 
@@ -11,17 +12,18 @@ use bdpm::accel::backend::{Backend, build};
 use bdpm::accel::{AccelInfo, Coherence, Hit, Intersect, Ray, TriangleMesh};
 use bdpm::camera_paths::{CameraPass, CameraPaths};
 use bdpm::light_paths::LightPaths;
-use bdpm::merge::Merge;
 use bdpm::noise::Measure;
 use bdpm::photon_map::PhotonMap;
 use bdpm::rng::{Stream, StreamKey};
-use bdpm::{Renderer, Settings};
-use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use home::median;
+use bdpm::{Renderer, Scene, Settings};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use paired::{Ratio, timed};
 use raw::{Packets, RawScene};
 use std::sync::Mutex;
 use std::time::Duration;
-use subject::{BATCH, Sum, camera_phase, scene};
+use subject::{camera_phase, scene};
+
+const LIGHT_PATHS: [u32; 2] = [1000, 100_000];
 
 /// Keeps all rays that go through it.
 struct Recorder<'a> {
@@ -63,40 +65,28 @@ impl Intersect for Recorder<'_> {
     }
 }
 
-fn bench_raw(criterion: &mut Criterion, group: &str, raw: &RawScene, packets: &[Packets]) {
-    let mut group = criterion.benchmark_group(group);
-    group.bench_function("raw packets on the same rays", |bencher| {
-        let trace = |packets: &mut Vec<Packets>| raw.trace(packets);
-        bencher.iter_batched_ref(|| packets.to_vec(), trace, BatchSize::LargeInput);
-    });
+/// One thread, so that a phase's time is the time of its work.
+fn threads(count: usize) -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap()
 }
 
+fn camera_pass<'a>(
+    scene: &'a Scene,
+    accel: &'a dyn Intersect,
+    settings: &'a Settings,
+) -> CameraPass<'a> {
+    let view = scene.camera.view(settings.width, settings.height);
+    let key = StreamKey::new(1, Stream::CameraPath, 0);
+    CameraPass { scene, view, accel, settings, key, gather_early: false }
+}
+
+/// The phases alone.
 fn phases(criterion: &mut Criterion) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
-    let geometry = scene.geometry();
-    let copy = |place| (geometry.positions(place), geometry.mesh(place).triangles);
-    let copies: Vec<_> = geometry.places.iter().map(copy).collect();
-    let raw = RawScene::new(
-        copies.iter().map(|(positions, triangles)| TriangleMesh { positions, triangles }),
-    );
-    // One thread, so that a phase's time is the time of its work.
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-
-    let key = StreamKey::new(1, Stream::CameraPath, 0);
-    let view = scene.camera.view(settings.width, settings.height);
-    let pass = CameraPass {
-        scene: &scene,
-        view,
-        accel: &*accel,
-        settings: &settings,
-        key,
-        gather_early: false,
-    };
+    let one = threads(1);
+    let pass = camera_pass(&scene, &*accel, &settings);
     let mut paths = CameraPaths::default();
-    let recorder = Recorder::new(&*accel);
-    camera_phase(&CameraPass { accel: &recorder, ..pass }, &mut paths, |_| ());
-    bench_raw(criterion, "camera", &raw, &recorder.into_packets());
     let mut group = criterion.benchmark_group("camera");
     let count = settings.pixels() as u64 * u64::from(settings.camera_paths);
     group.throughput(Throughput::Elements(count));
@@ -104,94 +94,100 @@ fn phases(criterion: &mut Criterion) {
         bencher.iter(|| camera_phase(&pass, &mut paths, |_| ()));
     });
     group.finish();
-
-    for light_paths in [1000, 100_000] {
+    for light_paths in LIGHT_PATHS {
         let settings = Settings { light_paths, ..settings.clone() };
-        let name = format!("light/{light_paths}");
         let (mut light, mut map) = (LightPaths::default(), PhotonMap::default());
-        let recorder = Recorder::new(&*accel);
-        one.install(|| light.trace(&scene, &recorder, &settings, light_paths, 0));
-        bench_raw(criterion, &name, &raw, &recorder.into_packets());
-        let mut group = criterion.benchmark_group(&name);
+        let mut group = criterion.benchmark_group(format!("light/{light_paths}"));
         group.throughput(Throughput::Elements(u64::from(light_paths)));
-        group.bench_function("phase", |bencher| {
-            bencher.iter(|| {
-                one.install(|| light.trace(&scene, &*accel, &settings, light_paths, 0));
-                map.build(&light, settings.radius);
-            });
+        group.bench_function("paths", |bencher| {
+            let mut trace = || light.trace(&scene, &*accel, &settings, light_paths, 0);
+            bencher.iter(|| one.install(&mut trace));
         });
         group.throughput(Throughput::Elements(light.len() as u64));
-        group.bench_function("map alone", |bencher| {
-            bencher.iter(|| map.build(&light, settings.radius));
-        });
-        group.finish();
-
-        // Merging alone, on camera paths that are ready.
-        let mut batches = Vec::new();
-        camera_phase(&pass, &mut paths, |paths| {
-            if batches.len() < 8 {
-                batches.push(paths.clone());
-            }
-        });
-        let merge = Merge::new(&map, settings.merge_vertex);
-        let mut group = criterion.benchmark_group(format!("merge/{light_paths}"));
-        group.throughput(Throughput::Elements(8 * u64::from(BATCH)));
-        group.bench_function("phase", |bencher| {
-            bencher.iter(|| {
-                let mut sum = Sum::default();
-                batches.iter().for_each(|batch| merge.visit(batch, &mut sum));
-                sum.light
-            });
+        group.bench_function("map", |bencher| {
+            bencher.iter(|| one.install(|| map.build(&light, settings.radius)));
         });
         group.finish();
     }
 }
 
-fn iterations(criterion: &mut Criterion) {
-    let (scene, settings) = scene();
-    let accel = build(Backend::Embree, &scene).unwrap();
-    for light_paths in [1000, 100_000] {
-        let settings = Settings { light_paths, ..settings.clone() };
-        let mut group = criterion.benchmark_group(format!("iteration/{light_paths}"));
-        for (name, measure, threads) in [
-            ("production, 1 thread", Measure::Off, 1),
-            ("measuring, 1 thread", Measure::Pairs, 1),
-            ("production, 2 threads", Measure::Off, 2),
-        ] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let mut renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
-            group.bench_function(name, |bencher| {
-                bencher.iter(|| pool.install(|| renderer.iterate(measure)));
-            });
-        }
-        group.finish();
+/// Raw packets on what `record` traces.
+fn raw<'a>(
+    scene: &'a RawScene,
+    accel: &dyn Intersect,
+    record: &mut dyn FnMut(&Recorder),
+) -> impl FnMut() -> Duration + use<'a> {
+    let recorder = Recorder::new(accel);
+    record(&recorder);
+    let packets = recorder.into_packets();
+    move || {
+        // Queries overwrite packets.
+        let mut own = packets.clone();
+        timed(|| scene.trace(&mut own))
     }
+}
+
+fn raw_scene(scene: &Scene) -> RawScene {
+    let geometry = scene.geometry();
+    let copy = |place| (geometry.positions(place), geometry.mesh(place).triangles);
+    let copies: Vec<_> = geometry.places.iter().map(copy).collect();
+    RawScene::new(copies.iter().map(|(positions, triangles)| TriangleMesh { positions, triangles }))
 }
 
 fn ratios(_: &mut Criterion) {
-    let ratio = |what: &str, group: &str, one: &str, other: &str| {
-        if let (Some(one), Some(other)) = (median(group, one), median(group, other)) {
-            println!("{what}: {:.2}", one / other);
+    let has = |name: &str| std::env::args().any(|argument| argument == name);
+    if !has("--bench") || has("--profile-time") {
+        return; // a test or a profile
+    }
+    let (scene, settings) = scene();
+    let accel = build(Backend::Embree, &scene).unwrap();
+    let limit = raw_scene(&scene);
+    let (one, two) = (threads(1), threads(2));
+    println!("\nmedian (quartiles) of rounds in turn");
+
+    let pass = camera_pass(&scene, &*accel, &settings);
+    let mut paths = CameraPaths::default();
+    let packets = raw(&limit, &*accel, &mut |recorder| {
+        camera_phase(&CameraPass { accel: recorder, ..pass }, &mut CameraPaths::default(), |_| ());
+    });
+    let ratio = Ratio::new(|| timed(|| camera_phase(&pass, &mut paths, |_| ())), packets);
+    let count = settings.pixels() as f64 * f64::from(settings.camera_paths);
+    let ns = ratio.seconds.map(|time| time / count * 1e9);
+    println!("camera phase over raw packets: {ratio}; {:.0} and {:.0} ns per path", ns[0], ns[1]);
+
+    for light_paths in LIGHT_PATHS {
+        let settings = Settings { light_paths, ..settings.clone() };
+        let (mut light, mut map) = (LightPaths::default(), PhotonMap::default());
+        let packets = raw(&limit, &*accel, &mut |recorder| {
+            let mut light = LightPaths::default();
+            one.install(|| light.trace(&scene, recorder, &settings, light_paths, 0));
+        });
+        let phase = || {
+            timed(|| {
+                one.install(|| {
+                    light.trace(&scene, &*accel, &settings, light_paths, 0);
+                    map.build(&light, settings.radius);
+                });
+            })
+        };
+        let ratio = Ratio::new(phase, packets);
+        let ns = ratio.seconds.map(|time| time / f64::from(light_paths) * 1e9);
+        let [own, raw] = ns;
+        println!(
+            "light phase over raw packets, N_F = {light_paths}: {ratio}; {own:.0} and {raw:.0} ns per path"
+        );
+        for (what, pools, measures) in [
+            ("measuring over production iteration", [&one, &one], [Measure::Pairs, Measure::Off]),
+            ("one thread over two", [&one, &two], [Measure::Off; 2]),
+        ] {
+            let [mut first, mut second] =
+                [0; 2].map(|_| Renderer::new(&scene, &*accel, settings.clone()).unwrap());
+            let ratio = Ratio::new(
+                || timed(|| pools[0].install(|| first.iterate(measures[0]))),
+                || timed(|| pools[1].install(|| second.iterate(measures[1]))),
+            );
+            println!("{what}, N_F = {light_paths}: {ratio}");
         }
-    };
-    let raw = "raw packets on the same rays";
-    ratio("camera phase over raw packets", "camera", "phase", raw);
-    for count in ["1000", "100000"] {
-        let light = format!("light/{count}");
-        ratio(&format!("light phase over raw packets, N_F = {count}"), &light, "phase", raw);
-        let iteration = format!("iteration/{count}");
-        ratio(
-            &format!("measuring over production iteration, N_F = {count}"),
-            &iteration,
-            "measuring, 1 thread",
-            "production, 1 thread",
-        );
-        ratio(
-            &format!("one thread over two, N_F = {count}"),
-            &iteration,
-            "production, 1 thread",
-            "production, 2 threads",
-        );
     }
 }
 
@@ -201,6 +197,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_millis(500))
         .measurement_time(Duration::from_secs(2));
-    targets = phases, iterations, ratios
+    targets = phases, ratios
 }
 criterion_main!(benches);

@@ -4,6 +4,7 @@
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
+use crate::flight::Flight;
 use crate::lanes::{LANES, Rngs};
 use crate::light_paths::Photon;
 use crate::math::Rgb;
@@ -107,11 +108,9 @@ pub struct CameraPaths {
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
-    segments: Vec<Ray>,
-    walks: Vec<Walk>,
-    /// Those of the next segments, in the order in which they are found.
-    next_segments: Vec<Ray>,
-    next_walks: Vec<Walk>,
+    segments: Flight<Walk>,
+    /// The next segments, in the order in which they are found.
+    next: Flight<Walk>,
     hits: Vec<Hit>,
     shadow_rays: Vec<Ray>,
     /// Path and contribution of each shadow ray.
@@ -120,7 +119,7 @@ pub struct CameraPaths {
 }
 
 /// A path under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Walk {
     rng: Rng,
     throughput: Rgb,
@@ -160,10 +159,10 @@ impl CameraPaths {
         self.start(pass, paths);
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
-        while !self.segments.is_empty() {
+        while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
             self.hits.resize(self.segments.len(), Hit::MISS);
-            pass.accel.closest_hits(&self.segments, &mut self.hits, coherence);
+            pass.accel.closest_hits(self.segments.rays(), &mut self.hits, coherence);
             self.scatter(pass);
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
@@ -176,7 +175,6 @@ impl CameraPaths {
 
     fn start(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
-        self.walks.clear();
         self.gather_points.clear();
         self.views.clear();
         let mut paths = paths.fuse();
@@ -199,41 +197,37 @@ impl CameraPaths {
             }
             let directions = pass.view.pinhole_directions(&x, &y);
             for lane in 0..count {
-                let mut rng = rngs.get(lane);
-                let (ray, weight) = if pass.view.has_aperture() {
-                    pass.view.ray(x[lane], y[lane], rng.next_2d())
+                let path = self.segments.len() as u32;
+                let (ray, walk) = self.segments.add();
+                *walk = Walk { rng: rngs.get(lane), path, ..Walk::default() };
+                let weight;
+                (*ray, weight) = if pass.view.has_aperture() {
+                    pass.view.ray(x[lane], y[lane], walk.rng.next_2d())
                 } else {
                     (Ray::new(pass.view.position, directions.get(lane)), 1.0)
                 };
-                self.segments.push(ray);
-                self.walks.push(Walk {
-                    rng,
-                    throughput: Rgb::splat(weight),
-                    inverse_weight: weight.recip(),
-                    path: self.walks.len() as u32,
-                    vertices: 0,
-                    passed: 0,
-                });
+                (walk.throughput, walk.inverse_weight) = (Rgb::splat(weight), weight.recip());
             }
         }
         self.direct.clear();
-        self.direct.resize(self.walks.len(), Rgb::ZERO);
+        self.direct.resize(self.segments.len(), Rgb::ZERO);
     }
 
     /// At the hits: emission, connection, gathering, and the next segment.
     fn scatter(&mut self, pass: &CameraPass) {
         let mut vertices = DiffuseVertices::default();
-        for i in 0..self.walks.len() {
-            let (ray, hit) = (self.segments[i], self.hits[i]);
+        self.next.clear();
+        for i in 0..self.segments.len() {
+            let (ray, hit) = (&self.segments.rays()[i], self.hits[i]);
             if hit.is_miss() {
                 self.leave(pass, i);
                 continue;
             }
-            let Some(point) = pass.scene.plain(&ray, &hit).or_else(|| self.elsewhere(pass, i))
+            let Some(point) = pass.scene.plain(ray, &hit).or_else(|| self.elsewhere(pass, i))
             else {
                 continue;
             };
-            let Walk { rng, throughput, path, vertices: before, .. } = self.walks[i];
+            let Walk { rng, throughput, path, vertices: before, .. } = self.segments.walks()[i];
             // Emission hit later is carried by connections or photons.
             if before == 0 && point.emission != Rgb::ZERO {
                 self.direct[path as usize] += throughput * point.emission;
@@ -244,22 +238,19 @@ impl CameraPaths {
             }
         }
         self.scatter_diffuse(pass, &mut vertices);
-        std::mem::swap(&mut self.segments, &mut self.next_segments);
-        std::mem::swap(&mut self.walks, &mut self.next_walks);
-        self.next_segments.clear();
-        self.next_walks.clear();
+        std::mem::swap(&mut self.segments, &mut self.next);
     }
 
     /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
     #[inline(never)] // keeps the loop over plain vertices short
     fn elsewhere(&mut self, pass: &CameraPass, i: usize) -> Option<DiffusePoint> {
-        let surface = pass.scene.surface(&self.segments[i], &self.hits[i]);
+        let surface = pass.scene.surface(&self.segments.rays()[i], &self.hits[i]);
         let diffuse = surface.diffuse();
         if diffuse.is_none()
-            && let Some((ray, walk)) = self.scatter_other(pass, &surface, self.walks[i])
+            && let Some(next) = self.scatter_other(pass, &surface, self.segments.walks()[i])
         {
-            self.next_segments.push(ray);
-            self.next_walks.push(walk);
+            let (ray, walk) = self.next.add();
+            (*ray, *walk) = next;
         }
         diffuse
     }
@@ -273,7 +264,7 @@ impl CameraPaths {
         }
         let mut any_goes_on = false;
         for (lane, walk) in at.lanes() {
-            let Walk { path, vertices, .. } = self.walks[walk];
+            let Walk { path, vertices, .. } = self.segments.walks()[walk];
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
             let weight = at.weight(lane);
             let (vertex, view) = (vertices + 1, GatherPoint::NO_VIEW);
@@ -296,18 +287,22 @@ impl CameraPaths {
                 Roulette::Weight => [0.0; LANES],
             };
             for (lane, walk) in at.lanes() {
-                let mut walk = self.walks[walk];
+                let before = &self.segments.walks()[walk];
                 let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
                 let survival = match camera_roulette {
                     Roulette::Albedo => albedo.max_element().min(1.0),
                     Roulette::Weight => 1.0,
                 };
-                walk.vertices += 1;
-                if walk.vertices < merge_vertex && albedo != Rgb::ZERO && ends[lane] < survival {
+                let vertices = before.vertices + 1;
+                if vertices < merge_vertex && albedo != Rgb::ZERO && ends[lane] < survival {
+                    let (ray, walk) = self.next.add();
+                    *ray = Ray::new(off_surface, directions.get(lane));
                     walk.rng = at.rng.get(lane);
                     walk.throughput = at.carried.get(lane) * (albedo / survival);
-                    self.next_segments.push(Ray::new(off_surface, directions.get(lane)));
-                    self.next_walks.push(walk);
+                    walk.inverse_weight = before.inverse_weight;
+                    walk.path = before.path;
+                    walk.vertices = vertices;
+                    walk.passed = before.passed;
                 }
             }
         }
@@ -322,7 +317,7 @@ impl CameraPaths {
         for (lane, walk) in at.lanes() {
             let contribution = contributions.get(lane);
             if contribution != Rgb::ZERO {
-                let path = self.walks[walk].path;
+                let path = self.segments.walks()[walk].path;
                 let off_surface = at.off_surface.get(lane);
                 self.send_shadow_ray(path, contribution, light.target.get(lane), off_surface);
             }
@@ -332,9 +327,10 @@ impl CameraPaths {
     /// Where path `i` left the scene: emission from all around, if nothing else carries it.
     #[inline(never)] // keeps the loop over diffuse vertices short
     fn leave(&mut self, pass: &CameraPass, i: usize) {
-        let walk = &self.walks[i];
+        let walk = &self.segments.walks()[i];
         if walk.vertices == 0 {
-            let beyond = pass.scene.lights.beyond(self.segments[i].direction);
+            let direction = self.segments.rays()[i].direction;
+            let beyond = pass.scene.lights.beyond(direction);
             self.direct[walk.path as usize] += walk.throughput * beyond;
         }
     }

@@ -11,6 +11,7 @@ pub mod counts;
 pub mod diffuse;
 pub mod error;
 pub mod film;
+mod flight;
 pub mod goal;
 pub mod lanes;
 pub mod light_paths;

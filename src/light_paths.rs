@@ -2,6 +2,7 @@
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
+use crate::flight::Flight;
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Scene, Surface};
@@ -141,7 +142,7 @@ impl LightPaths {
 }
 
 /// A path under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Walk {
     rng: Rng,
     flux: Rgb,
@@ -175,11 +176,9 @@ struct Batch {
     arrivals: Vec<Photon>,
     /// Whether photons keep theirs.
     directions: bool,
-    rays_in_flight: Vec<Ray>,
-    walks: Vec<Walk>,
-    /// Those of the next bounce, in the order in which they are found.
-    next_rays: Vec<Ray>,
-    next_walks: Vec<Walk>,
+    in_flight: Flight<Walk>,
+    /// The rays of the next bounce, in the order in which they are found.
+    next: Flight<Walk>,
     hits: Vec<Hit>,
     rays: u64,
     busy: Duration,
@@ -197,10 +196,10 @@ impl Batch {
         let start = Instant::now();
         self.directions = scene.merges_by_direction();
         self.emit(scene, settings, key, paths.clone());
-        while !self.walks.is_empty() {
-            self.rays += self.walks.len() as u64;
-            self.hits.resize(self.walks.len(), Hit::MISS);
-            accel.closest_hits(&self.rays_in_flight, &mut self.hits, Coherence::Incoherent);
+        while self.in_flight.len() > 0 {
+            self.rays += self.in_flight.len() as u64;
+            self.hits.resize(self.in_flight.len(), Hit::MISS);
+            accel.closest_hits(self.in_flight.rays(), &mut self.hits, Coherence::Incoherent);
             self.bounce(scene, settings.light_roulette);
         }
         self.sort_by_path(paths);
@@ -216,8 +215,7 @@ impl Batch {
     ) {
         self.rays = 0;
         self.arrivals.clear();
-        self.rays_in_flight.clear();
-        self.walks.clear();
+        self.in_flight.clear();
         // Photons straight from a light are replaced by connections, or merged at every vertex.
         let class = match settings.direct {
             Direct::Connect => None,
@@ -230,28 +228,33 @@ impl Batch {
             if flux == Rgb::ZERO {
                 continue; // from a black part of a picture
             }
-            let inverse_emitted = flux.max_element().recip();
-            self.rays_in_flight.push(Ray::new(emission.origin, emission.direction));
-            self.walks.push(Walk { rng, flux, inverse_emitted, path, class });
+            let (ray, walk) = self.in_flight.add();
+            *ray = Ray::new(emission.origin, emission.direction);
+            walk.rng = rng;
+            walk.flux = flux;
+            walk.inverse_emitted = flux.max_element().recip();
+            walk.path = path;
+            walk.class = class;
         }
     }
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
         let mut vertices = DiffuseVertices::default();
-        for i in 0..self.walks.len() {
-            let (ray, hit) = (self.rays_in_flight[i], self.hits[i]);
+        self.next.clear();
+        for i in 0..self.in_flight.len() {
+            let (ray, hit) = (&self.in_flight.rays()[i], self.hits[i]);
             if hit.is_miss() {
                 continue;
             }
-            let plain = scene.plain(&ray, &hit);
+            let plain = scene.plain(ray, &hit);
             let Some(point) = plain.or_else(|| self.elsewhere(scene, i, roulette)) else {
                 continue;
             };
-            let Walk { rng, flux, path, class, .. } = self.walks[i];
+            let Walk { rng, flux, path, class, .. } = self.in_flight.walks()[i];
             if let Some(class) = class {
-                let photon = Photon::new(point.position, path, flux, point.normal, class);
-                self.store(photon, -ray.direction);
+                let from = -self.in_flight.rays()[i].direction;
+                self.store(Photon::new(point.position, path, flux, point.normal, class), from);
             }
             vertices.push(i, &point, flux, rng);
             if vertices.is_full() {
@@ -259,22 +262,20 @@ impl Batch {
             }
         }
         self.scatter_diffuse(&mut vertices, roulette);
-        std::mem::swap(&mut self.rays_in_flight, &mut self.next_rays);
-        std::mem::swap(&mut self.walks, &mut self.next_walks);
-        self.next_rays.clear();
-        self.next_walks.clear();
+        std::mem::swap(&mut self.in_flight, &mut self.next);
     }
 
     /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
     #[inline(never)] // keeps the loop over plain vertices short
     fn elsewhere(&mut self, scene: &Scene, i: usize, roulette: Roulette) -> Option<DiffusePoint> {
-        let surface = scene.surface(&self.rays_in_flight[i], &self.hits[i]);
+        let surface = scene.surface(&self.in_flight.rays()[i], &self.hits[i]);
         let diffuse = surface.diffuse();
+        let walk = self.in_flight.walks()[i];
         if diffuse.is_none()
-            && let Some((ray, walk)) = self.scatter_other(&surface, self.walks[i], roulette)
+            && let Some(next) = self.scatter_other(&surface, walk, roulette)
         {
-            self.next_rays.push(ray);
-            self.next_walks.push(walk);
+            let (ray, walk) = self.next.add();
+            (*ray, *walk) = next;
         }
         diffuse
     }
@@ -291,15 +292,17 @@ impl Batch {
         let directions = at.sample();
         let ends = at.rng.next_1d();
         for (lane, walk) in at.lanes() {
-            let mut walk = self.walks[walk];
+            let before = &self.in_flight.walks()[walk];
             let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
-            let survival = walk.survival(albedo, roulette);
+            let survival = before.survival(albedo, roulette);
             if ends[lane] < survival {
-                walk.flux *= albedo / survival;
+                let (ray, walk) = self.next.add();
+                *ray = Ray::new(off_surface, directions.get(lane));
                 walk.rng = at.rng.get(lane);
+                walk.flux = at.carried.get(lane) * (albedo / survival);
+                walk.inverse_emitted = before.inverse_emitted;
+                walk.path = before.path;
                 walk.class = Some(PhotonClass::LastVertex);
-                self.next_rays.push(Ray::new(off_surface, directions.get(lane)));
-                self.next_walks.push(walk);
             }
         }
         at.clear();

@@ -2,6 +2,7 @@
 //! runs side by side compares.
 #![allow(dead_code)]
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// Rounds of both.
@@ -14,37 +15,41 @@ pub struct Ratio {
     pub median: f64,
     /// Half of the rounds lie in between.
     pub quartiles: [f64; 2],
-    /// Median time of the first, seconds.
-    pub seconds: f64,
-}
-
-/// Each round's time of `one` over that of `other`.
-pub fn ratio(mut one: impl FnMut() -> Duration, mut other: impl FnMut() -> Duration) -> Ratio {
-    one();
-    other();
-    let mut rounds: Vec<(f64, f64)> =
-        (0..ROUNDS).map(|_| (one().as_secs_f64(), other().as_secs_f64())).collect();
-    rounds.sort_by(|a, b| (a.0 / a.1).total_cmp(&(b.0 / b.1)));
-    let at = |share: usize| rounds[share * (ROUNDS - 1) / 4];
-    let of = |(one, other): (f64, f64)| one / other;
-    let mut seconds: Vec<f64> = rounds.iter().map(|round| round.0).collect();
-    seconds.sort_by(f64::total_cmp);
-    Ratio {
-        median: of(at(2)),
-        quartiles: [of(at(1)), of(at(3))],
-        seconds: seconds[ROUNDS / 2],
-    }
+    /// Median time of each, seconds.
+    pub seconds: [f64; 2],
 }
 
 /// How long it takes.
-pub fn timed(work: impl FnOnce()) -> Duration {
+pub fn timed<T>(work: impl FnOnce() -> T) -> Duration {
     let start = Instant::now();
-    work();
+    std::hint::black_box(work());
     start.elapsed()
 }
 
-impl std::fmt::Display for Ratio {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+/// The middle of all, or another quartile.
+fn quartile(values: impl Iterator<Item = f64>, which: usize) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values[which * (values.len() - 1) / 4]
+}
+
+impl Ratio {
+    /// Of two pieces of work that tell their own times.
+    pub fn new(mut one: impl FnMut() -> Duration, mut other: impl FnMut() -> Duration) -> Self {
+        let mut round = || [one().as_secs_f64(), other().as_secs_f64()];
+        round();
+        let rounds: Vec<[f64; 2]> = (0..ROUNDS).map(|_| round()).collect();
+        let ratios = || rounds.iter().map(|[one, other]| one / other);
+        Self {
+            median: quartile(ratios(), 2),
+            quartiles: [1, 3].map(|which| quartile(ratios(), which)),
+            seconds: [0, 1].map(|of| quartile(rounds.iter().map(|round| round[of]), 2)),
+        }
+    }
+}
+
+impl fmt::Display for Ratio {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [low, high] = self.quartiles;
         write!(f, "{:.2} ({low:.2} to {high:.2})", self.median)
     }

@@ -9,7 +9,7 @@ use bdpm::{Scene, Settings};
 use std::path::Path;
 
 /// Camera paths per batch, as the renderer takes them.
-pub const BATCH: u32 = 2048;
+pub const BATCH: usize = 2048;
 
 /// The scene that `BDPM_SCENE` names, `scenes/cornell-box` without it, and settings for a small
 /// image of it.
@@ -28,15 +28,35 @@ pub fn camera_phase(
     paths: &mut CameraPaths,
     mut each: impl FnMut(&CameraPaths),
 ) {
-    let Settings { width, height, camera_paths, .. } = *pass.settings;
-    let all = width * height * camera_paths;
-    for first in (0..all).step_by(BATCH as usize) {
-        let ids = (first..all.min(first + BATCH)).map(|path| {
-            let pixel = path / camera_paths;
-            CameraPathId { x: pixel % width, y: pixel / width, index: path % camera_paths }
-        });
-        paths.trace(pass, ids);
+    let mut ids = Ids { settings: pass.settings, next: CameraPathId { x: 0, y: 0, index: 0 } };
+    while ids.next.y < pass.settings.height {
+        paths.trace(pass, ids.by_ref().take(BATCH));
         each(paths);
+    }
+}
+
+/// The camera paths of an image, pixel after pixel.
+struct Ids<'a> {
+    settings: &'a Settings,
+    next: CameraPathId,
+}
+
+impl Iterator for Ids<'_> {
+    type Item = CameraPathId;
+
+    #[inline]
+    fn next(&mut self) -> Option<CameraPathId> {
+        let Settings { width, height, camera_paths, .. } = *self.settings;
+        let Self { next: CameraPathId { x, y, index }, .. } = self;
+        let id = CameraPathId { x: *x, y: *y, index: *index };
+        *index += 1;
+        if *index == camera_paths {
+            (*index, *x) = (0, *x + 1);
+        }
+        if *x == width {
+            (*x, *y) = (0, *y + 1);
+        }
+        (id.y < height).then_some(id)
     }
 }
 

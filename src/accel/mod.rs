@@ -17,7 +17,7 @@ pub use geometry::{Geometry, Place, instance_transform};
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.
 ///
 /// `direction` need not have unit length; distances are in units of its length.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub struct Ray {
     /// Start point, scene units.
@@ -32,11 +32,13 @@ pub struct Ray {
 
 impl Ray {
     /// An unbounded ray from `origin`.
+    #[inline]
     pub const fn new(origin: Vec3, direction: Vec3) -> Self {
         Self { origin, t_near: 0.0, direction, t_far: f32::INFINITY }
     }
 
     /// The open segment between two points, parametrized by `t` in (0, 1).
+    #[inline]
     pub fn segment(from: Vec3, to: Vec3) -> Self {
         Self { origin: from, t_near: 0.0, direction: to - from, t_far: 1.0 }
     }
@@ -65,6 +67,7 @@ impl Hit {
         Self { t: f32::INFINITY, u: 0.0, v: 0.0, mesh: u32::MAX, triangle: u32::MAX };
 
     /// Whether the ray hit nothing.
+    #[inline]
     pub const fn is_miss(&self) -> bool {
         self.mesh == u32::MAX
     }

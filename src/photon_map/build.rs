@@ -38,12 +38,8 @@ pub struct Extent {
 }
 
 impl Extent {
-    const EMPTY: Self = Self {
-        bounds: Bounds::EMPTY,
-        count: 0,
-        any_at_every_vertex: false,
-        directions: false,
-    };
+    const EMPTY: Self =
+        Self { bounds: Bounds::EMPTY, count: 0, any_at_every_vertex: false, directions: false };
 
     pub fn new(slices: &[&[Photon]]) -> Self {
         slices.par_iter().map(|photons| Self::of(photons)).reduce(|| Self::EMPTY, Self::and)

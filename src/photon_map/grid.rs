@@ -65,8 +65,7 @@ impl Grid {
             cell *= 1.1;
         }
         let inverse_cell = Vec3::new(FINE, 1.0, 1.0) / narrowest;
-        let buckets =
-            (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, 1 << 30);
+        let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, 1 << 30);
         // Odd strides at fractions of the table after the plastic number's powers: rows of cells
         // spread evenly, and neighboring rows are at least 12 % of the table apart (tested).
         let stride = |fraction: f64| (buckets as f64 * fraction) as u32 | 1;

@@ -4,7 +4,6 @@ use super::Lights;
 use super::emitter::Emitter;
 use crate::diffuse::DiffuseVertices;
 use crate::lanes::{LANES, Vec3s};
-use crate::math::Rgb;
 
 /// A point on a light for each vertex; see [`LightSample`](super::LightSample).
 #[derive(Clone, Copy, Debug, Default)]
@@ -48,18 +47,33 @@ impl Lights {
                 at.rng.set(lane, rng);
             }
         }
-        for (lane, prob) in points.into_iter().enumerate() {
-            let to_light = samples.target.get(lane) - at.position.get(lane);
-            let distance2 = to_light.length_squared();
-            let wi = to_light * distance2.sqrt().recip();
-            let irradiance = samples.irradiance.get(lane);
-            let at_distance = irradiance * (distance2 * prob).recip();
-            // In the very place of a point there is no direction to it.
-            let at_distance = if distance2 > 0.0 { at_distance } else { Rgb::ZERO };
-            let is_point = prob > 0.0;
-            samples.wi.set(lane, if is_point { wi } else { samples.wi.get(lane) });
-            samples.irradiance.set(lane, if is_point { at_distance } else { irradiance });
-        }
+        samples.reach_points(&at.position, &points);
         samples
+    }
+}
+
+/// One of two numbers. Vectors chosen by branches would keep the compiler from vector instructions.
+#[inline(always)]
+fn either(condition: bool, one: f32, other: f32) -> f32 {
+    if condition { one } else { other }
+}
+
+impl LightSamples {
+    /// Directions to point lights, and the irradiance from them, for vertices at `position`: lanes with a
+    /// positive probability, which so far have the intensity. The others stay as they are.
+    #[inline(always)]
+    fn reach_points(&mut self, position: &Vec3s, probs: &[f32; LANES]) {
+        for (lane, &prob) in probs.iter().enumerate() {
+            let is_point = prob > 0.0;
+            let to_light = self.target.get(lane) - position.get(lane);
+            let distance2 = to_light.length_squared();
+            // In the very place of a point there is no direction to it.
+            let scale = either(distance2 > 0.0, (distance2 * prob).recip(), 0.0);
+            let inverse = either(is_point, distance2.sqrt().recip(), 0.0);
+            let kept = either(is_point, 0.0, 1.0);
+            self.wi.set(lane, to_light * inverse + self.wi.get(lane) * kept);
+            let scale = either(is_point, scale, 1.0);
+            self.irradiance.set(lane, self.irradiance.get(lane) * scale);
+        }
     }
 }
