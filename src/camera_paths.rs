@@ -5,7 +5,7 @@ use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
 use crate::flight::Flight;
-use crate::lanes::{LANES, Rngs};
+use crate::lanes::{LANES, Rngs, vectorized};
 use crate::light_paths::Photon;
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
@@ -156,14 +156,14 @@ impl Walk {
 impl CameraPaths {
     /// Traces one batch, in place of the one before.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
-        self.start(pass, paths);
+        vectorized(|| self.start(pass, paths));
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
             self.hits.resize(self.segments.len(), Hit::MISS);
             pass.accel.closest_hits(self.segments.rays(), &mut self.hits, coherence);
-            self.scatter(pass);
+            vectorized(|| self.scatter(pass));
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
         }
@@ -173,6 +173,7 @@ impl CameraPaths {
         }
     }
 
+    #[inline(always)] // vectorized
     fn start(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
         self.gather_points.clear();
@@ -195,18 +196,29 @@ impl CameraPaths {
                 x[lane] += offsets[0][lane];
                 y[lane] += offsets[1][lane];
             }
-            let directions = pass.view.pinhole_directions(&x, &y);
+            let start = self.segments.len();
             for lane in 0..count {
-                let path = self.segments.len() as u32;
-                let (ray, walk) = self.segments.add();
-                *walk = Walk { rng: rngs.get(lane), path, ..Walk::default() };
-                let weight;
-                (*ray, weight) = if pass.view.has_aperture() {
-                    pass.view.ray(x[lane], y[lane], walk.rng.next_2d())
-                } else {
-                    (Ray::new(pass.view.position, directions.get(lane)), 1.0)
-                };
-                (walk.throughput, walk.inverse_weight) = (Rgb::splat(weight), weight.recip());
+                let (_, walk) = self.segments.add();
+                walk.rng = rngs.get(lane);
+                walk.throughput = Rgb::ONE;
+                walk.inverse_weight = 1.0;
+                walk.path = (start + lane) as u32;
+                walk.vertices = 0;
+                walk.passed = 0;
+            }
+            if pass.view.has_aperture() {
+                for lane in 0..count {
+                    let (ray, walk) = self.segments.at(start + lane);
+                    let weight;
+                    (*ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
+                    (walk.throughput, walk.inverse_weight) = (Rgb::splat(weight), weight.recip());
+                }
+            } else {
+                let directions = pass.view.pinhole_directions(&x, &y);
+                for lane in 0..count {
+                    *self.segments.at(start + lane).0 =
+                        Ray::new(pass.view.position, directions.get(lane));
+                }
             }
         }
         self.direct.clear();
@@ -214,6 +226,7 @@ impl CameraPaths {
     }
 
     /// At the hits: emission, connection, gathering, and the next segment.
+    #[inline(always)] // vectorized
     fn scatter(&mut self, pass: &CameraPass) {
         let mut vertices = DiffuseVertices::default();
         self.next.clear();
@@ -256,7 +269,7 @@ impl CameraPaths {
     }
 
     /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
-    #[inline(never)] // called at two places
+    #[inline(always)] // vectorized
     fn scatter_diffuse(&mut self, pass: &CameraPass, at: &mut DiffuseVertices) {
         let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
         if direct == Direct::Connect {

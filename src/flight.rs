@@ -28,6 +28,15 @@ impl<W: Copy + Default> Flight<W> {
         (&mut self.rays[index], &mut self.walks[index])
     }
 
+    /// The place of one that was added.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[inline(always)] // as above
+    pub fn at(&mut self, index: usize) -> (&mut Ray, &mut W) {
+        (&mut self.rays[index], &mut self.walks[index])
+    }
+
     #[cold]
     fn grow(&mut self) {
         let room = (2 * self.len).max(64);

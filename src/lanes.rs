@@ -9,6 +9,14 @@ use glam::Vec3;
 /// Paths side by side: one register of AVX-512, two of AVX2, four of SSE.
 pub const LANES: usize = 16;
 
+/// Does `work`, compiled for AVX2 where the processor has it: the program itself is built for any. What
+/// it calls must be inlined to gain from that. Results do not depend on it, since numbers are added and
+/// multiplied in the same order.
+#[inline(always)]
+pub fn vectorized<T>(work: impl FnOnce() -> T) -> T {
+    pulp::Arch::new().dispatch(work)
+}
+
 /// A vector of each path, component by component.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]

@@ -3,6 +3,7 @@
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
 use crate::flight::Flight;
+use crate::lanes::vectorized;
 use crate::math::{Rgb, pack_direction, unpack_direction};
 use crate::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Scene, Surface};
@@ -53,8 +54,8 @@ pub enum PhotonClass {
 impl Photon {
     /// `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
-        let normal = (normal * 127.0).round();
-        let normal = [normal.x as i8, normal.y as i8, normal.z as i8];
+        // To the nearest, without a call of `round`.
+        let normal = normal.to_array().map(|c| ((c * 127.0 + 128.5) as i32 - 128) as i8);
         Self { position, path, flux, normal, class, from: 0 }
     }
 
@@ -195,17 +196,18 @@ impl Batch {
     ) {
         let start = Instant::now();
         self.directions = scene.merges_by_direction();
-        self.emit(scene, settings, key, paths.clone());
+        vectorized(|| self.emit(scene, settings, key, paths.clone()));
         while self.in_flight.len() > 0 {
             self.rays += self.in_flight.len() as u64;
             self.hits.resize(self.in_flight.len(), Hit::MISS);
             accel.closest_hits(self.in_flight.rays(), &mut self.hits, Coherence::Incoherent);
-            self.bounce(scene, settings.light_roulette);
+            vectorized(|| self.bounce(scene, settings.light_roulette));
         }
         self.sort_by_path(paths);
         self.busy = start.elapsed();
     }
 
+    #[inline(always)] // vectorized
     fn emit(
         &mut self,
         scene: &Scene,
@@ -239,6 +241,7 @@ impl Batch {
     }
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
+    #[inline(always)] // vectorized
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
         let mut vertices = DiffuseVertices::default();
         self.next.clear();
@@ -287,7 +290,7 @@ impl Batch {
     }
 
     /// Goes on from diffuse vertices.
-    #[inline(never)] // called at two places
+    #[inline(always)] // vectorized
     fn scatter_diffuse(&mut self, at: &mut DiffuseVertices, roulette: Roulette) {
         let directions = at.sample();
         let ends = at.rng.next_1d();

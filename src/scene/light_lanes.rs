@@ -21,8 +21,11 @@ impl Lights {
     #[inline(always)] // part of the loop over vertices
     pub fn connect_all(&self, at: &mut DiffuseVertices) -> LightSamples {
         let mut samples = LightSamples::default();
-        // Of point lights, at unit distance the intensity: the probability of their choice.
-        let mut points = [0.0; LANES];
+        // Of point lights: the probability of their choice.
+        let mut probs = [1.0; LANES];
+        // Lanes with other lights: which, and the probability.
+        let mut others = [(0, 0, 0.0); LANES];
+        let mut other_count = 0;
         let choices = at.rng.next_f64();
         let only = self.by_estimate.only();
         for (lane, _) in at.lanes() {
@@ -36,44 +39,39 @@ impl Lights {
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 samples.target.set(lane, *position);
                 samples.irradiance.set(lane, *intensity);
-                points[lane] = prob;
+                probs[lane] = prob;
             } else {
-                let (position, mut rng) = (at.position.get(lane), at.rng.get(lane));
-                if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
-                    samples.target.set(lane, light.target);
-                    samples.wi.set(lane, light.wi);
-                    samples.irradiance.set(lane, light.irradiance);
-                }
-                at.rng.set(lane, rng);
+                others[other_count] = (lane, index, prob);
+                other_count += 1;
             }
         }
-        samples.reach_points(&at.position, &points);
+        samples.reach_points(&at.position, &probs);
+        for &(lane, index, prob) in &others[..other_count] {
+            let (position, mut rng) = (at.position.get(lane), at.rng.get(lane));
+            if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
+                samples.target.set(lane, light.target);
+                samples.wi.set(lane, light.wi);
+                samples.irradiance.set(lane, light.irradiance);
+            }
+            at.rng.set(lane, rng);
+        }
         samples
     }
 }
 
-/// One of two numbers. Vectors chosen by branches would keep the compiler from vector instructions.
-#[inline(always)]
-fn either(condition: bool, one: f32, other: f32) -> f32 {
-    if condition { one } else { other }
-}
-
 impl LightSamples {
-    /// Directions to point lights, and the irradiance from them, for vertices at `position`: lanes with a
-    /// positive probability, which so far have the intensity. The others stay as they are.
-    #[inline(always)]
+    /// Directions from vertices at `position` to point lights that were chosen with these
+    /// probabilities, and the irradiance there; so far it is the intensity.
+    #[inline(always)] // as above
     fn reach_points(&mut self, position: &Vec3s, probs: &[f32; LANES]) {
         for (lane, &prob) in probs.iter().enumerate() {
-            let is_point = prob > 0.0;
             let to_light = self.target.get(lane) - position.get(lane);
-            let distance2 = to_light.length_squared();
-            // In the very place of a point there is no direction to it.
-            let scale = either(distance2 > 0.0, (distance2 * prob).recip(), 0.0);
-            let inverse = either(is_point, distance2.sqrt().recip(), 0.0);
-            let kept = either(is_point, 0.0, 1.0);
-            self.wi.set(lane, to_light * inverse + self.wi.get(lane) * kept);
-            let scale = either(is_point, scale, 1.0);
-            self.irradiance.set(lane, self.irradiance.get(lane) * scale);
+            // In the very place of a point there is no direction to it; a choice would be a branch,
+            // and keep the compiler from vector instructions.
+            let distance2 = to_light.length_squared().max(1e-30);
+            self.wi.set(lane, to_light * distance2.sqrt().recip());
+            let irradiance = self.irradiance.get(lane) * (distance2 * prob).recip();
+            self.irradiance.set(lane, irradiance);
         }
     }
 }
