@@ -277,8 +277,8 @@ fn bytes_per_light_path(scene: &Scene) -> f64 {
     photons_per_path * BYTES_PER_PHOTON
 }
 
-/// As traced, while sorting with its bucket in two orders, and in the map with up to four buckets.
-const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 2 * 4 + 4 * 4) as f64;
+/// As traced, while sorting with its bucket in two orders, and in the map with up to eight buckets.
+const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 2 * 4 + 8 * 4) as f64;
 
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.
