@@ -134,13 +134,18 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         group.bench_function(STRUCTURES[1], |bencher| bencher.iter(|| kiddo().light));
         group.bench_function(STRUCTURES[2], |bencher| bencher.iter(|| queries().light));
         group.finish();
-        building(criterion, &light, &photons, settings.radius);
+        building(criterion, (&light, light_paths), &photons, settings.radius);
     }
 }
 
 /// The map, by one thread and two, and what bounds it from below: a copy and a counting sort.
-fn building(criterion: &mut Criterion, light: &LightPaths, photons: &[Photon], radius: f32) {
-    let mut group = criterion.benchmark_group(format!("build/{}", light_paths_of(photons)));
+fn building(
+    criterion: &mut Criterion,
+    (light, light_paths): (&LightPaths, u32),
+    photons: &[Photon],
+    radius: f32,
+) {
+    let mut group = criterion.benchmark_group(format!("build/{light_paths}"));
     group.throughput(Throughput::Elements(photons.len() as u64));
     for (threads, name) in [(1, "1 thread"), (2, "2 threads")] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -171,11 +176,6 @@ fn building(criterion: &mut Criterion, light: &LightPaths, photons: &[Photon], r
         });
     });
     group.finish();
-}
-
-fn light_paths_of(photons: &[Photon]) -> u32 {
-    let last = photons.last().map_or(0, |photon| photon.path);
-    LIGHT_PATHS.into_iter().find(|&count| last < count).unwrap()
 }
 
 /// The cells of a plain grid.

@@ -1,4 +1,4 @@
-//! Light phase: traces light paths breadth-first and stores their photons in path order.
+//! Light phase: traces light paths breadth-first and stores their photons.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
@@ -32,11 +32,19 @@ pub struct Photon {
     pub path: u32,
     /// Flux it carries, W: its share of the light is `flux / N_F`.
     pub flux: Rgb,
-    /// Surface normal on the side it arrived from, each coordinate in 1/127.
-    pub(crate) normal: [i8; 3],
-    pub(crate) class: PhotonClass,
+    /// Which side of the surface it arrived from, and where it is merged.
+    pub(crate) side: Side,
     /// Packed unit vector toward where it came from, if it was told.
     pub(crate) from: u32,
+}
+
+/// The part of a photon that decides whether it counts: moved as one word.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(4))]
+pub(crate) struct Side {
+    /// Surface normal on the side it arrived from, each coordinate in 1/127.
+    normal: [i8; 3],
+    class: PhotonClass,
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
@@ -56,7 +64,7 @@ impl Photon {
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
         // To the nearest, without a call of `round`.
         let normal = normal.to_array().map(|c| ((c * 127.0 + 128.5) as i32 - 128) as i8);
-        Self { position, path, flux, normal, class, from: 0 }
+        Self { position, path, flux, side: Side { normal, class }, from: 0 }
     }
 
     /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
@@ -68,7 +76,7 @@ impl Photon {
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
     /// normal `normal`: what is merged there is the radiance that the surface has here.
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
-        let own = Vec3::from_array(self.normal.map(f32::from)).normalize();
+        let own = Vec3::from_array(self.side.normal.map(f32::from)).normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
     }
 
@@ -76,14 +84,14 @@ impl Photon {
     /// of the two normals.
     #[inline]
     pub fn faces(&self, normal: Vec3) -> bool {
-        let [x, y, z] = self.normal.map(f32::from);
+        let [x, y, z] = self.side.normal.map(f32::from);
         Vec3::new(x, y, z).dot(normal) > 0.0
     }
 
     /// Where it is merged.
     #[inline]
     pub fn class(&self) -> PhotonClass {
-        self.class
+        self.side.class
     }
 }
 
@@ -116,7 +124,7 @@ impl LightPaths {
         });
     }
 
-    /// All photons: slices in path order, photons of a path in the order of its vertices.
+    /// All photons: slices of consecutive paths, each bounce by bounce and there in path order.
     pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
         self.batches.iter().map(|batch| &batch.photons[..])
     }
@@ -171,10 +179,8 @@ impl Walk {
 /// Consecutive paths that are traced together.
 #[derive(Debug, Default)]
 struct Batch {
-    /// The result, in path order.
+    /// The result, bounce by bounce.
     photons: Vec<Photon>,
-    /// Photons as they arrive, bounce by bounce.
-    arrivals: Vec<Photon>,
     /// Whether photons keep theirs.
     directions: bool,
     in_flight: Flight<Walk>,
@@ -196,14 +202,13 @@ impl Batch {
     ) {
         let start = Instant::now();
         self.directions = scene.merges_by_direction();
-        vectorized(|| self.emit(scene, settings, key, paths.clone()));
+        vectorized(|| self.emit(scene, settings, key, paths));
         while self.in_flight.len() > 0 {
             self.rays += self.in_flight.len() as u64;
             self.hits.resize(self.in_flight.len(), Hit::MISS);
             accel.closest_hits(self.in_flight.rays(), &mut self.hits, Coherence::Incoherent);
             vectorized(|| self.bounce(scene, settings.light_roulette));
         }
-        self.sort_by_path(paths);
         self.busy = start.elapsed();
     }
 
@@ -216,7 +221,7 @@ impl Batch {
         paths: std::ops::Range<u32>,
     ) {
         self.rays = 0;
-        self.arrivals.clear();
+        self.photons.clear();
         self.in_flight.clear();
         // Photons straight from a light are replaced by connections, or merged at every vertex.
         let class = match settings.direct {
@@ -286,7 +291,7 @@ impl Batch {
     /// Stores an arrival; `from` is a unit vector toward where it came from.
     #[inline]
     fn store(&mut self, photon: Photon, from: Vec3) {
-        self.arrivals.push(if self.directions { photon.coming_from(from) } else { photon });
+        self.photons.push(if self.directions { photon.coming_from(from) } else { photon });
     }
 
     /// Goes on from diffuse vertices.
@@ -336,23 +341,5 @@ impl Batch {
         }
         walk.flux *= sample.weight / survival;
         Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
-    }
-
-    /// Counting sort of the arrivals; stable, so a path's vertices keep their order.
-    fn sort_by_path(&mut self, paths: std::ops::Range<u32>) {
-        let mut next = [0u32; BATCH as usize + 1];
-        for photon in &self.arrivals {
-            next[(photon.path - paths.start) as usize + 1] += 1;
-        }
-        for i in 1..next.len() {
-            next[i] += next[i - 1];
-        }
-        self.photons.clear();
-        self.photons.extend_from_slice(&self.arrivals);
-        for photon in &self.arrivals {
-            let slot = &mut next[(photon.path - paths.start) as usize];
-            self.photons[*slot as usize] = *photon;
-            *slot += 1;
-        }
     }
 }

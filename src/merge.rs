@@ -3,7 +3,7 @@
 use crate::camera_paths::{CameraPaths, GatherPoint};
 use crate::light_paths::{Photon, PhotonClass};
 use crate::math::{Rgb, disc_area};
-use crate::photon_map::{PhotonMap, Rows};
+use crate::photon_map::{PhotonMap, Range, Ranges};
 
 /// What is done with the pairs of a batch of camera paths.
 pub trait PairVisitor {
@@ -15,10 +15,6 @@ pub trait PairVisitor {
     /// The current camera path is complete; `direct` is its `D_j`.
     fn end_path(&mut self, direct: Rgb);
 }
-
-/// Gather points whose rows are found before the first of them is merged: waiting for memory
-/// overlaps.
-const GROUP: usize = 32;
 
 /// The constant merge kernel `1/(pi r^2)` over a photon map.
 #[derive(Clone, Copy, Debug)]
@@ -42,20 +38,20 @@ impl<'a> Merge<'a> {
     #[inline]
     pub fn visit(&self, paths: &CameraPaths, visitor: &mut impl PairVisitor) {
         let mut ended = 0;
-        let mut rows = [Rows::default(); GROUP];
-        for points in paths.gather_points.chunks(GROUP) {
-            for (rows, point) in rows.iter_mut().zip(points) {
-                *rows = self.map.rows(point.position);
-            }
-            for (point, rows) in points.iter().zip(&rows) {
-                for &direct in &paths.direct[ended..point.path as usize] {
+        let mut ranges = Ranges::default();
+        for points in paths.gather_points.chunks(Ranges::LOOK_UPS) {
+            self.map.find_ranges(points.iter().map(|point| point.position), &mut ranges);
+            for range in ranges.as_slice() {
+                let point = &points[range.look_up as usize];
+                let path = point.path as usize;
+                for &direct in &paths.direct[ended..path] {
                     visitor.end_path(direct);
                 }
-                ended = point.path as usize;
+                ended = path;
                 match paths.views.get(point.view as usize) {
-                    None => self.at_point(point, rows, visitor, |_| Rgb::ONE),
+                    None => self.in_range(range, point, visitor, |_| Rgb::ONE),
                     Some(view) => {
-                        self.at_point(point, rows, visitor, |photon| view.value(photon, point));
+                        self.in_range(range, point, visitor, |photon| view.value(photon, point));
                     }
                 }
             }
@@ -65,19 +61,19 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// Merges at one vertex of the current camera path, where photons count by `value` besides the
-    /// vertex' weight.
+    /// Merges one vertex of the current camera path with photons of one range, which count by
+    /// `value` besides the vertex' weight.
     #[inline]
-    fn at_point(
+    fn in_range(
         &self,
+        range: &Range,
         point: &GatherPoint,
-        rows: &Rows,
         visitor: &mut impl PairVisitor,
         value: impl Fn(&Photon) -> Rgb,
     ) {
         let weight = point.weight * self.kernel;
         let last = point.vertex == self.merge_vertex;
-        self.map.for_each_in(rows, point.position, |photon, distance2| {
+        self.map.for_each_in(range, point.position, |photon, distance2| {
             let counts = last || photon.class() == PhotonClass::EveryVertex;
             if counts && photon.faces(point.normal) {
                 let contribution = weight * photon.flux * value(photon);

@@ -214,7 +214,8 @@ impl<'a> Renderer<'a> {
         self.light_paths.trace(scene, *accel, settings, counts.light_paths, iteration);
         let build = Instant::now();
         self.photon_map.build(&self.light_paths, settings.radius);
-        let build_time = build.elapsed();
+        // No thread has anything else to do meanwhile.
+        let build_time = build.elapsed() * rayon::current_num_threads() as u32;
 
         let pass = CameraPass {
             scene,
@@ -268,8 +269,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons, held twice
-/// while sorting besides their buckets. Surfaces that only pass it on leave none.
+/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that only pass it on leave none.
 fn bytes_per_light_path(scene: &Scene) -> f64 {
     let storing = scene.materials.iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
@@ -277,7 +277,8 @@ fn bytes_per_light_path(scene: &Scene) -> f64 {
     photons_per_path * BYTES_PER_PHOTON
 }
 
-const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 16) as f64;
+/// As traced, while sorting with its bucket in two orders, and in the map with up to eight buckets.
+const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 2 * 4 + 8 * 4) as f64;
 
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.

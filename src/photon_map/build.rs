@@ -1,19 +1,22 @@
 //! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
 //! the partitions, then each partition by bucket.
 //!
-//! Chunks and partitions depend on the photons only, and so does their order.
+//! Photons of a bucket keep their order, which does not depend on chunks and partitions.
 
 use super::{Block, Grid, LANES, Light, PhotonMap};
 use crate::light_paths::{Photon, PhotonClass};
 use crate::math::Bounds;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
-/// Photons per chunk, about: they fit in the second-level cache.
+/// Photons per chunk, about: they stay in the second-level cache.
 const CHUNK: usize = 8192;
-/// Photons per partition, about: likewise.
-const PARTITION: usize = 4096;
+/// Photons per partition, about, unless threads would be idle: likewise.
+const PARTITION: usize = 32_768;
+/// Fewer photons than this are not worth a partition.
+const LEAST: usize = 4096;
 /// Most partitions: so many places are written to in turn.
-const PARTITIONS: usize = 128;
+const PARTITIONS: usize = 256;
 
 /// Consecutive photons sorted by partition, and what they have in common.
 #[derive(Debug, Default)]
@@ -46,13 +49,16 @@ impl Extent {
     }
 
     fn of(photons: &[Photon]) -> Self {
-        photons.iter().fold(Self { count: photons.len(), ..Self::EMPTY }, |extent, photon| Self {
-            bounds: extent.bounds.with(photon.position),
-            any_at_every_vertex: extent.any_at_every_vertex
-                | (photon.class() == PhotonClass::EveryVertex),
-            directions: extent.directions | (photon.from != 0),
-            ..extent
-        })
+        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (mut any_at_every_vertex, mut directions) = (false, 0);
+        for photon in photons {
+            min = min.min(photon.position.into());
+            max = max.max(photon.position.into());
+            any_at_every_vertex |= photon.class() == PhotonClass::EveryVertex;
+            directions |= photon.from;
+        }
+        let bounds = Bounds { min: min.into(), max: max.into() };
+        Self { bounds, count: photons.len(), any_at_every_vertex, directions: directions != 0 }
     }
 
     fn and(self, other: Self) -> Self {
@@ -69,10 +75,11 @@ impl Extent {
 impl Chunk {
     /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
     fn sort(&mut self, slices: &[&[Photon]], grid: &Grid, shift: u32, partitions: usize) {
-        let photons = || slices.iter().copied().flatten();
+        // A position that is not finite, which no look-up finds, has any bucket.
+        let last = grid.buckets() - 1;
         self.unsorted.clear();
         for photons in slices {
-            let bucket = |photon: &Photon| grid.bucket(grid.cell(photon.position));
+            let bucket = |photon: &Photon| grid.bucket(grid.cell(photon.position.into())).min(last);
             self.unsorted.extend(photons.iter().map(bucket));
         }
         // Places are handed out from where a partition starts, one ahead of its end.
@@ -88,11 +95,18 @@ impl Chunk {
         let count = self.unsorted.len();
         self.buckets.resize(count, 0);
         self.photons.resize(count, Photon::default());
-        for (photon, &bucket) in photons().zip(&self.unsorted) {
-            let next = &mut next[(bucket >> shift) as usize];
-            self.photons[*next as usize] = *photon;
-            self.buckets[*next as usize] = bucket;
-            *next += 1;
+        let mut unsorted = &self.unsorted[..];
+        let (sorted, buckets) = (&mut self.photons[..count], &mut self.buckets[..count]);
+        for photons in slices {
+            let (own, rest) = unsorted.split_at(photons.len());
+            unsorted = rest;
+            for (photon, &bucket) in photons.iter().zip(own) {
+                let next = &mut next[(bucket >> shift) as usize];
+                let place = *next as usize;
+                *next += 1;
+                sorted[place] = *photon;
+                buckets[place] = bucket;
+            }
         }
     }
 
@@ -143,7 +157,7 @@ impl Partition<'_> {
             }
         }
         for place in end as usize..self.blocks.len() * LANES {
-            self.blocks[place / LANES].set(place % LANES, glam::Vec3::NAN);
+            self.blocks[place / LANES].set(place % LANES, Vec3::NAN);
         }
         for start in &mut *self.starts {
             *start += self.offset;
@@ -160,8 +174,10 @@ impl PhotonMap {
     /// Sorts the photons into the buckets of `self.grid`.
     pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
         let Extent { count, directions, .. } = *extent;
-        let partitions = (count / PARTITION).next_power_of_two().min(PARTITIONS);
-        let shift = self.grid.buckets().div_ceil(partitions).next_power_of_two().ilog2();
+        let buckets = self.grid.buckets() as usize;
+        let wanted = (4 * rayon::current_num_threads()).min(count / LEAST).max(count / PARTITION);
+        let partitions = wanted.next_power_of_two().min(PARTITIONS);
+        let shift = buckets.div_ceil(partitions).next_power_of_two().ilog2();
         let per_chunk = slices.len().div_ceil((count / CHUNK).max(1));
         self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
         let grid = &self.grid;
@@ -181,20 +197,20 @@ impl PhotonMap {
         self.lights.resize(places, Light::default());
         self.paths.resize(places, 0);
         self.froms.resize(if directions { places } else { 0 }, 0);
-        self.starts.resize(self.grid.buckets() + 1, 0);
-        self.starts[self.grid.buckets()] = places as u32;
+        self.starts.resize(buckets + 1, 0);
+        self.starts[buckets] = places as u32;
 
-        let mut starts = &mut self.starts[..self.grid.buckets()];
+        let mut starts = &mut self.starts[..buckets];
         let (mut blocks, mut lights) = (&mut self.blocks[..], &mut self.lights[..]);
         let (mut paths, mut froms) = (&mut self.paths[..], &mut self.froms[..]);
         let mut offset = 0;
         let all: Vec<Partition> = sizes
             .iter()
             .map(|&size| {
-                let buckets = starts.len().min(1 << shift);
+                let own = starts.len().min(1 << shift);
                 let partition = Partition {
                     offset,
-                    starts: take(&mut starts, buckets),
+                    starts: take(&mut starts, own),
                     blocks: take(&mut blocks, size / LANES),
                     lights: take(&mut lights, size),
                     paths: take(&mut paths, size),

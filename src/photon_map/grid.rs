@@ -2,7 +2,7 @@
 
 use super::SLACK;
 use crate::math::Bounds;
-use glam::{IVec3, Vec3};
+use glam::Vec3A;
 
 /// Cells relative to a corner outside of the photons' bounding box.
 ///
@@ -17,8 +17,8 @@ use glam::{IVec3, Vec3};
 /// met twice; photons of other cells in the same bucket fail the distance test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {
-    corner: Vec3,
-    inverse_cell: Vec3,
+    corner: Vec3A,
+    inverse_cell: Vec3A,
     stride_y: u32,
     stride_z: u32,
     /// Number of buckets less one: a power of two less one, or all ones where the grid is an array.
@@ -33,14 +33,19 @@ const CELL_MARGIN: f32 = 1.01;
 const MIN_CELL: f32 = 1e-4;
 /// Cells along x for one along y and z.
 const FINE: f32 = 4.0;
-/// Buckets for each photon, at most.
+/// A grid of up to this many cells is an array however few the photons: it stays in the caches.
+const SMALL: usize = 1 << 14;
+/// Cells are widened up to this much to make the grid an array of no more cells than photons...
+const WIDE: f32 = 2.0;
+/// ... and up to this much to make it a small one.
+const WIDEST: f32 = 8.0;
+/// Buckets per photon of hashed grids.
 const BUCKETS_PER_PHOTON: usize = 4;
-/// A grid of up to this many cells is an array, however few the photons.
-const ARRAY_CELLS: usize = 1 << 14;
-/// Where the grid does not fit, cells are widened up to this much to make it fit.
-const WIDEST: f32 = 4.0;
 /// Fewest buckets of a hashed grid: the four ranges of a look-up are short beside it.
 const MIN_HASHED: usize = 256;
+
+/// `2^23`: cells are fewer along each axis.
+const TO_BITS: f32 = 8_388_608.0;
 
 impl Grid {
     /// For photons within `bounds`.
@@ -48,23 +53,25 @@ impl Grid {
         let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
         let narrowest = (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL);
         // A look-up reaches up to a diameter beyond the photons on each side.
-        let corner = bounds.min - Vec3::splat(narrowest);
-        let most = (BUCKETS_PER_PHOTON * photons).clamp(ARRAY_CELLS, 1 << 30);
-        let mut cell = narrowest;
-        while cell <= WIDEST * narrowest {
-            let inverse_cell = Vec3::new(FINE, 1.0, 1.0) / cell;
-            // One more for rounding, and one that look-ups read in any case.
-            let size = ((bounds.max - corner + narrowest) * inverse_cell).floor() + 3.0;
+        let corner = Vec3A::from(bounds.min) - narrowest;
+        let mut width = 1.0;
+        while width <= WIDEST {
+            let cell = width * narrowest;
+            let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / cell;
+            // One more for rounding, and two that look-ups may read.
+            let extent = Vec3A::from(bounds.max) - corner + narrowest;
+            let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
+            let most = if width <= WIDE { photons.max(SMALL) } else { SMALL };
             if buckets <= most as f64 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
                 let buckets = buckets as u32;
                 return Self { corner, inverse_cell, stride_y, stride_z, mask: u32::MAX, buckets };
             }
-            cell *= 1.1;
+            width *= 1.05;
         }
-        let inverse_cell = Vec3::new(FINE, 1.0, 1.0) / narrowest;
+        let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / narrowest;
         let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, 1 << 30);
         // Odd strides at fractions of the table after the plastic number's powers: rows of cells
         // spread evenly, and neighboring rows are at least 12 % of the table apart (tested).
@@ -75,22 +82,42 @@ impl Grid {
     }
 
     /// Number of buckets.
-    pub fn buckets(&self) -> usize {
-        self.buckets as usize
+    #[inline]
+    pub fn buckets(&self) -> u32 {
+        self.buckets
     }
 
-    /// Coordinates of photons and within reach of them are positive: truncating rounds down.
+    /// The cell around a position no farther from the photons than a diameter.
     #[inline]
-    pub fn cell(&self, position: Vec3) -> IVec3 {
-        ((position - self.corner) * self.inverse_cell).as_ivec3()
+    pub fn cell(&self, position: Vec3A) -> [u32; 3] {
+        // Adding 2^23 leaves the nearest whole number in the lowest bits.
+        let rounded = (position - self.corner) * self.inverse_cell + TO_BITS;
+        rounded.to_array().map(|c| c.to_bits() & (TO_BITS as u32 - 1))
     }
 
     /// The bucket of a cell.
     #[inline]
-    pub fn bucket(&self, cell: IVec3) -> u32 {
-        let row = (cell.y as u32).wrapping_mul(self.stride_y);
-        let layer = (cell.z as u32).wrapping_mul(self.stride_z);
-        (cell.x as u32).wrapping_add(row).wrapping_add(layer) & self.mask
+    pub fn bucket(&self, [x, y, z]: [u32; 3]) -> u32 {
+        x.wrapping_add(self.row([y, z])) & self.mask
+    }
+
+    /// First and last bucket of the rows of cells between two corners of a look-up, and whether the
+    /// look-up meets that row. A row whose last bucket comes first lies at both ends of the table.
+    #[inline]
+    pub fn rows(&self, low: [u32; 3], high: [u32; 3]) -> [(u32, u32, bool); 4] {
+        let [[x0, y0, z0], [x1, y1, z1]] = [low, high];
+        let first = self.row([y0, z0]);
+        let row = |row: u32, met| {
+            (x0.wrapping_add(row) & self.mask, x1.wrapping_add(row) & self.mask, met)
+        };
+        let (y, z) = (y1 > y0, z1 > z0);
+        let (up, deep) = (first.wrapping_add(self.stride_y), first.wrapping_add(self.stride_z));
+        [row(first, true), row(up, y), row(deep, z), row(up.wrapping_add(self.stride_z), y & z)]
+    }
+
+    #[inline]
+    fn row(&self, [y, z]: [u32; 2]) -> u32 {
+        y.wrapping_mul(self.stride_y).wrapping_add(z.wrapping_mul(self.stride_z))
     }
 
     /// Whether cells share buckets.
@@ -103,6 +130,7 @@ impl Grid {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     #[test]
     fn the_four_ranges_of_a_look_up_never_overlap() {

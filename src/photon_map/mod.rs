@@ -3,10 +3,10 @@
 mod build;
 mod grid;
 
-use crate::light_paths::{LightPaths, Photon, PhotonClass};
+use crate::light_paths::{LightPaths, Photon, Side};
 use crate::math::{Bounds, Rgb};
 use build::{Chunk, Extent};
-use glam::{IVec3, Vec3, Vec4};
+use glam::{Vec3, Vec3A, Vec4};
 use grid::Grid;
 
 /// Photons sorted by the cell of a uniform grid, cells hashed into buckets.
@@ -33,7 +33,7 @@ pub struct PhotonMap {
     /// The radius, widened past rounding.
     slack_radius: f32,
     /// Positions outside see no photons.
-    reach: Option<Bounds>,
+    reach: Option<[Vec3A; 2]>,
     any_at_every_vertex: bool,
 }
 
@@ -75,32 +75,59 @@ impl Block {
 #[derive(Clone, Copy, Debug, Default)]
 struct Light {
     flux: Rgb,
-    normal: [i8; 3],
-    class: PhotonClass,
+    side: Side,
 }
 
 impl Light {
     #[inline]
     fn of(photon: &Photon) -> Self {
-        Self { flux: photon.flux, normal: photon.normal, class: photon.class }
+        Self { flux: photon.flux, side: photon.side }
     }
 }
 
-/// The ranges of places to be searched around one position.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Rows {
-    ranges: [[u32; 2]; MOST_ROWS],
+/// Where a number of look-ups have to search, in their order.
+///
+/// Finding that of many look-ups before the first of them searches makes their waits for memory
+/// overlap.
+#[derive(Clone, Debug)]
+pub struct Ranges {
+    ranges: [Range; Self::LOOK_UPS * MOST_ROWS],
     count: usize,
 }
 
-/// Two by two, of which one may lie at both ends of the table.
+/// Consecutive places in the map, one of them at least, that a look-up has to search.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Range {
+    start: u32,
+    end: u32,
+    /// Number of the look-up among those that were asked for together.
+    pub look_up: u32,
+}
+
+/// Ranges of one look-up: two by two rows of cells, one of which may lie at both ends of the table.
 const MOST_ROWS: usize = 5;
 
-impl Rows {
+impl Default for Ranges {
+    fn default() -> Self {
+        Self { ranges: [Range::default(); Self::LOOK_UPS * MOST_ROWS], count: 0 }
+    }
+}
+
+impl Ranges {
+    /// Most look-ups at once.
+    pub const LOOK_UPS: usize = 32;
+
+    /// All ranges.
     #[inline]
-    fn push(&mut self, start: u32, end: u32, valid: bool) {
-        self.ranges[self.count] = [start, end];
-        self.count += usize::from(valid && start < end);
+    pub fn as_slice(&self) -> &[Range] {
+        &self.ranges[..self.count]
+    }
+
+    /// Adds a range if it is `met` and not empty.
+    #[inline]
+    fn push(&mut self, range: Range, met: bool) {
+        self.ranges[self.count] = range;
+        self.count += usize::from(met & (range.start < range.end));
     }
 }
 
@@ -125,88 +152,86 @@ impl PhotonMap {
         self.count = count;
         self.reach = None;
         if count > 0 {
+            let Bounds { min, max } = bounds;
             let reach = Vec3::splat(self.slack_radius);
-            self.reach = Some(Bounds { min: bounds.min - reach, max: bounds.max + reach });
+            self.reach = Some([(min - reach).into(), (max + reach).into()]);
             self.grid = Grid::new(bounds, radius, count);
             self.sort(slices, &extent);
         }
     }
 
-    /// Where the photons within the radius of `position` lie.
+    /// Sets `ranges` to where the photons within the radius of `positions` are.
+    ///
+    /// # Panics
+    /// If there are more than [`Ranges::LOOK_UPS`].
     #[inline]
-    pub fn rows(&self, position: Vec3) -> Rows {
-        let mut rows = Rows::default();
-        let inside = self.reach.is_some_and(|reach| {
-            position.cmpge(reach.min).all() && position.cmple(reach.max).all()
-        });
-        if !inside {
-            return rows;
-        }
-        let low = self.grid.cell(position - self.slack_radius);
-        let high = self.grid.cell(position + self.slack_radius);
-        for z in [low.z, low.z + 1] {
-            for y in [low.y, low.y + 1] {
-                let valid = y <= high.y && z <= high.z;
-                let first = self.grid.bucket(IVec3::new(low.x, y, z));
-                let last = self.grid.bucket(IVec3::new(high.x, y, z));
+    pub fn find_ranges(&self, positions: impl Iterator<Item = Vec3>, ranges: &mut Ranges) {
+        ranges.count = 0;
+        let Some([min, max]) = self.reach else { return };
+        for (position, look_up) in positions.map(Vec3A::from).zip(0..) {
+            if !(position.cmpge(min) & position.cmple(max)).all() {
+                continue;
+            }
+            let low = self.grid.cell(position - self.slack_radius);
+            let high = self.grid.cell(position + self.slack_radius);
+            for (first, last, met) in self.grid.rows(low, high) {
                 let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
                 if first <= last {
-                    rows.push(start, end, valid);
+                    ranges.push(Range { start, end, look_up }, met);
                 } else {
-                    // The row lies at the two ends of the table.
-                    rows.push(start, self.starts[self.grid.buckets()], valid);
-                    rows.push(0, end, valid);
+                    let last_end = self.starts[self.grid.buckets() as usize];
+                    ranges.push(Range { start, end: last_end, look_up }, met);
+                    ranges.push(Range { start: 0, end, look_up }, met);
                 }
             }
         }
-        rows
     }
 
     /// Calls `visit` once with each photon within the radius of `position` (its edge included) and
     /// its squared distance, in an order that depends on the photons and the position only.
-    #[inline]
-    pub fn for_each_within(&self, position: Vec3, visit: impl FnMut(&Photon, f32)) {
-        self.for_each_in(&self.rows(position), position, visit);
+    pub fn for_each_within(&self, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
+        let mut ranges = Ranges::default();
+        self.find_ranges(std::iter::once(position), &mut ranges);
+        for range in ranges.as_slice() {
+            self.for_each_in(range, position, &mut visit);
+        }
     }
 
-    /// [`Self::for_each_within`] for the rows of `position`.
+    /// The part of [`Self::for_each_within`] that is in one range of this position.
     #[inline]
-    pub fn for_each_in(&self, rows: &Rows, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
+    pub fn for_each_in(&self, range: &Range, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
         let center = position.to_array().map(Vec4::splat);
         let radius2 = Vec4::splat(self.radius2);
-        for &[start, end] in &rows.ranges[..rows.count] {
-            let (start, end) = (start as usize, end as usize);
-            // Up to 64 places at a time, a bit for each that is within the radius.
-            let mut first = start / LANES * LANES;
-            while first < end {
-                let blocks = first / LANES..(first + 64).min(end).div_ceil(LANES);
-                let mut found = 0;
-                for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(LANES)) {
-                    found |= block.within(center, radius2) << lane;
-                }
-                found &= u64::MAX << start.saturating_sub(first);
-                found &= u64::MAX >> (first + 64).saturating_sub(end);
-                while found != 0 {
-                    let place = first + found.trailing_zeros() as usize;
-                    found &= found - 1;
-                    let photon = self.photon(place);
-                    visit(&photon, photon.position.distance_squared(position));
-                }
-                first += 64;
+        let (start, end) = (range.start as usize, range.end as usize);
+        // Up to 64 places at a time, a bit for each that is within the radius.
+        let mut first = start / LANES * LANES;
+        while first < end {
+            let blocks = first / LANES..(first + 64).min(end).div_ceil(LANES);
+            let mut found = 0;
+            for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(LANES)) {
+                found |= block.within(center, radius2) << lane;
             }
+            found &= u64::MAX << start.saturating_sub(first);
+            found &= u64::MAX >> (first + 64).saturating_sub(end);
+            while found != 0 {
+                let place = first + found.trailing_zeros() as usize;
+                found &= found - 1;
+                let photon = self.photon(place);
+                visit(&photon, photon.position.distance_squared(position));
+            }
+            first += 64;
         }
     }
 
     /// The photon at a place; what is not needed of it is not read.
     #[inline]
     fn photon(&self, place: usize) -> Photon {
-        let Light { flux, normal, class } = self.lights[place];
+        let Light { flux, side } = self.lights[place];
         Photon {
             position: self.blocks[place / LANES].get(place % LANES),
             path: self.paths[place],
             flux,
-            normal,
-            class,
+            side,
             from: self.froms.get(place).copied().unwrap_or(0),
         }
     }

@@ -1,6 +1,7 @@
 //! Look-ups against a search of all photons.
 
 use super::*;
+use crate::light_paths::PhotonClass;
 use crate::rng::{Stream, StreamKey};
 
 fn photon(position: Vec3, path: usize) -> Photon {
@@ -73,6 +74,9 @@ fn hashed_grids_find_the_same_once() {
     for radius in [0.003, 0.01, 0.05] {
         assert!(assert_exact(&photons, &queries, radius) >= queries.len());
     }
+    // In a table of 256 buckets many rows of cells lie at both of its ends.
+    let few: Vec<Vec3> = photons[..60].iter().map(|p| p.position).collect();
+    assert!(assert_exact(&photons[..60], &few, 0.003) >= few.len());
 }
 
 #[test]
@@ -102,4 +106,39 @@ fn an_empty_map_finds_nothing_also_after_a_full_one() {
     map.build_from(&[], 1.0);
     assert!(map.is_empty());
     map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
+}
+
+#[test]
+fn photons_at_the_same_place_are_all_found() {
+    let place = Vec3::new(3.0, -2.0, 7.0);
+    for count in [1, 2, 63, 64, 65, 300] {
+        let positions: Vec<Vec3> =
+            (0..count).flat_map(|i| [place, place + Vec3::X * 1e-3 * i as f32]).collect();
+        let photons = photons(&positions);
+        assert!(assert_exact(&photons, &[place], 1e-4) >= count);
+        assert_eq!(assert_exact(&photons, &[place], 10.0), 2 * count);
+    }
+    let one = photons(&[place]);
+    assert_eq!(assert_exact(&one, &[place, place + 0.5, place + 0.6], 0.9), 2);
+}
+
+#[test]
+fn look_ups_find_the_same_in_the_same_order_for_any_number_of_threads() {
+    let photons = photons(&points(60_000, Vec3::ZERO, Vec3::splat(10.0), 5));
+    let slices: Vec<&[Photon]> = photons.chunks(700).collect();
+    let queries = points(200, Vec3::ZERO, Vec3::splat(10.0), 6);
+    for radius in [0.05, 0.3] {
+        let found = [1, 2, 4].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut map = PhotonMap::default();
+            pool.install(|| map.build_from(&slices, radius));
+            let mut found = Vec::new();
+            for &query in &queries {
+                map.for_each_within(query, |photon, distance2| found.push((*photon, distance2)));
+            }
+            found
+        });
+        assert!(found[0].len() > 100, "{}", found[0].len());
+        assert!(found[0] == found[1] && found[0] == found[2]);
+    }
 }
