@@ -1,14 +1,12 @@
 //! Material libraries (MTL), record by record.
-//!
-//! Read here and not through `tobj`, which panics when a color has fewer than three numbers and
-//! knows no lines.
 
 use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
+use crate::scene::lines::Lines;
 use crate::scene::mtl_material::MtlMaterial;
 use crate::scene::notes::Note;
-use crate::scene::text::{Lines, list, split_keyword};
+use crate::scene::text::{list, read_lines, split_keyword};
 use crate::scene::{Material, Texture};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -32,11 +30,13 @@ pub(super) fn load(
     materials: &mut BTreeMap<String, Material>,
     notes: &mut Vec<Note>,
 ) -> Result<()> {
-    let mut lines = Lines::open(path)?;
+    let text = read_lines(path)?;
+    let mut lines = Lines::new(path, &text, 0);
     let mut current: Option<MtlMaterial> = None;
     let mut ignored = Notes::default();
     while lines.advance()? {
-        let (keyword, rest) = split_keyword(lines.line());
+        let line = lines.text();
+        let (keyword, rest) = split_keyword(&line);
         if keyword == "newmtl" {
             if let Some(done) = current.take() {
                 ignored.finish(done, materials);
@@ -144,7 +144,8 @@ fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
 
 /// A number within bounds; what follows it is ignored.
 fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
-    let keyword = split_keyword(lines.line()).0;
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
     // `d -halo 0.5` of the standard: opacity that depends on the angle, read as if it did not.
     let text = text.strip_prefix("-halo").unwrap_or(text);
     let number = text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
@@ -160,7 +161,7 @@ fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
 fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Result<Rgb> {
     let color = color(lines, text)?;
     if color.max_element() > 1.0 {
-        let what = match split_keyword(lines.line()).0 {
+        let what = match split_keyword(&lines.text()).0 {
             "Ks" => "specular",
             _ => "diffuse",
         };
@@ -173,7 +174,8 @@ fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Resul
 
 /// Three numbers, or one for all channels.
 fn color(lines: &Lines, text: &str) -> Result<Rgb> {
-    let keyword = split_keyword(lines.line()).0;
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
     let numbers: Option<Vec<f32>> =
         text.split_whitespace().take(4).map(|w| w.parse().ok()).collect();
     let color = match numbers.as_deref() {
