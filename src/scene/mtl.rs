@@ -12,6 +12,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
+/// Textures that are read.
+const MAPS: [&str; 4] = ["map_Kd", "map_d", "map_Ke", "norm"];
+
 /// Reflected share of light where nothing else is said.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 
@@ -89,29 +92,36 @@ pub(super) fn load(
             _ => false,
         };
         if is_map && !read {
-            ignored.textures.insert(material.name.clone());
+            let is_missing = MAPS.contains(&keyword) && !rest.is_empty() && !rest.starts_with('-');
+            if is_missing {
+                ignored.missing.insert(rest.to_owned());
+            } else {
+                ignored.textures.insert(material.name.clone());
+            }
         }
     }
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
     for (names, what) in [
-        (ignored.textures, "some textures (no such file, of another use, or with options)"),
-        (ignored.highlights, "the highlights (`Ks` with `Kd`)"),
-        (ignored.transparent, "the transparency"),
+        (ignored.missing, "some textures, for there are no files"),
+        (ignored.textures, "some textures (of another use, or with options) of"),
+        (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
+        (ignored.transparent, "the transparency of"),
     ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
-            let note = format!("{}: ignored {what} of {names}", path.display());
+            let note = format!("{}: ignored {what} {names}", path.display());
             notes.push(Note::skipped(note));
         }
     }
     Ok(())
 }
 
-/// Names of materials of which something was ignored.
+/// What was ignored: names of textures without a file, and of materials that lack something.
 #[derive(Default)]
 struct Notes {
+    missing: BTreeSet<String>,
     textures: BTreeSet<String>,
     highlights: BTreeSet<String>,
     transparent: BTreeSet<String>,

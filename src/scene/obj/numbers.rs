@@ -17,7 +17,7 @@ pub(super) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 fn is_space(byte: &u8) -> bool {
-    byte.is_ascii_whitespace()
+    matches!(byte, b' ' | b'\t'..=b'\r')
 }
 
 /// The beginning of a word, for a message.

