@@ -73,7 +73,7 @@ fn many_ways_to_write_a_square() {
         SQUARE.replace("0\n", "0 0.1 0.2 0.3 1\n"),
         SQUARE.replace("0 ", "0.e5 ").replace("v 1 ", "v +10e-1 ").replace("1 0\n", "1. -.0\n"),
         SQUARE.replace("v 1", "v 1000e-3").replace("0 0\n", ".0 -0\n"),
-        format!("s 1\ng\no\nvp 0 0\nf 1 2 3 4\n").replace("f 1 2 3 4\n", SQUARE),
+        format!("s 1\ng\no\nvp 0 0\n{SQUARE}"),
     ] {
         let read = corners(&obj(&content).scene);
         assert_eq!(read, expected, "{content:?}");
@@ -144,14 +144,14 @@ fn backends(scene: &Scene) -> Vec<Box<dyn Intersect>> {
 /// The green image of a scene by each backend.
 fn images(scene: &Scene) -> Vec<Vec<f64>> {
     let settings = Settings { radius: 1e-3 * scene.size(), ..settings(16, 16) };
-    let image = |accel: &Box<dyn Intersect>| {
-        let mut renderer = Renderer::new(scene, &**accel, settings.clone()).unwrap();
+    let image = |accel: Box<dyn Intersect>| {
+        let mut renderer = Renderer::new(scene, &*accel, settings.clone()).unwrap();
         for _ in 0..4 {
             assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
         }
         renderer.film().mean().iter().map(|pixel| f64::from(pixel.y)).collect()
     };
-    backends(scene).iter().map(image).collect()
+    backends(scene).into_iter().map(image).collect()
 }
 
 #[test]
