@@ -136,6 +136,23 @@ proptest! {
     }
 }
 
+/// Found by the changes above: memory was taken for what the head says.
+#[test]
+fn sizes_that_no_such_file_has_are_refused() {
+    let mut picture = EXR.clone();
+    let name = b"dataWindow\0box2i\0";
+    let window = picture.windows(name.len()).position(|bytes| bytes == name).unwrap();
+    // After the attribute's size: x and y of the first corner, then of the last.
+    let last = window + name.len() + 4 + 8;
+    for (width, height) in [(1 << 24, 1 << 24), (1 << 30, 8), (16, 1 << 30), (60_000, 1000)] {
+        let corner = [width - 1, height - 1_i32].map(i32::to_le_bytes);
+        picture[last..last + 8].copy_from_slice(corner.as_flattened());
+        let error = load(scene("a.exr", &picture).path()).unwrap_err().to_string();
+        assert!(error.contains("a.exr: cannot read it as an EXR image: "), "{error}");
+    }
+    check("a.exr", &picture);
+}
+
 /// The changes above start from files that load; otherwise they would test nothing but refusal.
 #[test]
 fn the_untouched_files_load() {
