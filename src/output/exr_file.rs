@@ -3,17 +3,21 @@
 use super::{Image, Layer, Metadata, Value, write_atomically};
 use crate::error::{Error, Result};
 use exr::meta::attribute::Chromaticities;
+use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples,
     ImageAttributes, IntegerBounds, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SmallVec,
     Text, Vec2, WritableImage,
 };
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Seek};
 use std::path::Path;
 
 /// Goes before the name of every custom attribute.
 const PREFIX: &str = "bdpm.";
+
+/// Bytes of pixels that a byte of a file stands for at most: no method compresses any better.
+const MAX_RATIO: u128 = 2000;
 
 /// Chromaticities of Rec. 709 with its white point D65.
 const REC_709: Chromaticities = Chromaticities {
@@ -75,19 +79,22 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
 pub fn read_exr(path: &Path) -> Result<Image> {
+    let broken = |e: exr::error::Error| match e {
+        exr::error::Error::Io(e) => Error::io("read", path, e),
+        e => {
+            Error::new(format!("cannot read it as an EXR image: {e}"), "give an .exr file").at(path)
+        }
+    };
     let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+    check_size(&file).map_err(broken)?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .first_valid_layer()
         .all_attributes()
-        .from_buffered(BufReader::new(file))
-        .map_err(|e| match e {
-            exr::error::Error::Io(e) => Error::io("read", path, e),
-            e => Error::new(format!("cannot read it as an EXR image: {e}"), "give an .exr file")
-                .at(path),
-        })?;
+        .from_buffered(BufReader::new(&file))
+        .map_err(broken)?;
     let part = image.layer_data;
     let mut layers: Vec<Layer> = Vec::new();
     for channel in part.channel_data.list {
@@ -125,6 +132,26 @@ pub fn read_exr(path: &Path) -> Result<Image> {
     };
     let (width, height) = (side(part.size.0)?, side(part.size.1)?);
     Ok(Image { width, height, layers, metadata })
+}
+
+/// Refuses more pixels than a file of this size can hold, before memory is taken for them; goes back to
+/// the beginning.
+fn check_size(mut file: &File) -> exr::error::UnitResult {
+    let most = u128::from(file.metadata()?.len()) * MAX_RATIO;
+    for header in MetaData::read_from_unbuffered(file, false)?.headers {
+        let area = |size: Vec2<usize>| size.width() as u128 * size.height() as u128;
+        let block = match header.blocks {
+            BlockDescription::ScanLines => 0,
+            BlockDescription::Tiles(tiles) => area(tiles.tile_size),
+        };
+        let pixels = area(header.layer_size).max(block);
+        if pixels * header.channels.bytes_per_pixel as u128 > most {
+            let Vec2(width, height) = header.layer_size;
+            let problem = format!("the file is too small for {width}x{height} pixels");
+            return Err(exr::error::Error::Invalid(problem.into()));
+        }
+    }
+    Ok(file.rewind()?)
 }
 
 /// UTF-8, the encoding that readers expect; a NUL would end the text, so none is let through.

@@ -5,7 +5,9 @@ use super::scene_file::Power;
 use crate::error::{Error, Result};
 use crate::math::Rgb;
 use crate::output::read_exr;
+use crate::scene::text::open;
 use serde::Deserialize;
+use std::io::Read;
 use std::path::Path;
 
 /// `[environment]`
@@ -57,6 +59,7 @@ fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match &extension[..] {
         "exr" => {
+            open(path)?; // no device that never ends
             let image = read_exr(path)?;
             let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
@@ -77,7 +80,8 @@ fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
         Error::new(format!("cannot read it as an HDR image: {problem}"), "give an .hdr file")
             .at(path)
     };
-    let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
     let mut decoder =
         zune_hdr::HdrDecoder::new(zune_jpeg::zune_core::bytestream::ZCursor::new(bytes));
     let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;

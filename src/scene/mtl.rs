@@ -1,18 +1,19 @@
 //! Material libraries (MTL), record by record.
-//!
-//! Read here and not through `tobj`, which panics when a color has fewer than three numbers and
-//! knows no lines.
 
 use crate::bsdf::Bsdf;
 use crate::error::Result;
 use crate::math::Rgb;
+use crate::scene::lines::Lines;
 use crate::scene::mtl_material::MtlMaterial;
 use crate::scene::notes::Note;
-use crate::scene::text::{Lines, list, split_keyword};
+use crate::scene::text::{list, read_lines, split_keyword};
 use crate::scene::{Material, Texture};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
+
+/// Textures that are read.
+const MAPS: [&str; 4] = ["map_Kd", "map_d", "map_Ke", "norm"];
 
 /// Reflected share of light where nothing else is said.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
@@ -32,11 +33,13 @@ pub(super) fn load(
     materials: &mut BTreeMap<String, Material>,
     notes: &mut Vec<Note>,
 ) -> Result<()> {
-    let mut lines = Lines::open(path)?;
+    let text = read_lines(path)?;
+    let mut lines = Lines::new(path, &text, 0);
     let mut current: Option<MtlMaterial> = None;
     let mut ignored = Notes::default();
     while lines.advance()? {
-        let (keyword, rest) = split_keyword(lines.line());
+        let line = lines.text();
+        let (keyword, rest) = split_keyword(&line);
         if keyword == "newmtl" {
             if let Some(done) = current.take() {
                 ignored.finish(done, materials);
@@ -89,29 +92,36 @@ pub(super) fn load(
             _ => false,
         };
         if is_map && !read {
-            ignored.textures.insert(material.name.clone());
+            let is_missing = MAPS.contains(&keyword) && !rest.is_empty() && !rest.starts_with('-');
+            if is_missing {
+                ignored.missing.insert(rest.to_owned());
+            } else {
+                ignored.textures.insert(material.name.clone());
+            }
         }
     }
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
     for (names, what) in [
-        (ignored.textures, "some textures (no such file, of another use, or with options)"),
-        (ignored.highlights, "the highlights (`Ks` with `Kd`)"),
-        (ignored.transparent, "the transparency"),
+        (ignored.missing, "some textures, for there are no files"),
+        (ignored.textures, "some textures (of another use, or with options) of"),
+        (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
+        (ignored.transparent, "the transparency of"),
     ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
-            let note = format!("{}: ignored {what} of {names}", path.display());
+            let note = format!("{}: ignored {what} {names}", path.display());
             notes.push(Note::skipped(note));
         }
     }
     Ok(())
 }
 
-/// Names of materials of which something was ignored.
+/// What was ignored: names of textures without a file, and of materials that lack something.
 #[derive(Default)]
 struct Notes {
+    missing: BTreeSet<String>,
     textures: BTreeSet<String>,
     highlights: BTreeSet<String>,
     transparent: BTreeSet<String>,
@@ -144,7 +154,8 @@ fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
 
 /// A number within bounds; what follows it is ignored.
 fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
-    let keyword = split_keyword(lines.line()).0;
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
     // `d -halo 0.5` of the standard: opacity that depends on the angle, read as if it did not.
     let text = text.strip_prefix("-halo").unwrap_or(text);
     let number = text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
@@ -160,7 +171,7 @@ fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
 fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Result<Rgb> {
     let color = color(lines, text)?;
     if color.max_element() > 1.0 {
-        let what = match split_keyword(lines.line()).0 {
+        let what = match split_keyword(&lines.text()).0 {
             "Ks" => "specular",
             _ => "diffuse",
         };
@@ -173,7 +184,8 @@ fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Resul
 
 /// Three numbers, or one for all channels.
 fn color(lines: &Lines, text: &str) -> Result<Rgb> {
-    let keyword = split_keyword(lines.line()).0;
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
     let numbers: Option<Vec<f32>> =
         text.split_whitespace().take(4).map(|w| w.parse().ok()).collect();
     let color = match numbers.as_deref() {
