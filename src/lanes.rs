@@ -1,12 +1,12 @@
 //! Numbers of several paths side by side.
 //!
-//! Loops over the lanes of these arrays become vector instructions, of whatever width the processor
-//! has, as long as their bodies have neither calls nor branches.
+//! Loops over the lanes of these arrays become vector instructions as long as their bodies have neither
+//! calls nor branches.
 
 use crate::rng::{Rng, unit_f64};
 use glam::Vec3;
 
-/// Paths side by side: one register of AVX-512, two of AVX2, four of SSE.
+/// Paths side by side: two registers of AVX2, four of SSE.
 pub const LANES: usize = 16;
 
 /// Does `work`, compiled for AVX2 where the processor has it: the program itself is built for any. What
@@ -72,6 +72,7 @@ impl Rngs {
         }
         numbers
     }
+
     /// One number of each path, uniform in [0, 1): for choices among many.
     #[inline(always)]
     pub fn next_f64(&mut self) -> [f64; LANES] {
