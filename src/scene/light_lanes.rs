@@ -7,6 +7,7 @@ use super::emitter::Emitter;
 use crate::diffuse::DiffuseVertices;
 use crate::lanes::{LANES, Rngs, Vec3s};
 use crate::math::uniform_sphere;
+use crate::rng::unit_f64;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -40,13 +41,20 @@ impl Lights {
     #[inline(always)] // part of the loop over light paths
     pub fn emit_all(&self, rngs: &mut Rngs, count: usize) -> Emissions {
         let mut emissions = Emissions::default();
-        let choices = rngs.next_f64();
+        let choices = rngs.next_bits();
         let uniform = [rngs.next_1d(), rngs.next_1d()];
         for lane in 0..LANES {
             emissions.direction.set(lane, uniform_sphere(uniform.map(|u| u[lane])));
         }
-        for (lane, choice) in choices.into_iter().enumerate().take(count) {
-            let (index, prob) = self.choose_by_power(choice);
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            emissions.origin = Vec3s::splat(*position);
+            emissions.flux = Vec3s::splat(*intensity * (4.0 * PI));
+            return emissions;
+        }
+        for lane in 0..count {
+            let (index, prob) = self.choose_by_power(unit_f64(choices.map(|bits| bits[lane])));
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 emissions.origin.set(lane, *position);
                 emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
@@ -65,22 +73,27 @@ impl Lights {
     /// [`Self::connect`] of each vertex.
     #[inline(always)] // part of the loop over vertices
     pub fn connect_all(&self, at: &mut DiffuseVertices) -> LightSamples {
+        let choices = at.rng.next_bits();
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            let target = Vec3s::splat(*position);
+            let irradiance = Vec3s::splat(*intensity);
+            let mut samples = LightSamples { target, irradiance, ..LightSamples::default() };
+            samples.reach_points(&at.position, &[1.0; LANES]);
+            return samples;
+        }
         let mut samples = LightSamples::default();
         // Of point lights: the probability of their choice.
         let mut probs = [1.0; LANES];
         // Lanes with other lights: which, and the probability.
         let mut others = [(0, 0, 0.0); LANES];
         let mut other_count = 0;
-        let choices = at.rng.next_f64();
-        let only = self.by_estimate.only();
         for (lane, _) in at.lanes() {
-            let choose = || {
-                let (position, normal) = (at.position.get(lane), at.normal.get(lane));
-                self.by_estimate.choose(position, Some(normal), choices[lane])
-            };
-            let Some((index, prob)) = only.map(|index| (index, 1.0)).or_else(choose) else {
-                continue;
-            };
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+            let choice = unit_f64(choices.map(|bits| bits[lane]));
+            let chosen = self.by_estimate.choose(position, Some(normal), choice);
+            let Some((index, prob)) = chosen else { continue };
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 samples.target.set(lane, *position);
                 samples.irradiance.set(lane, *intensity);
