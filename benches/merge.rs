@@ -12,10 +12,12 @@ mod subject;
 
 use bdpm::accel::Intersect;
 use bdpm::accel::backend::{Backend, build};
-use bdpm::camera_paths::{CameraPass, CameraPaths, GatherPoint};
-use bdpm::light_paths::{LightPaths, Photon, PhotonClass};
+use bdpm::camera_paths::{CameraPass, CameraPaths};
+use bdpm::gather::GatherPoint;
+use bdpm::light_paths::LightPaths;
 use bdpm::math::disc_area;
 use bdpm::merge::{Merge, PairVisitor};
+use bdpm::photon::{Photon, PhotonClass};
 use bdpm::photon_map::PhotonMap;
 use bdpm::rng::{Stream, StreamKey};
 use bdpm::{Scene, Settings};

@@ -2,64 +2,16 @@
 //! points at which photons are gathered.
 
 use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::bsdf::{Bsdf, Lobe, Transport, Vertex, Wanted};
+use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
 use crate::flight::Flight;
+use crate::gather::{GatherPoint, GatherView};
 use crate::lanes::{LANES, Rngs, vectorized};
-use crate::light_paths::Photon;
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
 use crate::scene::{LightSample, Scene, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
-
-/// A vertex of a camera path at which photons are merged.
-#[derive(Clone, Copy, Debug)]
-pub struct GatherPoint {
-    /// Where it is, scene units.
-    pub position: Vec3,
-    /// Its camera path: index within the batch.
-    pub path: u32,
-    /// Throughput of the path times the BSDF toward the camera, 1/sr: what a photon's flux per
-    /// area (of the merge kernel) is multiplied with. The throughput alone if there is a `view`.
-    pub weight: Rgb,
-    /// Number of the diffuse vertex, `1..=k`: all photons are merged at `k`; before, only those that
-    /// come from a light without a diffuse bounce.
-    pub vertex: u32,
-    /// Unit normal on the side that the camera path sees.
-    pub normal: Vec3,
-    /// Index in [`CameraPaths::views`], or [`GatherPoint::NO_VIEW`] if the BSDF is the same for all
-    /// photons.
-    pub view: u32,
-}
-
-impl GatherPoint {
-    /// The BSDF does not depend on where photons come from.
-    pub const NO_VIEW: u32 = u32::MAX;
-}
-
-/// A surface whose BSDF depends on where photons come from, as a camera path sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct GatherView {
-    /// How it scatters.
-    pub bsdf: Bsdf,
-    /// Whence it is seen.
-    pub at: Vertex,
-}
-
-impl GatherView {
-    /// The BSDF's value for a photon that is merged at `point`, 1/sr. Photons count by the area of
-    /// the triangles, light by that of the interpolated surface.
-    pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
-        let wi = photon.from_as_at(point.normal);
-        let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
-        if areas > 0.0 {
-            self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
-        } else {
-            Rgb::ZERO
-        }
-    }
-}
 
 /// Camera paths whose throughput fell below this share play roulette where they pass through.
 const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
@@ -116,6 +68,9 @@ pub struct CameraPaths {
     /// Path and contribution of each shadow ray.
     connections: Vec<(u32, Rgb)>,
     occluded: Vec<bool>,
+    /// For putting gather points in order: these, and where those of each path go.
+    unordered: Vec<GatherPoint>,
+    places: Vec<u32>,
 }
 
 /// A path under way.
@@ -156,20 +111,46 @@ impl Walk {
 impl CameraPaths {
     /// Traces one batch, in place of the one before.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
-        vectorized(|| self.start(pass, paths));
+        vectorized(
+            #[inline(always)]
+            || self.start(pass, paths),
+        );
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
             self.hits.resize(self.segments.len(), Hit::MISS);
             pass.accel.closest_hits(self.segments.rays(), &mut self.hits, coherence);
-            vectorized(|| self.scatter(pass));
+            vectorized(
+                #[inline(always)]
+                || self.scatter(pass),
+            );
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
         }
-        // Breadth-first order to path order.
         if !self.gather_points.is_sorted_by_key(|point| point.path) {
-            self.gather_points.sort_unstable_by_key(|point| (point.path, point.vertex));
+            self.order_by_path();
+        }
+    }
+
+    /// Breadth-first order to path order; points of a path stay in theirs (a counting sort).
+    fn order_by_path(&mut self) {
+        self.places.clear();
+        self.places.resize(self.direct.len() + 1, 0);
+        for point in &self.gather_points {
+            self.places[point.path as usize + 1] += 1;
+        }
+        let mut sum = 0;
+        for place in &mut self.places {
+            sum += *place;
+            *place = sum;
+        }
+        std::mem::swap(&mut self.gather_points, &mut self.unordered);
+        self.gather_points.clone_from(&self.unordered);
+        for point in &self.unordered {
+            let place = &mut self.places[point.path as usize];
+            self.gather_points[*place as usize] = *point;
+            *place += 1;
         }
     }
 

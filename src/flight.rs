@@ -29,11 +29,9 @@ impl<W: Copy + Default> Flight<W> {
     }
 
     /// The place of one that was added.
-    ///
-    /// # Panics
-    /// If there are not so many.
     #[inline(always)] // as above
     pub fn at(&mut self, index: usize) -> (&mut Ray, &mut W) {
+        debug_assert!(index < self.len);
         (&mut self.rays[index], &mut self.walks[index])
     }
 

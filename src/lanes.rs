@@ -1,12 +1,12 @@
 //! Numbers of several paths side by side.
 //!
-//! Loops over the lanes of these arrays become vector instructions, of whatever width the processor
-//! has, as long as their bodies have neither calls nor branches.
+//! Loops over the lanes of these arrays become vector instructions as long as their bodies have neither
+//! calls nor branches.
 
-use crate::rng::{Rng, unit_f64};
+use crate::rng::Rng;
 use glam::Vec3;
 
-/// Paths side by side: one register of AVX-512, two of AVX2, four of SSE.
+/// Paths side by side: two registers of AVX2, four of SSE.
 pub const LANES: usize = 16;
 
 /// Does `work`, compiled for AVX2 where the processor has it: the program itself is built for any. What
@@ -27,6 +27,13 @@ pub struct Vec3s {
 }
 
 impl Vec3s {
+    /// The same for all paths.
+    #[inline(always)]
+    pub fn splat(vector: Vec3) -> Self {
+        let [x, y, z] = vector.to_array().map(|number| [number; LANES]);
+        Self { x, y, z }
+    }
+
     /// That of one path.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> Vec3 {
@@ -72,9 +79,10 @@ impl Rngs {
         }
         numbers
     }
-    /// One number of each path, uniform in [0, 1): for choices among many.
+
+    /// 64 bits of each path, the lower half first, for [`unit_f64`](crate::rng::unit_f64).
     #[inline(always)]
-    pub fn next_f64(&mut self) -> [f64; LANES] {
+    pub fn next_bits(&mut self) -> [[u32; LANES]; 2] {
         let mut bits = [[0; LANES]; 2];
         for words in &mut bits {
             for (lane, word) in words.iter_mut().enumerate() {
@@ -83,6 +91,6 @@ impl Rngs {
                 self.set(lane, rng);
             }
         }
-        std::array::from_fn(|lane| unit_f64(bits.map(|words| words[lane])))
+        bits
     }
 }

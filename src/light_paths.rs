@@ -3,18 +3,21 @@
 use crate::accel::{Coherence, Hit, Intersect, Ray};
 use crate::diffuse::{DiffusePoint, DiffuseVertices};
 use crate::flight::Flight;
-use crate::lanes::vectorized;
-use crate::math::{Rgb, pack_direction, unpack_direction};
+use crate::lanes::{LANES, Rngs, vectorized};
+use crate::math::Rgb;
+use crate::photon::{Photon, PhotonClass};
+use crate::pool::Pool;
 use crate::rng::{Rng, Stream, StreamKey};
 use crate::scene::{Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
-use glam::{Quat, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
 /// to fill ray packets, few enough for a batch to stay in the second-level cache.
-const BATCH: u32 = 1024;
+const BATCH: u32 = 512;
 
 /// With [`Roulette::Weight`], paths whose weight fell below this share play roulette.
 const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
@@ -22,83 +25,11 @@ const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
 /// Largest survival probability: paths end even between perfectly white walls.
 const MAX_SURVIVAL: f32 = 0.995;
 
-/// A light path's arrival at a surface: 36 bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C)]
-pub struct Photon {
-    /// Where it arrived, scene units.
-    pub position: Vec3,
-    /// Id of its light path, `0..N_F`.
-    pub path: u32,
-    /// Flux it carries, W: its share of the light is `flux / N_F`.
-    pub flux: Rgb,
-    /// Which side of the surface it arrived from, and where it is merged.
-    pub(crate) side: Side,
-    /// Packed unit vector toward where it came from, if it was told.
-    pub(crate) from: u32,
-}
-
-/// The part of a photon that decides whether it counts: moved as one word.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C, align(4))]
-pub(crate) struct Side {
-    /// Surface normal on the side it arrived from, each coordinate in 1/127.
-    normal: [i8; 3],
-    class: PhotonClass,
-}
-
-/// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum PhotonClass {
-    /// No diffuse bounce since the light, though it may have passed through vertices (a caustic):
-    /// merged at every vertex `1..=k`.
-    EveryVertex,
-    /// At least one diffuse bounce: merged at vertex `k` only.
-    #[default]
-    LastVertex,
-}
-
-impl Photon {
-    /// `normal` is the unit normal on the side of arrival.
-    pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
-        // To the nearest, without a call of `round`.
-        let normal = normal.to_array().map(|c| ((c * 127.0 + 128.5) as i32 - 128) as i8);
-        Self { position, path, flux, side: Side { normal, class }, from: 0 }
-    }
-
-    /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
-    #[must_use]
-    pub fn coming_from(self, from: Vec3) -> Self {
-        Self { from: pack_direction(from), ..self }
-    }
-
-    /// Unit vector toward where it came from, turned along with the surface to a place of the unit
-    /// normal `normal`: what is merged there is the radiance that the surface has here.
-    pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
-        let own = Vec3::from_array(self.side.normal.map(f32::from)).normalize();
-        Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
-    }
-
-    /// Whether it arrived on the side of a surface that `normal` points to: a positive dot product
-    /// of the two normals.
-    #[inline]
-    pub fn faces(&self, normal: Vec3) -> bool {
-        let [x, y, z] = self.side.normal.map(f32::from);
-        Vec3::new(x, y, z).dot(normal) > 0.0
-    }
-
-    /// Where it is merged.
-    #[inline]
-    pub fn class(&self) -> PhotonClass {
-        self.side.class
-    }
-}
-
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Debug, Default)]
 pub struct LightPaths {
     batches: Vec<Batch>,
+    tracers: Pool<Tracer>,
 }
 
 impl LightPaths {
@@ -117,14 +48,19 @@ impl LightPaths {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        self.batches.par_iter_mut().zip(0..count).for_each(|(batch, index)| {
-            let first = index * BATCH;
-            let last = light_paths.min(first + BATCH);
-            batch.trace(scene, accel, settings, key, first..last);
-        });
+        let Self { batches, tracers } = self;
+        let batches = batches.par_iter_mut().zip(0..count);
+        batches.for_each_init(
+            || tracers.lease(),
+            |tracer, (batch, index)| {
+                let first = index * BATCH;
+                let last = light_paths.min(first + BATCH);
+                tracer.trace(batch, scene, accel, settings, key, first..last);
+            },
+        );
     }
 
-    /// All photons: slices of consecutive paths, each bounce by bounce and there in path order.
+    /// All photons: slices of consecutive paths, each bounce by bounce.
     pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
         self.batches.iter().map(|batch| &batch.photons[..])
     }
@@ -176,72 +112,89 @@ impl Walk {
     }
 }
 
-/// Consecutive paths that are traced together.
+/// What consecutive paths leave.
 #[derive(Debug, Default)]
 struct Batch {
-    /// The result, bounce by bounce.
+    /// Bounce by bounce.
     photons: Vec<Photon>,
-    /// Whether photons keep theirs.
-    directions: bool,
-    in_flight: Flight<Walk>,
-    /// The rays of the next bounce, in the order in which they are found.
-    next: Flight<Walk>,
-    hits: Vec<Hit>,
     rays: u64,
     busy: Duration,
 }
 
-impl Batch {
+/// A reusable workspace that traces one batch after another.
+#[derive(Debug, Default)]
+struct Tracer {
+    in_flight: Flight<Walk>,
+    /// The rays of the next bounce, in the order in which they are found.
+    next: Flight<Walk>,
+    hits: Vec<Hit>,
+    /// Of the current batch.
+    photons: Vec<Photon>,
+    /// Whether photons keep theirs.
+    directions: bool,
+}
+
+impl Tracer {
     fn trace(
         &mut self,
+        batch: &mut Batch,
         scene: &Scene,
         accel: &dyn Intersect,
         settings: &Settings,
         key: StreamKey,
-        paths: std::ops::Range<u32>,
+        paths: Range<u32>,
     ) {
         let start = Instant::now();
+        std::mem::swap(&mut self.photons, &mut batch.photons);
+        self.photons.clear();
         self.directions = scene.merges_by_direction();
-        vectorized(|| self.emit(scene, settings, key, paths));
+        batch.rays = 0;
+        vectorized(
+            #[inline(always)]
+            || self.emit(scene, settings, key, paths),
+        );
         while self.in_flight.len() > 0 {
-            self.rays += self.in_flight.len() as u64;
+            batch.rays += self.in_flight.len() as u64;
             self.hits.resize(self.in_flight.len(), Hit::MISS);
             accel.closest_hits(self.in_flight.rays(), &mut self.hits, Coherence::Incoherent);
-            vectorized(|| self.bounce(scene, settings.light_roulette));
+            vectorized(
+                #[inline(always)]
+                || self.bounce(scene, settings.light_roulette),
+            );
         }
-        self.busy = start.elapsed();
+        std::mem::swap(&mut self.photons, &mut batch.photons);
+        batch.busy = start.elapsed();
     }
 
     #[inline(always)] // vectorized
-    fn emit(
-        &mut self,
-        scene: &Scene,
-        settings: &Settings,
-        key: StreamKey,
-        paths: std::ops::Range<u32>,
-    ) {
-        self.rays = 0;
-        self.photons.clear();
+    fn emit(&mut self, scene: &Scene, settings: &Settings, key: StreamKey, mut paths: Range<u32>) {
         self.in_flight.clear();
         // Photons straight from a light are replaced by connections, or merged at every vertex.
         let class = match settings.direct {
             Direct::Connect => None,
             Direct::PhotonMap => Some(PhotonClass::EveryVertex),
         };
-        for path in paths {
-            let mut rng = key.rng(u64::from(path));
-            let emission = scene.lights.emit(&mut rng);
-            let flux = emission.flux;
-            if flux == Rgb::ZERO {
-                continue; // from a black part of a picture
+        while !paths.is_empty() {
+            let first = paths.start;
+            let count = paths.by_ref().take(LANES).count();
+            let mut rngs = Rngs::default();
+            for lane in 0..count {
+                rngs.set(lane, key.rng(u64::from(first) + lane as u64));
             }
-            let (ray, walk) = self.in_flight.add();
-            *ray = Ray::new(emission.origin, emission.direction);
-            walk.rng = rng;
-            walk.flux = flux;
-            walk.inverse_emitted = flux.max_element().recip();
-            walk.path = path;
-            walk.class = class;
+            let emissions = scene.lights.emit_all(&mut rngs, count);
+            for lane in 0..count {
+                let flux = emissions.flux.get(lane);
+                if flux == Rgb::ZERO {
+                    continue; // from a black part of a picture
+                }
+                let (ray, walk) = self.in_flight.add();
+                *ray = Ray::new(emissions.origin.get(lane), emissions.direction.get(lane));
+                walk.rng = rngs.get(lane);
+                walk.flux = flux;
+                walk.inverse_emitted = flux.max_element().recip();
+                walk.path = first + lane as u32;
+                walk.class = class;
+            }
         }
     }
 

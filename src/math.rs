@@ -126,7 +126,7 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
 }
 
 /// Uniform direction on the unit sphere; pdf in solid angle `1/(4 pi)`.
-#[inline]
+#[inline(always)] // part of vector loops
 pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u;
     let r = (1.0 - z * z).max(0.0).sqrt();

@@ -1,8 +1,9 @@
 //! Merge phase: hands every pair (light path, camera path) that meets to a visitor.
 
-use crate::camera_paths::{CameraPaths, GatherPoint};
-use crate::light_paths::{Photon, PhotonClass};
+use crate::camera_paths::CameraPaths;
+use crate::gather::GatherPoint;
 use crate::math::{Rgb, disc_area};
+use crate::photon::{Photon, PhotonClass};
 use crate::photon_map::{PhotonMap, Range, Ranges};
 
 /// What is done with the pairs of a batch of camera paths.

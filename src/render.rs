@@ -7,11 +7,12 @@ use crate::camera_paths::CameraPass;
 use crate::counts::Counts;
 use crate::error::{Error, Result};
 use crate::film::{Film, PixelSums};
-use crate::light_paths::{LightPaths, Photon};
+use crate::light_paths::LightPaths;
 use crate::memory::{GIB, available_memory};
 use crate::merge::Merge;
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
+use crate::photon::Photon;
 use crate::photon_map::PhotonMap;
 use crate::pool::{Lease, Pool};
 use crate::rng::{Stream, StreamKey};
@@ -269,7 +270,8 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that only pass it on leave none.
+/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that
+/// only pass it on leave none.
 fn bytes_per_light_path(scene: &Scene) -> f64 {
     let storing = scene.materials.iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);

@@ -1,25 +1,50 @@
 //! What the benches of single phases work on.
 #![allow(dead_code)] // each bench takes its part
 
+#[path = "../../tests/shapes/mod.rs"]
+mod shapes;
+
+use bdpm::bsdf::Bsdf;
 use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::math::Rgb;
 use bdpm::merge::PairVisitor;
-use bdpm::scene::load;
+use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, load};
+use bdpm::settings::{Length, RenderDefaults};
 use bdpm::{Scene, Settings};
+use glam::Vec3;
 use std::path::Path;
 
 /// Camera paths per batch, as the renderer takes them.
 pub const BATCH: usize = 2048;
 
 /// The scene that `BDPM_SCENE` names, `scenes/cornell-box` without it, and settings for a small
-/// image of it.
+/// image of it. `ball` is a bumpy ball of 717,600 triangles in a room.
 pub fn scene() -> (Scene, Settings) {
     let path = std::env::var("BDPM_SCENE").unwrap_or_else(|_| "scenes/cornell-box".into());
-    let loaded = load(Path::new(&path)).unwrap();
-    let mut settings =
-        Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size()).unwrap();
+    let (scene, defaults) = if path == "ball" {
+        (ball(), RenderDefaults { radius: Some(Length::Units(0.02)), ..RenderDefaults::default() })
+    } else {
+        let loaded = load(Path::new(&path)).unwrap();
+        (loaded.scene, loaded.defaults)
+    };
+    let mut settings = Settings::resolve(&Default::default(), &defaults, scene.size()).unwrap();
     (settings.width, settings.height, settings.camera_paths) = (64, 64, 25);
-    (loaded.scene, settings)
+    (scene, settings)
+}
+
+/// A ball in a room with a point light, all of them white.
+fn ball() -> Scene {
+    let mesh = |name: &str, shapes::Mesh { positions, triangles }| {
+        let name = name.to_owned();
+        Mesh { name, positions, triangles, ..Mesh::default() }
+    };
+    let walls = mesh("room", shapes::Mesh::cuboid(Vec3::ZERO, Vec3::splat(1.5), 0.0));
+    let ball = mesh("ball", shapes::Mesh::bumpy_ball(600));
+    let white = Material::new("white", Bsdf::diffuse(Rgb::splat(0.7)));
+    let light = Emitter::Point { position: Vec3::new(-1.0, -1.2, 1.3), intensity: Rgb::splat(1.0) };
+    let eye = Vec3::new(-1.4, -1.4, 0.3);
+    let camera = Camera::look(eye, -eye, Vec3::Z, FieldOfView::X(70.0)).unwrap();
+    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![])
 }
 
 /// The camera paths of the image, batch after batch.

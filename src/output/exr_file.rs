@@ -16,8 +16,9 @@ use std::path::Path;
 /// Goes before the name of every custom attribute.
 const PREFIX: &str = "bdpm.";
 
-/// Bytes of pixels that a byte of a file stands for at most: no method compresses any better.
-const MAX_RATIO: u128 = 2000;
+/// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
+/// with losses to a few thousand where all pixels are the same.
+const MAX_RATIO: u128 = 100_000;
 
 /// Chromaticities of Rec. 709 with its white point D65.
 const REC_709: Chromaticities = Chromaticities {

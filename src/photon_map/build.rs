@@ -4,8 +4,8 @@
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions.
 
 use super::{Block, Grid, LANES, Light, PhotonMap};
-use crate::light_paths::{Photon, PhotonClass};
 use crate::math::Bounds;
+use crate::photon::{Photon, PhotonClass};
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
@@ -52,8 +52,9 @@ impl Extent {
         let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (mut any_at_every_vertex, mut directions) = (false, 0);
         for photon in photons {
-            min = min.min(photon.position.into());
-            max = max.max(photon.position.into());
+            // In this order a position that is not a number leaves them as they are.
+            min = Vec3A::from(photon.position).min(min);
+            max = Vec3A::from(photon.position).max(max);
             any_at_every_vertex |= photon.class() == PhotonClass::EveryVertex;
             directions |= photon.from;
         }

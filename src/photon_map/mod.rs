@@ -3,8 +3,9 @@
 mod build;
 mod grid;
 
-use crate::light_paths::{LightPaths, Photon, Side};
+use crate::light_paths::LightPaths;
 use crate::math::{Bounds, Rgb};
+use crate::photon::{Photon, Side};
 use build::{Chunk, Extent};
 use glam::{Vec3, Vec3A, Vec4};
 use grid::Grid;
@@ -133,7 +134,8 @@ impl Ranges {
 
 impl PhotonMap {
     /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
-    /// rayon pool, reusing the map's memory. The map is the same for any number of threads.
+    /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
+    /// threads.
     ///
     /// # Panics
     /// If there are 2^32 photons or nearly as many.
@@ -163,7 +165,7 @@ impl PhotonMap {
     /// Sets `ranges` to where the photons within the radius of `positions` are.
     ///
     /// # Panics
-    /// If there are more than [`Ranges::LOOK_UPS`].
+    /// If there are more than there is room for; [`Ranges::LOOK_UPS`] always fit.
     #[inline]
     pub fn find_ranges(&self, positions: impl Iterator<Item = Vec3>, ranges: &mut Ranges) {
         ranges.count = 0;

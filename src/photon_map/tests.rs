@@ -1,7 +1,7 @@
 //! Look-ups against a search of all photons.
 
 use super::*;
-use crate::light_paths::PhotonClass;
+use crate::photon::PhotonClass;
 use crate::rng::{Stream, StreamKey};
 
 fn photon(position: Vec3, path: usize) -> Photon {
@@ -65,7 +65,7 @@ fn finds_what_a_search_of_all_photons_finds() {
 
 #[test]
 fn hashed_grids_find_the_same_once() {
-    // 2^18 cells do not hold a radius of a thousandth of the box: buckets are shared.
+    // One cell per photon does not hold a radius of a thousandth of the box: buckets are shared.
     let photons = photons(&points(20_000, Vec3::ZERO, Vec3::splat(10.0), 4));
     let mut map = PhotonMap::default();
     map.build_from(&[&photons], 0.01);
@@ -74,7 +74,7 @@ fn hashed_grids_find_the_same_once() {
     for radius in [0.003, 0.01, 0.05] {
         assert!(assert_exact(&photons, &queries, radius) >= queries.len());
     }
-    // In a table of 256 buckets many rows of cells lie at both of its ends.
+    // In a table of 256 buckets some rows of cells lie at both of its ends.
     let few: Vec<Vec3> = photons[..60].iter().map(|p| p.position).collect();
     assert!(assert_exact(&photons[..60], &few, 0.003) >= few.len());
 }

@@ -85,7 +85,6 @@ impl Spot {
     }
 
     /// Starts a light path in proportion to the intensity.
-    #[inline(never)] // keeps the loop over other lights short
     fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
         let choice = rng.next_1d();
         let [u, v] = rng.next_2d();
@@ -106,7 +105,6 @@ impl Spot {
         }
     }
 
-    #[inline(never)] // as above
     fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
         let to_light = self.position - position;
         let distance2 = to_light.length_squared();
@@ -131,7 +129,6 @@ impl Directional {
         PI * self.radius * self.radius
     }
 
-    #[inline(never)] // as above
     fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
         let [u, v] = uniform_disc(rng.next_2d());
         let (right, up) = self.direction.any_orthonormal_pair();
@@ -143,7 +140,6 @@ impl Directional {
         }
     }
 
-    #[inline(never)] // as above
     fn connect(&self, position: Vec3, prob: f32) -> LightSample {
         // From the disc where its light paths start.
         let along = (position - self.center).dot(self.direction) + self.radius;
@@ -158,7 +154,6 @@ impl Directional {
 impl Triangle {
     /// Connects `position` with a point that emits `radiance` of its barycentric weights; `None` from
     /// behind.
-    #[inline(always)] // a call costs 5 % of the camera phase
     pub(super) fn connect(
         &self,
         position: Vec3,
@@ -202,7 +197,6 @@ impl Emitter {
     }
 
     /// Starts a light path, if it was chosen with probability `prob`.
-    #[inline(always)] // a call costs a tenth of the light phase
     pub(super) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
         match self {
             Self::Point { position, intensity } => Emission {
@@ -225,7 +219,6 @@ impl Emitter {
     }
 
     /// A point on it to connect `position` with, if it was chosen with probability `prob`.
-    #[inline(always)] // a call costs 5 % of the camera phase
     pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
         match self {
             Self::Point { position: target, intensity } => {

@@ -130,12 +130,22 @@ impl Lights {
     ///
     /// # Panics
     /// If there are no lights.
-    #[inline(always)] // a call costs a tenth of the light phase
     pub fn emit(&self, rng: &mut Rng) -> Emission {
-        let (index, prob) = self.by_power.choose(rng.next_f64());
+        let (index, prob) = self.choose_by_power(rng.next_f64());
+        self.emit_chosen(index, prob, rng)
+    }
+
+    /// An index for [`Self::emit_chosen`] and its probability.
+    #[inline(always)] // part of the loop over light paths
+    pub(super) fn choose_by_power(&self, u: f64) -> (usize, f32) {
+        self.by_power.choose(u)
+    }
+
+    #[inline(never)] // point lights need it not: see `emit_all`
+    pub(super) fn emit_chosen(&self, index: usize, prob: f32, rng: &mut Rng) -> Emission {
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, rng),
-            None => self.emit_environment(prob, rng),
+            None => self.chosen_environment().emit(prob, rng),
         }
     }
 
@@ -182,18 +192,8 @@ impl Lights {
     ) -> Option<LightSample> {
         match self.emitters.get(index) {
             Some(emitter) => emitter.connect(position, prob, rng),
-            None => Some(self.connect_environment(position, prob, rng)),
+            None => Some(self.chosen_environment().connect(position, prob, rng)),
         }
-    }
-
-    #[inline(never)] // keeps the loops over emitters short
-    fn emit_environment(&self, prob: f32, rng: &mut Rng) -> Emission {
-        self.chosen_environment().emit(prob, rng)
-    }
-
-    #[inline(never)] // as above
-    fn connect_environment(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
-        self.chosen_environment().connect(position, prob, rng)
     }
 
     fn chosen_environment(&self) -> &Environment {

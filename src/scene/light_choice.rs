@@ -60,15 +60,10 @@ impl ByEstimate {
         }));
     }
 
-    /// The only light, if there is but one and it has a place: it is always chosen.
-    pub(super) fn only(&self) -> Option<usize> {
-        self.near.only().filter(|_| self.far.is_empty()).map(|index| index as usize)
-    }
-
     /// Chooses by a uniform number, for a point with this normal (a surface that is lit from one
     /// side): the index among the emitters, or after the last one the environment, and its
     /// probability; `None` where none can light it.
-    #[inline(never)] // keeps the loop over the only light short
+    #[inline(never)] // keeps the loops over vertices short
     pub(super) fn choose(
         &self,
         position: Vec3,

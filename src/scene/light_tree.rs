@@ -151,15 +151,6 @@ impl LightTree {
         self.nodes.first().map_or(0.0, |root| root.estimate(position, normal))
     }
 
-    /// The only emitter, if there is but one.
-    pub(super) fn only(&self) -> Option<u32> {
-        self.nodes
-            .first()
-            .map(|root| root.content)
-            .filter(|content| content & LEAF != 0)
-            .map(|content| content & !LEAF)
-    }
-
     /// Chooses an emitter for a point with this normal (a surface that is lit from one side) by a
     /// uniform number: its index and probability; `None` where none can light it.
     pub(super) fn choose(

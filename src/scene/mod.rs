@@ -46,7 +46,7 @@ pub use camera::{Camera, FieldOfView, Optics, View};
 pub use emitter::{Directional, Emitter, Spot};
 pub use environment::Environment;
 pub use light::{Emission, LightSample, Lights};
-pub use light_lanes::LightSamples;
+pub use light_lanes::{Emissions, LightSamples};
 pub use load::{LoadOptions, Loaded, load, load_with};
 pub use material::Material;
 pub use normal_map::NormalMap;

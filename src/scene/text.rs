@@ -52,16 +52,20 @@ pub(super) fn read(path: &Path) -> Result<String> {
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
+/// Size of what a model's text becomes over that of the text, which stays beside it.
+const TIMES_IN_MEMORY: f64 = 4.0;
+
 /// Reads an OBJ or MTL file of any size that memory has room for, without its byte order mark. Where
 /// all line ends are those of old Macs, they become new ones.
 pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     let mut file = open(path)?;
-    let size = file.metadata().map_or(0, |metadata| metadata.len()) as f64;
+    let needed = TIMES_IN_MEMORY * file.metadata().map_or(0, |metadata| metadata.len()) as f64;
     match available_memory() {
-        Some(available) if size > available => {
-            let (size, available) = (size / GIB, available / GIB);
+        Some(available) if needed > available => {
+            let (needed, available) = (needed / GIB, available / GIB);
             let problem = format!(
-                "the file has {size:.1} GiB, but {available:.1} GiB of memory are available"
+                "reading the file takes about {needed:.1} GiB of memory, but {available:.1} GiB are \
+                 available"
             );
             return Err(Error::new(problem, "split or simplify the model").at(path));
         }

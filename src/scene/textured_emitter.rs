@@ -66,7 +66,6 @@ impl TexturedTriangle {
         self.factor * self.texture.color(interpolate(self.uvs, at))
     }
 
-    #[inline(never)] // keeps the loop over other lights short
     pub(super) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
         let (shape, at) = (&self.shape, uniform_triangle(rng.next_2d()));
         Emission {
@@ -76,7 +75,6 @@ impl TexturedTriangle {
         }
     }
 
-    #[inline(never)] // as above
     pub(super) fn connect(&self, from: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
         let sample = self.shape.connect(from, |at| self.radiance(at), prob, rng)?;
         (sample.irradiance != Rgb::ZERO).then_some(sample)

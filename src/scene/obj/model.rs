@@ -65,7 +65,8 @@ impl Model {
     pub fn add(&mut self, mut chunk: Chunk) -> Result<()> {
         for (places, first) in chunk.relative.iter().zip(self.before.defined) {
             for place in places {
-                chunk.indices[*place] = chunk.indices[*place].wrapping_add(first);
+                let index = &mut chunk.indices[*place as usize];
+                *index = index.wrapping_add(first);
             }
         }
         self.positions.append(&mut chunk.positions);

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3, Vec2Swizzles, Vec3};
 
 /// Most corners of a polygon that is clipped: time grows with their square.
-pub(super) const LARGEST: usize = 4096;
+pub(super) const LARGEST: usize = 1024;
 
 /// Depth of a dent by its length up to which it is taken for a straight edge whose corners are rounded.
 const DENT: f64 = 1e-3;

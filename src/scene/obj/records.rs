@@ -78,7 +78,7 @@ pub(super) struct Chunk {
     /// Of all corners, counted from 0: the position, and what the layout has of the rest.
     pub indices: Vec<u32>,
     /// Which indices count from the first of their kind in this piece, modulo 2^32.
-    pub relative: [Vec<usize>; 3],
+    pub relative: [Vec<u32>; 3],
     /// What must have been defined before this piece.
     pub needed: [u32; 3],
     /// Without those named before; lines count from the piece's first.
@@ -144,8 +144,12 @@ impl Parser<'_> {
             b"vn" => chunk.normals.push(numbers(lines, rest, 3)?.into()),
             b"f" => self.face()?,
             b"o" | b"g" => {
-                if !rest.is_empty() {
-                    chunk.items.push(Item::Name(text(rest)));
+                let name = Item::Name(text(rest));
+                match chunk.items.last_mut() {
+                    _ if rest.is_empty() => {}
+                    // Of several without faces the last counts.
+                    Some(last @ Item::Name(_)) => *last = name,
+                    _ => chunk.items.push(name),
                 }
             }
             b"usemtl" => {
@@ -245,7 +249,7 @@ impl Parser<'_> {
                     Index::None => {}
                     Index::Absolute(index) => chunk.indices.push(index),
                     Index::Relative(index) => {
-                        chunk.relative[kind].push(chunk.indices.len());
+                        chunk.relative[kind].push(chunk.indices.len() as u32);
                         chunk.indices.push(index);
                     }
                 }
