@@ -20,12 +20,24 @@ impl<W: Copy + Default> Flight<W> {
     /// The place of one more, which still holds something else.
     #[inline(always)] // part of the loops over vertices
     pub fn add(&mut self) -> (&mut Ray, &mut W) {
-        let index = self.len;
-        if index == self.rays.len() {
+        self.candidate();
+        self.keep(true);
+        self.at(self.len - 1)
+    }
+
+    /// The place of one that may be kept: see [`Self::keep`].
+    #[inline(always)] // as above
+    pub fn candidate(&mut self) -> (&mut Ray, &mut W) {
+        if self.len == self.rays.len() {
             self.grow();
         }
-        self.len += 1;
-        (&mut self.rays[index], &mut self.walks[index])
+        (&mut self.rays[self.len], &mut self.walks[self.len])
+    }
+
+    /// Keeps the candidate or not, without a branch that chance decides and nothing predicts.
+    #[inline(always)] // as above
+    pub fn keep(&mut self, kept: bool) {
+        self.len += usize::from(kept);
     }
 
     /// The place of one that was added.

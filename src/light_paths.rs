@@ -256,15 +256,14 @@ impl Tracer {
             let before = &self.in_flight.walks()[walk];
             let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
             let survival = before.survival(albedo, roulette);
-            if ends[lane] < survival {
-                let (ray, walk) = self.next.add();
-                *ray = Ray::new(off_surface, directions.get(lane));
-                walk.rng = at.rng.get(lane);
-                walk.flux = at.carried.get(lane) * (albedo / survival);
-                walk.inverse_emitted = before.inverse_emitted;
-                walk.path = before.path;
-                walk.class = Some(PhotonClass::LastVertex);
-            }
+            let (ray, walk) = self.next.candidate();
+            *ray = Ray::new(off_surface, directions.get(lane));
+            walk.rng = at.rng.get(lane);
+            walk.flux = at.carried.get(lane) * (albedo / survival);
+            walk.inverse_emitted = before.inverse_emitted;
+            walk.path = before.path;
+            walk.class = Some(PhotonClass::LastVertex);
+            self.next.keep(ends[lane] < survival);
         }
         at.clear();
     }
