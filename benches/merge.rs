@@ -62,7 +62,7 @@ fn merge_by(
 ) -> Sum {
     let kernel = disc_area(settings.radius).recip();
     let mut sum = Sum::default();
-    for point in batches.iter().flat_map(|batch| &batch.gather_points) {
+    for point in batches.iter().flat_map(|batch| batch.gather_points.iter()) {
         assert_eq!(point.view, GatherPoint::NO_VIEW, "this bench merges Lambertian surfaces");
         let weight = point.weight * kernel;
         let last = point.vertex == settings.merge_vertex;

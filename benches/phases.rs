@@ -9,8 +9,9 @@ mod raw;
 mod subject;
 
 use bdpm::accel::backend::{Backend, build};
-use bdpm::accel::{AccelInfo, Coherence, Hit, Intersect, Ray, TriangleMesh};
+use bdpm::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh};
 use bdpm::camera_paths::{CameraPass, CameraPaths};
+use bdpm::lanes::{LANES, Mask};
 use bdpm::light_paths::LightPaths;
 use bdpm::noise::Measure;
 use bdpm::photon_map::PhotonMap;
@@ -41,15 +42,34 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// The first `count` rays.
+fn list(rays: &[RayPacket], count: usize) -> Vec<Ray> {
+    (0..count).map(|ray| rays[ray / LANES].get(ray % LANES)).collect()
+}
+
 impl Intersect for Recorder<'_> {
-    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence) {
-        self.packets.lock().unwrap().push(Packets::closest(rays, coherence));
-        self.accel.closest_hits(rays, hits, coherence);
+    fn intersect(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        hits: &mut [HitPacket],
+        coherence: Coherence,
+    ) {
+        let packets = Packets::closest(&list(rays, count), coherence);
+        self.packets.lock().unwrap().push(packets);
+        self.accel.intersect(rays, count, hits, coherence);
     }
 
-    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence) {
-        self.packets.lock().unwrap().push(Packets::any(rays, coherence));
-        self.accel.occlusions(rays, occluded, coherence);
+    fn occlude(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        occluded: &mut [Mask],
+        coherence: Coherence,
+    ) {
+        let packets = Packets::any(&list(rays, count), coherence);
+        self.packets.lock().unwrap().push(packets);
+        self.accel.occlude(rays, count, occluded, coherence);
     }
 
     fn closest_hit(&self, ray: &Ray) -> Hit {

@@ -1,17 +1,19 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and leaves the
 //! points at which photons are gathered.
 
-use crate::accel::{Coherence, Hit, Intersect, Ray};
+use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
 use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
-use crate::diffuse::{DiffusePoint, DiffuseVertices};
-use crate::flight::Flight;
-use crate::gather::{GatherPoint, GatherView};
-use crate::lanes::{LANES, Rngs, vectorized};
+use crate::diffuse::DiffuseVertices;
+use crate::flight::{Columns, Flight};
+use crate::gather::{GatherPoint, GatherPoints, GatherView};
+use crate::lanes::{LANES, Mask, Rngs, Vec3s, any, lanes_of, vectorized};
 use crate::math::Rgb;
 use crate::rng::{Rng, StreamKey, camera_path_index};
 use crate::scene::{LightSample, Scene, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use std::mem;
 
 /// Camera paths whose throughput fell below this share play roulette where they pass through.
 const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
@@ -55,45 +57,88 @@ pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,
     /// In the order of their paths and, along a path, of its vertices.
-    pub gather_points: Vec<GatherPoint>,
+    pub gather_points: GatherPoints,
     /// What some gather points refer to.
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
-    segments: Flight<Walk>,
+    segments: Flight<Walks>,
     /// The next segments, in the order in which they are found.
-    next: Flight<Walk>,
-    hits: Vec<Hit>,
-    shadow_rays: Vec<Ray>,
-    /// Path and contribution of each shadow ray.
-    connections: Vec<(u32, Rgb)>,
-    occluded: Vec<bool>,
-    /// For putting gather points in order: these, and where those of each path go.
-    unordered: Vec<GatherPoint>,
-    places: Vec<u32>,
+    next: Flight<Walks>,
+    hits: Vec<HitPacket>,
+    shadow_rays: Flight<Connections>,
+    occluded: Vec<Mask>,
+    /// Reciprocal of the weight that the camera gave each path, if not all have 1.
+    inverse_weights: Vec<f32>,
 }
 
-/// A path under way.
-#[derive(Clone, Copy, Debug, Default)]
+/// Sixteen paths under way.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Walks {
+    rng: Rngs,
+    throughput: Vec3s,
+    /// Index within the batch.
+    path: [u32; LANES],
+    /// Diffuse vertices so far.
+    vertices: [u32; LANES],
+    /// Vertices passed through so far.
+    passed: [u32; LANES],
+}
+
+impl Columns for Walks {
+    const T_FAR: f32 = f32::INFINITY;
+}
+
+/// What sixteen shadow rays carry if nothing blocks them.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Connections {
+    path: [u32; LANES],
+    contribution: Vec3s,
+}
+
+impl Columns for Connections {
+    /// Shadow rays end where they point.
+    const T_FAR: f32 = 1.0;
+}
+
+/// One of [`Walks`].
+#[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
     throughput: Rgb,
-    /// Reciprocal of the weight that the camera gave it.
-    inverse_weight: f32,
-    /// Index within the batch.
     path: u32,
-    /// Diffuse vertices so far.
     vertices: u32,
-    /// Vertices passed through so far.
     passed: u32,
 }
 
+impl Walks {
+    fn get(&self, lane: usize) -> Walk {
+        Walk {
+            rng: self.rng.get(lane),
+            throughput: self.throughput.get(lane),
+            path: self.path[lane],
+            vertices: self.vertices[lane],
+            passed: self.passed[lane],
+        }
+    }
+
+    fn set(&mut self, lane: usize, walk: &Walk) {
+        self.rng.set(lane, walk.rng);
+        self.throughput.set(lane, walk.throughput);
+        self.path[lane] = walk.path;
+        self.vertices[lane] = walk.vertices;
+        self.passed[lane] = walk.passed;
+    }
+}
+
 impl Walk {
-    /// Roulette where the path passed through a vertex: whether it goes on.
-    #[inline(never)] // keeps the loop over diffuse vertices short
-    fn passes_on(&mut self) -> bool {
+    /// Roulette where the path passed through a vertex: whether it goes on. `inverse_weight` is the
+    /// reciprocal of the weight that the camera gave it.
+    fn passes_on(&mut self, inverse_weight: f32) -> bool {
         self.passed += 1;
-        let share = self.throughput.max_element() * self.inverse_weight;
+        let share = self.throughput.max_element() * inverse_weight;
         let mut survival = (share / WEIGHT_FLOOR).min(1.0);
         if self.passed >= LONG_CHAIN {
             survival = survival.min(1.0 - LONG_CHAIN_END);
@@ -119,8 +164,9 @@ impl CameraPaths {
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
-            self.hits.resize(self.segments.len(), Hit::MISS);
-            pass.accel.closest_hits(self.segments.rays(), &mut self.hits, coherence);
+            let (rays, count) = (self.segments.rays(), self.segments.len());
+            self.hits.resize(rays.len(), HitPacket::default());
+            pass.accel.intersect(rays, count, &mut self.hits, coherence);
             vectorized(
                 #[inline(always)]
                 || self.scatter(pass),
@@ -128,205 +174,174 @@ impl CameraPaths {
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
         }
-        if !self.gather_points.is_sorted_by_key(|point| point.path) {
-            self.order_by_path();
-        }
-    }
-
-    /// Breadth-first order to path order; points of a path stay in theirs (a counting sort).
-    fn order_by_path(&mut self) {
-        self.places.clear();
-        self.places.resize(self.direct.len() + 1, 0);
-        for point in &self.gather_points {
-            self.places[point.path as usize + 1] += 1;
-        }
-        let mut sum = 0;
-        for place in &mut self.places {
-            sum += *place;
-            *place = sum;
-        }
-        std::mem::swap(&mut self.gather_points, &mut self.unordered);
-        self.gather_points.clone_from(&self.unordered);
-        for point in &self.unordered {
-            let place = &mut self.places[point.path as usize];
-            self.gather_points[*place as usize] = *point;
-            *place += 1;
-        }
+        self.gather_points.order_by_path(self.direct.len());
     }
 
     #[inline(always)] // vectorized
     fn start(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
+        self.inverse_weights.clear();
         self.gather_points.clear();
         self.views.clear();
         let mut paths = paths.fuse();
         loop {
-            let (mut count, mut rngs) = (0, Rngs::default());
             let [mut x, mut y] = [[0.0; LANES]; 2];
+            let mut index = [0; LANES];
+            let mut count = 0;
             for id in paths.by_ref().take(LANES) {
                 let pixel = id.y * pass.settings.width + id.x;
-                rngs.set(count, pass.key.rng(camera_path_index(pixel, id.index)));
+                index[count] = camera_path_index(pixel, id.index);
                 (x[count], y[count]) = (id.x as f32, id.y as f32);
                 count += 1;
             }
             if count == 0 {
                 break;
             }
-            let offsets = [rngs.next_1d(), rngs.next_1d()];
+            let first = self.segments.len();
+            let (rays, walks) = self.segments.add_packet(count);
+            for (lane, index) in index.into_iter().enumerate() {
+                walks.rng.set(lane, pass.key.rng(index));
+            }
+            let offsets = [walks.rng.next_1d(), walks.rng.next_1d()];
             for lane in 0..LANES {
                 x[lane] += offsets[0][lane];
                 y[lane] += offsets[1][lane];
+                walks.path[lane] = (first + lane) as u32;
             }
-            let start = self.segments.len();
-            for lane in 0..count {
-                let (_, walk) = self.segments.add();
-                walk.rng = rngs.get(lane);
-                walk.throughput = Rgb::ONE;
-                walk.inverse_weight = 1.0;
-                walk.path = (start + lane) as u32;
-                walk.vertices = 0;
-                walk.passed = 0;
-            }
+            walks.throughput = Vec3s::splat(Rgb::ONE);
+            (walks.vertices, walks.passed) = ([0; LANES], [0; LANES]);
             if pass.view.has_aperture() {
                 for lane in 0..count {
-                    let (ray, walk) = self.segments.at(start + lane);
-                    let weight;
-                    (*ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
-                    (walk.throughput, walk.inverse_weight) = (Rgb::splat(weight), weight.recip());
+                    let mut walk = walks.get(lane);
+                    let (ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
+                    walk.throughput = Rgb::splat(weight);
+                    self.inverse_weights.push(weight.recip());
+                    rays.set(lane, &ray);
+                    walks.set(lane, &walk);
                 }
             } else {
-                let directions = pass.view.pinhole_directions(&x, &y);
-                for lane in 0..count {
-                    *self.segments.at(start + lane).0 =
-                        Ray::new(pass.view.position, directions.get(lane));
-                }
+                rays.origin = Vec3s::splat(pass.view.position);
+                rays.direction = pass.view.pinhole_directions(&x, &y);
             }
         }
         self.direct.clear();
         self.direct.resize(self.segments.len(), Rgb::ZERO);
     }
 
-    /// At the hits: emission, connection, gathering, and the next segment.
+    /// At the hits: emission, connection, gathering, and the next segments.
     #[inline(always)] // vectorized
     fn scatter(&mut self, pass: &CameraPass) {
-        let mut vertices = DiffuseVertices::default();
         self.next.clear();
-        for i in 0..self.segments.len() {
-            let (ray, hit) = (&self.segments.rays()[i], self.hits[i]);
-            if hit.is_miss() {
-                self.leave(pass, i);
-                continue;
+        let (mut segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let mut at = DiffuseVertices::default();
+        for ((rays, walks, count), hits) in segments.packets().zip(&hits) {
+            let others = pass.scene.plain(rays, hits, count, &mut at);
+            for lane in lanes_of(others) {
+                let (ray, hit) = (rays.get(lane), hits.get(lane));
+                self.elsewhere(pass, &ray, &hit, walks.get(lane), (&mut at, lane));
             }
-            let Some(point) = pass.scene.plain(ray, &hit).or_else(|| self.elsewhere(pass, i))
-            else {
-                continue;
-            };
-            let Walk { rng, throughput, path, vertices: before, .. } = self.segments.walks()[i];
-            // Emission hit later is carried by connections or photons.
-            if before == 0 && point.emission != Rgb::ZERO {
-                self.direct[path as usize] += throughput * point.emission;
-            }
-            vertices.push(i, &point, throughput, rng);
-            if vertices.is_full() {
-                self.scatter_diffuse(pass, &mut vertices);
-            }
+            self.scatter_diffuse(pass, &at, walks);
         }
-        self.scatter_diffuse(pass, &mut vertices);
-        std::mem::swap(&mut self.segments, &mut self.next);
+        self.hits = hits;
+        self.segments = mem::replace(&mut self.next, segments);
     }
 
-    /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
+    /// Where a path left the scene, or hit what is not plain: a diffuse vertex is set, what else there
+    /// may be is done with.
     #[inline(never)] // keeps the loop over plain vertices short
-    fn elsewhere(&mut self, pass: &CameraPass, i: usize) -> Option<DiffusePoint> {
-        let surface = pass.scene.surface(&self.segments.rays()[i], &self.hits[i]);
-        let diffuse = surface.diffuse();
-        if diffuse.is_none()
-            && let Some(next) = self.scatter_other(pass, &surface, self.segments.walks()[i])
-        {
-            let (ray, walk) = self.next.add();
-            (*ray, *walk) = next;
+    fn elsewhere(
+        &mut self,
+        pass: &CameraPass,
+        ray: &Ray,
+        hit: &Hit,
+        walk: Walk,
+        (at, lane): (&mut DiffuseVertices, usize),
+    ) {
+        if hit.is_miss() {
+            // Emission from all around, if nothing else carries it.
+            if walk.vertices == 0 {
+                let beyond = pass.scene.lights.beyond(ray.direction);
+                self.direct[walk.path as usize] += walk.throughput * beyond;
+            }
+            return;
         }
-        diffuse
+        let surface = pass.scene.surface(ray, hit);
+        if let Some(point) = surface.diffuse() {
+            at.set(lane, &point);
+        } else if let Some((ray, walk)) = self.scatter_other(pass, &surface, walk) {
+            let (rays, walks, lane) = self.next.add();
+            rays.set(lane, &ray);
+            walks.set(lane, &walk);
+        }
     }
 
     /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
     #[inline(always)] // vectorized
-    fn scatter_diffuse(&mut self, pass: &CameraPass, at: &mut DiffuseVertices) {
+    fn scatter_diffuse(&mut self, pass: &CameraPass, at: &DiffuseVertices, walks: &mut Walks) {
         let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
+        if at.any_emits {
+            self.add_emission(at, walks);
+        }
+        let weights = at.weights(&walks.throughput);
         if direct == Direct::Connect {
-            self.connect_diffuse(pass, at);
+            let light = pass.scene.lights.connect_all(at, &mut walks.rng);
+            let contributions = at.contributions(&weights, &light);
+            self.send_shadow_rays(at, &walks.path, &light.target, &contributions);
         }
-        let mut any_goes_on = false;
-        for (lane, walk) in at.lanes() {
-            let Walk { path, vertices, .. } = self.segments.walks()[walk];
-            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
-            let weight = at.weight(lane);
-            let (vertex, view) = (vertices + 1, GatherPoint::NO_VIEW);
-            any_goes_on |= vertex < merge_vertex;
-            if vertex == merge_vertex || pass.gather_early {
-                self.gather_points.push(GatherPoint {
-                    position,
-                    path,
-                    weight,
-                    vertex,
-                    normal,
-                    view,
-                });
-            }
+        let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
+        for lane in 0..LANES {
+            walks.vertices[lane] += 1;
+            let last = walks.vertices[lane] == merge_vertex;
+            gathers[lane] = at.active[lane] & (last | pass.gather_early);
+            goes_on[lane] = at.active[lane] & (walks.vertices[lane] < merge_vertex);
         }
-        if any_goes_on {
-            let directions = at.sample();
-            let ends = match camera_roulette {
-                Roulette::Albedo => at.rng.next_1d(),
-                Roulette::Weight => [0.0; LANES],
-            };
-            for (lane, walk) in at.lanes() {
-                let before = &self.segments.walks()[walk];
-                let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
-                let survival = match camera_roulette {
-                    Roulette::Albedo => albedo.max_element().min(1.0),
-                    Roulette::Weight => 1.0,
-                };
-                let vertices = before.vertices + 1;
-                if vertices < merge_vertex && albedo != Rgb::ZERO && ends[lane] < survival {
-                    let (ray, walk) = self.next.add();
-                    *ray = Ray::new(off_surface, directions.get(lane));
-                    walk.rng = at.rng.get(lane);
-                    walk.throughput = at.carried.get(lane) * (albedo / survival);
-                    walk.inverse_weight = before.inverse_weight;
-                    walk.path = before.path;
-                    walk.vertices = vertices;
-                    walk.passed = before.passed;
-                }
-            }
+        if any(&gathers) {
+            let Walks { path, vertices, .. } = walks;
+            self.gather_points.push_diffuse(&gathers, at, &weights, path, vertices);
         }
-        at.clear();
+        if !any(&goes_on) {
+            return;
+        }
+        let directions = at.sample(&mut walks.rng);
+        let by_albedo = camera_roulette == Roulette::Albedo;
+        let ends = if by_albedo { walks.rng.next_1d() } else { [0.0; LANES] };
+        for lane in 0..LANES {
+            let albedo = at.albedo.get(lane);
+            let survival = if by_albedo { albedo.max_element().min(1.0) } else { 1.0 };
+            goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
+            walks.throughput.set(lane, walks.throughput.get(lane) * (albedo / survival));
+        }
+        self.next.append(&goes_on, &at.off_surface, &directions, walks);
     }
 
-    /// Connects diffuse vertices with one light each.
-    #[inline(always)]
-    fn connect_diffuse(&mut self, pass: &CameraPass, at: &mut DiffuseVertices) {
-        let light = pass.scene.lights.connect_all(at);
-        let contributions = at.contributions(&light);
-        for (lane, walk) in at.lanes() {
-            let contribution = contributions.get(lane);
-            if contribution != Rgb::ZERO {
-                let path = self.segments.walks()[walk].path;
-                let off_surface = at.off_surface.get(lane);
-                self.send_shadow_ray(path, contribution, light.target.get(lane), off_surface);
+    /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
+    #[inline(never)] // keeps the common case short
+    fn add_emission(&mut self, at: &DiffuseVertices, walks: &Walks) {
+        for lane in 0..LANES {
+            if at.active[lane] && at.front[lane] && walks.vertices[lane] == 0 {
+                let emission = at.emission.get(lane);
+                self.direct[walks.path[lane] as usize] += walks.throughput.get(lane) * emission;
             }
         }
     }
 
-    /// Where path `i` left the scene: emission from all around, if nothing else carries it.
-    #[inline(never)] // keeps the loop over diffuse vertices short
-    fn leave(&mut self, pass: &CameraPass, i: usize) {
-        let walk = &self.segments.walks()[i];
-        if walk.vertices == 0 {
-            let direction = self.segments.rays()[i].direction;
-            let beyond = pass.scene.lights.beyond(direction);
-            self.direct[walk.path as usize] += walk.throughput * beyond;
+    /// Adds these contributions to their paths if nothing is between points on lights and vertices.
+    #[inline(always)] // vectorized
+    fn send_shadow_rays(
+        &mut self,
+        at: &DiffuseVertices,
+        path: &[u32; LANES],
+        target: &Vec3s,
+        contribution: &Vec3s,
+    ) {
+        let (mut sent, mut direction) = (Mask::default(), Vec3s::default());
+        for lane in 0..LANES {
+            sent[lane] = at.active[lane] & (contribution.get(lane) != Rgb::ZERO);
+            direction.set(lane, at.off_surface.get(lane) - target.get(lane));
         }
+        let connections = Connections { path: *path, contribution: *contribution };
+        // From the light: shadow rays to one point then share their origin.
+        self.shadow_rays.append(&sent, target, &direction, &connections);
     }
 
     /// At a surface that is not diffuse alone; the next segment unless the path ends.
@@ -354,7 +369,8 @@ impl CameraPaths {
         walk.throughput *= sample.weight;
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
-            return walk.passes_on().then_some((ray, walk));
+            let inverse_weight = self.inverse_weights.get(walk.path as usize).unwrap_or(&1.0);
+            return walk.passes_on(*inverse_weight).then_some((ray, walk));
         }
         walk.vertices += 1;
         if camera_roulette == Roulette::Albedo {
@@ -418,28 +434,32 @@ impl CameraPaths {
         }
         let Surface { position, normal, .. } = *surface;
         let (path, weight) = (walk.path, walk.throughput);
-        self.gather_points.push(GatherPoint { position, path, weight, vertex, normal, view });
+        let point = GatherPoint { position, path, weight, vertex, normal, view };
+        self.gather_points.push(&point);
     }
 
-    /// Adds this to a path if nothing is between a point on a light and a vertex.
-    #[inline]
+    /// [`Self::send_shadow_rays`] for one.
     fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
-        // From the light: shadow rays to one point then share their origin.
-        self.shadow_rays.push(Ray::segment(target, off_surface));
-        self.connections.push((path, contribution));
+        let (rays, connections, lane) = self.shadow_rays.add();
+        rays.set(lane, &Ray::segment(target, off_surface));
+        connections.path[lane] = path;
+        connections.contribution.set(lane, contribution);
     }
 
     /// Adds the light of all connections that nothing blocks.
     fn add_connections(&mut self, accel: &dyn Intersect, coherence: Coherence) {
-        self.rays += self.shadow_rays.len() as u64;
-        self.occluded.resize(self.shadow_rays.len(), false);
-        accel.occlusions(&self.shadow_rays, &mut self.occluded, coherence);
-        for (&(path, contribution), &occluded) in self.connections.iter().zip(&self.occluded) {
-            if !occluded {
-                self.direct[path as usize] += contribution;
+        let (rays, count) = (self.shadow_rays.rays(), self.shadow_rays.len());
+        self.rays += count as u64;
+        self.occluded.resize(rays.len(), Mask::default());
+        accel.occlude(rays, count, &mut self.occluded, coherence);
+        for ((_, connections, count), occluded) in self.shadow_rays.packets().zip(&self.occluded) {
+            for lane in 0..count {
+                // Added in any case: what is in the shadow nobody foresees.
+                let visible =
+                    if occluded[lane] { Rgb::ZERO } else { connections.contribution.get(lane) };
+                self.direct[connections.path[lane] as usize] += visible;
             }
         }
         self.shadow_rays.clear();
-        self.connections.clear();
     }
 }

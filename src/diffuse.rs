@@ -1,8 +1,7 @@
 //! Diffuse vertices, sixteen paths at a time: what both kinds of paths do most.
 
-use crate::lanes::{LANES, Rngs, Vec3s};
+use crate::lanes::{LANES, Mask, Rngs, Vec3s};
 use crate::math::{Rgb, cosine_hemisphere};
-use crate::rng::Rng;
 use crate::scene::LightSamples;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -22,90 +21,80 @@ pub struct DiffusePoint {
     pub emission: Rgb,
 }
 
-/// Up to sixteen vertices, each of another path.
+/// Vertices of sixteen paths, as far as these have one; see [`DiffusePoint`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DiffuseVertices {
-    len: usize,
-    /// Index of each path under way.
-    walks: [u32; LANES],
-    /// As in [`DiffusePoint`].
+    /// Which paths have one; numbers of the others mean nothing.
+    pub active: Mask,
+    /// Whether any has an emission.
+    pub any_emits: bool,
+    /// Which are on the front side.
+    pub front: Mask,
+    /// The points that were hit.
     pub position: Vec3s,
-    /// As in [`DiffusePoint`].
+    /// Unit normals.
     pub normal: Vec3s,
-    /// As in [`DiffusePoint`].
+    /// Where new rays start.
     pub off_surface: Vec3s,
-    /// As in [`DiffusePoint`].
+    /// Reflected shares.
     pub albedo: Vec3s,
-    /// Throughput of camera paths, flux of light paths: where they arrive.
-    pub carried: Vec3s,
-    /// Random numbers.
-    pub rng: Rngs,
+    /// Radiance that the fronts emit, if `any_emits`.
+    pub emission: Vec3s,
 }
 
 impl DiffuseVertices {
-    /// Adds the vertex of the path `walk`.
-    ///
-    /// # Panics
-    /// If it is full.
-    #[inline(always)] // as those below: parts of the loops over vertices
-    pub fn push(&mut self, walk: usize, point: &DiffusePoint, carried: Rgb, rng: Rng) {
-        let lane = self.len;
-        self.walks[lane] = walk as u32;
+    /// No path has one.
+    #[inline(always)] // as most of those below: parts of the loops over vertices
+    pub fn clear(&mut self) {
+        self.active = Mask::default();
+        if self.any_emits {
+            self.emission = Vec3s::default();
+            self.any_emits = false;
+        }
+    }
+
+    /// Adds the vertex of a path that has none so far.
+    pub fn set(&mut self, lane: usize, point: &DiffusePoint) {
+        (self.active[lane], self.front[lane]) = (true, true);
+        self.any_emits |= point.emission != Rgb::ZERO;
         self.position.set(lane, point.position);
         self.normal.set(lane, point.normal);
         self.off_surface.set(lane, point.off_surface);
         self.albedo.set(lane, point.albedo);
-        self.carried.set(lane, carried);
-        self.rng.set(lane, rng);
-        self.len += 1;
+        self.emission.set(lane, point.emission);
     }
 
-    /// Whether there is no room for another.
+    /// What each path `carried` there times the BSDF, 1/sr.
     #[inline(always)]
-    pub fn is_full(&self) -> bool {
-        self.len == LANES
+    pub fn weights(&self, carried: &Vec3s) -> Vec3s {
+        let mut weights = Vec3s::default();
+        for lane in 0..LANES {
+            weights.set(lane, carried.get(lane) * self.albedo.get(lane) * FRAC_1_PI);
+        }
+        weights
     }
 
-    /// Takes all out.
+    /// What so much light from these directions contributes to paths of these
+    /// [`weights`](Self::weights).
     #[inline(always)]
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// Each lane with its path.
-    #[inline(always)]
-    pub fn lanes(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let walks = self.walks;
-        (0..self.len).map(move |lane| (lane, walks[lane] as usize))
-    }
-
-    /// What the albedo and so much light from these directions contribute to each path.
-    #[inline(always)]
-    pub fn contributions(&self, light: &LightSamples) -> Vec3s {
+    pub fn contributions(&self, weights: &Vec3s, light: &LightSamples) -> Vec3s {
         let mut contributions = Vec3s::default();
         for lane in 0..LANES {
             let cos_theta = light.wi.get(lane).dot(self.normal.get(lane)).max(0.0);
-            let weight = self.weight(lane) * cos_theta;
+            let weight = weights.get(lane) * cos_theta;
             contributions.set(lane, weight * light.irradiance.get(lane));
         }
         contributions
     }
 
-    /// What the path carries times the BSDF, 1/sr.
-    #[inline(always)]
-    pub fn weight(&self, lane: usize) -> Rgb {
-        self.carried.get(lane) * self.albedo.get(lane) * FRAC_1_PI
-    }
-
     /// Samples where each path goes on, in proportion to the cosine: the weight of each direction is
     /// the albedo.
     #[inline(always)]
-    pub fn sample(&mut self) -> Vec3s {
+    pub fn sample(&self, rngs: &mut Rngs) -> Vec3s {
         let mut directions = Vec3s::default();
+        let (u, v) = (rngs.next_1d(), rngs.next_1d());
         for lane in 0..LANES {
-            let mut rng = self.rng.get(lane);
-            directions.set(lane, cosine_hemisphere(self.normal.get(lane), rng.next_2d()));
-            self.rng.set(lane, rng);
+            directions.set(lane, cosine_hemisphere(self.normal.get(lane), [u[lane], v[lane]]));
         }
         directions
     }

@@ -4,6 +4,7 @@
 //! calls nor branches.
 
 use crate::rng::Rng;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// Paths side by side: two registers of AVX2, four of SSE.
@@ -17,13 +18,41 @@ pub fn vectorized<T>(work: impl FnOnce() -> T) -> T {
     pulp::Arch::new().dispatch(work)
 }
 
+/// Which paths something holds for.
+pub type Mask = [bool; LANES];
+
+/// Whether it holds for any.
+#[inline(always)]
+pub fn any(mask: &Mask) -> bool {
+    mask.iter().fold(false, |any, &lane| any | lane)
+}
+
+/// Whether it holds for all.
+#[inline(always)]
+pub fn all(mask: &Mask) -> bool {
+    mask.iter().fold(true, |all, &lane| all & lane)
+}
+
+/// The lanes of the bits that are set.
+#[inline(always)]
+pub fn lanes_of(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < LANES).then_some(lane)
+    })
+}
+
 /// A vector of each path, component by component.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Vec3s {
-    x: [f32; LANES],
-    y: [f32; LANES],
-    z: [f32; LANES],
+    /// First components.
+    pub x: [f32; LANES],
+    /// Second components.
+    pub y: [f32; LANES],
+    /// Third components.
+    pub z: [f32; LANES],
 }
 
 impl Vec3s {
@@ -48,7 +77,7 @@ impl Vec3s {
 }
 
 /// The random numbers of each path.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Rngs([[u32; LANES]; 4]);
 

@@ -1,17 +1,19 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
-use crate::accel::{Coherence, Hit, Intersect, Ray};
-use crate::diffuse::{DiffusePoint, DiffuseVertices};
-use crate::flight::Flight;
-use crate::lanes::{LANES, Rngs, vectorized};
+use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
+use crate::diffuse::DiffuseVertices;
+use crate::flight::{Columns, Flight};
+use crate::lanes::{LANES, Mask, Rngs, Vec3s, lanes_of, vectorized};
 use crate::math::Rgb;
 use crate::photon::{Photon, PhotonClass};
 use crate::pool::Pool;
 use crate::rng::{Rng, Stream, StreamKey};
-use crate::scene::{Scene, Surface};
+use crate::scene::{Emissions, Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::mem;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
@@ -86,30 +88,80 @@ impl LightPaths {
     }
 }
 
-/// A path under way.
-#[derive(Clone, Copy, Debug, Default)]
+/// Sixteen paths under way.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Walks {
+    rng: Rngs,
+    flux: Vec3s,
+    /// Reciprocals of the largest channel of the emitted flux.
+    inverse_emitted: [f32; LANES],
+    path: [u32; LANES],
+    /// See [`Walk::class`]: its number and 1, or 0.
+    class: [u32; LANES],
+}
+
+impl Columns for Walks {
+    const T_FAR: f32 = f32::INFINITY;
+}
+
+/// One of [`Walks`].
+#[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
     flux: Rgb,
-    /// Reciprocal of the largest channel of the emitted flux.
     inverse_emitted: f32,
     path: u32,
     /// Of its next photon; `None` if that comes straight from a light that is connected.
     class: Option<PhotonClass>,
 }
 
-impl Walk {
-    /// Probability of going on from a vertex of this weight.
-    #[inline]
-    fn survival(&self, weight: Rgb, roulette: Roulette) -> f32 {
-        let share = match roulette {
-            Roulette::Albedo => weight.max_element(),
-            Roulette::Weight => {
-                (self.flux * weight).max_element() * self.inverse_emitted / WEIGHT_FLOOR
-            }
-        };
-        share.min(MAX_SURVIVAL)
+/// A class as one word.
+const fn encoded(class: Option<PhotonClass>) -> u32 {
+    match class {
+        None => 0,
+        Some(class) => class as u32 + 1,
     }
+}
+
+#[inline(always)]
+fn decoded(word: u32) -> Option<PhotonClass> {
+    const EVERY_VERTEX: u32 = encoded(Some(PhotonClass::EveryVertex));
+    match word {
+        0 => None,
+        EVERY_VERTEX => Some(PhotonClass::EveryVertex),
+        _ => Some(PhotonClass::LastVertex),
+    }
+}
+
+impl Walks {
+    fn get(&self, lane: usize) -> Walk {
+        Walk {
+            rng: self.rng.get(lane),
+            flux: self.flux.get(lane),
+            inverse_emitted: self.inverse_emitted[lane],
+            path: self.path[lane],
+            class: decoded(self.class[lane]),
+        }
+    }
+
+    fn set(&mut self, lane: usize, walk: &Walk) {
+        self.rng.set(lane, walk.rng);
+        self.flux.set(lane, walk.flux);
+        self.inverse_emitted[lane] = walk.inverse_emitted;
+        self.path[lane] = walk.path;
+        self.class[lane] = encoded(walk.class);
+    }
+}
+
+/// Probability of going on with `flux` from a vertex of this weight.
+#[inline(always)] // part of a vector loop
+fn survival(flux: Rgb, weight: Rgb, inverse_emitted: f32, roulette: Roulette) -> f32 {
+    let share = match roulette {
+        Roulette::Albedo => weight.max_element(),
+        Roulette::Weight => (flux * weight).max_element() * inverse_emitted / WEIGHT_FLOOR,
+    };
+    share.min(MAX_SURVIVAL)
 }
 
 /// What consecutive paths leave.
@@ -124,10 +176,10 @@ struct Batch {
 /// A reusable workspace that traces one batch after another.
 #[derive(Debug, Default)]
 struct Tracer {
-    in_flight: Flight<Walk>,
+    in_flight: Flight<Walks>,
     /// The rays of the next bounce, in the order in which they are found.
-    next: Flight<Walk>,
-    hits: Vec<Hit>,
+    next: Flight<Walks>,
+    hits: Vec<HitPacket>,
     /// Of the current batch.
     photons: Vec<Photon>,
     /// Whether photons keep theirs.
@@ -145,7 +197,7 @@ impl Tracer {
         paths: Range<u32>,
     ) {
         let start = Instant::now();
-        std::mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.photons, &mut batch.photons);
         self.photons.clear();
         self.directions = scene.merges_by_direction();
         batch.rays = 0;
@@ -155,14 +207,15 @@ impl Tracer {
         );
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
-            self.hits.resize(self.in_flight.len(), Hit::MISS);
-            accel.closest_hits(self.in_flight.rays(), &mut self.hits, Coherence::Incoherent);
+            let (rays, count) = (self.in_flight.rays(), self.in_flight.len());
+            self.hits.resize(rays.len(), HitPacket::default());
+            accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
                 #[inline(always)]
                 || self.bounce(scene, settings.light_roulette),
             );
         }
-        std::mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.photons, &mut batch.photons);
         batch.busy = start.elapsed();
     }
 
@@ -177,68 +230,73 @@ impl Tracer {
         while !paths.is_empty() {
             let first = paths.start;
             let count = paths.by_ref().take(LANES).count();
-            let mut rngs = Rngs::default();
+            let mut walks = Walks { class: [encoded(class); LANES], ..Walks::default() };
             for lane in 0..count {
-                rngs.set(lane, key.rng(u64::from(first) + lane as u64));
+                walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = scene.lights.emit_all(&mut rngs, count);
-            for lane in 0..count {
+            let emissions = scene.lights.emit_all(&mut walks.rng, count);
+            walks.flux = emissions.flux;
+            let mut emitted = Mask::default();
+            for lane in 0..LANES {
                 let flux = emissions.flux.get(lane);
-                if flux == Rgb::ZERO {
-                    continue; // from a black part of a picture
-                }
-                let (ray, walk) = self.in_flight.add();
-                *ray = Ray::new(emissions.origin.get(lane), emissions.direction.get(lane));
-                walk.rng = rngs.get(lane);
-                walk.flux = flux;
-                walk.inverse_emitted = flux.max_element().recip();
-                walk.path = first + lane as u32;
-                walk.class = class;
+                walks.path[lane] = first + lane as u32;
+                walks.inverse_emitted[lane] = flux.max_element().recip();
+                // Black parts of pictures emit nothing.
+                emitted[lane] = (lane < count) & (flux != Rgb::ZERO);
             }
+            let Emissions { origin, direction, .. } = &emissions;
+            self.in_flight.append(&emitted, origin, direction, &walks);
         }
     }
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
     #[inline(always)] // vectorized
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
-        let mut vertices = DiffuseVertices::default();
         self.next.clear();
-        for i in 0..self.in_flight.len() {
-            let (ray, hit) = (&self.in_flight.rays()[i], self.hits[i]);
-            if hit.is_miss() {
-                continue;
+        let (mut in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
+        let mut at = DiffuseVertices::default();
+        for ((rays, walks, count), hits) in in_flight.packets().zip(&hits) {
+            let others = scene.plain(rays, hits, count, &mut at);
+            for lane in lanes_of(others) {
+                let (ray, hit) = (rays.get(lane), hits.get(lane));
+                self.elsewhere(scene, &ray, &hit, (walks.get(lane), roulette), (&mut at, lane));
             }
-            let plain = scene.plain(ray, &hit);
-            let Some(point) = plain.or_else(|| self.elsewhere(scene, i, roulette)) else {
-                continue;
-            };
-            let Walk { rng, flux, path, class, .. } = self.in_flight.walks()[i];
-            if let Some(class) = class {
-                let from = -self.in_flight.rays()[i].direction;
-                self.store(Photon::new(point.position, path, flux, point.normal, class), from);
+            for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+                if let Some(class) = decoded(walks.class[lane]) {
+                    let (path, flux) = (walks.path[lane], walks.flux.get(lane));
+                    let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+                    let photon = Photon::new(position, path, flux, normal, class);
+                    self.store(photon, -rays.direction.get(lane));
+                }
             }
-            vertices.push(i, &point, flux, rng);
-            if vertices.is_full() {
-                self.scatter_diffuse(&mut vertices, roulette);
-            }
+            self.scatter_diffuse(&at, walks, roulette);
         }
-        self.scatter_diffuse(&mut vertices, roulette);
-        std::mem::swap(&mut self.in_flight, &mut self.next);
+        self.hits = hits;
+        self.in_flight = mem::replace(&mut self.next, in_flight);
     }
 
-    /// What path `i` hit where that is not plain: a diffuse point is told, another done with.
+    /// Where a path left the scene, or hit what is not plain: a diffuse vertex is set, what else there
+    /// may be is done with.
     #[inline(never)] // keeps the loop over plain vertices short
-    fn elsewhere(&mut self, scene: &Scene, i: usize, roulette: Roulette) -> Option<DiffusePoint> {
-        let surface = scene.surface(&self.in_flight.rays()[i], &self.hits[i]);
-        let diffuse = surface.diffuse();
-        let walk = self.in_flight.walks()[i];
-        if diffuse.is_none()
-            && let Some(next) = self.scatter_other(&surface, walk, roulette)
-        {
-            let (ray, walk) = self.next.add();
-            (*ray, *walk) = next;
+    fn elsewhere(
+        &mut self,
+        scene: &Scene,
+        ray: &Ray,
+        hit: &Hit,
+        (walk, roulette): (Walk, Roulette),
+        (at, lane): (&mut DiffuseVertices, usize),
+    ) {
+        if hit.is_miss() {
+            return;
         }
-        diffuse
+        let surface = scene.surface(ray, hit);
+        if let Some(point) = surface.diffuse() {
+            at.set(lane, &point);
+        } else if let Some((ray, walk)) = self.scatter_other(&surface, walk, roulette) {
+            let (rays, walks, lane) = self.next.add();
+            rays.set(lane, &ray);
+            walks.set(lane, &walk);
+        }
     }
 
     /// Stores an arrival; `from` is a unit vector toward where it came from.
@@ -249,23 +307,19 @@ impl Tracer {
 
     /// Goes on from diffuse vertices.
     #[inline(always)] // vectorized
-    fn scatter_diffuse(&mut self, at: &mut DiffuseVertices, roulette: Roulette) {
-        let directions = at.sample();
-        let ends = at.rng.next_1d();
-        for (lane, walk) in at.lanes() {
-            let before = &self.in_flight.walks()[walk];
-            let (off_surface, albedo) = (at.off_surface.get(lane), at.albedo.get(lane));
-            let survival = before.survival(albedo, roulette);
-            let (ray, walk) = self.next.candidate();
-            *ray = Ray::new(off_surface, directions.get(lane));
-            walk.rng = at.rng.get(lane);
-            walk.flux = at.carried.get(lane) * (albedo / survival);
-            walk.inverse_emitted = before.inverse_emitted;
-            walk.path = before.path;
-            walk.class = Some(PhotonClass::LastVertex);
-            self.next.keep(ends[lane] < survival);
+    fn scatter_diffuse(&mut self, at: &DiffuseVertices, walks: &mut Walks, roulette: Roulette) {
+        const LAST_VERTEX: u32 = encoded(Some(PhotonClass::LastVertex));
+        let directions = at.sample(&mut walks.rng);
+        let ends = walks.rng.next_1d();
+        walks.class = [LAST_VERTEX; LANES];
+        let mut goes_on = Mask::default();
+        for lane in 0..LANES {
+            let (flux, albedo) = (walks.flux.get(lane), at.albedo.get(lane));
+            let survival = survival(flux, albedo, walks.inverse_emitted[lane], roulette);
+            goes_on[lane] = at.active[lane] & (ends[lane] < survival);
+            walks.flux.set(lane, flux * (albedo / survival));
         }
-        at.clear();
+        self.next.append(&goes_on, &at.off_surface, &directions, walks);
     }
 
     /// At a surface that is not diffuse alone; the next ray unless the path ends.
@@ -287,7 +341,7 @@ impl Tracer {
             Some(class) => class,
             None => PhotonClass::EveryVertex,
         });
-        let survival = walk.survival(sample.weight, roulette);
+        let survival = survival(walk.flux, sample.weight, walk.inverse_emitted, roulette);
         if walk.rng.next_1d() >= survival {
             return None;
         }

@@ -40,10 +40,12 @@ impl<'a> Merge<'a> {
     pub fn visit(&self, paths: &CameraPaths, visitor: &mut impl PairVisitor) {
         let mut ended = 0;
         let mut ranges = Ranges::default();
-        for points in paths.gather_points.chunks(Ranges::LOOK_UPS) {
-            self.map.find_ranges(points.iter().map(|point| point.position), &mut ranges);
+        let points = &paths.gather_points;
+        for first in (0..points.len()).step_by(Ranges::LOOK_UPS) {
+            let places = first..points.len().min(first + Ranges::LOOK_UPS);
+            self.map.find_ranges(places.map(|place| points.get(place).position), &mut ranges);
             for range in ranges.as_slice() {
-                let point = &points[range.look_up as usize];
+                let point = &points.get(first + range.look_up as usize);
                 let path = point.path as usize;
                 for &direct in &paths.direct[ended..path] {
                     visitor.end_path(direct);

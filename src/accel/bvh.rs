@@ -3,7 +3,12 @@
 //! It needs no library, runs everywhere, and is the reference that Embree is checked against. So it
 //! stays simple: shared meshes are copied to each of their places.
 
-use super::{AccelInfo, Coherence, Geometry, Hit, Intersect, MeshError, Ray, TriangleMesh};
+use super::packet::used;
+use super::{
+    AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, MeshError, Ray, RayPacket,
+    TriangleMesh,
+};
+use crate::lanes::Mask;
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -248,17 +253,21 @@ impl PreparedRay {
 }
 
 impl Intersect for Bvh {
-    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], _coherence: Coherence) {
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.closest_hit(ray);
+    fn intersect(&self, rays: &[RayPacket], count: usize, hits: &mut [HitPacket], _: Coherence) {
+        assert_eq!(rays.len(), hits.len(), "one packet of hits per packet of rays");
+        for ((rays, hits), lanes) in rays.iter().zip(hits).zip(used(count, rays.len())) {
+            for lane in lanes {
+                hits.set(lane, &self.closest_hit(&rays.get(lane)));
+            }
         }
     }
 
-    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], _coherence: Coherence) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.is_occluded(ray);
+    fn occlude(&self, rays: &[RayPacket], count: usize, occluded: &mut [Mask], _: Coherence) {
+        assert_eq!(rays.len(), occluded.len(), "one packet of answers per packet of rays");
+        for ((rays, occluded), lanes) in rays.iter().zip(occluded).zip(used(count, rays.len())) {
+            for lane in lanes {
+                occluded[lane] = self.is_occluded(&rays.get(lane));
+            }
         }
     }
 

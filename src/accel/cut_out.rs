@@ -1,6 +1,8 @@
 //! Cut-outs: parts of triangles that all rays pass as if nothing were there.
 
-use super::{AccelInfo, Coherence, Hit, Intersect, Ray};
+use super::packet::used;
+use super::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket};
+use crate::lanes::Mask;
 use crate::scene::{Mesh, Placement, Scene, Texture};
 use glam::Vec2;
 use std::collections::HashMap;
@@ -13,11 +15,11 @@ const THRESHOLD: f32 = 0.5;
 pub struct CutOuts {
     inner: Box<dyn Intersect>,
     /// By the mesh index of hits.
-    masks: Vec<Option<Mask>>,
+    holes: Vec<Option<Holes>>,
 }
 
 /// The holes of a mesh at one of its places.
-struct Mask {
+struct Holes {
     opacity: Arc<Texture>,
     /// Texture coordinates of each triangle's corners.
     uvs: Arc<[[Vec2; 3]]>,
@@ -31,13 +33,13 @@ impl CutOuts {
             mesh.triangles.iter().map(|corners| corners.map(uv)).collect::<Arc<_>>()
         };
         let mut known: HashMap<u32, Arc<_>> = HashMap::new();
-        let mut mask = |placement: &Placement| {
+        let mut holes = |placement: &Placement| {
             let opacity = scene.materials[placement.material as usize].cut_out()?.clone();
             let uvs = known.entry(placement.mesh).or_insert_with(|| uvs(scene.mesh(placement)));
-            Some(Mask { opacity, uvs: uvs.clone() })
+            Some(Holes { opacity, uvs: uvs.clone() })
         };
-        let masks: Vec<_> = scene.placements.iter().map(&mut mask).collect();
-        if masks.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, masks }) }
+        let holes: Vec<_> = scene.placements.iter().map(&mut holes).collect();
+        if holes.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, holes }) }
     }
 
     /// Whether there is nothing where a ray hit.
@@ -45,10 +47,10 @@ impl CutOuts {
         if hit.is_miss() {
             return false;
         }
-        self.masks[hit.mesh as usize].as_ref().is_some_and(|mask| {
-            let [a, b, c] = mask.uvs[hit.triangle as usize];
+        self.holes[hit.mesh as usize].as_ref().is_some_and(|holes| {
+            let [a, b, c] = holes.uvs[hit.triangle as usize];
             let uv = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-            mask.opacity.opacity(uv) < THRESHOLD
+            holes.opacity.opacity(uv) < THRESHOLD
         })
     }
 
@@ -68,17 +70,37 @@ impl CutOuts {
 }
 
 impl Intersect for CutOuts {
-    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence) {
-        self.inner.closest_hits(rays, hits, coherence);
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.solid(ray, *hit);
+    fn intersect(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        hits: &mut [HitPacket],
+        coherence: Coherence,
+    ) {
+        self.inner.intersect(rays, count, hits, coherence);
+        for ((rays, hits), lanes) in rays.iter().zip(&mut *hits).zip(used(count, rays.len())) {
+            for lane in lanes {
+                if self.is_hole(&hits.get(lane)) {
+                    hits.set(lane, &self.solid(&rays.get(lane), hits.get(lane)));
+                }
+            }
         }
     }
 
-    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence) {
-        self.inner.occlusions(rays, occluded, coherence);
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = *occluded && !self.closest_hit(ray).is_miss();
+    fn occlude(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        occluded: &mut [Mask],
+        coherence: Coherence,
+    ) {
+        self.inner.occlude(rays, count, occluded, coherence);
+        for ((rays, occluded), lanes) in rays.iter().zip(occluded).zip(used(count, rays.len())) {
+            for lane in lanes {
+                if occluded[lane] {
+                    occluded[lane] = self.is_occluded(&rays.get(lane));
+                }
+            }
         }
     }
 

@@ -3,6 +3,7 @@
 //! Two backends implement [`Intersect`]: Intel Embree 4 (feature `embree`) and a pure-Rust BVH.
 //! They are interchangeable at run time, so each cross-checks the other.
 
+use crate::lanes::{LANES, Mask};
 use glam::Vec3;
 
 pub mod backend;
@@ -11,8 +12,10 @@ mod cut_out;
 #[cfg(feature = "embree")]
 pub mod embree;
 mod geometry;
+mod packet;
 
 pub use geometry::{Geometry, Place, instance_transform};
+pub use packet::{HitPacket, RayPacket};
 
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.
 ///
@@ -87,23 +90,64 @@ pub enum Coherence {
 /// Queries never fail and may run from any number of threads at once. Triangles are hit from both
 /// sides. The two edges of the open interval `(t_near, t_far)` are unspecified to within rounding.
 pub trait Intersect: Send + Sync {
-    /// Writes the closest hit of each ray, or [`Hit::MISS`], to the same place in `hits`.
+    /// Writes the closest hits of the first `count` rays of all packets, or [`Hit::MISS`], to the same
+    /// places in `hits`; what the last packet holds besides is left alone or overwritten.
     ///
     /// # Panics
-    /// If the slices differ in length.
-    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence);
+    /// If there are other than as many packets as `count` rays take.
+    fn intersect(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        hits: &mut [HitPacket],
+        coherence: Coherence,
+    );
 
-    /// Writes for each ray whether anything lies in its interval.
+    /// Writes for each of the first `count` rays whether anything lies in its interval.
     ///
     /// # Panics
-    /// If the slices differ in length.
-    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence);
+    /// As [`intersect`](Self::intersect).
+    fn occlude(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        occluded: &mut [Mask],
+        coherence: Coherence,
+    );
 
     /// The closest hit of a single ray, or [`Hit::MISS`].
     fn closest_hit(&self, ray: &Ray) -> Hit;
 
     /// Whether anything lies in the interval of a single ray.
     fn is_occluded(&self, ray: &Ray) -> bool;
+
+    /// [`intersect`](Self::intersect) for rays one after the other.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence) {
+        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        let mut found = [HitPacket::default()];
+        for (rays, hits) in rays.chunks(LANES).zip(hits.chunks_mut(LANES)) {
+            self.intersect(&[RayPacket::of(rays)], rays.len(), &mut found, coherence);
+            for (lane, hit) in hits.iter_mut().enumerate() {
+                *hit = found[0].get(lane);
+            }
+        }
+    }
+
+    /// [`occlude`](Self::occlude) for rays one after the other.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        let mut answers = [Mask::default()];
+        for (rays, occluded) in rays.chunks(LANES).zip(occluded.chunks_mut(LANES)) {
+            self.occlude(&[RayPacket::of(rays)], rays.len(), &mut answers, coherence);
+            occluded.copy_from_slice(&answers[0][..rays.len()]);
+        }
+    }
 
     /// What the backend says of itself, for `bdpm info`.
     fn describe(&self) -> AccelInfo;

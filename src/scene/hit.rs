@@ -3,30 +3,65 @@
 use super::normal_map::Tangent;
 use super::transform::Transform;
 use super::{Corners, Material, Placement, Scene, Surface, Triangle, interpolate, to_front};
-use crate::accel::{Hit, Ray};
+use crate::accel::{Hit, HitPacket, Ray, RayPacket};
 use crate::bsdf::Bsdf;
-use crate::diffuse::DiffusePoint;
-use crate::math::Rgb;
+use crate::diffuse::DiffuseVertices;
+use crate::lanes::{LANES, Mask, Vec3s};
 use glam::{Vec2, Vec3};
 
 impl Scene {
-    /// Where `ray` hit, if the surface is Lambertian and the same all over the triangle.
-    ///
-    /// # Panics
-    /// If the ray missed.
+    /// Sets `at` to where the first `count` rays hit surfaces that are Lambertian and the same all over
+    /// the triangle; a bit for each that hit something else or nothing.
     #[inline(always)] // a call costs a tenth of the light phase
-    pub fn plain(&self, ray: &Ray, hit: &Hit) -> Option<DiffusePoint> {
-        let triangle = self.triangle(hit);
-        let material = &self.materials[triangle.material as usize];
-        let plain = triangle.corners == Triangle::FLAT;
-        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return None };
-        plain.then(|| {
-            let Side { front, position, normal, off_surface } =
-                Side::new(ray, triangle, [hit.u, hit.v]);
-            let albedo = if front || two_sided { albedo } else { Rgb::ZERO };
-            let emission = if front { material.emission } else { Rgb::ZERO };
-            DiffusePoint { position, normal, off_surface, albedo, emission }
-        })
+    pub fn plain(
+        &self,
+        rays: &RayPacket,
+        hits: &HitPacket,
+        count: usize,
+        at: &mut DiffuseVertices,
+    ) -> u32 {
+        let mut others = 0;
+        let (mut origin, mut edge1, mut edge2) = <(Vec3s, Vec3s, Vec3s)>::default();
+        let mut offset = [0.0; LANES];
+        let mut two_sided = Mask::default();
+        at.clear();
+        for lane in 0..count {
+            let triangle = self.triangle(hits.mesh[lane], hits.triangle[lane]);
+            let plain = triangle.and_then(|triangle| {
+                let plain = self.plain.get(triangle.material as usize)?.as_ref()?;
+                (triangle.corners == Triangle::FLAT).then_some((triangle, plain))
+            });
+            let Some((triangle, plain)) = plain else {
+                others |= 1 << lane;
+                continue;
+            };
+            at.active[lane] = true;
+            origin.set(lane, triangle.origin);
+            edge1.set(lane, triangle.edge1);
+            edge2.set(lane, triangle.edge2);
+            offset[lane] = triangle.offset;
+            at.normal.set(lane, triangle.normal);
+            at.albedo.set(lane, plain.albedo);
+            two_sided[lane] = plain.two_sided;
+            if plain.emits {
+                at.emission.set(lane, self.materials[triangle.material as usize].emission);
+                at.any_emits = true;
+            }
+        }
+        for lane in 0..LANES {
+            // As `Triangle::point` and `Side::new`.
+            let front = at.normal.get(lane).dot(rays.direction.get(lane)) <= 0.0;
+            let normal = at.normal.get(lane) * if front { 1.0 } else { -1.0 };
+            let (u, v) = (hits.u[lane], hits.v[lane]);
+            let position = origin.get(lane) + u * edge1.get(lane) + v * edge2.get(lane);
+            at.front[lane] = front;
+            at.position.set(lane, position);
+            at.normal.set(lane, normal);
+            at.off_surface.set(lane, position + normal * offset[lane]);
+            let reflects = if front | two_sided[lane] { 1.0 } else { 0.0 };
+            at.albedo.set(lane, at.albedo.get(lane) * reflects);
+        }
+        others
     }
 
     /// What `ray`, of a direction of unit length, hit.
@@ -34,7 +69,7 @@ impl Scene {
     /// # Panics
     /// If the ray missed.
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface<'_> {
-        let triangle = self.triangle(hit);
+        let triangle = self.triangle(hit.mesh, hit.triangle).expect("a hit");
         let corners = self.corners.get(triangle.corners as usize);
         match &self.placements[hit.mesh as usize] {
             Placement { transform: None, .. } => {
@@ -95,11 +130,11 @@ impl Scene {
         Some(if given == Vec3::ZERO { own } else { Tangent { along_u: given, ..own } })
     }
 
-    /// In its mesh's space.
+    /// What a ray hit, in its mesh's space; `None` if that is nothing.
     #[inline]
-    fn triangle(&self, hit: &Hit) -> &Triangle {
-        let index = self.first_triangle[hit.mesh as usize] + hit.triangle;
-        &self.triangles[index as usize]
+    fn triangle(&self, mesh: u32, triangle: u32) -> Option<&Triangle> {
+        let first = self.first_triangle.get(mesh as usize)?;
+        Some(&self.triangles[(first + triangle) as usize])
     }
 }
 

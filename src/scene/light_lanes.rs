@@ -42,9 +42,9 @@ impl Lights {
     pub fn emit_all(&self, rngs: &mut Rngs, count: usize) -> Emissions {
         let mut emissions = Emissions::default();
         let choices = rngs.next_bits();
-        let uniform = [rngs.next_1d(), rngs.next_1d()];
+        let (u, v) = (rngs.next_1d(), rngs.next_1d());
         for lane in 0..LANES {
-            emissions.direction.set(lane, uniform_sphere(uniform.map(|u| u[lane])));
+            emissions.direction.set(lane, uniform_sphere([u[lane], v[lane]]));
         }
         if let [Emitter::Point { position, intensity }] = self.emitters()
             && self.environment().is_none()
@@ -72,8 +72,8 @@ impl Lights {
 
     /// [`Self::connect`] of each vertex.
     #[inline(always)] // part of the loop over vertices
-    pub fn connect_all(&self, at: &mut DiffuseVertices) -> LightSamples {
-        let choices = at.rng.next_bits();
+    pub fn connect_all(&self, at: &DiffuseVertices, rngs: &mut Rngs) -> LightSamples {
+        let choices = rngs.next_bits();
         if let [Emitter::Point { position, intensity }] = self.emitters()
             && self.environment().is_none()
         {
@@ -89,7 +89,7 @@ impl Lights {
         // Lanes with other lights: which, and the probability.
         let mut others = [(0, 0, 0.0); LANES];
         let mut other_count = 0;
-        for (lane, _) in at.lanes() {
+        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
             let choice = unit_f64(choices.map(|bits| bits[lane]));
             let chosen = self.by_estimate.choose(position, Some(normal), choice);
@@ -105,13 +105,13 @@ impl Lights {
         }
         samples.reach_points(&at.position, &probs);
         for &(lane, index, prob) in &others[..other_count] {
-            let (position, mut rng) = (at.position.get(lane), at.rng.get(lane));
+            let (position, mut rng) = (at.position.get(lane), rngs.get(lane));
             if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
                 samples.target.set(lane, light.target);
                 samples.wi.set(lane, light.wi);
                 samples.irradiance.set(lane, light.irradiance);
             }
-            at.rng.set(lane, rng);
+            rngs.set(lane, rng);
         }
         samples
     }

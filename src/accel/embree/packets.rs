@@ -1,15 +1,15 @@
-//! Ray queries: the renderer's hot path. No allocation and no error polling. Batches are transposed
-//! between our order (one ray after the other) and Embree's (all x of the origins, all y, ...).
+//! Ray queries: the renderer's hot path. No allocation and no error polling. Our packets have
+//! Embree's order (all x of the origins, all y, ...), so staging one is a copy of eight registers.
 //!
 //! Packets serve unrelated rays as well: with AVX-512 and 36 to 217,000 triangles, packets of 16 are
-//! 5.7 to 7.8 times as fast as single rays on coherent rays and 1.1 to 1.5 times on incoherent ones.
-//! Over packets that are ready in memory, transposing costs up to 28 % on coherent rays, which take
-//! but 9 to 20 ns each, and up to 7 % on incoherent ones (`cargo bench --bench trace`).
+//! 5.7 to 7.8 times as fast as single rays on coherent rays and 1.1 to 1.5 times on incoherent ones
+//! (`cargo bench --bench trace`).
 
 use super::Device;
-use crate::accel::{Coherence, Hit, Ray};
+use crate::accel::packet::used;
+use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
+use crate::lanes::{LANES, Mask, vectorized};
 use embree4_sys as sys;
-use glam::{Mat4, Vec4};
 use std::ptr::null_mut;
 
 /// Rays per packet; decided once per device.
@@ -103,43 +103,49 @@ fn is_hit(t_far: f32) -> bool {
 
 /// # Safety
 /// As [`closest_hit`].
-pub(super) unsafe fn closest_hits(
+pub(super) unsafe fn intersect(
     scene: sys::RTCScene,
     size: PacketSize,
-    rays: &[Ray],
-    hits: &mut [Hit],
+    rays: (&[RayPacket], usize),
+    hits: &mut [HitPacket],
     coherence: Coherence,
 ) {
     // SAFETY: the caller's promise about the scene is handed on.
-    unsafe {
-        match size {
-            PacketSize::Sixteen => packet16::closest_hits(scene, rays, hits, coherence),
-            PacketSize::Eight => packet8::closest_hits(scene, rays, hits, coherence),
-            PacketSize::Four => packet4::closest_hits(scene, rays, hits, coherence),
-        }
-    }
+    vectorized(
+        #[inline(always)]
+        || unsafe {
+            match size {
+                PacketSize::Sixteen => packet16::intersect(scene, rays, hits, coherence),
+                PacketSize::Eight => packet8::intersect(scene, rays, hits, coherence),
+                PacketSize::Four => packet4::intersect(scene, rays, hits, coherence),
+            }
+        },
+    );
 }
 
 /// # Safety
 /// As [`closest_hit`].
-pub(super) unsafe fn occlusions(
+pub(super) unsafe fn occlude(
     scene: sys::RTCScene,
     size: PacketSize,
-    rays: &[Ray],
-    occluded: &mut [bool],
+    rays: (&[RayPacket], usize),
+    occluded: &mut [Mask],
     coherence: Coherence,
 ) {
     // SAFETY: the caller's promise about the scene is handed on.
-    unsafe {
-        match size {
-            PacketSize::Sixteen => packet16::occlusions(scene, rays, occluded, coherence),
-            PacketSize::Eight => packet8::occlusions(scene, rays, occluded, coherence),
-            PacketSize::Four => packet4::occlusions(scene, rays, occluded, coherence),
-        }
-    }
+    vectorized(
+        #[inline(always)]
+        || unsafe {
+            match size {
+                PacketSize::Sixteen => packet16::occlude(scene, rays, occluded, coherence),
+                PacketSize::Eight => packet8::occlude(scene, rays, occluded, coherence),
+                PacketSize::Four => packet4::occlude(scene, rays, occluded, coherence),
+            }
+        },
+    );
 }
 
-/// The remainder of a batch is traced one by one up to this length, else as a masked packet.
+/// So few rays of a packet are traced one by one.
 const MAX_SINGLES: usize = 2;
 
 fn query_flags(coherence: Coherence) -> sys::RTCRayQueryFlags {
@@ -147,14 +153,6 @@ fn query_flags(coherence: Coherence) -> sys::RTCRayQueryFlags {
         Coherence::Coherent => sys::RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_COHERENT,
         Coherence::Incoherent => sys::RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
     }
-}
-
-/// Four rays' (origin, t_near) or (direction, t_far) as four vectors of one component each.
-#[inline(always)]
-fn transposed(rows: [Vec4; 4]) -> [Vec4; 4] {
-    let [a, b, c, d] = rows;
-    let columns = Mat4::from_cols(a, b, c, d).transpose();
-    [columns.x_axis, columns.y_axis, columns.z_axis, columns.w_axis]
 }
 
 macro_rules! packets {
@@ -167,39 +165,42 @@ macro_rules! packets {
             struct Valid([i32; $n]);
 
             impl Valid {
+                #[inline(always)]
                 fn first(count: usize) -> Self {
                     Self(std::array::from_fn(|lane| if lane < count { -1 } else { 0 }))
                 }
             }
 
+            /// Some of our lanes as Embree's.
             #[inline(always)]
-            fn stage(rays: &[Ray; $n], packet: &mut sys::$ray) {
-                for first in (0..$n).step_by(4) {
-                    let four: &[Ray; 4] = rays[first..first + 4].try_into().unwrap();
-                    let [x, y, z, t] = transposed(four.map(|ray| ray.origin.extend(ray.t_near)));
-                    x.write_to_slice(&mut packet.org_x[first..]);
-                    y.write_to_slice(&mut packet.org_y[first..]);
-                    z.write_to_slice(&mut packet.org_z[first..]);
-                    t.write_to_slice(&mut packet.tnear[first..]);
-                    let [x, y, z, t] = transposed(four.map(|ray| ray.direction.extend(ray.t_far)));
-                    x.write_to_slice(&mut packet.dir_x[first..]);
-                    y.write_to_slice(&mut packet.dir_y[first..]);
-                    z.write_to_slice(&mut packet.dir_z[first..]);
-                    t.write_to_slice(&mut packet.tfar[first..]);
-                }
+            fn part<T>(lanes: &[T; LANES], first: usize) -> &[T; $n] {
+                lanes[first..first + $n].try_into().unwrap()
             }
 
-            /// Fills up an incomplete packet with a ray that is there; its lanes are masked.
-            fn padded(rays: &[Ray]) -> [Ray; $n] {
-                std::array::from_fn(|lane| *rays.get(lane).unwrap_or(&rays[0]))
+            #[inline(always)]
+            fn part_mut<T>(lanes: &mut [T; LANES], first: usize) -> &mut [T; $n] {
+                (&mut lanes[first..first + $n]).try_into().unwrap()
+            }
+
+            #[inline(always)]
+            fn stage(rays: &RayPacket, first: usize, packet: &mut sys::$ray) {
+                packet.org_x = *part(&rays.origin.x, first);
+                packet.org_y = *part(&rays.origin.y, first);
+                packet.org_z = *part(&rays.origin.z, first);
+                packet.tnear = *part(&rays.t_near, first);
+                packet.dir_x = *part(&rays.direction.x, first);
+                packet.dir_y = *part(&rays.direction.y, first);
+                packet.dir_z = *part(&rays.direction.z, first);
+                packet.tfar = *part(&rays.t_far, first);
             }
 
             /// # Safety
             /// As [`super::closest_hit`].
-            pub unsafe fn closest_hits(
+            #[inline(always)] // vectorized
+            pub unsafe fn intersect(
                 scene: sys::RTCScene,
-                rays: &[Ray],
-                hits: &mut [Hit],
+                (rays, count): (&[RayPacket], usize),
+                hits: &mut [HitPacket],
                 coherence: Coherence,
             ) {
                 let mut arguments = sys::RTCIntersectArguments {
@@ -209,57 +210,53 @@ macro_rules! packets {
                 };
                 let mut query =
                     sys::$ray_hit { ray: fresh_ray!($ray, [!0; $n]), ..Default::default() };
-                let mut trace = |rays: &[Ray; $n], valid: &Valid, hits: &mut [Hit; $n]| {
-                    stage(rays, &mut query.ray);
-                    // A lane that hits nothing keeps these: together with its distance, a miss.
-                    query.hit.geomID = [sys::RTC_INVALID_ID; $n];
-                    query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
-                    query.hit.primID = [sys::RTC_INVALID_ID; $n];
-                    query.hit.u = [0.0; $n];
-                    query.hit.v = [0.0; $n];
-                    // SAFETY: the scene is as the caller promised; `valid` and `query` are locals
-                    // with at least the alignment that Embree asks for, of the types that the
-                    // linked library's header describes.
-                    unsafe {
-                        sys::$intersect(valid.0.as_ptr(), scene, &mut query, &mut arguments);
-                    }
-                    for (lane, hit) in hits.iter_mut().enumerate() {
-                        let mesh = named(query.hit.instID[0][lane], query.hit.geomID[lane]);
-                        let t = query.ray.tfar[lane];
-                        *hit = Hit {
-                            t: if mesh == sys::RTC_INVALID_ID { f32::INFINITY } else { t },
-                            u: query.hit.u[lane],
-                            v: query.hit.v[lane],
-                            mesh,
-                            triangle: query.hit.primID[lane],
-                        };
-                    }
-                };
-
-                let (full, rest) = rays.as_chunks::<$n>();
-                let (full_hits, rest_hits) = hits.as_chunks_mut::<$n>();
-                let all = Valid([-1; $n]);
-                for (rays, hits) in full.iter().zip(full_hits) {
-                    trace(rays, &all, hits);
-                }
-                if rest.len() > MAX_SINGLES {
-                    let mut padded_hits = [Hit::MISS; $n];
-                    trace(&padded(rest), &Valid::first(rest.len()), &mut padded_hits);
-                    rest_hits.copy_from_slice(&padded_hits[..rest.len()]);
-                } else {
-                    for (ray, hit) in rest.iter().zip(rest_hits) {
-                        // SAFETY: the caller's promise about the scene is handed on.
-                        *hit = unsafe { super::closest_hit(scene, ray) };
+                for ((rays, hits), lanes) in rays.iter().zip(hits).zip(used(count, rays.len())) {
+                    for first in lanes.clone().step_by($n) {
+                        let active = (lanes.end - first).min($n);
+                        if active <= MAX_SINGLES {
+                            for lane in first..first + active {
+                                // SAFETY: the caller's promise about the scene is handed on.
+                                let hit = unsafe { closest_hit(scene, &rays.get(lane)) };
+                                hits.set(lane, &hit);
+                            }
+                            continue;
+                        }
+                        stage(rays, first, &mut query.ray);
+                        // A lane that hits nothing keeps these: together with its distance, a miss.
+                        query.hit.geomID = [sys::RTC_INVALID_ID; $n];
+                        query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
+                        query.hit.primID = [sys::RTC_INVALID_ID; $n];
+                        query.hit.u = [0.0; $n];
+                        query.hit.v = [0.0; $n];
+                        let valid = Valid::first(active);
+                        // SAFETY: the scene is as the caller promised; `valid` and `query` are
+                        // locals with at least the alignment that Embree asks for, of the types that
+                        // the linked library's header describes.
+                        unsafe {
+                            sys::$intersect(valid.0.as_ptr(), scene, &mut query, &mut arguments);
+                        }
+                        let (ray, hit) = (&query.ray, &query.hit);
+                        let mesh = part_mut(&mut hits.mesh, first);
+                        let t = part_mut(&mut hits.t, first);
+                        for lane in 0..$n {
+                            mesh[lane] = named(hit.instID[0][lane], hit.geomID[lane]);
+                            let missed = mesh[lane] == sys::RTC_INVALID_ID;
+                            t[lane] = if missed { f32::INFINITY } else { ray.tfar[lane] };
+                        }
+                        *part_mut(&mut hits.u, first) = hit.u;
+                        *part_mut(&mut hits.v, first) = hit.v;
+                        *part_mut(&mut hits.triangle, first) = hit.primID;
                     }
                 }
             }
 
             /// # Safety
             /// As [`super::closest_hit`].
-            pub unsafe fn occlusions(
+            #[inline(always)] // vectorized
+            pub unsafe fn occlude(
                 scene: sys::RTCScene,
-                rays: &[Ray],
-                occluded: &mut [bool],
+                (rays, count): (&[RayPacket], usize),
+                occluded: &mut [Mask],
                 coherence: Coherence,
             ) {
                 let mut arguments = sys::RTCOccludedArguments {
@@ -268,28 +265,25 @@ macro_rules! packets {
                     ..Default::default()
                 };
                 let mut query = fresh_ray!($ray, [!0; $n]);
-                let mut trace = |rays: &[Ray; $n], valid: &Valid| {
-                    stage(rays, &mut query);
-                    // SAFETY: as in `closest_hits`.
-                    unsafe {
-                        sys::$occluded(valid.0.as_ptr(), scene, &mut query, &mut arguments);
-                    }
-                    query.tfar.map(is_hit)
-                };
-
-                let (full, rest) = rays.as_chunks::<$n>();
-                let (full_occluded, rest_occluded) = occluded.as_chunks_mut::<$n>();
-                let all = Valid([-1; $n]);
-                for (rays, occluded) in full.iter().zip(full_occluded) {
-                    *occluded = trace(rays, &all);
-                }
-                if rest.len() > MAX_SINGLES {
-                    let answers = trace(&padded(rest), &Valid::first(rest.len()));
-                    rest_occluded.copy_from_slice(&answers[..rest.len()]);
-                } else {
-                    for (ray, occluded) in rest.iter().zip(rest_occluded) {
-                        // SAFETY: the caller's promise about the scene is handed on.
-                        *occluded = unsafe { super::is_occluded(scene, ray) };
+                for ((rays, occluded), lanes) in
+                    rays.iter().zip(occluded).zip(used(count, rays.len()))
+                {
+                    for first in lanes.clone().step_by($n) {
+                        let active = (lanes.end - first).min($n);
+                        if active <= MAX_SINGLES {
+                            for lane in first..first + active {
+                                // SAFETY: the caller's promise about the scene is handed on.
+                                occluded[lane] = unsafe { is_occluded(scene, &rays.get(lane)) };
+                            }
+                            continue;
+                        }
+                        stage(rays, first, &mut query);
+                        let valid = Valid::first(active);
+                        // SAFETY: as in `intersect`.
+                        unsafe {
+                            sys::$occluded(valid.0.as_ptr(), scene, &mut query, &mut arguments);
+                        }
+                        *part_mut(occluded, first) = query.tfar.map(is_hit);
                     }
                 }
             }

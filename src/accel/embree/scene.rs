@@ -3,7 +3,10 @@
 use super::instance::Shared;
 use super::packets::{self, PacketSize};
 use super::{Device, EmbreeError};
-use crate::accel::{AccelInfo, Coherence, Geometry, Hit, Intersect, Ray, TriangleMesh};
+use crate::accel::{
+    AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh,
+};
+use crate::lanes::Mask;
 use embree4_sys as sys;
 use std::time::{Duration, Instant};
 
@@ -243,25 +246,39 @@ impl CommittedScene {
 }
 
 impl Intersect for CommittedScene {
-    fn closest_hits(&self, rays: &[Ray], hits: &mut [Hit], coherence: Coherence) {
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+    fn intersect(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        hits: &mut [HitPacket],
+        coherence: Coherence,
+    ) {
+        assert_eq!(rays.len(), hits.len(), "one packet of hits per packet of rays");
+        let (scene, size) = (self.handle.0, self.packet_size);
         // SAFETY: a `CommittedScene`'s handle is committed, never changes, and lives as long as it.
-        unsafe { packets::closest_hits(self.handle.0, self.packet_size, rays, hits, coherence) };
+        unsafe { packets::intersect(scene, size, (rays, count), hits, coherence) };
     }
 
-    fn occlusions(&self, rays: &[Ray], occluded: &mut [bool], coherence: Coherence) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        // SAFETY: as in `closest_hits`.
-        unsafe { packets::occlusions(self.handle.0, self.packet_size, rays, occluded, coherence) };
+    fn occlude(
+        &self,
+        rays: &[RayPacket],
+        count: usize,
+        occluded: &mut [Mask],
+        coherence: Coherence,
+    ) {
+        assert_eq!(rays.len(), occluded.len(), "one packet of answers per packet of rays");
+        let (scene, size) = (self.handle.0, self.packet_size);
+        // SAFETY: as in `intersect`.
+        unsafe { packets::occlude(scene, size, (rays, count), occluded, coherence) };
     }
 
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        // SAFETY: as in `closest_hits`.
+        // SAFETY: as in `intersect`.
         unsafe { packets::closest_hit(self.handle.0, ray) }
     }
 
     fn is_occluded(&self, ray: &Ray) -> bool {
-        // SAFETY: as in `closest_hits`.
+        // SAFETY: as in `intersect`.
         unsafe { packets::is_occluded(self.handle.0, ray) }
     }
 
