@@ -62,11 +62,11 @@ pub struct CameraPaths {
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
-    segments: Flight<Walks>,
+    segments: Flight<Walks, 16>,
     /// The next segments, in the order in which they are found.
-    next: Flight<Walks>,
+    next: Flight<Walks, 16>,
     hits: Vec<HitPacket>,
-    shadow_rays: Flight<Connections>,
+    shadow_rays: Flight<Connections, 10>,
     occluded: Vec<Mask>,
     /// Reciprocal of the weight that the camera gave each path, if not all have 1.
     inverse_weights: Vec<f32>,
@@ -76,6 +76,10 @@ pub struct CameraPaths {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Walks {
+    /// Of the next segments.
+    origin: Vec3s,
+    /// Unit vectors.
+    direction: Vec3s,
     rng: Rngs,
     throughput: Vec3s,
     /// Index within the batch.
@@ -86,7 +90,7 @@ struct Walks {
     passed: [u32; LANES],
 }
 
-impl Columns for Walks {
+impl Columns<16> for Walks {
     const T_FAR: f32 = f32::INFINITY;
 }
 
@@ -94,16 +98,20 @@ impl Columns for Walks {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Connections {
+    /// Points on lights.
+    origin: Vec3s,
+    /// To the vertices.
+    direction: Vec3s,
     path: [u32; LANES],
     contribution: Vec3s,
 }
 
-impl Columns for Connections {
+impl Columns<10> for Connections {
     /// Shadow rays end where they point.
     const T_FAR: f32 = 1.0;
 }
 
-/// One of [`Walks`].
+/// One of [`Walks`], without its ray.
 #[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
@@ -114,17 +122,21 @@ struct Walk {
 }
 
 impl Walks {
-    fn get(&self, lane: usize) -> Walk {
-        Walk {
+    fn get(&self, lane: usize) -> (Ray, Walk) {
+        let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
+        let walk = Walk {
             rng: self.rng.get(lane),
             throughput: self.throughput.get(lane),
             path: self.path[lane],
             vertices: self.vertices[lane],
             passed: self.passed[lane],
-        }
+        };
+        (ray, walk)
     }
 
-    fn set(&mut self, lane: usize, walk: &Walk) {
+    fn set(&mut self, lane: usize, ray: &Ray, walk: &Walk) {
+        self.origin.set(lane, ray.origin);
+        self.direction.set(lane, ray.direction);
         self.rng.set(lane, walk.rng);
         self.throughput.set(lane, walk.throughput);
         self.path[lane] = walk.path;
@@ -164,7 +176,8 @@ impl CameraPaths {
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
-            let (rays, count) = (self.segments.rays(), self.segments.len());
+            let count = self.segments.len();
+            let rays = vectorized(|| self.segments.rays());
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
             vectorized(
@@ -184,6 +197,8 @@ impl CameraPaths {
         self.gather_points.clear();
         self.views.clear();
         let mut paths = paths.fuse();
+        let (origin, throughput) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
+        let mut walks = Walks { origin, throughput, ..Walks::default() };
         loop {
             let [mut x, mut y] = [[0.0; LANES]; 2];
             let mut index = [0; LANES];
@@ -198,7 +213,6 @@ impl CameraPaths {
                 break;
             }
             let first = self.segments.len();
-            let (rays, walks) = self.segments.add_packet(count);
             for (lane, index) in index.into_iter().enumerate() {
                 walks.rng.set(lane, pass.key.rng(index));
             }
@@ -208,21 +222,18 @@ impl CameraPaths {
                 y[lane] += offsets[1][lane];
                 walks.path[lane] = (first + lane) as u32;
             }
-            walks.throughput = Vec3s::splat(Rgb::ONE);
-            (walks.vertices, walks.passed) = ([0; LANES], [0; LANES]);
             if pass.view.has_aperture() {
                 for lane in 0..count {
-                    let mut walk = walks.get(lane);
+                    let (_, mut walk) = walks.get(lane);
                     let (ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
                     walk.throughput = Rgb::splat(weight);
                     self.inverse_weights.push(weight.recip());
-                    rays.set(lane, &ray);
-                    walks.set(lane, &walk);
+                    walks.set(lane, &ray, &walk);
                 }
             } else {
-                rays.origin = Vec3s::splat(pass.view.position);
-                rays.direction = pass.view.pinhole_directions(&x, &y);
+                walks.direction = pass.view.pinhole_directions(&x, &y);
             }
+            self.segments.append(&std::array::from_fn(|lane| lane < count), &walks);
         }
         self.direct.clear();
         self.direct.resize(self.segments.len(), Rgb::ZERO);
@@ -232,15 +243,15 @@ impl CameraPaths {
     #[inline(always)] // vectorized
     fn scatter(&mut self, pass: &CameraPass) {
         self.next.clear();
-        let (mut segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let mut at = DiffuseVertices::default();
-        for ((rays, walks, count), hits) in segments.packets().zip(&hits) {
-            let others = pass.scene.plain(rays, hits, count, &mut at);
+        let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
+        for (packet, hits) in hits.iter().enumerate() {
+            let count = segments.load(packet, &mut walks);
+            let others = pass.scene.plain(&walks.direction, hits, count, &mut at);
             for lane in lanes_of(others) {
-                let (ray, hit) = (rays.get(lane), hits.get(lane));
-                self.elsewhere(pass, &ray, &hit, walks.get(lane), (&mut at, lane));
+                self.elsewhere(pass, walks.get(lane), &hits.get(lane), (&mut at, lane));
             }
-            self.scatter_diffuse(pass, &at, walks);
+            self.scatter_diffuse(pass, &at, &mut walks);
         }
         self.hits = hits;
         self.segments = mem::replace(&mut self.next, segments);
@@ -252,9 +263,8 @@ impl CameraPaths {
     fn elsewhere(
         &mut self,
         pass: &CameraPass,
-        ray: &Ray,
+        (ray, walk): (Ray, Walk),
         hit: &Hit,
-        walk: Walk,
         (at, lane): (&mut DiffuseVertices, usize),
     ) {
         if hit.is_miss() {
@@ -265,13 +275,13 @@ impl CameraPaths {
             }
             return;
         }
-        let surface = pass.scene.surface(ray, hit);
+        let surface = pass.scene.surface(&ray, hit);
         if let Some(point) = surface.diffuse() {
             at.set(lane, &point);
         } else if let Some((ray, walk)) = self.scatter_other(pass, &surface, walk) {
-            let (rays, walks, lane) = self.next.add();
-            rays.set(lane, &ray);
-            walks.set(lane, &walk);
+            let mut next = Walks::default();
+            next.set(0, &ray, &walk);
+            self.next.push(&next);
         }
     }
 
@@ -302,7 +312,8 @@ impl CameraPaths {
         if !any(&goes_on) {
             return;
         }
-        let directions = at.sample(&mut walks.rng);
+        walks.origin = at.off_surface;
+        walks.direction = at.sample(&mut walks.rng);
         let by_albedo = camera_roulette == Roulette::Albedo;
         let ends = if by_albedo { walks.rng.next_1d() } else { [0.0; LANES] };
         for lane in 0..LANES {
@@ -311,7 +322,7 @@ impl CameraPaths {
             goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
             walks.throughput.set(lane, walks.throughput.get(lane) * (albedo / survival));
         }
-        self.next.append(&goes_on, &at.off_surface, &directions, walks);
+        self.next.append(&goes_on, walks);
     }
 
     /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
@@ -339,9 +350,9 @@ impl CameraPaths {
             sent[lane] = at.active[lane] & (contribution.get(lane) != Rgb::ZERO);
             direction.set(lane, at.off_surface.get(lane) - target.get(lane));
         }
-        let connections = Connections { path: *path, contribution: *contribution };
         // From the light: shadow rays to one point then share their origin.
-        self.shadow_rays.append(&sent, target, &direction, &connections);
+        let (origin, path, contribution) = (*target, *path, *contribution);
+        self.shadow_rays.append(&sent, &Connections { origin, direction, path, contribution });
     }
 
     /// At a surface that is not diffuse alone; the next segment unless the path ends.
@@ -440,19 +451,24 @@ impl CameraPaths {
 
     /// [`Self::send_shadow_rays`] for one.
     fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
-        let (rays, connections, lane) = self.shadow_rays.add();
-        rays.set(lane, &Ray::segment(target, off_surface));
-        connections.path[lane] = path;
-        connections.contribution.set(lane, contribution);
+        self.shadow_rays.push(&Connections {
+            origin: Vec3s::splat(target),
+            direction: Vec3s::splat(off_surface - target),
+            path: [path; LANES],
+            contribution: Vec3s::splat(contribution),
+        });
     }
 
     /// Adds the light of all connections that nothing blocks.
     fn add_connections(&mut self, accel: &dyn Intersect, coherence: Coherence) {
-        let (rays, count) = (self.shadow_rays.rays(), self.shadow_rays.len());
+        let count = self.shadow_rays.len();
+        let rays = vectorized(|| self.shadow_rays.rays());
         self.rays += count as u64;
         self.occluded.resize(rays.len(), Mask::default());
         accel.occlude(rays, count, &mut self.occluded, coherence);
-        for ((_, connections, count), occluded) in self.shadow_rays.packets().zip(&self.occluded) {
+        let mut connections = Connections::default();
+        for (packet, occluded) in self.occluded.iter().enumerate() {
+            let count = self.shadow_rays.load(packet, &mut connections);
             for lane in 0..count {
                 // Added in any case: what is in the shadow nobody foresees.
                 let visible =

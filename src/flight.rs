@@ -1,24 +1,33 @@
-//! Paths under way: the ray of each, and what goes with it, sixteen side by side.
+//! Paths under way, sixteen side by side, packed without gaps.
 
 use crate::accel::RayPacket;
-use crate::lanes::{LANES, Mask, Vec3s, all};
+use crate::lanes::{LANES, Mask, Reorder};
 use bytemuck::Pod;
+use std::marker::PhantomData;
 
-/// What goes with sixteen rays: columns of one word for each.
-pub(crate) trait Columns: Pod {
+/// `N` columns of sixteen words, the first six of which are origins and directions of rays.
+pub(crate) trait Columns<const N: usize>: Pod {
     /// Where the rays end, in multiples of their direction's length.
     const T_FAR: f32;
 }
 
-/// Rays with what goes with them, packed without gaps.
+/// Rays with what goes with them.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Flight<W> {
-    rays: Vec<RayPacket>,
-    walks: Vec<W>,
+pub(crate) struct Flight<P, const N: usize> {
+    blocks: Vec<Block<N>>,
     len: usize,
+    rays: Vec<RayPacket>,
+    packets: PhantomData<P>,
 }
 
-impl<W: Columns> Flight<W> {
+/// Column by column. Behind each is room for what sixteen new ones have too many; it moves on to the next
+/// block.
+type Block<const N: usize> = [[u32; BLOCK + LANES]; N];
+
+/// Lanes of a block. That it is constant leaves one check of an index for all columns.
+const BLOCK: usize = 512;
+
+impl<P: Columns<N>, const N: usize> Flight<P, N> {
     /// Takes all out.
     pub fn clear(&mut self) {
         self.len = 0;
@@ -29,124 +38,133 @@ impl<W: Columns> Flight<W> {
         self.len
     }
 
-    /// Their rays.
-    pub fn rays(&self) -> &[RayPacket] {
-        &self.rays[..self.len.div_ceil(LANES)]
-    }
-
-    /// Each packet, with how many of its lanes are in use.
-    pub fn packets(&mut self) -> impl Iterator<Item = (&RayPacket, &mut W, usize)> {
-        let len = self.len;
-        let counts = (0..len).step_by(LANES).map(move |first| (len - first).min(LANES));
-        let packets = self.rays.iter().zip(&mut self.walks).zip(counts);
-        packets.map(|((rays, walks), count)| (rays, walks, count))
-    }
-
-    /// Adds `count` that fill the first lanes of a packet; those before must have filled theirs.
-    pub fn add_packet(&mut self, count: usize) -> (&mut RayPacket, &mut W) {
-        assert!(self.len.is_multiple_of(LANES) && count <= LANES, "packets without gaps");
-        self.make_room();
-        let packet = self.len / LANES;
-        self.len += count;
-        (&mut self.rays[packet], &mut self.walks[packet])
-    }
-
-    /// Adds one: its lane of the packets is to be filled.
-    pub fn add(&mut self) -> (&mut RayPacket, &mut W, usize) {
-        self.make_room();
-        let (packet, lane) = (self.len / LANES, self.len % LANES);
-        self.len += 1;
-        (&mut self.rays[packet], &mut self.walks[packet], lane)
-    }
-
-    /// Adds those that are `kept`, in their order.
+    /// Sets `packet` to sixteen of them, `16 index` and on; how many there are.
     #[inline(always)] // part of the loops over vertices
-    pub fn append(&mut self, kept: &Mask, origin: &Vec3s, direction: &Vec3s, walks: &W) {
-        self.make_room();
-        let (first, mut place) = (self.len / LANES, self.len % LANES);
-        if place == 0 && all(kept) {
-            (self.rays[first].origin, self.rays[first].direction) = (*origin, *direction);
-            self.walks[first] = *walks;
-            self.len += LANES;
-            return;
+    pub fn load(&self, index: usize, packet: &mut P) -> usize {
+        let (block, first) = (&self.blocks[index * LANES / BLOCK], index * LANES % BLOCK);
+        for (words, column) in columns_mut(packet).iter_mut().zip(block) {
+            *words = column[first..first + LANES].try_into().unwrap();
         }
-        let to_rays: &mut [_; 2] = self.rays[first..].first_chunk_mut().unwrap();
-        let to_walks: &mut [_; 2] = self.walks[first..].first_chunk_mut().unwrap();
-        for (lane, &kept) in kept.iter().enumerate() {
-            // Each is copied and the next comes after it, or in its place if it is not kept: no branch
-            // that chance decides and nothing predicts.
-            let (packet, to) = (place / LANES % 2, place % LANES);
-            copy_lane(&mut to_rays[packet].origin, to, origin, lane);
-            copy_lane(&mut to_rays[packet].direction, to, direction, lane);
-            copy_lane(&mut to_walks[packet], to, walks, lane);
-            place += usize::from(kept);
-        }
-        self.len = first * LANES + place;
+        LANES.min(self.len - index * LANES)
     }
 
-    /// Room for sixteen more.
-    #[inline(always)]
-    fn make_room(&mut self) {
-        if self.len / LANES + 2 > self.rays.len() {
-            self.grow();
+    /// The rays, as backends take them.
+    #[inline(always)] // part of vectorized code
+    pub fn rays(&mut self) -> &[RayPacket] {
+        let packets = self.len.div_ceil(LANES);
+        if self.rays.len() < packets {
+            self.rays.resize(packets, RayPacket::until(P::T_FAR));
+        }
+        for (index, rays) in self.rays[..packets].iter_mut().enumerate() {
+            let (block, first) = (&self.blocks[index * LANES / BLOCK], index * LANES % BLOCK);
+            for (words, column) in columns_mut(rays)[..6].iter_mut().zip(block) {
+                *words = column[first..first + LANES].try_into().unwrap();
+            }
+        }
+        &self.rays[..packets]
+    }
+
+    /// Adds the lanes that are `kept`, in their order.
+    #[inline(always)] // part of the loops over vertices
+    pub fn append(&mut self, kept: &Mask, packet: &P) {
+        let mut at = self.len % BLOCK;
+        if self.len / BLOCK == self.blocks.len() {
+            self.blocks.push([[0; BLOCK + LANES]; N]);
+        }
+        let block = &mut self.blocks[self.len / BLOCK];
+        for (half, reorder) in Reorder::kept_first(kept).into_iter().enumerate() {
+            // What is not kept is copied too, behind the rest, where the next comes: no branch that chance
+            // decides and nothing predicts.
+            reorder.columns::<N>(
+                |column| columns(packet)[column].as_chunks().0[half],
+                |column, eight| block[column][at..at + 8].copy_from_slice(&eight),
+            );
+            at += reorder.kept();
+        }
+        self.len = self.len / BLOCK * BLOCK + at;
+        if at >= BLOCK {
+            self.move_on();
         }
     }
 
+    /// Starts another block with what the last one has too many.
     #[cold]
-    fn grow(&mut self) {
-        let packets = (2 * self.rays.len()).max(4);
-        self.rays.resize(packets, RayPacket::until(W::T_FAR));
-        self.walks.resize(packets, W::zeroed());
+    fn move_on(&mut self) {
+        let next = self.len / BLOCK;
+        if next == self.blocks.len() {
+            self.blocks.push([[0; BLOCK + LANES]; N]);
+        }
+        let [before, next] = &mut self.blocks[next - 1..=next] else { unreachable!() };
+        for (before, next) in before.iter().zip(next) {
+            next[..LANES].copy_from_slice(&before[BLOCK..]);
+        }
+    }
+
+    /// Adds the first lane.
+    pub fn push(&mut self, packet: &P) {
+        self.append(&std::array::from_fn(|lane| lane == 0), packet);
     }
 }
 
-/// Copies all words of one lane.
 #[inline(always)]
-fn copy_lane<C: Pod>(to: &mut C, to_lane: usize, from: &C, from_lane: usize) {
-    let to: &mut [[u32; LANES]] = bytemuck::cast_slice_mut(std::slice::from_mut(to));
-    let from: &[[u32; LANES]] = bytemuck::cast_slice(std::slice::from_ref(from));
-    for (to, from) in to.iter_mut().zip(from) {
-        to[to_lane] = from[from_lane];
-    }
+fn columns<C: Pod>(packet: &C) -> &[[u32; LANES]] {
+    bytemuck::cast_slice(std::slice::from_ref(packet))
+}
+
+#[inline(always)]
+fn columns_mut<C: Pod>(packet: &mut C) -> &mut [[u32; LANES]] {
+    bytemuck::cast_slice_mut(std::slice::from_mut(packet))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::vectorized;
 
-    impl Columns for [u32; LANES] {
+    impl Columns<7> for [[f32; LANES]; 7] {
         const T_FAR: f32 = 1.0;
+    }
+
+    fn check() {
+        let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
+        let mut expected = Vec::new();
+        for round in 0..100_u32 {
+            let names: [f32; LANES] =
+                std::array::from_fn(|lane| (round * 100 + lane as u32) as f32);
+            let packet =
+                std::array::from_fn(|column| names.map(|name| name + 0.125 * column as f32));
+            // All, none, and many in between.
+            let pattern = match round % 5 {
+                0 => 0xffff,
+                1 => 0,
+                _ => round.wrapping_mul(0x9e37_79b9) >> 16,
+            };
+            let kept = std::array::from_fn(|lane| pattern >> lane & 1 == 1);
+            flight.append(&kept, &packet);
+            expected
+                .extend(names.iter().zip(kept).filter(|&(_, kept)| kept).map(|(&name, _)| name));
+            if round % 3 == 0 {
+                flight.push(&packet);
+                expected.push(names[0]);
+            }
+        }
+        assert_eq!(flight.len(), expected.len());
+        for (index, &name) in expected.iter().enumerate() {
+            let mut packet = [[0.0; LANES]; 7];
+            let count = flight.load(index / LANES, &mut packet);
+            assert_eq!(count, LANES.min(expected.len() - index / LANES * LANES));
+            let columns = packet.map(|column| column[index % LANES]);
+            assert_eq!(columns, [0, 1, 2, 3, 4, 5, 6].map(|column| name + 0.125 * column as f32));
+            let ray = flight.rays()[index / LANES].get(index % LANES);
+            assert_eq!(ray.origin.to_array(), columns[..3]);
+            assert_eq!(ray.direction.to_array(), columns[3..6]);
+            assert_eq!((ray.t_near, ray.t_far), (0.0, 1.0));
+        }
     }
 
     #[test]
     fn those_that_are_kept_follow_each_other_in_their_order() {
-        let mut flight = Flight::<[u32; LANES]>::default();
-        let mut expected = Vec::new();
-        for round in 0..100_u32 {
-            let names: [u32; LANES] = std::array::from_fn(|lane| round * 100 + lane as u32);
-            let column = names.map(|name| name as f32);
-            let vectors = Vec3s { x: column, y: column.map(|x| -x), z: [0.5; LANES] };
-            // All, none, and many in between.
-            let pattern =
-                round.wrapping_mul(0x9e37_79b9) >> 16 | u32::from(round % 7 == 0) * 0xffff;
-            let kept = std::array::from_fn(|lane| round % 5 != 0 && pattern >> lane & 1 == 1);
-            flight.append(&kept, &vectors, &vectors, &names);
-            expected.extend(names.iter().zip(kept).filter(|&(_, kept)| kept).map(|(&n, _)| n));
-            if round % 3 == 0 {
-                let (rays, walks, lane) = flight.add();
-                (rays.origin.x[lane], rays.direction.y[lane]) = (7.0, -7.0);
-                walks[lane] = 7;
-                expected.push(7);
-            }
-        }
-        assert_eq!(flight.len(), expected.len());
-        assert_eq!(flight.packets().map(|(.., count)| count).sum::<usize>(), expected.len());
-        for (index, &name) in expected.iter().enumerate() {
-            let (packet, lane) = (index / LANES, index % LANES);
-            let ray = flight.rays()[packet].get(lane);
-            assert_eq!(flight.walks[packet][lane], name);
-            assert_eq!([ray.origin.x, -ray.direction.y], [name as f32; 2]);
-            assert_eq!((ray.t_near, ray.t_far), (0.0, 1.0));
-        }
+        check();
+        vectorized(check);
     }
 }

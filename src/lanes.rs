@@ -6,6 +6,8 @@
 use crate::rng::Rng;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+#[cfg(target_arch = "x86_64")]
+use pulp::core_arch::x86::Avx2;
 
 /// Paths side by side: two registers of AVX2, four of SSE.
 pub const LANES: usize = 16;
@@ -31,6 +33,72 @@ pub fn any(mask: &Mask) -> bool {
 #[inline(always)]
 pub fn all(mask: &Mask) -> bool {
     mask.iter().fold(true, |all, &lane| all & lane)
+}
+
+/// How eight lanes are put in another order: those that are kept first, the others anyhow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reorder {
+    /// A bit for each lane that is kept.
+    bits: usize,
+}
+
+/// By the bits of a [`Reorder`]: which lane comes where.
+static ORDERS: [[u8; 8]; 256] = {
+    let mut orders = [[0; 8]; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if bits >> lane & 1 == 1 {
+                orders[bits][place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    orders
+};
+
+impl Reorder {
+    /// For both halves of a mask.
+    #[inline(always)]
+    pub fn kept_first(mask: &Mask) -> [Self; 2] {
+        // Multiplied with this, the lowest bits of eight bytes come together in the highest byte.
+        let gathered = |bytes: u64| bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        bytemuck::cast::<_, [u64; 2]>(mask.map(u8::from))
+            .map(|bytes| Self { bits: gathered(bytes) as usize })
+    }
+
+    /// How many lanes are kept.
+    #[inline(always)]
+    pub fn kept(self) -> usize {
+        self.bits.count_ones() as usize
+    }
+
+    /// Takes eight words `from` each of `N` columns and gives them in their new order `to` it.
+    #[inline(always)]
+    pub fn columns<const N: usize>(
+        self,
+        from: impl Fn(usize) -> [u32; 8],
+        mut to: impl FnMut(usize, [u32; 8]),
+    ) {
+        let order = ORDERS[self.bits];
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = Avx2::try_new() {
+            // One instruction for all eight, which the compiler does not find by itself.
+            let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
+            for column in 0..N {
+                let words = bytemuck::cast(from(column));
+                to(column, bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order)));
+            }
+            return;
+        }
+        for column in 0..N {
+            let words = from(column);
+            to(column, order.map(|lane| words[usize::from(lane) % 8]));
+        }
+    }
 }
 
 /// The lanes of the bits that are set.

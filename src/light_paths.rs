@@ -92,6 +92,10 @@ impl LightPaths {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Walks {
+    /// Of the next rays.
+    origin: Vec3s,
+    /// Unit vectors.
+    direction: Vec3s,
     rng: Rngs,
     flux: Vec3s,
     /// Reciprocals of the largest channel of the emitted flux.
@@ -101,11 +105,11 @@ struct Walks {
     class: [u32; LANES],
 }
 
-impl Columns for Walks {
+impl Columns<16> for Walks {
     const T_FAR: f32 = f32::INFINITY;
 }
 
-/// One of [`Walks`].
+/// One of [`Walks`], without its ray.
 #[derive(Clone, Copy, Debug)]
 struct Walk {
     rng: Rng,
@@ -135,17 +139,21 @@ fn decoded(word: u32) -> Option<PhotonClass> {
 }
 
 impl Walks {
-    fn get(&self, lane: usize) -> Walk {
-        Walk {
+    fn get(&self, lane: usize) -> (Ray, Walk) {
+        let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
+        let walk = Walk {
             rng: self.rng.get(lane),
             flux: self.flux.get(lane),
             inverse_emitted: self.inverse_emitted[lane],
             path: self.path[lane],
             class: decoded(self.class[lane]),
-        }
+        };
+        (ray, walk)
     }
 
-    fn set(&mut self, lane: usize, walk: &Walk) {
+    fn set(&mut self, lane: usize, ray: &Ray, walk: &Walk) {
+        self.origin.set(lane, ray.origin);
+        self.direction.set(lane, ray.direction);
         self.rng.set(lane, walk.rng);
         self.flux.set(lane, walk.flux);
         self.inverse_emitted[lane] = walk.inverse_emitted;
@@ -176,9 +184,9 @@ struct Batch {
 /// A reusable workspace that traces one batch after another.
 #[derive(Debug, Default)]
 struct Tracer {
-    in_flight: Flight<Walks>,
+    in_flight: Flight<Walks, 16>,
     /// The rays of the next bounce, in the order in which they are found.
-    next: Flight<Walks>,
+    next: Flight<Walks, 16>,
     hits: Vec<HitPacket>,
     /// Of the current batch.
     photons: Vec<Photon>,
@@ -207,7 +215,8 @@ impl Tracer {
         );
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
-            let (rays, count) = (self.in_flight.rays(), self.in_flight.len());
+            let count = self.in_flight.len();
+            let rays = vectorized(|| self.in_flight.rays());
             self.hits.resize(rays.len(), HitPacket::default());
             accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
@@ -235,17 +244,17 @@ impl Tracer {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
             let emissions = scene.lights.emit_all(&mut walks.rng, count);
-            walks.flux = emissions.flux;
+            Emissions { origin: walks.origin, direction: walks.direction, flux: walks.flux } =
+                emissions;
             let mut emitted = Mask::default();
             for lane in 0..LANES {
-                let flux = emissions.flux.get(lane);
+                let flux = walks.flux.get(lane);
                 walks.path[lane] = first + lane as u32;
                 walks.inverse_emitted[lane] = flux.max_element().recip();
                 // Black parts of pictures emit nothing.
                 emitted[lane] = (lane < count) & (flux != Rgb::ZERO);
             }
-            let Emissions { origin, direction, .. } = &emissions;
-            self.in_flight.append(&emitted, origin, direction, &walks);
+            self.in_flight.append(&emitted, &walks);
         }
     }
 
@@ -253,23 +262,24 @@ impl Tracer {
     #[inline(always)] // vectorized
     fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
         self.next.clear();
-        let (mut in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
-        let mut at = DiffuseVertices::default();
-        for ((rays, walks, count), hits) in in_flight.packets().zip(&hits) {
-            let others = scene.plain(rays, hits, count, &mut at);
+        let (in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
+        let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
+        for (packet, hits) in hits.iter().enumerate() {
+            let count = in_flight.load(packet, &mut walks);
+            let others = scene.plain(&walks.direction, hits, count, &mut at);
             for lane in lanes_of(others) {
-                let (ray, hit) = (rays.get(lane), hits.get(lane));
-                self.elsewhere(scene, &ray, &hit, (walks.get(lane), roulette), (&mut at, lane));
+                let hit = hits.get(lane);
+                self.elsewhere(scene, roulette, walks.get(lane), &hit, (&mut at, lane));
             }
             for lane in (0..LANES).filter(|&lane| at.active[lane]) {
                 if let Some(class) = decoded(walks.class[lane]) {
                     let (path, flux) = (walks.path[lane], walks.flux.get(lane));
                     let (position, normal) = (at.position.get(lane), at.normal.get(lane));
                     let photon = Photon::new(position, path, flux, normal, class);
-                    self.store(photon, -rays.direction.get(lane));
+                    self.store(photon, -walks.direction.get(lane));
                 }
             }
-            self.scatter_diffuse(&at, walks, roulette);
+            self.scatter_diffuse(&at, &mut walks, roulette);
         }
         self.hits = hits;
         self.in_flight = mem::replace(&mut self.next, in_flight);
@@ -281,21 +291,21 @@ impl Tracer {
     fn elsewhere(
         &mut self,
         scene: &Scene,
-        ray: &Ray,
+        roulette: Roulette,
+        (ray, walk): (Ray, Walk),
         hit: &Hit,
-        (walk, roulette): (Walk, Roulette),
         (at, lane): (&mut DiffuseVertices, usize),
     ) {
         if hit.is_miss() {
             return;
         }
-        let surface = scene.surface(ray, hit);
+        let surface = scene.surface(&ray, hit);
         if let Some(point) = surface.diffuse() {
             at.set(lane, &point);
         } else if let Some((ray, walk)) = self.scatter_other(&surface, walk, roulette) {
-            let (rays, walks, lane) = self.next.add();
-            rays.set(lane, &ray);
-            walks.set(lane, &walk);
+            let mut next = Walks::default();
+            next.set(0, &ray, &walk);
+            self.next.push(&next);
         }
     }
 
@@ -309,7 +319,8 @@ impl Tracer {
     #[inline(always)] // vectorized
     fn scatter_diffuse(&mut self, at: &DiffuseVertices, walks: &mut Walks, roulette: Roulette) {
         const LAST_VERTEX: u32 = encoded(Some(PhotonClass::LastVertex));
-        let directions = at.sample(&mut walks.rng);
+        walks.origin = at.off_surface;
+        walks.direction = at.sample(&mut walks.rng);
         let ends = walks.rng.next_1d();
         walks.class = [LAST_VERTEX; LANES];
         let mut goes_on = Mask::default();
@@ -319,7 +330,7 @@ impl Tracer {
             goes_on[lane] = at.active[lane] & (ends[lane] < survival);
             walks.flux.set(lane, flux * (albedo / survival));
         }
-        self.next.append(&goes_on, &at.off_surface, &directions, walks);
+        self.next.append(&goes_on, walks);
     }
 
     /// At a surface that is not diffuse alone; the next ray unless the path ends.

@@ -2,10 +2,11 @@
 
 use super::{Hit, Ray};
 use crate::lanes::{LANES, Vec3s};
+use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
 /// Sixteen rays, component by component; see [`Ray`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct RayPacket {
     /// Start points, scene units.

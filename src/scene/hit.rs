@@ -3,19 +3,19 @@
 use super::normal_map::Tangent;
 use super::transform::Transform;
 use super::{Corners, Material, Placement, Scene, Surface, Triangle, interpolate, to_front};
-use crate::accel::{Hit, HitPacket, Ray, RayPacket};
+use crate::accel::{Hit, HitPacket, Ray};
 use crate::bsdf::Bsdf;
 use crate::diffuse::DiffuseVertices;
 use crate::lanes::{LANES, Mask, Vec3s};
 use glam::{Vec2, Vec3};
 
 impl Scene {
-    /// Sets `at` to where the first `count` rays hit surfaces that are Lambertian and the same all over
+    /// Sets `at` to where the first `count` rays of these directions hit surfaces that are Lambertian and the same all over
     /// the triangle; a bit for each that hit something else or nothing.
     #[inline(always)] // a call costs a tenth of the light phase
     pub fn plain(
         &self,
-        rays: &RayPacket,
+        directions: &Vec3s,
         hits: &HitPacket,
         count: usize,
         at: &mut DiffuseVertices,
@@ -50,7 +50,7 @@ impl Scene {
         }
         for lane in 0..LANES {
             // As `Triangle::point` and `Side::new`.
-            let front = at.normal.get(lane).dot(rays.direction.get(lane)) <= 0.0;
+            let front = at.normal.get(lane).dot(directions.get(lane)) <= 0.0;
             let normal = at.normal.get(lane) * if front { 1.0 } else { -1.0 };
             let (u, v) = (hits.u[lane], hits.v[lane]);
             let position = origin.get(lane) + u * edge1.get(lane) + v * edge2.get(lane);
