@@ -345,9 +345,9 @@ impl CameraPaths {
         target: &Vec3s,
         contribution: &Vec3s,
     ) {
-        let (mut sent, mut direction) = (Mask::default(), Vec3s::default());
-        for lane in 0..LANES {
-            sent[lane] = at.active[lane] & (contribution.get(lane) != Rgb::ZERO);
+        let (mut sent, mut direction) = (at.active, Vec3s::default());
+        for (lane, sent) in sent.iter_mut().enumerate() {
+            *sent &= contribution.get(lane) != Rgb::ZERO;
             direction.set(lane, at.off_surface.get(lane) - target.get(lane));
         }
         // From the light: shadow rays to one point then share their origin.
@@ -469,10 +469,10 @@ impl CameraPaths {
         let mut connections = Connections::default();
         for (packet, occluded) in self.occluded.iter().enumerate() {
             let count = self.shadow_rays.load(packet, &mut connections);
-            for lane in 0..count {
+            for (lane, occluded) in occluded.iter().enumerate().take(count) {
                 // Added in any case: what is in the shadow nobody foresees.
-                let visible =
-                    if occluded[lane] { Rgb::ZERO } else { connections.contribution.get(lane) };
+                let contribution = connections.contribution.get(lane);
+                let visible = if *occluded { Rgb::ZERO } else { contribution };
                 self.direct[connections.path[lane] as usize] += visible;
             }
         }

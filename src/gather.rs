@@ -141,11 +141,8 @@ impl GatherPoints {
         packet.vertex = *vertex;
         packet.view = [GatherPoint::NO_VIEW; LANES];
         self.taken += LANES;
-        for lane in 0..LANES {
-            if gathers[lane] {
-                self.order.push((first + lane) as u32);
-            }
-        }
+        let lanes = (first as u32..).zip(gathers).filter(|&(_, gathers)| *gathers);
+        self.order.extend(lanes.map(|(lane, _)| lane));
     }
 
     /// Breadth-first order to path order; points of one of the `paths` stay in theirs (a counting

@@ -191,3 +191,27 @@ impl Rngs {
         bits
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lanes_that_are_kept_come_first() {
+        for bits in 0..=u16::MAX {
+            let mask: Mask = std::array::from_fn(|lane| bits >> lane & 1 == 1);
+            assert_eq!(any(&mask), bits != 0);
+            assert_eq!(all(&mask), bits == u16::MAX);
+            let set: Vec<_> = (0..LANES).filter(|&lane| mask[lane]).collect();
+            assert_eq!(lanes_of(bits.into()).collect::<Vec<_>>(), set);
+            let mut kept = Vec::new();
+            for (half, reorder) in Reorder::kept_first(&mask).into_iter().enumerate() {
+                let lanes = |_| std::array::from_fn(|lane| (8 * half + lane) as u32);
+                reorder.columns::<1>(lanes, |_, words| {
+                    kept.extend(words[..reorder.kept()].iter().map(|&lane| lane as usize));
+                });
+            }
+            assert_eq!(kept, set);
+        }
+    }
+}

@@ -247,12 +247,12 @@ impl Tracer {
             Emissions { origin: walks.origin, direction: walks.direction, flux: walks.flux } =
                 emissions;
             let mut emitted = Mask::default();
-            for lane in 0..LANES {
+            for (lane, emitted) in emitted.iter_mut().enumerate() {
                 let flux = walks.flux.get(lane);
-                walks.path[lane] = first + lane as u32;
+                walks.path[lane] = first.wrapping_add(lane as u32);
                 walks.inverse_emitted[lane] = flux.max_element().recip();
                 // Black parts of pictures emit nothing.
-                emitted[lane] = (lane < count) & (flux != Rgb::ZERO);
+                *emitted = (lane < count) & (flux != Rgb::ZERO);
             }
             self.in_flight.append(&emitted, &walks);
         }
