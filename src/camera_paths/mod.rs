@@ -1,27 +1,20 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and leaves the
 //! points at which photons are gathered.
 
-use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
-use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
+mod elsewhere;
+mod walks;
+
+use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::diffuse::DiffuseVertices;
-use crate::flight::{Columns, Flight};
-use crate::gather::{GatherPoint, GatherPoints, GatherView};
-use crate::lanes::{LANES, Mask, Rngs, Vec3s, any, lanes_of, vectorized};
+use crate::flight::Flight;
+use crate::gather::{GatherPoints, GatherView};
+use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of, vectorized};
 use crate::math::Rgb;
-use crate::rng::{Rng, StreamKey, camera_path_index};
-use crate::scene::{LightSample, Scene, Surface, View};
+use crate::rng::{StreamKey, camera_path_index};
+use crate::scene::{Scene, View};
 use crate::settings::{Direct, Roulette, Settings};
-use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
 use std::mem;
-
-/// Camera paths whose throughput fell below this share play roulette where they pass through.
-const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
-
-/// From so many vertices on that a path passed through it may end at each of them with this
-/// probability: light may be caught between mirrors.
-const LONG_CHAIN: u32 = 16;
-const LONG_CHAIN_END: f32 = 0.1;
+use walks::{Connections, Walks};
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]
@@ -72,99 +65,6 @@ pub struct CameraPaths {
     inverse_weights: Vec<f32>,
 }
 
-/// Sixteen paths under way.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Walks {
-    /// Of the next segments.
-    origin: Vec3s,
-    /// Unit vectors.
-    direction: Vec3s,
-    rng: Rngs,
-    throughput: Vec3s,
-    /// Index within the batch.
-    path: [u32; LANES],
-    /// Diffuse vertices so far.
-    vertices: [u32; LANES],
-    /// Vertices passed through so far.
-    passed: [u32; LANES],
-}
-
-impl Columns<16> for Walks {
-    const T_FAR: f32 = f32::INFINITY;
-}
-
-/// What sixteen shadow rays carry if nothing blocks them.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Connections {
-    /// Points on lights.
-    origin: Vec3s,
-    /// To the vertices.
-    direction: Vec3s,
-    path: [u32; LANES],
-    contribution: Vec3s,
-}
-
-impl Columns<10> for Connections {
-    /// Shadow rays end where they point.
-    const T_FAR: f32 = 1.0;
-}
-
-/// One of [`Walks`], without its ray.
-#[derive(Clone, Copy, Debug)]
-struct Walk {
-    rng: Rng,
-    throughput: Rgb,
-    path: u32,
-    vertices: u32,
-    passed: u32,
-}
-
-impl Walks {
-    fn get(&self, lane: usize) -> (Ray, Walk) {
-        let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
-        let walk = Walk {
-            rng: self.rng.get(lane),
-            throughput: self.throughput.get(lane),
-            path: self.path[lane],
-            vertices: self.vertices[lane],
-            passed: self.passed[lane],
-        };
-        (ray, walk)
-    }
-
-    fn set(&mut self, lane: usize, ray: &Ray, walk: &Walk) {
-        self.origin.set(lane, ray.origin);
-        self.direction.set(lane, ray.direction);
-        self.rng.set(lane, walk.rng);
-        self.throughput.set(lane, walk.throughput);
-        self.path[lane] = walk.path;
-        self.vertices[lane] = walk.vertices;
-        self.passed[lane] = walk.passed;
-    }
-}
-
-impl Walk {
-    /// Roulette where the path passed through a vertex: whether it goes on. `inverse_weight` is the
-    /// reciprocal of the weight that the camera gave it.
-    fn passes_on(&mut self, inverse_weight: f32) -> bool {
-        self.passed += 1;
-        let share = self.throughput.max_element() * inverse_weight;
-        let mut survival = (share / WEIGHT_FLOOR).min(1.0);
-        if self.passed >= LONG_CHAIN {
-            survival = survival.min(1.0 - LONG_CHAIN_END);
-        }
-        if survival < 1.0 {
-            if self.rng.next_1d() >= survival {
-                return false;
-            }
-            self.throughput /= survival;
-        }
-        true
-    }
-}
-
 impl CameraPaths {
     /// Traces one batch, in place of the one before.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
@@ -177,7 +77,10 @@ impl CameraPaths {
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
             let count = self.segments.len();
-            let rays = vectorized(|| self.segments.rays());
+            let rays = vectorized(
+                #[inline(always)]
+                || self.segments.rays(),
+            );
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
             vectorized(
@@ -257,34 +160,6 @@ impl CameraPaths {
         self.segments = mem::replace(&mut self.next, segments);
     }
 
-    /// Where a path left the scene, or hit what is not plain: a diffuse vertex is set, what else there
-    /// may be is done with.
-    #[inline(never)] // keeps the loop over plain vertices short
-    fn elsewhere(
-        &mut self,
-        pass: &CameraPass,
-        (ray, walk): (Ray, Walk),
-        hit: &Hit,
-        (at, lane): (&mut DiffuseVertices, usize),
-    ) {
-        if hit.is_miss() {
-            // Emission from all around, if nothing else carries it.
-            if walk.vertices == 0 {
-                let beyond = pass.scene.lights.beyond(ray.direction);
-                self.direct[walk.path as usize] += walk.throughput * beyond;
-            }
-            return;
-        }
-        let surface = pass.scene.surface(&ray, hit);
-        if let Some(point) = surface.diffuse() {
-            at.set(lane, &point);
-        } else if let Some((ray, walk)) = self.scatter_other(pass, &surface, walk) {
-            let mut next = Walks::default();
-            next.set(0, &ray, &walk);
-            self.next.push(&next);
-        }
-    }
-
     /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
     #[inline(always)] // vectorized
     fn scatter_diffuse(&mut self, pass: &CameraPass, at: &DiffuseVertices, walks: &mut Walks) {
@@ -355,114 +230,13 @@ impl CameraPaths {
         self.shadow_rays.append(&sent, &Connections { origin, direction, path, contribution });
     }
 
-    /// At a surface that is not diffuse alone; the next segment unless the path ends.
-    fn scatter_other(
-        &mut self,
-        pass: &CameraPass,
-        surface: &Surface,
-        mut walk: Walk,
-    ) -> Option<(Ray, Walk)> {
-        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
-        // Emission hit later is carried by connections or photons.
-        if walk.vertices == 0 && surface.front {
-            self.direct[walk.path as usize] += walk.throughput * surface.emission();
-        }
-        let vertex = walk.vertices + 1;
-        let merges = self.at_other_vertex(pass, surface, &mut walk);
-        // Cut here, the path still goes on where the surface mirrors besides.
-        let cut = merges && vertex == merge_vertex;
-        let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
-        let at = surface.vertex(Transport::Radiance);
-        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
-        if !surface.agrees(&at, sample.wi) {
-            return None;
-        }
-        walk.throughput *= sample.weight;
-        if sample.lobe.passes_through() {
-            let ray = Ray::new(surface.start(sample.wi), sample.wi);
-            let inverse_weight = self.inverse_weights.get(walk.path as usize).unwrap_or(&1.0);
-            return walk.passes_on(*inverse_weight).then_some((ray, walk));
-        }
-        walk.vertices += 1;
-        if camera_roulette == Roulette::Albedo {
-            let survival = sample.weight.max_element().min(1.0);
-            if walk.rng.next_1d() >= survival {
-                return None;
-            }
-            walk.throughput /= survival;
-        }
-        Some((Ray::new(surface.off_surface, sample.wi), walk))
-    }
-
-    /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
-    fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let lights = &pass.scene.lights;
-        let bsdf = &surface.bsdf;
-        let merges = bsdf.merges();
-        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
-        let at = surface.vertex(Transport::Radiance);
-        if merges && pass.settings.direct == Direct::Connect {
-            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
-        }
-        if bsdf.has_rough() && walk.vertices == 0 {
-            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
-        }
-        if merges {
-            self.views.push(GatherView { bsdf: *bsdf, at });
-            let view = self.views.len() as u32 - 1;
-            self.gather(pass, surface, walk, view);
-        }
-        merges
-    }
-
-    /// Connects the lobes of one class with a light, if there is one.
-    fn connect_lobe(
-        &mut self,
-        surface: &Surface,
-        walk: &Walk,
-        at: &Vertex,
-        (lobe, light): (Lobe, Option<LightSample>),
-    ) {
-        if let Some(light) = light
-            && surface.agrees(at, light.wi)
-        {
-            let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
-            let cos_theta = light.wi.dot(at.normal).abs();
-            let contribution = walk.throughput * value * light.irradiance * cos_theta;
-            let start = surface.start(light.wi);
-            self.send_shadow_ray(walk.path, contribution, light.target, start);
-        }
-    }
-
-    /// Leaves a point at which photons are gathered with the BSDF in one of `views`.
-    fn gather(&mut self, pass: &CameraPass, surface: &Surface, walk: &Walk, view: u32) {
-        let vertex = walk.vertices + 1;
-        if vertex < pass.settings.merge_vertex && !pass.gather_early {
-            return;
-        }
-        let Surface { position, normal, .. } = *surface;
-        let (path, weight) = (walk.path, walk.throughput);
-        let point = GatherPoint { position, path, weight, vertex, normal, view };
-        self.gather_points.push(&point);
-    }
-
-    /// [`Self::send_shadow_rays`] for one.
-    fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
-        self.shadow_rays.push(&Connections {
-            origin: Vec3s::splat(target),
-            direction: Vec3s::splat(off_surface - target),
-            path: [path; LANES],
-            contribution: Vec3s::splat(contribution),
-        });
-    }
-
     /// Adds the light of all connections that nothing blocks.
     fn add_connections(&mut self, accel: &dyn Intersect, coherence: Coherence) {
         let count = self.shadow_rays.len();
-        let rays = vectorized(|| self.shadow_rays.rays());
+        let rays = vectorized(
+            #[inline(always)]
+            || self.shadow_rays.rays(),
+        );
         self.rays += count as u64;
         self.occluded.resize(rays.len(), Mask::default());
         accel.occlude(rays, count, &mut self.occluded, coherence);

@@ -1,31 +1,27 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
+mod walks;
+
 use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
 use crate::diffuse::DiffuseVertices;
-use crate::flight::{Columns, Flight};
-use crate::lanes::{LANES, Mask, Rngs, Vec3s, lanes_of, vectorized};
+use crate::flight::Flight;
+use crate::lanes::{LANES, Mask, lanes_of, vectorized};
 use crate::math::Rgb;
 use crate::photon::{Photon, PhotonClass};
 use crate::pool::Pool;
-use crate::rng::{Rng, Stream, StreamKey};
+use crate::rng::{Stream, StreamKey};
 use crate::scene::{Emissions, Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
-use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
 use std::time::{Duration, Instant};
+use walks::{Walk, Walks, decoded, encoded, survival};
 
 /// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
 /// to fill ray packets, few enough for a batch to stay in the second-level cache.
 const BATCH: u32 = 512;
-
-/// With [`Roulette::Weight`], paths whose weight fell below this share play roulette.
-const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
-
-/// Largest survival probability: paths end even between perfectly white walls.
-const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Debug, Default)]
@@ -88,90 +84,6 @@ impl LightPaths {
     }
 }
 
-/// Sixteen paths under way.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Walks {
-    /// Of the next rays.
-    origin: Vec3s,
-    /// Unit vectors.
-    direction: Vec3s,
-    rng: Rngs,
-    flux: Vec3s,
-    /// Reciprocals of the largest channel of the emitted flux.
-    inverse_emitted: [f32; LANES],
-    path: [u32; LANES],
-    /// See [`Walk::class`]: its number and 1, or 0.
-    class: [u32; LANES],
-}
-
-impl Columns<16> for Walks {
-    const T_FAR: f32 = f32::INFINITY;
-}
-
-/// One of [`Walks`], without its ray.
-#[derive(Clone, Copy, Debug)]
-struct Walk {
-    rng: Rng,
-    flux: Rgb,
-    inverse_emitted: f32,
-    path: u32,
-    /// Of its next photon; `None` if that comes straight from a light that is connected.
-    class: Option<PhotonClass>,
-}
-
-/// A class as one word.
-const fn encoded(class: Option<PhotonClass>) -> u32 {
-    match class {
-        None => 0,
-        Some(class) => class as u32 + 1,
-    }
-}
-
-#[inline(always)]
-fn decoded(word: u32) -> Option<PhotonClass> {
-    const EVERY_VERTEX: u32 = encoded(Some(PhotonClass::EveryVertex));
-    match word {
-        0 => None,
-        EVERY_VERTEX => Some(PhotonClass::EveryVertex),
-        _ => Some(PhotonClass::LastVertex),
-    }
-}
-
-impl Walks {
-    fn get(&self, lane: usize) -> (Ray, Walk) {
-        let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
-        let walk = Walk {
-            rng: self.rng.get(lane),
-            flux: self.flux.get(lane),
-            inverse_emitted: self.inverse_emitted[lane],
-            path: self.path[lane],
-            class: decoded(self.class[lane]),
-        };
-        (ray, walk)
-    }
-
-    fn set(&mut self, lane: usize, ray: &Ray, walk: &Walk) {
-        self.origin.set(lane, ray.origin);
-        self.direction.set(lane, ray.direction);
-        self.rng.set(lane, walk.rng);
-        self.flux.set(lane, walk.flux);
-        self.inverse_emitted[lane] = walk.inverse_emitted;
-        self.path[lane] = walk.path;
-        self.class[lane] = encoded(walk.class);
-    }
-}
-
-/// Probability of going on with `flux` from a vertex of this weight.
-#[inline(always)] // part of a vector loop
-fn survival(flux: Rgb, weight: Rgb, inverse_emitted: f32, roulette: Roulette) -> f32 {
-    let share = match roulette {
-        Roulette::Albedo => weight.max_element(),
-        Roulette::Weight => (flux * weight).max_element() * inverse_emitted / WEIGHT_FLOOR,
-    };
-    share.min(MAX_SURVIVAL)
-}
-
 /// What consecutive paths leave.
 #[derive(Debug, Default)]
 struct Batch {
@@ -216,7 +128,10 @@ impl Tracer {
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
             let count = self.in_flight.len();
-            let rays = vectorized(|| self.in_flight.rays());
+            let rays = vectorized(
+                #[inline(always)]
+                || self.in_flight.rays(),
+            );
             self.hits.resize(rays.len(), HitPacket::default());
             accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
