@@ -1,5 +1,5 @@
-//! Rays per second of both backends, single and batched; and for Embree the same rays as raw
-//! packets that are ready in memory, which is the bound that the batches aim at.
+//! Rays per second of both backends, single and in packets; and for Embree the same rays as raw
+//! packets that are ready in memory, which is the bound that ours aim at.
 
 #![allow(missing_docs)]
 
@@ -9,7 +9,8 @@ mod raw;
 mod shapes;
 
 use bdpm::accel::bvh::Bvh;
-use bdpm::accel::{Coherence, Hit, Intersect, Ray};
+use bdpm::accel::{Coherence, Hit, HitPacket, Intersect, Ray, RayPacket};
+use bdpm::lanes::{LANES, Mask};
 #[cfg(feature = "embree")]
 use criterion::BatchSize;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -44,11 +45,14 @@ fn bench_backend(
         for (kind, coherence, rays) in ray_sets() {
             let mut group = criterion.benchmark_group(format!("{scene_name}/{kind}"));
             group.throughput(Throughput::Elements(RAYS as u64));
-            let mut hits = vec![Hit::MISS; RAYS];
-            let mut occluded = vec![false; RAYS];
-            group.bench_function(format!("{name}/closest/batch"), |bencher| {
-                bencher.iter(|| scene.closest_hits(black_box(&rays), &mut hits, coherence));
+            let packets: Vec<_> = rays.chunks(LANES).map(RayPacket::of).collect();
+            let mut hits = vec![HitPacket::default(); packets.len()];
+            let mut occluded = vec![Mask::default(); packets.len()];
+            group.bench_function(format!("{name}/closest/packets"), |bencher| {
+                let rays = black_box(&packets);
+                bencher.iter(|| scene.intersect(rays, RAYS, &mut hits, coherence));
             });
+            let mut hits = vec![Hit::MISS; RAYS];
             group.bench_function(format!("{name}/closest/single"), |bencher| {
                 bencher.iter(|| {
                     for (ray, hit) in black_box(&rays).iter().zip(&mut hits) {
@@ -56,8 +60,9 @@ fn bench_backend(
                     }
                 });
             });
-            group.bench_function(format!("{name}/occlusion/batch"), |bencher| {
-                bencher.iter(|| scene.occlusions(black_box(&rays), &mut occluded, coherence));
+            group.bench_function(format!("{name}/occlusion/packets"), |bencher| {
+                let rays = black_box(&packets);
+                bencher.iter(|| scene.occlude(rays, RAYS, &mut occluded, coherence));
             });
             group.finish();
         }
