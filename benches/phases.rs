@@ -20,7 +20,8 @@ use bdpm::{Renderer, Scene, Settings};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use paired::{Ratio, timed};
 use raw::{Packets, RawScene};
-use std::sync::Mutex;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 use subject::{camera_phase, scene};
 
@@ -85,9 +86,12 @@ impl Intersect for Recorder<'_> {
     }
 }
 
-/// One thread, so that a phase's time is the time of its work.
-fn threads(count: usize) -> rayon::ThreadPool {
-    rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap()
+/// One thread, so that a phase's time is the time of its work. It is this one: waking another up takes as
+/// long as tracing hundreds of light paths.
+fn one_thread() -> &'static ThreadPool {
+    static ONE: OnceLock<ThreadPool> = OnceLock::new();
+    let here = || ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
+    ONE.get_or_init(here)
 }
 
 fn camera_pass<'a>(
@@ -104,7 +108,7 @@ fn camera_pass<'a>(
 fn phases(criterion: &mut Criterion) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
-    let one = threads(1);
+    let one = one_thread();
     let pass = camera_pass(&scene, &*accel, &settings);
     let mut paths = CameraPaths::default();
     let mut group = criterion.benchmark_group("camera");
@@ -162,7 +166,8 @@ fn ratios(_: &mut Criterion) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
     let limit = raw_scene(&scene);
-    let (one, two) = (threads(1), threads(2));
+    let one = one_thread();
+    let two = &ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     println!("\nmedian (quartiles) of rounds in turn");
 
     let pass = camera_pass(&scene, &*accel, &settings);
@@ -197,8 +202,8 @@ fn ratios(_: &mut Criterion) {
             "light phase over raw packets, N_F = {light_paths}: {ratio}; {own:.0} and {raw:.0} ns per path"
         );
         for (what, pools, measures) in [
-            ("measuring over production iteration", [&one, &one], [Measure::Pairs, Measure::Off]),
-            ("one thread over two", [&one, &two], [Measure::Off; 2]),
+            ("measuring over production iteration", [one, one], [Measure::Pairs, Measure::Off]),
+            ("one thread over two", [one, two], [Measure::Off; 2]),
         ] {
             let [mut first, mut second] =
                 [0; 2].map(|_| Renderer::new(&scene, &*accel, settings.clone()).unwrap());
