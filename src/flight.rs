@@ -67,6 +67,7 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
     /// Adds the lanes that are `kept`, in their order.
     #[inline(always)] // part of the loops over vertices
     pub fn append(&mut self, kept: &Mask, packet: &P) {
+        const { assert!(size_of::<P>() == N * size_of::<[u32; LANES]>()) };
         let mut at = self.len % BLOCK;
         if self.len / BLOCK == self.blocks.len() {
             self.blocks.push([[0; BLOCK + LANES]; N]);
@@ -159,6 +160,21 @@ mod tests {
             assert_eq!(ray.origin.to_array(), columns[..3]);
             assert_eq!(ray.direction.to_array(), columns[3..6]);
             assert_eq!((ray.t_near, ray.t_far), (0.0, 1.0));
+        }
+    }
+
+    #[test]
+    fn blocks_are_filled_to_their_ends() {
+        let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
+        for index in 0..2 * BLOCK / LANES {
+            flight.append(&[true; LANES], &[[index as f32; LANES]; 7]);
+        }
+        assert_eq!(flight.len(), 2 * BLOCK);
+        assert_eq!(flight.rays().len(), 2 * BLOCK / LANES);
+        for index in 0..2 * BLOCK / LANES {
+            let mut packet = [[0.0; LANES]; 7];
+            assert_eq!(flight.load(index, &mut packet), LANES);
+            assert_eq!(packet, [[index as f32; LANES]; 7]);
         }
     }
 

@@ -175,7 +175,8 @@ impl CameraPaths {
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         for lane in 0..LANES {
-            walks.vertices[lane] += 1;
+            // Of paths elsewhere anything is there.
+            walks.vertices[lane] = walks.vertices[lane].wrapping_add(1);
             let last = walks.vertices[lane] == merge_vertex;
             gathers[lane] = at.active[lane] & (last | pass.gather_early);
             goes_on[lane] = at.active[lane] & (walks.vertices[lane] < merge_vertex);

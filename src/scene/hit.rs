@@ -10,8 +10,8 @@ use crate::lanes::{LANES, Mask, Vec3s};
 use glam::{Vec2, Vec3};
 
 impl Scene {
-    /// Sets `at` to where the first `count` rays of these directions hit surfaces that are Lambertian and the same all over
-    /// the triangle; a bit for each that hit something else or nothing.
+    /// Sets `at` to where the first `count` rays of these directions hit surfaces that are Lambertian
+    /// and the same all over the triangle; a bit for each that hit something else or nothing.
     #[inline(always)] // a call costs a tenth of the light phase
     pub fn plain(
         &self,
@@ -172,7 +172,6 @@ struct Side {
 
 impl Side {
     /// At these barycentric weights.
-    #[inline(always)] // see `Scene::plain`
     fn new(ray: &Ray, triangle: &Triangle, at: [f32; 2]) -> Self {
         let front = triangle.normal.dot(ray.direction) <= 0.0;
         let normal = if front { triangle.normal } else { -triangle.normal };

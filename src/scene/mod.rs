@@ -248,7 +248,8 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
     pub placements: Vec<Placement>,
-    /// All materials.
+    /// All materials. What depends on them is computed when the scene is put together: to change one, make
+    /// another scene.
     pub materials: Vec<Material>,
     /// All lights, emissive triangles among them.
     pub lights: Lights,
