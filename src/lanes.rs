@@ -171,7 +171,7 @@ impl Rngs {
         numbers
     }
 
-    /// 64 bits of each path, the lower half first, for [`unit_f64`](crate::rng::unit_f64).
+    /// 64 bits of each path, the lower half first, for a number in [0, 1) of 53 of them.
     #[inline(always)]
     pub fn next_bits(&mut self) -> [[u32; LANES]; 2] {
         let mut bits = [[0; LANES]; 2];
