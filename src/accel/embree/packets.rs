@@ -2,7 +2,7 @@
 //! Embree's order (all x of the origins, all y, ...), so staging one is a copy of eight registers.
 //!
 //! Packets serve unrelated rays as well: with AVX-512 and 36 to 217,000 triangles, packets of 16 are
-//! 5.7 to 7.8 times as fast as single rays on coherent rays and 1.1 to 1.5 times on incoherent ones
+//! 4.4 to 6.8 times as fast as single rays on coherent rays and 1.0 to 1.3 times on incoherent ones
 //! (`cargo bench --bench trace`).
 
 use super::Device;
