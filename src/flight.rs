@@ -74,8 +74,8 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         }
         let block = &mut self.blocks[self.len / BLOCK];
         for (half, reorder) in Reorder::kept_first(kept).into_iter().enumerate() {
-            // What is not kept is copied too, behind the rest, where the next comes: no branch that chance
-            // decides and nothing predicts.
+            // Always eight: behind those that are kept comes anything, which the next replace. A branch for
+            // each would be decided by chance, and nothing predicts that.
             reorder.columns::<N>(
                 |column| columns(packet)[column].as_chunks().0[half],
                 |column, eight| block[column][at..at + 8].copy_from_slice(&eight),

@@ -29,7 +29,7 @@ pub fn any(mask: &Mask) -> bool {
     mask.iter().fold(false, |any, &lane| any | lane)
 }
 
-/// How eight lanes are put in another order: those that are kept first, the others anyhow.
+/// How eight lanes are put in another order: those that are kept first, and then anything.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reorder {
     /// A bit for each lane that is kept.
