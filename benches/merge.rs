@@ -16,9 +16,9 @@ use bdpm::camera_paths::{CameraPass, CameraPaths};
 use bdpm::gather::GatherPoint;
 use bdpm::light_paths::LightPaths;
 use bdpm::math::disc_area;
-use bdpm::merge::{Merge, PairVisitor};
+use bdpm::merge::{Gathered, Merge, PairVisitor};
 use bdpm::photon::{Photon, PhotonClass};
-use bdpm::photon_map::PhotonMap;
+use bdpm::photon_map::{PhotonMap, Ranges};
 use bdpm::rng::{Stream, StreamKey};
 use bdpm::{Scene, Settings};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -29,19 +29,20 @@ use raw::points::RawPoints;
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::time::Duration;
-use subject::{Sum, camera_phase, scene};
+use subject::{BATCH, Sum, ids, scene};
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
 const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
 
-/// Of the image's batches of camera paths, one in so many is merged.
-const BATCH_STEP: usize = 6;
+/// Of the image's batches of camera paths, one in so many is merged: together about as many as a render
+/// merges at once.
+const BATCH_STEP: usize = 4;
 
 /// Look-ups and pairs found, for each number of light paths.
 type Counts = RefCell<Vec<[u64; 2]>>;
 
-/// Batches of camera paths from all over the image.
-fn batches(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> Vec<CameraPaths> {
+/// Camera paths from all over the image.
+fn camera_paths(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> CameraPaths {
     let pass = CameraPass {
         scene,
         view: scene.camera.view(settings.width, settings.height),
@@ -50,19 +51,23 @@ fn batches(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> Vec<Cam
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: false,
     };
-    let mut batches = Vec::new();
-    camera_phase(&pass, &mut CameraPaths::default(), |paths| batches.push(paths.clone()));
-    batches.into_iter().step_by(BATCH_STEP).collect()
+    let mut paths = CameraPaths::default();
+    let mut ids = ids(settings).peekable();
+    while ids.peek().is_some() {
+        paths.trace(&pass, ids.by_ref().take(BATCH));
+        ids.by_ref().take(BATCH * (BATCH_STEP - 1)).for_each(drop);
+    }
+    paths
 }
 
 /// Merges as [`Merge`] does, photons within the radius being found by `look_up(position, found)`.
 fn merge_by(
-    (batches, photons, settings): (&[CameraPaths], &[Photon], &Settings),
+    (paths, photons, settings): (&CameraPaths, &[Photon], &Settings),
     mut look_up: impl FnMut(Vec3, &mut dyn FnMut(u32)),
 ) -> Sum {
     let kernel = disc_area(settings.radius).recip();
     let mut sum = Sum::default();
-    for point in batches.iter().flat_map(|batch| batch.gather_points.iter()) {
+    for point in paths.gather_points.iter() {
         assert_eq!(point.view, GatherPoint::NO_VIEW, "this bench merges Lambertian surfaces");
         let weight = point.weight * kernel;
         let last = point.vertex == settings.merge_vertex;
@@ -76,13 +81,6 @@ fn merge_by(
     sum
 }
 
-fn merge_with_map(batches: &[CameraPaths], map: &PhotonMap, settings: &Settings) -> Sum {
-    let merge = Merge::new(map, settings.merge_vertex);
-    let mut sum = Sum::default();
-    batches.iter().for_each(|batch| merge.visit(batch, &mut sum));
-    sum
-}
-
 #[track_caller]
 fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
     assert_eq!(sum.pairs, expected.pairs, "{what}");
@@ -93,18 +91,24 @@ fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
 fn merging(criterion: &mut Criterion, counts: &Counts) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
-    let batches = batches(&scene, &*accel, &settings);
-    let look_ups: usize = batches.iter().map(|batch| batch.gather_points.len()).sum();
+    let mut paths = camera_paths(&scene, &*accel, &settings);
+    paths.order_by_path();
+    let look_ups = paths.gather_points.len();
+    let mut gathered = Gathered::default();
     for light_paths in LIGHT_PATHS {
         let mut light = LightPaths::default();
         light.trace(&scene, &*accel, &settings, light_paths, 0);
         let photons: Vec<Photon> = light.photons().flatten().copied().collect();
         let positions: Vec<Vec3> = photons.iter().map(|photon| photon.position).collect();
-        let subject = (&batches[..], &photons[..], &settings);
+        let subject = (&paths, &photons[..], &settings);
 
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
-        let expected = merge_with_map(&batches, &map, &settings);
+        let merge = Merge::new(&map, settings.merge_vertex);
+        let mut expected = Sum::default();
+        merge.visit(&paths, &mut Ranges::default(), &mut expected);
+        merge.gather(&paths, &mut gathered);
+        assert_eq!(gathered.sums, expected.gathered, "pair by pair or not");
         counts.borrow_mut().push([look_ups as u64, expected.pairs]);
 
         let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
@@ -131,7 +135,7 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));
         group.throughput(Throughput::Elements(look_ups as u64));
         group.bench_function(STRUCTURES[0], |bencher| {
-            bencher.iter(|| merge_with_map(&batches, &map, &settings).light);
+            bencher.iter(|| merge.gather(&paths, &mut gathered));
         });
         group.bench_function(STRUCTURES[1], |bencher| bencher.iter(|| kiddo().light));
         group.bench_function(STRUCTURES[2], |bencher| bencher.iter(|| queries().light));

@@ -32,6 +32,12 @@ impl Tile {
     pub fn pixel(&self, index: u32) -> (u32, u32) {
         (self.x + index % self.width, self.y + index / self.width)
     }
+
+    /// The first column and row beyond it.
+    #[inline]
+    pub fn end(&self) -> [u32; 2] {
+        [self.x + self.width, self.y + self.height]
+    }
 }
 
 /// Sums over iterations of a pixel's value `L_iter`.

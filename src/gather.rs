@@ -12,7 +12,7 @@ use glam::Vec3;
 pub struct GatherPoint {
     /// Where it is, scene units.
     pub position: Vec3,
-    /// Its camera path: index within the batch.
+    /// Its camera path: index among those that are merged together.
     pub path: u32,
     /// Throughput of the path times the BSDF toward the camera, 1/sr: what a photon's flux per
     /// area (of the merge kernel) is multiplied with. The throughput alone if there is a `view`.
@@ -32,13 +32,13 @@ impl GatherPoint {
     pub const NO_VIEW: u32 = u32::MAX;
 }
 
-/// The gather points of a batch.
+/// The gather points of camera paths that are merged together.
 #[derive(Clone, Debug, Default)]
 pub struct GatherPoints {
-    packets: Vec<Packet>,
+    packets: Vec<GatherPacket>,
     /// Lanes that are taken: all of a packet, even if not all of its points gather.
     taken: usize,
-    /// Number of each point's lane among those of all packets.
+    /// Points in the order of their paths: number of each one's lane among those of all packets.
     order: Vec<u32>,
     /// For putting them in order: these, and where those of each path go.
     unordered: Vec<u32>,
@@ -48,13 +48,30 @@ pub struct GatherPoints {
 /// Up to sixteen points side by side; see [`GatherPoint`].
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-struct Packet {
-    position: Vec3s,
-    weight: Vec3s,
-    normal: Vec3s,
-    path: [u32; LANES],
-    vertex: [u32; LANES],
-    view: [u32; LANES],
+pub(crate) struct GatherPacket {
+    pub position: Vec3s,
+    pub weight: Vec3s,
+    pub normal: Vec3s,
+    pub path: [u32; LANES],
+    pub vertex: [u32; LANES],
+    pub view: [u32; LANES],
+    /// Which lanes gather.
+    pub gathers: Mask,
+}
+
+impl GatherPacket {
+    /// One of the points.
+    #[inline(always)] // part of vectorized code
+    pub fn get(&self, lane: usize) -> GatherPoint {
+        GatherPoint {
+            position: self.position.get(lane),
+            path: self.path[lane],
+            weight: self.weight.get(lane),
+            vertex: self.vertex[lane],
+            normal: self.normal.get(lane),
+            view: self.view[lane],
+        }
+    }
 }
 
 impl GatherPoints {
@@ -64,12 +81,12 @@ impl GatherPoints {
         self.order.clear();
     }
 
-    /// How many there are.
+    /// How many were [put in order](Self::order_by_path).
     pub fn len(&self) -> usize {
         self.order.len()
     }
 
-    /// Whether there are none.
+    /// Whether none was put in order.
     pub fn is_empty(&self) -> bool {
         self.order.is_empty()
     }
@@ -80,16 +97,19 @@ impl GatherPoints {
     /// If there are not so many.
     #[inline]
     pub fn get(&self, place: usize) -> GatherPoint {
-        let lane = self.order[place] as usize;
-        let (packet, lane) = (&self.packets[lane / LANES], lane % LANES);
-        GatherPoint {
-            position: packet.position.get(lane),
-            path: packet.path[lane],
-            weight: packet.weight.get(lane),
-            vertex: packet.vertex[lane],
-            normal: packet.normal.get(lane),
-            view: packet.view[lane],
-        }
+        self.at(self.number(place))
+    }
+
+    /// The number of the lane of the one at a place in their order.
+    #[inline]
+    pub(crate) fn number(&self, place: usize) -> usize {
+        self.order[place] as usize
+    }
+
+    /// The one in this lane.
+    #[inline]
+    pub(crate) fn at(&self, number: usize) -> GatherPoint {
+        self.packets[number / LANES].get(number % LANES)
     }
 
     /// All in their order.
@@ -97,26 +117,34 @@ impl GatherPoints {
         (0..self.len()).map(|place| self.get(place))
     }
 
+    /// All side by side; points of one path are in the order of its vertices.
+    pub(crate) fn packets(&self) -> &[GatherPacket] {
+        &self.packets[..self.taken.div_ceil(LANES)]
+    }
+
     /// Adds one.
     pub(crate) fn push(&mut self, point: &GatherPoint) {
-        self.order.push(self.taken as u32);
         let lane = self.taken % LANES;
         let packet = self.packet();
+        if lane == 0 {
+            packet.gathers = Mask::default();
+        }
         packet.position.set(lane, point.position);
         packet.weight.set(lane, point.weight);
         packet.normal.set(lane, point.normal);
         packet.path[lane] = point.path;
         packet.vertex[lane] = point.vertex;
         packet.view[lane] = point.view;
+        packet.gathers[lane] = true;
         self.taken += 1;
     }
 
     /// The one with the next lane to take.
     #[inline(always)]
-    fn packet(&mut self) -> &mut Packet {
+    fn packet(&mut self) -> &mut GatherPacket {
         let packet = self.taken / LANES;
         if packet == self.packets.len() {
-            self.packets.push(Packet::default());
+            self.packets.push(GatherPacket::default());
         }
         &mut self.packets[packet]
     }
@@ -132,44 +160,42 @@ impl GatherPoints {
         vertex: &[u32; LANES],
     ) {
         self.taken = self.taken.next_multiple_of(LANES);
-        let first = self.taken;
-        let packet = self.packet();
-        packet.position = at.position;
-        packet.weight = *weight;
-        packet.normal = at.normal;
-        packet.path = *path;
-        packet.vertex = *vertex;
-        packet.view = [GatherPoint::NO_VIEW; LANES];
+        *self.packet() = GatherPacket {
+            position: at.position,
+            weight: *weight,
+            normal: at.normal,
+            path: *path,
+            vertex: *vertex,
+            view: [GatherPoint::NO_VIEW; LANES],
+            gathers: *gathers,
+        };
         self.taken += LANES;
-        let lanes = (first as u32..).zip(gathers).filter(|&(_, gathers)| *gathers);
-        self.order.extend(lanes.map(|(lane, _)| lane));
     }
 
-    /// Breadth-first order to path order; points of one of the `paths` stay in theirs (a counting
-    /// sort).
+    /// Puts all in the order of their `paths`; points of one path stay in theirs (a counting sort).
     pub(crate) fn order_by_path(&mut self, paths: usize) {
-        let path = |place: &u32| {
-            let place = *place as usize;
-            self.packets[place / LANES].path[place % LANES]
-        };
-        if self.order.is_sorted_by_key(path) {
-            return;
+        let Self { packets, taken, order, unordered, places } = self;
+        unordered.clear();
+        for (packet, first) in packets[..taken.div_ceil(LANES)].iter().zip((0..).step_by(LANES)) {
+            let lanes = (first..).zip(packet.gathers).filter(|&(_, gathers)| gathers);
+            unordered.extend(lanes.map(|(lane, _)| lane));
         }
-        self.places.clear();
-        self.places.resize(paths + 1, 0);
-        for place in &self.order {
-            self.places[path(place) as usize + 1] += 1;
+        let path = |lane: u32| packets[lane as usize / LANES].path[lane as usize % LANES] as usize;
+        places.clear();
+        places.resize(paths + 1, 0);
+        for &lane in &*unordered {
+            places[path(lane) + 1] += 1;
         }
         let mut sum = 0;
-        for place in &mut self.places {
+        for place in &mut *places {
             sum += *place;
             *place = sum;
         }
-        self.unordered.clone_from(&self.order);
-        for from in &self.unordered {
-            let to = &mut self.places[path(from) as usize];
-            self.order[*to as usize] = *from;
-            *to += 1;
+        order.resize(unordered.len(), 0);
+        for &lane in &*unordered {
+            let place = &mut places[path(lane)];
+            order[*place as usize] = lane;
+            *place += 1;
         }
     }
 }

@@ -35,6 +35,8 @@ pub mod rng;
 pub mod scene;
 pub mod settings;
 pub mod steer;
+mod tile_paths;
+mod tiles;
 pub mod timing;
 mod worker;
 

@@ -19,13 +19,31 @@ pub struct Photon {
     pub(crate) from: u32,
 }
 
-/// The part of a photon that decides whether it counts: moved as one word.
+/// The part of a photon that decides whether it counts, in one word: the surface normal on the side it
+/// arrived from, each coordinate in 1/127 and one byte, and its class in the highest byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C, align(4))]
-pub(crate) struct Side {
-    /// Surface normal on the side it arrived from, each coordinate in 1/127.
-    normal: [i8; 3],
-    class: PhotonClass,
+pub(crate) struct Side(pub u32);
+
+impl Side {
+    fn new(normal: Vec3, class: PhotonClass) -> Self {
+        // To the nearest, without a call of `round`.
+        let byte = |c: f32| ((c * 127.0 + 128.5) as i32 - 128) as u8;
+        let [x, y, z] = normal.to_array().map(byte);
+        Self(u32::from_le_bytes([x, y, z, class as u8]))
+    }
+
+    /// The normal, 127 units long.
+    #[inline(always)] // as the next: parts of vector loops
+    pub fn normal(self) -> Vec3 {
+        let coordinate = |shift: u32| ((self.0 << shift) as i32 >> 24) as f32;
+        Vec3::new(coordinate(24), coordinate(16), coordinate(8))
+    }
+
+    /// Whether the photon is merged at every vertex.
+    #[inline(always)]
+    pub fn at_every_vertex(self) -> bool {
+        self.0 >> 24 == PhotonClass::EveryVertex as u32
+    }
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
@@ -43,9 +61,7 @@ pub enum PhotonClass {
 impl Photon {
     /// `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
-        // To the nearest, without a call of `round`.
-        let normal = normal.to_array().map(|c| ((c * 127.0 + 128.5) as i32 - 128) as i8);
-        Self { position, path, flux, side: Side { normal, class }, from: 0 }
+        Self { position, path, flux, side: Side::new(normal, class), from: 0 }
     }
 
     /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
@@ -57,7 +73,7 @@ impl Photon {
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
     /// normal `normal`: what is merged there is the radiance that the surface has here.
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
-        let own = Vec3::from_array(self.side.normal.map(f32::from)).normalize();
+        let own = self.side.normal().normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
     }
 
@@ -65,13 +81,12 @@ impl Photon {
     /// of the two normals.
     #[inline]
     pub fn faces(&self, normal: Vec3) -> bool {
-        let [x, y, z] = self.side.normal.map(f32::from);
-        Vec3::new(x, y, z).dot(normal) > 0.0
+        self.side.normal().dot(normal) > 0.0
     }
 
     /// Where it is merged.
     #[inline]
     pub fn class(&self) -> PhotonClass {
-        self.side.class
+        if self.side.at_every_vertex() { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
     }
 }

@@ -14,11 +14,12 @@ use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
 use crate::photon::Photon;
 use crate::photon_map::PhotonMap;
-use crate::pool::{Lease, Pool};
+use crate::pool::Pool;
 use crate::rng::{Stream, StreamKey};
 use crate::scene::{Scene, View};
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
-use crate::worker::{Job, Worker};
+use crate::tiles::{Shares, TileSums};
+use crate::worker::{Job, Worker, merged_together};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -227,7 +228,8 @@ impl<'a> Renderer<'a> {
             gather_early: self.photon_map.any_at_every_vertex(),
         };
         let merge = Merge::new(&self.photon_map, settings.merge_vertex);
-        let job = Job { pass, merge, counts, measure, before: film.iterations };
+        let together = merged_together(&self.photon_map, measure);
+        let job = Job { pass, merge, counts, measure, together, before: film.iterations };
         // A measuring iteration gives each tile its part of the noise sums as well.
         let noise_tiles: Vec<Option<NoiseTile>> = if measure == Measure::Off {
             film.tiles().map(|_| None).collect()
@@ -235,13 +237,19 @@ impl<'a> Renderer<'a> {
             let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), *grain));
             noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
         };
-        let tiles = film.tiles_mut().into_par_iter().zip(noise_tiles);
-        // Tiles differ in cost: hand them out one by one.
-        let render = |worker: &mut Lease<Worker>, (tile, noise)| worker.render(&job, tile, noise);
-        let deviations: Vec<f64> =
-            tiles.with_max_len(1).map_init(|| self.workers.lease(), render).collect();
+        let with_noise = film.tiles_mut().into_iter().zip(noise_tiles);
+        let tile = |((tile, sums), noise)| TileSums { tile, sums, noise, deviation: 0.0 };
+        let mut tiles: Vec<TileSums> = with_noise.map(tile).collect();
+        // Results do not depend on which tiles one thread takes together.
+        let paths_per_tile =
+            counts.camera_paths.mean() * settings.pixels() as f64 / tiles.len() as f64;
+        let most = (together as f64 / paths_per_tile) as usize;
+        Shares::new(&mut tiles, most)
+            .par_bridge()
+            .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
+        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
         // Summed in the order of the tiles, whoever rendered them.
-        film.deviations.add(deviations.iter().sum(), film.iterations);
+        film.deviations.add(deviations, film.iterations);
         film.iterations += 1;
         if let (Some(noise), true) = (noise, measure != Measure::Off) {
             noise.iterations += 1;

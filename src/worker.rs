@@ -1,18 +1,31 @@
-//! One thread's work on one tile: camera and merge phases, and what becomes of the pairs.
+//! One thread's work on some tiles: camera and merge phases, and what becomes of the pairs.
 
-use crate::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use crate::camera_paths::{CameraPass, CameraPaths};
 use crate::counts::Counts;
-use crate::film::{PixelSums, Tile, luminance};
+use crate::film::{Tile, luminance};
 use crate::math::{self, Rgb};
-use crate::merge::{Merge, PairVisitor};
-use crate::noise::film::{NoiseTile, PixelMeasurement};
+use crate::merge::{Gathered, Merge, PairVisitor};
+use crate::noise::film::PixelMeasurement;
 use crate::noise::{Estimator, Measure, halves::Halves, pairs::AllPairs};
+use crate::photon_map::{PhotonMap, Ranges};
+use crate::tile_paths::TilePaths;
+use crate::tiles::TileSums;
 use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// Camera paths traced together: enough to fill ray packets, few enough to stay in the
 /// second-level cache.
 const BATCH: usize = 2048;
+
+/// Camera paths merged together where neighbors would otherwise wait for memory in turn: enough to share
+/// what they read of a large photon map.
+const MERGED: usize = 131_072;
+
+/// How many camera paths are merged together with the photons of `map`, about; measuring takes them in
+/// their order.
+pub fn merged_together(map: &PhotonMap, measure: Measure) -> usize {
+    if map.is_large() && measure == Measure::Off { MERGED } else { BATCH }
+}
 
 /// What the tiles of an iteration have in common.
 #[derive(Clone, Copy)]
@@ -25,6 +38,8 @@ pub struct Job<'a> {
     pub counts: &'a Counts,
     /// Whether noise is measured.
     pub measure: Measure,
+    /// How many are merged together.
+    pub together: usize,
     /// Iterations that the sums hold already.
     pub before: u64,
 }
@@ -33,9 +48,12 @@ pub struct Job<'a> {
 #[derive(Debug, Default)]
 pub struct Worker {
     paths: CameraPaths,
-    /// Sum over camera paths of each pixel of the tile.
+    gathered: Gathered,
+    ranges: Ranges,
+    tiles: Vec<Tile>,
+    /// Sum over camera paths of each pixel of the tiles.
     values: Vec<DVec3>,
-    /// What is measured of each pixel of the tile.
+    /// What is measured of each pixel of the tiles.
     measured: Vec<PixelMeasurement>,
     pairs: AllPairs,
     halves: Halves,
@@ -64,64 +82,67 @@ pub struct WorkerCounts {
 }
 
 impl Worker {
-    /// Adds one iteration of a tile to its pixels' sums, and to `noise` when it is measured.
-    /// Returns the sum over pixels of [`PixelSums::deviation`].
-    pub fn render(
-        &mut self,
-        job: &Job,
-        (tile, sums): (Tile, &mut [PixelSums]),
-        noise: Option<NoiseTile>,
-    ) -> f64 {
-        let Self { paths, values, measured, pairs, halves, clock, .. } = self;
-        values.clear();
-        values.resize(tile.len(), DVec3::ZERO);
-        measured.clear();
-        measured.resize(tile.len(), PixelMeasurement::default());
-        let image = ImageSums {
-            values,
-            gathered: Rgb::ZERO,
-            per_light_path: f64::from(job.counts.light_paths).recip(),
-            paths: TilePaths::new(job, tile),
-        };
+    /// Adds one iteration of some tiles to their pixels' sums, and to their noise when it is measured.
+    pub fn render(&mut self, job: &Job, tiles: &mut [TileSums]) {
+        self.tiles.clear();
+        self.tiles.extend(tiles.iter().map(|tile| tile.tile));
+        let pixels = self.tiles.iter().map(Tile::len).sum();
+        self.values.clear();
+        self.values.resize(pixels, DVec3::ZERO);
+        self.measured.clear();
+        self.measured.resize(pixels, PixelMeasurement::default());
+        let Self { paths, gathered, ranges, values, measured, pairs, halves, clock, .. } = self;
+        let least = if job.measure == Measure::Off { 1 } else { 2 };
+        let width = job.pass.settings.width;
+        let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, least, width);
+        let per_light_path = f64::from(job.counts.light_paths).recip();
+        let mut image = ImageSums { values, per_light_path, paths: ids.clone() };
         match job.measure {
-            Measure::Off => trace_and_merge(job, tile, paths, clock, image),
+            Measure::Off => trace(job, ids, paths, clock, |paths| {
+                job.merge.gather(paths, gathered);
+                for (direct, gathered) in paths.direct.iter().zip(&gathered.sums) {
+                    image.end_path(*direct, *gathered);
+                }
+            }),
             Measure::Pairs => {
-                let visitor = Measuring::new(job, image, pairs, measured);
-                trace_and_merge(job, tile, paths, clock, visitor);
+                let mut visitor = Measuring::new(job, image, pairs, measured);
+                trace(job, ids, paths, clock, |paths| {
+                    paths.order_by_path();
+                    job.merge.visit(paths, ranges, &mut visitor);
+                });
             }
             Measure::Halves => {
-                let visitor = Measuring::new(job, image, halves, measured);
-                trace_and_merge(job, tile, paths, clock, visitor);
+                let mut visitor = Measuring::new(job, image, halves, measured);
+                trace(job, ids, paths, clock, |paths| {
+                    paths.order_by_path();
+                    job.merge.visit(paths, ranges, &mut visitor);
+                });
             }
         }
-        self.finish(job, tile, sums, noise)
+        self.finish(job, tiles);
     }
 
-    /// Moves the tile's values to the sums over iterations.
-    fn finish(
-        &mut self,
-        job: &Job,
-        tile: Tile,
-        sums: &mut [PixelSums],
-        mut noise: Option<NoiseTile>,
-    ) -> f64 {
-        let mut deviations = 0.0;
-        for (index, sums) in sums.iter_mut().enumerate() {
-            let (x, y) = tile.pixel(index as u32);
-            let pixel = (y * job.pass.settings.width + x) as usize;
-            let value = self.values[index] / f64::from(job.counts.camera_paths.at(pixel));
-            if !value.is_finite() {
-                self.non_finite.push((x, y));
-                continue;
-            }
-            deviations += sums.deviation(value, job.before);
-            sums.add(value);
-            if let Some(noise) = &mut noise {
-                let value = luminance(value);
-                noise.add(index, &PixelMeasurement { value, ..self.measured[index] });
+    /// Moves the tiles' values to the sums over iterations.
+    fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
+        let mut pixels = self.values.iter().zip(&self.measured);
+        for TileSums { tile, sums, noise, deviation } in tiles {
+            let pixels = pixels.by_ref().take(tile.len());
+            for ((index, sums), (value, measured)) in sums.iter_mut().enumerate().zip(pixels) {
+                let (x, y) = tile.pixel(index as u32);
+                let pixel = (y * job.pass.settings.width + x) as usize;
+                let value = value / f64::from(job.counts.camera_paths.at(pixel));
+                if !value.is_finite() {
+                    self.non_finite.push((x, y));
+                    continue;
+                }
+                *deviation += sums.deviation(value, job.before);
+                sums.add(value);
+                if let Some(noise) = noise {
+                    let value = luminance(value);
+                    noise.add(index, &PixelMeasurement { value, ..*measured });
+                }
             }
         }
-        deviations
     }
 
     /// Hands over the counters.
@@ -136,128 +157,49 @@ impl Worker {
     }
 }
 
-/// Traces the tile's camera paths batch by batch and shows all their pairs to `visitor`.
-fn trace_and_merge(
+/// Traces camera paths, and hands over as many at once as are merged together.
+fn trace(
     job: &Job,
-    tile: Tile,
+    mut ids: TilePaths,
     paths: &mut CameraPaths,
     clock: &mut Clock,
-    mut visitor: impl PairVisitor,
+    mut merge: impl FnMut(&mut CameraPaths),
 ) {
-    let mut ids = TilePaths::new(job, tile).peekable();
-    while ids.peek().is_some() {
+    while !ids.is_done() {
         let start = Instant::now();
-        paths.trace(&job.pass, ids.by_ref().take(BATCH));
+        paths.clear();
+        while paths.direct.len() < job.together && !ids.is_done() {
+            paths.trace(&job.pass, ids.by_ref().take(BATCH));
+        }
         let traced = Instant::now();
-        job.merge.visit(paths, &mut visitor);
+        merge(paths);
         clock.camera += traced - start;
         clock.merge += traced.elapsed();
     }
 }
 
-/// The camera paths of a tile, pixel after pixel.
-#[derive(Clone)]
-struct TilePaths<'a> {
-    tile: Tile,
-    width: u32,
-    counts: &'a Counts,
-    /// Paths that a pixel has at least: measuring takes two, even where the image takes one.
-    least: u32,
-    pixel: u32,
-    /// Column and row of the current pixel.
-    place: (u32, u32),
-    path: u32,
-    /// Paths of the current pixel: those of the image, and those that are traced.
-    in_image: u32,
-    traced: u32,
-}
-
-impl<'a> TilePaths<'a> {
-    fn new(job: &Job<'a>, tile: Tile) -> Self {
-        let least = if job.measure == Measure::Off { 1 } else { 2 };
-        let (width, counts) = (job.pass.settings.width, job.counts);
-        let mut paths = Self {
-            tile,
-            width,
-            counts,
-            least,
-            pixel: 0,
-            place: (0, 0),
-            path: 0,
-            in_image: 0,
-            traced: 0,
-        };
-        paths.enter_pixel();
-        paths
-    }
-
-    fn enter_pixel(&mut self) {
-        if self.pixel as usize == self.tile.len() {
-            return;
-        }
-        let (x, y) = self.tile.pixel(self.pixel);
-        self.place = (x, y);
-        self.path = 0;
-        self.in_image = self.counts.camera_paths.at((y * self.width + x) as usize);
-        self.traced = self.in_image.max(self.least);
-    }
-
-    /// Goes on to the next path.
-    #[inline]
-    fn advance(&mut self) {
-        self.path += 1;
-        if self.path == self.traced {
-            self.pixel += 1;
-            self.enter_pixel();
-        }
-    }
-}
-
-impl Iterator for TilePaths<'_> {
-    type Item = CameraPathId;
-
-    #[inline]
-    fn next(&mut self) -> Option<CameraPathId> {
-        if self.pixel as usize == self.tile.len() {
-            return None;
-        }
-        let (x, y) = self.place;
-        let id = CameraPathId { x, y, index: self.path };
-        self.advance();
-        Some(id)
-    }
-}
-
-/// Adds pairs to the image.
+/// Adds camera paths to the image.
 struct ImageSums<'a> {
     values: &'a mut [DVec3],
-    /// `sum_i I_ij` of the current camera path.
-    gathered: Rgb,
     /// `1/N_F`.
     per_light_path: f64,
     /// At the current camera path.
     paths: TilePaths<'a>,
 }
 
-impl PairVisitor for ImageSums<'_> {
+impl ImageSums<'_> {
     #[inline]
-    fn pair(&mut self, _: u32, contribution: Rgb, _: bool) {
-        self.gathered += contribution;
-    }
-
-    #[inline]
-    fn end_path(&mut self, direct: Rgb) {
+    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
         let TilePaths { pixel, path, in_image, .. } = self.paths;
         if path < in_image {
-            let value = direct.as_dvec3() + self.gathered.as_dvec3() * self.per_light_path;
-            self.values[pixel as usize] += value;
+            let value = direct.as_dvec3() + gathered.as_dvec3() * self.per_light_path;
+            self.values[pixel] += value;
         }
-        self.gathered = Rgb::ZERO;
         self.paths.advance();
     }
 }
 
-/// Adds pairs to the image and estimates the coefficients.
+/// Adds camera paths to the image and estimates the coefficients from their pairs.
 struct Measuring<'a, E> {
     image: ImageSums<'a>,
     estimator: &'a mut E,
@@ -284,18 +226,17 @@ impl<'a, E: Estimator> Measuring<'a, E> {
 impl<E: Estimator> PairVisitor for Measuring<'_, E> {
     #[inline]
     fn pair(&mut self, light_path: u32, contribution: Rgb, inner: bool) {
-        self.image.pair(light_path, contribution, inner);
         let value = f64::from(math::luminance(contribution));
         self.estimator.pair(light_path, value);
         self.nested += if inner { -value } else { value };
     }
 
     #[inline]
-    fn end_path(&mut self, direct: Rgb) {
+    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
-        self.image.end_path(direct);
+        self.image.end_path(direct, gathered);
         self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
-        let measured = &mut self.measured[pixel as usize];
+        let measured = &mut self.measured[pixel];
         measured.nested_difference +=
             std::mem::take(&mut self.nested) * self.image.per_light_path / f64::from(traced);
         if path + 1 == traced {

@@ -53,15 +53,21 @@ pub fn camera_phase(
     paths: &mut CameraPaths,
     mut each: impl FnMut(&CameraPaths),
 ) {
-    let mut ids = Ids { settings: pass.settings, next: CameraPathId { x: 0, y: 0, index: 0 } };
+    let mut ids = ids(pass.settings);
     while ids.next.y < pass.settings.height {
+        paths.clear();
         paths.trace(pass, ids.by_ref().take(BATCH));
         each(paths);
     }
 }
 
+/// The camera paths of an image.
+pub fn ids(settings: &Settings) -> Ids<'_> {
+    Ids { settings, next: CameraPathId { x: 0, y: 0, index: 0 } }
+}
+
 /// The camera paths of an image, pixel after pixel.
-struct Ids<'a> {
+pub struct Ids<'a> {
     settings: &'a Settings,
     next: CameraPathId,
 }
@@ -90,6 +96,7 @@ impl Iterator for Ids<'_> {
 pub struct Sum {
     pub light: Rgb,
     pub pairs: u64,
+    pub gathered: Vec<Rgb>,
 }
 
 impl PairVisitor for Sum {
@@ -100,5 +107,7 @@ impl PairVisitor for Sum {
     }
 
     #[inline]
-    fn end_path(&mut self, _: Rgb) {}
+    fn end_path(&mut self, _: Rgb, gathered: Rgb) {
+        self.gathered.push(gathered);
+    }
 }

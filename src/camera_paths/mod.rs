@@ -44,12 +44,12 @@ pub struct CameraPass<'a> {
     pub gather_early: bool,
 }
 
-/// Camera paths that are traced together; the buffers serve many batches in turn.
+/// Camera paths that are merged together, traced batch by batch; the buffers serve many in turn.
 #[derive(Clone, Debug, Default)]
 pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,
-    /// In the order of their paths and, along a path, of its vertices.
+    /// Points of one path are in the order of its vertices.
     pub gather_points: GatherPoints,
     /// What some gather points refer to.
     pub views: Vec<GatherView>,
@@ -66,7 +66,15 @@ pub struct CameraPaths {
 }
 
 impl CameraPaths {
-    /// Traces one batch, in place of the one before.
+    /// Takes all out.
+    pub fn clear(&mut self) {
+        self.direct.clear();
+        self.inverse_weights.clear();
+        self.gather_points.clear();
+        self.views.clear();
+    }
+
+    /// Traces one more batch.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         vectorized(
             #[inline(always)]
@@ -90,15 +98,17 @@ impl CameraPaths {
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
         }
+    }
+
+    /// Puts gather points in the order of their paths.
+    pub fn order_by_path(&mut self) {
         self.gather_points.order_by_path(self.direct.len());
     }
 
     #[inline(always)] // vectorized
     fn start(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
-        self.inverse_weights.clear();
-        self.gather_points.clear();
-        self.views.clear();
+        let before = self.direct.len();
         let mut paths = paths.fuse();
         let (origin, throughput) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
         let mut walks = Walks { origin, throughput, ..Walks::default() };
@@ -115,7 +125,7 @@ impl CameraPaths {
             if count == 0 {
                 break;
             }
-            let first = self.segments.len();
+            let first = before + self.segments.len();
             for (lane, index) in index.into_iter().enumerate() {
                 walks.rng.set(lane, pass.key.rng(index));
             }
@@ -138,8 +148,7 @@ impl CameraPaths {
             }
             self.segments.append(&std::array::from_fn(|lane| lane < count), &walks);
         }
-        self.direct.clear();
-        self.direct.resize(self.segments.len(), Rgb::ZERO);
+        self.direct.resize(before + self.segments.len(), Rgb::ZERO);
     }
 
     /// At the hits: emission, connection, gathering, and the next segments.

@@ -25,7 +25,7 @@ pub(super) struct Walks {
     pub direction: Vec3s,
     pub rng: Rngs,
     pub throughput: Vec3s,
-    /// Index within the batch.
+    /// Index among those that are merged together.
     pub path: [u32; LANES],
     /// Diffuse vertices so far.
     pub vertices: [u32; LANES],

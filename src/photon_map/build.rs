@@ -1,22 +1,25 @@
 //! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
 //! the partitions, then each partition by bucket.
 //!
-//! Photons of a bucket keep their order, which does not depend on chunks and partitions.
+//! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
+//! decide the order of additions, depend on the number of photons but not on that of threads.
 
-use super::{Block, Grid, LANES, Light, PhotonMap};
-use crate::math::Bounds;
-use crate::photon::{Photon, PhotonClass};
+use super::{BLOCK, Block, Grid, PhotonMap};
+use crate::math::{Bounds, Rgb};
+use crate::photon::{Photon, PhotonClass, Side};
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
 /// Photons per chunk, about: they stay in the second-level cache.
 const CHUNK: usize = 8192;
-/// Photons per partition, about, unless threads would be idle: likewise.
-const PARTITION: usize = 32_768;
-/// Fewer photons than this are not worth a partition.
-const LEAST: usize = 4096;
+/// Photons per partition, about: likewise.
+const PARTITION: usize = 8192;
 /// Most partitions: so many places are written to in turn.
 const PARTITIONS: usize = 256;
+
+/// Fills places that hold no photon: no look-up finds it.
+const NOTHING: Photon =
+    Photon { position: Vec3::NAN, path: 0, flux: Rgb::ZERO, side: Side(0), from: 0 };
 
 /// Consecutive photons sorted by partition, and what they have in common.
 #[derive(Debug, Default)]
@@ -125,8 +128,6 @@ struct Partition<'a> {
     offset: u32,
     starts: &'a mut [u32],
     blocks: &'a mut [Block],
-    lights: &'a mut [Light],
-    paths: &'a mut [u32],
     froms: &'a mut [u32],
 }
 
@@ -138,7 +139,7 @@ impl Partition<'_> {
         for &bucket in runs().flat_map(|(_, buckets)| buckets) {
             self.starts[(bucket - first) as usize] += 1;
         }
-        let mut end = 0;
+        let mut end = self.offset;
         for start in &mut *self.starts {
             end += *start;
             *start = end;
@@ -148,20 +149,15 @@ impl Partition<'_> {
             for (photon, bucket) in photons.iter().zip(buckets).rev() {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
-                let place = *start as usize;
-                self.blocks[place / LANES].set(place % LANES, photon.position);
-                self.lights[place] = Light::of(photon);
-                self.paths[place] = photon.path;
+                let place = (*start - self.offset) as usize;
+                self.blocks[place / BLOCK].set(place % BLOCK, photon);
                 if let Some(from) = self.froms.get_mut(place) {
                     *from = photon.from;
                 }
             }
         }
-        for place in end as usize..self.blocks.len() * LANES {
-            self.blocks[place / LANES].set(place % LANES, Vec3::NAN);
-        }
-        for start in &mut *self.starts {
-            *start += self.offset;
+        for place in (end - self.offset) as usize..self.blocks.len() * BLOCK {
+            self.blocks[place / BLOCK].set(place % BLOCK, &NOTHING);
         }
     }
 }
@@ -176,8 +172,7 @@ impl PhotonMap {
     pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
         let Extent { count, directions, .. } = *extent;
         let buckets = self.grid.buckets() as usize;
-        let wanted = (4 * rayon::current_num_threads()).min(count / LEAST).max(count / PARTITION);
-        let partitions = wanted.next_power_of_two().min(PARTITIONS);
+        let partitions = (count / PARTITION).next_power_of_two().min(PARTITIONS);
         let shift = buckets.div_ceil(partitions).next_power_of_two().ilog2();
         let per_chunk = slices.len().div_ceil((count / CHUNK).max(1));
         self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
@@ -190,20 +185,17 @@ impl PhotonMap {
         // Partitions begin with a block of their own: they can be filled at the same time.
         let sizes: Vec<usize> = (0..partitions)
             .map(|p| self.chunks.iter().map(|chunk| chunk.partition(p).0.len()).sum::<usize>())
-            .map(|photons: usize| photons.next_multiple_of(LANES))
+            .map(|photons: usize| photons.next_multiple_of(BLOCK))
             .collect();
         let places = sizes.iter().sum();
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
-        self.blocks.resize(places / LANES, Block::default());
-        self.lights.resize(places, Light::default());
-        self.paths.resize(places, 0);
+        self.blocks.resize(places / BLOCK, Block::default());
         self.froms.resize(if directions { places } else { 0 }, 0);
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
         let mut starts = &mut self.starts[..buckets];
-        let (mut blocks, mut lights) = (&mut self.blocks[..], &mut self.lights[..]);
-        let (mut paths, mut froms) = (&mut self.paths[..], &mut self.froms[..]);
+        let (mut blocks, mut froms) = (&mut self.blocks[..], &mut self.froms[..]);
         let mut offset = 0;
         let all: Vec<Partition> = sizes
             .iter()
@@ -212,9 +204,7 @@ impl PhotonMap {
                 let partition = Partition {
                     offset,
                     starts: take(&mut starts, own),
-                    blocks: take(&mut blocks, size / LANES),
-                    lights: take(&mut lights, size),
-                    paths: take(&mut paths, size),
+                    blocks: take(&mut blocks, size / BLOCK),
                     froms: take(&mut froms, if directions { size } else { 0 }),
                 };
                 offset += size as u32;

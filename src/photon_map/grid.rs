@@ -1,6 +1,7 @@
 //! The cells of the photon map, and the buckets that they fall into.
 
 use super::SLACK;
+use crate::lanes::{LANES, Mask, Vec3s};
 use crate::math::Bounds;
 use glam::Vec3A;
 
@@ -26,16 +27,29 @@ pub struct Grid {
     buckets: u32,
 }
 
+/// One row of cells for each of some look-ups.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rows {
+    /// The first bucket that the look-up needs.
+    pub first: [u32; LANES],
+    /// The last one; if it comes first, the row lies at both ends of the table.
+    pub last: [u32; LANES],
+    /// Whether the look-up meets the row.
+    pub met: Mask,
+}
+
 /// Width of a cell over the diameter of a look-up: room for the rounding of cell coordinates.
 const CELL_MARGIN: f32 = 1.01;
 /// Smallest width of a cell over the largest coordinate: keeps cell coordinates exact enough for
 /// the margin (their errors add up to 6 half units in the last place, 0.4 % of a cell).
 const MIN_CELL: f32 = 1e-4;
 /// Cells along x for one along y and z.
-const FINE: f32 = 4.0;
+const FINE: f32 = 2.0;
 /// A grid of up to this many cells is an array however few the photons: it stays in the caches.
 const SMALL: usize = 1 << 14;
-/// Cells are widened up to this much to make the grid an array of no more cells than photons...
+/// Cells per photon, at most, of larger grids that are arrays.
+const CELLS: usize = 2;
+/// Cells are widened up to this much to make the grid an array of no more cells than that...
 const WIDE: f32 = 2.0;
 /// ... and up to this much to make it a small one.
 const WIDEST: f32 = 8.0;
@@ -62,7 +76,7 @@ impl Grid {
             let extent = Vec3A::from(bounds.max) - corner + narrowest;
             let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
-            let most = if width <= WIDE { photons.max(SMALL) } else { SMALL };
+            let most = if width <= WIDE { (CELLS * photons).max(SMALL) } else { SMALL };
             if buckets <= most as f64 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
@@ -101,18 +115,35 @@ impl Grid {
         x.wrapping_add(self.row([y, z])) & self.mask
     }
 
-    /// First and last bucket of the rows of cells between two corners of a look-up, and whether the
-    /// look-up meets that row. A row whose last bucket comes first lies at both ends of the table.
-    #[inline]
-    pub fn rows(&self, low: [u32; 3], high: [u32; 3]) -> [(u32, u32, bool); 4] {
-        let [[x0, y0, z0], [x1, y1, z1]] = [low, high];
-        let first = self.row([y0, z0]);
-        let row = |row: u32, met| {
-            (x0.wrapping_add(row) & self.mask, x1.wrapping_add(row) & self.mask, met)
+    /// The rows of cells that look-ups at these positions meet, which reach `reach` to all sides.
+    #[inline(always)] // vectorized
+    pub fn rows(&self, positions: &Vec3s, reach: f32) -> [Rows; 4] {
+        let Self { corner, inverse_cell, mask, .. } = *self;
+        let Vec3s { x, y, z } = positions;
+        let axis = |positions: &[f32; LANES], corner: f32, inverse_cell: f32| {
+            // As `cell`.
+            let cell = |position: f32| {
+                ((position - corner) * inverse_cell + TO_BITS).to_bits() & (TO_BITS as u32 - 1)
+            };
+            (positions.map(|p| cell(p - reach)), positions.map(|p| cell(p + reach)))
         };
-        let (y, z) = (y1 > y0, z1 > z0);
-        let (up, deep) = (first.wrapping_add(self.stride_y), first.wrapping_add(self.stride_z));
-        [row(first, true), row(up, y), row(deep, z), row(up.wrapping_add(self.stride_z), y & z)]
+        let (x0, x1) = axis(x, corner.x, inverse_cell.x);
+        let (y0, y1) = axis(y, corner.y, inverse_cell.y);
+        let (z0, z1) = axis(z, corner.z, inverse_cell.z);
+        let mut rows = [Rows::default(); 4];
+        for lane in 0..LANES {
+            let first = self.row([y0[lane], z0[lane]]);
+            let (up, deep) = (first.wrapping_add(self.stride_y), first.wrapping_add(self.stride_z));
+            let (y, z) = (y1[lane] > y0[lane], z1[lane] > z0[lane]);
+            let both = up.wrapping_add(self.stride_z);
+            let all = [(first, true), (up, y), (deep, z), (both, y & z)];
+            for (rows, (row, met)) in rows.iter_mut().zip(all) {
+                rows.first[lane] = x0[lane].wrapping_add(row) & mask;
+                rows.last[lane] = x1[lane].wrapping_add(row) & mask;
+                rows.met[lane] = met;
+            }
+        }
+        rows
     }
 
     #[inline]

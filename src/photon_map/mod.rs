@@ -1,26 +1,27 @@
 //! The photon map: a counting-sort grid that finds all photons within the merge radius, each once.
 
+mod block;
 mod build;
 mod grid;
+mod look_ups;
 
+use crate::lanes::{LANES, Mask, Vec3s};
 use crate::light_paths::LightPaths;
 use crate::math::{Bounds, Rgb};
-use crate::photon::{Photon, Side};
+use crate::photon::Photon;
+use block::{BLOCK, Block, Counting, Flux, lanes_from};
 use build::{Chunk, Extent};
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3, Vec3A};
 use grid::Grid;
+use std::array::from_fn;
+
+pub use look_ups::{LookUp, LookUps};
 
 /// Photons sorted by the cell of a uniform grid, cells hashed into buckets.
-///
-/// Positions lie apart from the rest, which is read of photons within the radius only.
 #[derive(Debug, Default)]
 pub struct PhotonMap {
-    /// Positions, sorted by bucket; places without a photon are NaN.
+    /// Sorted by bucket; positions of places without a photon are NaN.
     blocks: Vec<Block>,
-    /// What they carry.
-    lights: Vec<Light>,
-    /// Their light paths.
-    paths: Vec<u32>,
     /// Where they came from; empty if that was not told.
     froms: Vec<u32>,
     /// Where each bucket starts, and the end of all in the last place.
@@ -29,6 +30,8 @@ pub struct PhotonMap {
     chunks: Vec<Chunk>,
     count: usize,
     grid: Grid,
+    /// Buckets in a region, as a power of two.
+    region_shift: u32,
     radius: f32,
     radius2: f32,
     /// The radius, widened past rounding.
@@ -38,53 +41,11 @@ pub struct PhotonMap {
     any_at_every_vertex: bool,
 }
 
+/// Bytes of photons that look-ups in any order find in the second-level cache.
+const CACHE: usize = 1 << 22;
+
 /// Widens a look-up's box past the rounding of distances and coordinates.
 const SLACK: f32 = 1.0 + 1e-6;
-
-/// Positions whose distance is tested at once.
-const LANES: usize = 4;
-
-/// Coordinates of [`LANES`] photons.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(16))]
-struct Block([[f32; LANES]; 3]);
-
-impl Block {
-    #[inline]
-    fn set(&mut self, lane: usize, position: Vec3) {
-        for (lanes, coordinate) in self.0.iter_mut().zip(position.to_array()) {
-            lanes[lane] = coordinate;
-        }
-    }
-
-    #[inline]
-    fn get(&self, lane: usize) -> Vec3 {
-        Vec3::from_array(self.0.map(|lanes| lanes[lane]))
-    }
-
-    /// The lanes within a distance of `center`, a bit for each.
-    #[inline]
-    fn within(&self, center: [Vec4; 3], radius2: Vec4) -> u64 {
-        let [x, y, z] = self.0.map(Vec4::from_array);
-        let (dx, dy, dz) = (x - center[0], y - center[1], z - center[2]);
-        // In the order of `Vec3::distance_squared`.
-        (dx * dx + dy * dy + dz * dz).cmple(radius2).bitmask().into()
-    }
-}
-
-/// What is read of each photon that is found.
-#[derive(Clone, Copy, Debug, Default)]
-struct Light {
-    flux: Rgb,
-    side: Side,
-}
-
-impl Light {
-    #[inline]
-    fn of(photon: &Photon) -> Self {
-        Self { flux: photon.flux, side: photon.side }
-    }
-}
 
 /// Where a number of look-ups have to search, in their order.
 ///
@@ -92,7 +53,7 @@ impl Light {
 /// overlap.
 #[derive(Clone, Debug)]
 pub struct Ranges {
-    ranges: [Range; Self::LOOK_UPS * MOST_ROWS],
+    ranges: [Range; LANES * MOST_ROWS],
     count: usize,
 }
 
@@ -101,8 +62,8 @@ pub struct Ranges {
 pub struct Range {
     start: u32,
     end: u32,
-    /// Number of the look-up among those that were asked for together.
-    pub look_up: u32,
+    /// The lane that looks it up.
+    pub look_up: usize,
 }
 
 /// Ranges of one look-up: two by two rows of cells, one of which may lie at both ends of the table.
@@ -110,25 +71,15 @@ const MOST_ROWS: usize = 5;
 
 impl Default for Ranges {
     fn default() -> Self {
-        Self { ranges: [Range::default(); Self::LOOK_UPS * MOST_ROWS], count: 0 }
+        Self { ranges: [Range::default(); LANES * MOST_ROWS], count: 0 }
     }
 }
 
 impl Ranges {
-    /// Most look-ups at once.
-    pub const LOOK_UPS: usize = 32;
-
     /// All ranges.
     #[inline]
     pub fn as_slice(&self) -> &[Range] {
         &self.ranges[..self.count]
-    }
-
-    /// Adds a range if it is `met` and not empty.
-    #[inline]
-    fn push(&mut self, range: Range, met: bool) {
-        self.ranges[self.count] = range;
-        self.count += usize::from(met & (range.start < range.end));
     }
 }
 
@@ -158,42 +109,66 @@ impl PhotonMap {
             let reach = Vec3::splat(self.slack_radius);
             self.reach = Some([(min - reach).into(), (max + reach).into()]);
             self.grid = Grid::new(bounds, radius, count);
+            let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::REGIONS);
+            self.region_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, &extent);
         }
     }
 
-    /// Sets `ranges` to where the photons within the radius of `positions` are.
-    ///
-    /// # Panics
-    /// If there are more than there is room for; [`Ranges::LOOK_UPS`] always fit.
-    #[inline]
-    pub fn find_ranges(&self, positions: impl Iterator<Item = Vec3>, ranges: &mut Ranges) {
-        ranges.count = 0;
-        let Some([min, max]) = self.reach else { return };
-        for (position, look_up) in positions.map(Vec3A::from).zip(0..) {
-            if !(position.cmpge(min) & position.cmple(max)).all() {
-                continue;
-            }
-            let low = self.grid.cell(position - self.slack_radius);
-            let high = self.grid.cell(position + self.slack_radius);
-            for (first, last, met) in self.grid.rows(low, high) {
+    /// Sets `ranges` to where the photons within the radius of these positions are, as far as the
+    /// lanes look them up.
+    #[inline(always)] // vectorized
+    pub fn find_ranges(&self, positions: &Vec3s, looks_up: &Mask, ranges: &mut Ranges) {
+        let near = self.near(positions, looks_up);
+        let rows = self.grid.rows(positions, self.slack_radius);
+        let mut count = 0;
+        let mut push = |range: Range, met: bool| {
+            ranges.ranges[count] = range;
+            count += usize::from(met & (range.start < range.end));
+        };
+        for look_up in (0..LANES).filter(|&lane| near[lane]) {
+            for row in &rows {
+                let (first, last) = (row.first[look_up], row.last[look_up]);
                 let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
                 if first <= last {
-                    ranges.push(Range { start, end, look_up }, met);
+                    push(Range { start, end, look_up }, row.met[look_up]);
                 } else {
                     let last_end = self.starts[self.grid.buckets() as usize];
-                    ranges.push(Range { start, end: last_end, look_up }, met);
-                    ranges.push(Range { start: 0, end, look_up }, met);
+                    push(Range { start, end: last_end, look_up }, row.met[look_up]);
+                    push(Range { start: 0, end, look_up }, row.met[look_up]);
                 }
             }
         }
+        ranges.count = count;
+    }
+
+    /// Which lanes may find photons.
+    #[inline(always)] // vectorized
+    fn near(&self, positions: &Vec3s, looks_up: &Mask) -> Mask {
+        let Some([min, max]) = self.reach else { return Mask::default() };
+        from_fn(|lane| {
+            let [x, y, z] = positions.get(lane).to_array();
+            let inside = (x >= min.x) & (x <= max.x) & (y >= min.y) & (y <= max.y);
+            looks_up[lane] & inside & (z >= min.z) & (z <= max.z)
+        })
+    }
+
+    /// Look-ups of one region search the same memory: a number below [`look_ups::REGIONS`], or `None`
+    /// where there are no photons.
+    #[inline(always)] // vectorized
+    fn region(&self, position: Vec3) -> Option<u16> {
+        let [min, max] = self.reach?;
+        let position = Vec3A::from(position);
+        let near = (position.cmpge(min) & position.cmple(max)).all();
+        near.then(|| (self.grid.bucket(self.grid.cell(position)) >> self.region_shift) as u16)
     }
 
     /// Calls `visit` once with each photon within the radius of `position` (its edge included) and
     /// its squared distance, in an order that depends on the photons and the position only.
     pub fn for_each_within(&self, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
         let mut ranges = Ranges::default();
-        self.find_ranges(std::iter::once(position), &mut ranges);
+        let first = from_fn(|lane| lane == 0);
+        self.find_ranges(&Vec3s::splat(position), &first, &mut ranges);
         for range in ranges.as_slice() {
             self.for_each_in(range, position, &mut visit);
         }
@@ -202,16 +177,14 @@ impl PhotonMap {
     /// The part of [`Self::for_each_within`] that is in one range of this position.
     #[inline]
     pub fn for_each_in(&self, range: &Range, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
-        let center = position.to_array().map(Vec4::splat);
-        let radius2 = Vec4::splat(self.radius2);
         let (start, end) = (range.start as usize, range.end as usize);
         // Up to 64 places at a time, a bit for each that is within the radius.
-        let mut first = start / LANES * LANES;
+        let mut first = start / BLOCK * BLOCK;
         while first < end {
-            let blocks = first / LANES..(first + 64).min(end).div_ceil(LANES);
+            let blocks = first / BLOCK..(first + 64).min(end).div_ceil(BLOCK);
             let mut found = 0;
-            for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(LANES)) {
-                found |= block.within(center, radius2) << lane;
+            for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(BLOCK)) {
+                found |= block.within(position, self.radius2) << lane;
             }
             found &= u64::MAX << start.saturating_sub(first);
             found &= u64::MAX >> (first + 64).saturating_sub(end);
@@ -225,17 +198,33 @@ impl PhotonMap {
         }
     }
 
-    /// The photon at a place; what is not needed of it is not read.
+    /// The flux of the photons in one range that a look-up counts, W.
+    #[inline(always)] // vectorized
+    pub fn flux_in(&self, range: &Range, look_up: &LookUp) -> Rgb {
+        let counting = Counting::new(look_up, self.radius2);
+        let (start, end) = (range.start as usize, range.end as usize);
+        let (first, last) = (start / BLOCK, (end - 1) / BLOCK);
+        let mut sum = Flux::default();
+        let mut lanes = lanes_from(start - first * BLOCK);
+        for block in &self.blocks[first..last] {
+            block.add_to(&mut sum, &counting, lanes);
+            lanes = lanes_from(0);
+        }
+        lanes &= !lanes_from(end - last * BLOCK);
+        self.blocks[last].add_to(&mut sum, &counting, lanes);
+        sum.total()
+    }
+
+    /// The photon at a place.
     #[inline]
     fn photon(&self, place: usize) -> Photon {
-        let Light { flux, side } = self.lights[place];
-        Photon {
-            position: self.blocks[place / LANES].get(place % LANES),
-            path: self.paths[place],
-            flux,
-            side,
-            from: self.froms.get(place).copied().unwrap_or(0),
-        }
+        let photon = self.blocks[place / BLOCK].get(place % BLOCK);
+        Photon { from: self.froms.get(place).copied().unwrap_or(0), ..photon }
+    }
+
+    /// Whether look-ups in any order wait for memory.
+    pub fn is_large(&self) -> bool {
+        size_of_val(&self.blocks[..]) > CACHE
     }
 
     /// The radius of look-ups, scene units.
