@@ -34,8 +34,8 @@ use subject::{BATCH, Sum, ids, scene};
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
 const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
 
-/// Of the image's batches of camera paths, one in so many is merged: together about as many as a render
-/// merges at once.
+/// Of the image's batches of camera paths, one in so many is merged: together a part of what a render
+/// merges at once with many photons.
 const BATCH_STEP: usize = 4;
 
 /// Look-ups and pairs found, for each number of light paths.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Side of a tile, pixels.
 const TILE: u32 = 16;
 
-/// A rectangle of pixels that one thread works on at a time.
+/// A rectangle of pixels that one thread works on.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile {
     x: u32,
@@ -17,6 +17,9 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// Pixels of a tile that does not lie at the image's border.
+    pub const PIXELS: f64 = (TILE * TILE) as f64;
+
     /// Number of pixels.
     pub fn len(&self) -> usize {
         (self.width * self.height) as usize

@@ -40,8 +40,7 @@ pub struct GatherPoints {
     taken: usize,
     /// Points in the order of their paths: number of each one's lane among those of all packets.
     order: Vec<u32>,
-    /// For putting them in order: these, and where those of each path go.
-    unordered: Vec<u32>,
+    /// For putting them in order: where those of each path go.
     places: Vec<u32>,
 }
 
@@ -81,6 +80,19 @@ impl GatherPoints {
         self.order.clear();
     }
 
+    /// Whether all were put in the order of their paths.
+    pub(crate) fn is_ordered(&self) -> bool {
+        self.numbers().count() == self.order.len()
+    }
+
+    /// Numbers of the lanes that gather.
+    fn numbers(&self) -> impl Iterator<Item = usize> {
+        let packets = self.packets().iter().zip((0..).step_by(LANES));
+        packets.flat_map(|(packet, first)| {
+            (first..).zip(&packet.gathers).filter(|&(_, gathers)| *gathers).map(|(lane, _)| lane)
+        })
+    }
+
     /// How many were [put in order](Self::order_by_path).
     pub fn len(&self) -> usize {
         self.order.len()
@@ -115,6 +127,11 @@ impl GatherPoints {
     /// All in their order.
     pub fn iter(&self) -> impl Iterator<Item = GatherPoint> {
         (0..self.len()).map(|place| self.get(place))
+    }
+
+    /// Lanes that all of them take.
+    pub(crate) fn lanes(&self) -> usize {
+        self.taken
     }
 
     /// All side by side; points of one path are in the order of its vertices.
@@ -174,29 +191,26 @@ impl GatherPoints {
 
     /// Puts all in the order of their `paths`; points of one path stay in theirs (a counting sort).
     pub(crate) fn order_by_path(&mut self, paths: usize) {
-        let Self { packets, taken, order, unordered, places } = self;
-        unordered.clear();
-        for (packet, first) in packets[..taken.div_ceil(LANES)].iter().zip((0..).step_by(LANES)) {
-            let lanes = (first..).zip(packet.gathers).filter(|&(_, gathers)| gathers);
-            unordered.extend(lanes.map(|(lane, _)| lane));
-        }
-        let path = |lane: u32| packets[lane as usize / LANES].path[lane as usize % LANES] as usize;
+        let mut order = std::mem::take(&mut self.order);
+        let mut places = std::mem::take(&mut self.places);
+        let path = |number: usize| self.packets[number / LANES].path[number % LANES] as usize;
         places.clear();
         places.resize(paths + 1, 0);
-        for &lane in &*unordered {
-            places[path(lane) + 1] += 1;
+        for number in self.numbers() {
+            places[path(number) + 1] += 1;
         }
         let mut sum = 0;
-        for place in &mut *places {
+        for place in &mut places {
             sum += *place;
             *place = sum;
         }
-        order.resize(unordered.len(), 0);
-        for &lane in &*unordered {
-            let place = &mut places[path(lane)];
-            order[*place as usize] = lane;
+        order.resize(sum as usize, 0);
+        for number in self.numbers() {
+            let place = &mut places[path(number)];
+            order[*place as usize] = number as u32;
             *place += 1;
         }
+        (self.order, self.places) = (order, places);
     }
 }
 

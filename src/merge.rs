@@ -123,16 +123,18 @@ impl<'a> Merge<'a> {
             let weight = packet.weight.get(lane) * self.kernel;
             contribution.set(lane, weight * flux.get(lane));
         }
-        for lane in (0..LANES).filter(|&lane| packet.gathers[lane]) {
+        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & (flux.get(lane) != Rgb::ZERO))
+        {
             sums[packet.path[lane] as usize] += contribution.get(lane);
         }
     }
 
-    /// Shows `visitor` all pairs, camera path after camera path, whose points must be in this order.
-    /// What they gather is the same as by [`Self::gather`].
+    /// Shows `visitor` all pairs, camera path after camera path. Gather points must be
+    /// [in this order](CameraPaths::order_by_path). What they gather is the same as by [`Self::gather`].
     #[inline]
     pub fn visit(&self, paths: &CameraPaths, ranges: &mut Ranges, visitor: &mut impl PairVisitor) {
         let points = &paths.gather_points;
+        debug_assert!(points.is_ordered(), "gather points are to be put in order");
         let mut gathered = Rgb::ZERO;
         let mut ended = 0;
         for first in (0..points.len()).step_by(LANES) {
@@ -158,7 +160,9 @@ impl<'a> Merge<'a> {
                         visitor.pair(photon.path, self.contribution(point, value), inner);
                     });
                 }
-                gathered += self.contribution(point, flux);
+                if flux != Rgb::ZERO {
+                    gathered += self.contribution(point, flux);
+                }
             }
         }
         for &direct in &paths.direct[ended..] {

@@ -21,8 +21,14 @@ pub struct Photon {
 
 /// The part of a photon that decides whether it counts, in one word: the surface normal on the side it
 /// arrived from, each coordinate in 1/127 and one byte, and its class in the highest byte.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Side(pub u32);
+
+impl Default for Side {
+    fn default() -> Self {
+        Self::new(Vec3::ZERO, PhotonClass::default())
+    }
+}
 
 impl Side {
     fn new(normal: Vec3, class: PhotonClass) -> Self {

@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// Workspaces that outlive a parallel loop, so that the loop allocates nothing.
 ///
-/// A lease is taken once per tile: the lock costs nothing beside a tile's work.
+/// A lease is taken for many tiles or batches: the lock costs nothing beside their work.
 #[derive(Debug, Default)]
 pub struct Pool<T>(Mutex<Vec<T>>);
 

@@ -1,4 +1,4 @@
-//! The iteration loop: light phase, photon map, camera and merge phases tile by tile.
+//! The iteration loop: light phase, photon map, camera and merge phases for some tiles at a time.
 
 use crate::accel::Intersect;
 use crate::block::Block;
@@ -6,7 +6,7 @@ use crate::bsdf::Bsdf;
 use crate::camera_paths::CameraPass;
 use crate::counts::Counts;
 use crate::error::{Error, Result};
-use crate::film::{Film, PixelSums};
+use crate::film::{Film, PixelSums, Tile};
 use crate::light_paths::LightPaths;
 use crate::memory::{GIB, available_memory};
 use crate::merge::Merge;
@@ -241,14 +241,13 @@ impl<'a> Renderer<'a> {
         let tile = |((tile, sums), noise)| TileSums { tile, sums, noise, deviation: 0.0 };
         let mut tiles: Vec<TileSums> = with_noise.map(tile).collect();
         // Results do not depend on which tiles one thread takes together.
-        let paths_per_tile =
-            counts.camera_paths.mean() * settings.pixels() as f64 / tiles.len() as f64;
-        let most = (together as f64 / paths_per_tile) as usize;
+        let per_tile = counts.camera_paths.mean().max(f64::from(job.least())) * Tile::PIXELS;
+        let most = (together as f64 / per_tile) as usize;
         Shares::new(&mut tiles, most)
             .par_bridge()
             .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
-        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
         // Summed in the order of the tiles, whoever rendered them.
+        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
         film.deviations.add(deviations, film.iterations);
         film.iterations += 1;
         if let (Some(noise), true) = (noise, measure != Measure::Off) {

@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 /// second-level cache.
 const BATCH: usize = 2048;
 
-/// Camera paths merged together where neighbors would otherwise wait for memory in turn: enough to share
-/// what they read of a large photon map.
-const MERGED: usize = 131_072;
+/// Camera paths or gather points merged together where look-ups in any order wait for memory: enough for
+/// neighbors to share what they read of a large photon map.
+const MERGED: usize = 65_536;
 
 /// How many camera paths are merged together with the photons of `map`, about; measuring takes them in
 /// their order.
@@ -38,10 +38,17 @@ pub struct Job<'a> {
     pub counts: &'a Counts,
     /// Whether noise is measured.
     pub measure: Measure,
-    /// How many are merged together.
+    /// How many camera paths are merged together, about.
     pub together: usize,
     /// Iterations that the sums hold already.
     pub before: u64,
+}
+
+impl Job<'_> {
+    /// Camera paths that each pixel takes at least.
+    pub fn least(&self) -> u32 {
+        if self.measure == Measure::Off { 1 } else { 2 }
+    }
 }
 
 /// A reusable workspace with counters.
@@ -90,11 +97,12 @@ impl Worker {
         self.values.clear();
         self.values.resize(pixels, DVec3::ZERO);
         self.measured.clear();
-        self.measured.resize(pixels, PixelMeasurement::default());
+        if job.measure != Measure::Off {
+            self.measured.resize(pixels, PixelMeasurement::default());
+        }
         let Self { paths, gathered, ranges, values, measured, pairs, halves, clock, .. } = self;
-        let least = if job.measure == Measure::Off { 1 } else { 2 };
         let width = job.pass.settings.width;
-        let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, least, width);
+        let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
         let per_light_path = f64::from(job.counts.light_paths).recip();
         let mut image = ImageSums { values, per_light_path, paths: ids.clone() };
         match job.measure {
@@ -105,18 +113,12 @@ impl Worker {
                 }
             }),
             Measure::Pairs => {
-                let mut visitor = Measuring::new(job, image, pairs, measured);
-                trace(job, ids, paths, clock, |paths| {
-                    paths.order_by_path();
-                    job.merge.visit(paths, ranges, &mut visitor);
-                });
+                let visitor = Measuring::new(job, image, pairs, measured);
+                trace_pairs(job, ids, paths, clock, (ranges, visitor));
             }
             Measure::Halves => {
-                let mut visitor = Measuring::new(job, image, halves, measured);
-                trace(job, ids, paths, clock, |paths| {
-                    paths.order_by_path();
-                    job.merge.visit(paths, ranges, &mut visitor);
-                });
+                let visitor = Measuring::new(job, image, halves, measured);
+                trace_pairs(job, ids, paths, clock, (ranges, visitor));
             }
         }
         self.finish(job, tiles);
@@ -124,10 +126,9 @@ impl Worker {
 
     /// Moves the tiles' values to the sums over iterations.
     fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
-        let mut pixels = self.values.iter().zip(&self.measured);
+        let mut first = 0;
         for TileSums { tile, sums, noise, deviation } in tiles {
-            let pixels = pixels.by_ref().take(tile.len());
-            for ((index, sums), (value, measured)) in sums.iter_mut().enumerate().zip(pixels) {
+            for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
                 let value = value / f64::from(job.counts.camera_paths.at(pixel));
@@ -139,9 +140,11 @@ impl Worker {
                 sums.add(value);
                 if let Some(noise) = noise {
                     let value = luminance(value);
-                    noise.add(index, &PixelMeasurement { value, ..*measured });
+                    let measured = self.measured[first + index];
+                    noise.add(index, &PixelMeasurement { value, ..measured });
                 }
             }
+            first += tile.len();
         }
     }
 
@@ -168,14 +171,31 @@ fn trace(
     while !ids.is_done() {
         let start = Instant::now();
         paths.clear();
-        while paths.direct.len() < job.together && !ids.is_done() {
+        while !ids.is_done() {
             paths.trace(&job.pass, ids.by_ref().take(BATCH));
+            if paths.direct.len().max(paths.gather_points.lanes()) >= job.together {
+                break;
+            }
         }
         let traced = Instant::now();
         merge(paths);
         clock.camera += traced - start;
         clock.merge += traced.elapsed();
     }
+}
+
+/// Traces camera paths and shows all their pairs to `visitor`.
+fn trace_pairs(
+    job: &Job,
+    ids: TilePaths,
+    paths: &mut CameraPaths,
+    clock: &mut Clock,
+    (ranges, mut visitor): (&mut Ranges, impl PairVisitor),
+) {
+    trace(job, ids, paths, clock, |paths| {
+        paths.order_by_path();
+        job.merge.visit(paths, ranges, &mut visitor);
+    });
 }
 
 /// Adds camera paths to the image.

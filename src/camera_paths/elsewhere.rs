@@ -1,4 +1,4 @@
-//! Where camera paths hit what is not plain: one at a time.
+//! Where camera paths leave the scene or hit what is not plain: one at a time.
 
 use super::walks::{Connections, Walk, Walks};
 use super::{CameraPass, CameraPaths};
@@ -6,16 +6,24 @@ use crate::accel::{Hit, Ray};
 use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::diffuse::DiffuseVertices;
 use crate::gather::{GatherPoint, GatherView};
-use crate::lanes::{LANES, Vec3s};
+use crate::lanes::{LANES, Vec3s, lanes_of};
 use crate::math::Rgb;
 use crate::scene::{LightSample, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 
 impl CameraPaths {
-    /// Where a path left the scene, or hit what is not plain: a diffuse vertex is set, what else there
-    /// may be is done with.
-    #[inline(never)] // keeps the loop over plain vertices short
+    /// Adds what the paths that left the scene saw there, if nothing else carries it.
+    #[inline(never)] // keeps the loop over plain vertices short, as the next
+    pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
+        for lane in lanes_of(missed).filter(|&lane| walks.vertices[lane] == 0) {
+            let beyond = pass.scene.lights.beyond(walks.direction.get(lane));
+            self.direct[walks.path[lane] as usize] += walks.throughput.get(lane) * beyond;
+        }
+    }
+
+    /// Where a path hit what is not plain: a diffuse vertex is set, what else there may be is done with.
+    #[inline(never)]
     pub(super) fn elsewhere(
         &mut self,
         pass: &CameraPass,
@@ -23,14 +31,6 @@ impl CameraPaths {
         hit: &Hit,
         (at, lane): (&mut DiffuseVertices, usize),
     ) {
-        if hit.is_miss() {
-            // Emission from all around, if nothing else carries it.
-            if walk.vertices == 0 {
-                let beyond = pass.scene.lights.beyond(ray.direction);
-                self.direct[walk.path as usize] += walk.throughput * beyond;
-            }
-            return;
-        }
         let surface = pass.scene.surface(&ray, hit);
         if let Some(point) = surface.diffuse() {
             at.set(lane, &point);

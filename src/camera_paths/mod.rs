@@ -49,7 +49,7 @@ pub struct CameraPass<'a> {
 pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,
-    /// Points of one path are in the order of its vertices.
+    /// Points of one path are in the order of its vertices; see [`Self::order_by_path`].
     pub gather_points: GatherPoints,
     /// What some gather points refer to.
     pub views: Vec<GatherView>,
@@ -159,8 +159,11 @@ impl CameraPaths {
         let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut walks);
-            let others = pass.scene.plain(&walks.direction, hits, count, &mut at);
-            for lane in lanes_of(others) {
+            let elsewhere = pass.scene.plain(&walks.direction, hits, count, &mut at);
+            if elsewhere.missed != 0 && pass.scene.lights.shine_from_beyond() {
+                self.add_beyond(pass, &walks, elsewhere.missed);
+            }
+            for lane in lanes_of(elsewhere.others) {
                 self.elsewhere(pass, walks.get(lane), &hits.get(lane), (&mut at, lane));
             }
             self.scatter_diffuse(pass, &at, &mut walks);

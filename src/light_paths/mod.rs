@@ -181,8 +181,8 @@ impl Tracer {
         let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = in_flight.load(packet, &mut walks);
-            let others = scene.plain(&walks.direction, hits, count, &mut at);
-            for lane in lanes_of(others) {
+            let elsewhere = scene.plain(&walks.direction, hits, count, &mut at);
+            for lane in lanes_of(elsewhere.others) {
                 let hit = hits.get(lane);
                 self.elsewhere(scene, roulette, walks.get(lane), &hit, (&mut at, lane));
             }
@@ -200,8 +200,7 @@ impl Tracer {
         self.in_flight = mem::replace(&mut self.next, in_flight);
     }
 
-    /// Where a path left the scene, or hit what is not plain: a diffuse vertex is set, what else there
-    /// may be is done with.
+    /// Where a path hit what is not plain: a diffuse vertex is set, what else there may be is done with.
     #[inline(never)] // keeps the loop over plain vertices short
     fn elsewhere(
         &mut self,
@@ -211,9 +210,6 @@ impl Tracer {
         hit: &Hit,
         (at, lane): (&mut DiffuseVertices, usize),
     ) {
-        if hit.is_miss() {
-            return;
-        }
         let surface = scene.surface(&ray, hit);
         if let Some(point) = surface.diffuse() {
             at.set(lane, &point);

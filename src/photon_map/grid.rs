@@ -53,6 +53,8 @@ const CELLS: usize = 2;
 const WIDE: f32 = 2.0;
 /// ... and up to this much to make it a small one.
 const WIDEST: f32 = 8.0;
+/// Most cells or buckets.
+const MOST: usize = 1 << 30;
 /// Buckets per photon of hashed grids.
 const BUCKETS_PER_PHOTON: usize = 4;
 /// Fewest buckets of a hashed grid: the four ranges of a look-up are short beside it.
@@ -76,7 +78,7 @@ impl Grid {
             let extent = Vec3A::from(bounds.max) - corner + narrowest;
             let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
-            let most = if width <= WIDE { (CELLS * photons).max(SMALL) } else { SMALL };
+            let most = if width <= WIDE { (CELLS * photons).clamp(SMALL, MOST) } else { SMALL };
             if buckets <= most as f64 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
@@ -86,7 +88,7 @@ impl Grid {
             width *= 1.05;
         }
         let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / narrowest;
-        let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, 1 << 30);
+        let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, MOST);
         // Odd strides at fractions of the table after the plastic number's powers: rows of cells
         // spread evenly, and neighboring rows are at least 12 % of the table apart (tested).
         let stride = |fraction: f64| (buckets as f64 * fraction) as u32 | 1;

@@ -21,8 +21,8 @@ pub struct LookUp {
     pub last: bool,
     /// Whether photons count by the direction that they come from.
     pub view: bool,
-    /// Where it is, for [`LookUps::sort`].
-    pub(crate) region: u16,
+    /// Where it is; set by [`LookUps::sort`].
+    pub region: u16,
 }
 
 /// Look-ups region by region; buffers are reused.

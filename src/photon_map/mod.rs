@@ -15,7 +15,7 @@ use glam::{Vec3, Vec3A};
 use grid::Grid;
 use std::array::from_fn;
 
-pub use look_ups::{LookUp, LookUps};
+pub(crate) use look_ups::{LookUp, LookUps};
 
 /// Photons sorted by the cell of a uniform grid, cells hashed into buckets.
 #[derive(Debug, Default)]
@@ -41,7 +41,8 @@ pub struct PhotonMap {
     any_at_every_vertex: bool,
 }
 
-/// Bytes of photons that look-ups in any order find in the second-level cache.
+/// Bytes of photons from which on it pays to look them up region by region (measured with 1 MiB of
+/// second-level and 32 MiB of shared third-level cache).
 const CACHE: usize = 1 << 22;
 
 /// Widens a look-up's box past the rounding of distances and coordinates.
@@ -198,9 +199,9 @@ impl PhotonMap {
         }
     }
 
-    /// The flux of the photons in one range that a look-up counts, W.
+    /// The flux of the photons in one range that a look-up counts, W, wherever they come from.
     #[inline(always)] // vectorized
-    pub fn flux_in(&self, range: &Range, look_up: &LookUp) -> Rgb {
+    pub(crate) fn flux_in(&self, range: &Range, look_up: &LookUp) -> Rgb {
         let counting = Counting::new(look_up, self.radius2);
         let (start, end) = (range.start as usize, range.end as usize);
         let (first, last) = (start / BLOCK, (end - 1) / BLOCK);

@@ -109,6 +109,12 @@ impl Lights {
         self.environment.as_ref()
     }
 
+    /// Whether any light arrives from where there is nothing.
+    #[inline]
+    pub fn shine_from_beyond(&self) -> bool {
+        self.environment.is_some()
+    }
+
     /// Radiance that arrives from a unit direction in which there is nothing, W/(m^2 sr).
     #[inline]
     pub fn beyond(&self, direction: Vec3) -> Rgb {

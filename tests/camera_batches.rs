@@ -1,0 +1,71 @@
+//! Camera paths do not depend on how many of them are traced at a time.
+#![cfg(feature = "embree")]
+
+use bdpm::accel::backend::{Backend, build};
+use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::gather::GatherPoint;
+use bdpm::rng::{Stream, StreamKey};
+use bdpm::scene::load;
+use bdpm::{Scene, Settings};
+use std::path::Path;
+
+const SIDE: u32 = 40;
+
+fn load_scene(name: &str) -> (Scene, Settings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let loaded = load(&path).unwrap();
+    let settings =
+        Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size()).unwrap();
+    (loaded.scene, Settings { width: SIDE, height: SIDE, ..settings })
+}
+
+#[test]
+fn batches_that_are_merged_together_are_as_one() {
+    // Diffuse walls alone, all kinds of surfaces, and weights of the camera's rays.
+    for (name, views) in [("cornell-box", false), ("materials", true), ("objective", true)] {
+        let (scene, settings) = load_scene(name);
+        let accel = build(Backend::Embree, &scene).unwrap();
+        let pass = CameraPass {
+            scene: &scene,
+            view: scene.camera.view(SIDE, SIDE),
+            accel: &*accel,
+            settings: &settings,
+            key: StreamKey::new(1, Stream::CameraPath, 0),
+            gather_early: true,
+        };
+        let ids: Vec<CameraPathId> = (0..SIDE * SIDE)
+            .map(|pixel| CameraPathId { x: pixel % SIDE, y: pixel / SIDE, index: 3 })
+            .collect();
+        let trace = |sizes: &[usize]| {
+            let mut paths = CameraPaths::default();
+            // What was there before leaves nothing behind.
+            paths.trace(&pass, ids[100..700].iter().copied());
+            paths.clear();
+            let mut rest = &ids[..];
+            for size in sizes {
+                let (batch, others) = rest.split_at(*size);
+                paths.trace(&pass, batch.iter().copied());
+                rest = others;
+            }
+            assert!(rest.is_empty());
+            paths.order_by_path();
+            paths
+        };
+        let one = trace(&[1600]);
+        assert!(one.gather_points.len() > 500, "{name}");
+        assert_eq!(!one.views.is_empty(), views, "{name}");
+        let points = |paths: &CameraPaths| -> Vec<_> {
+            let told = |point: GatherPoint| {
+                let GatherPoint { position, path, weight, vertex, normal, view } = point;
+                let view = paths.views.get(view as usize).map(|view| view.at.wo);
+                (position, path, weight, vertex, normal, view)
+            };
+            paths.gather_points.iter().map(told).collect()
+        };
+        for sizes in [&[1, 15, 1584][..], &[700, 3, 500, 397]] {
+            let batches = trace(sizes);
+            assert_eq!(batches.direct, one.direct, "{name}");
+            assert_eq!(points(&batches), points(&one), "{name}");
+        }
+    }
+}
