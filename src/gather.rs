@@ -93,7 +93,7 @@ impl GatherPoints {
         })
     }
 
-    /// How many were [put in order](Self::order_by_path).
+    /// How many were [put in order](crate::camera_paths::CameraPaths::order_by_path).
     pub fn len(&self) -> usize {
         self.order.len()
     }
