@@ -15,10 +15,10 @@ use bdpm::accel::backend::{Backend, build};
 use bdpm::camera_paths::{CameraPass, CameraPaths};
 use bdpm::gather::GatherPoint;
 use bdpm::light_paths::LightPaths;
-use bdpm::math::disc_area;
-use bdpm::merge::{Gathered, Merge, PairVisitor};
+use bdpm::math::{Rgb, disc_area};
+use bdpm::merge::{Gathered, Merge};
 use bdpm::photon::{Photon, PhotonClass};
-use bdpm::photon_map::{PhotonMap, Ranges};
+use bdpm::photon_map::PhotonMap;
 use bdpm::rng::{Stream, StreamKey};
 use bdpm::{Scene, Settings};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -29,7 +29,7 @@ use raw::points::RawPoints;
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::time::Duration;
-use subject::{BATCH, Sum, ids, scene};
+use subject::{BATCH, ids, scene};
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
 const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
@@ -40,6 +40,13 @@ const BATCH_STEP: usize = 4;
 
 /// Look-ups and pairs found, for each number of light paths.
 type Counts = RefCell<Vec<[u64; 2]>>;
+
+/// All pairs together.
+#[derive(Default)]
+struct Sum {
+    light: Rgb,
+    pairs: u64,
+}
 
 /// Camera paths from all over the image.
 fn camera_paths(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> CameraPaths {
@@ -74,7 +81,8 @@ fn merge_by(
         look_up(point.position, &mut |index| {
             let photon = &photons[index as usize];
             if (last || photon.class() == PhotonClass::EveryVertex) && photon.faces(point.normal) {
-                sum.pair(photon.path, weight * photon.flux, false);
+                sum.pairs += 1;
+                sum.light += weight * photon.flux;
             }
         });
     }
@@ -91,9 +99,8 @@ fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
 fn merging(criterion: &mut Criterion, counts: &Counts) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
-    let mut paths = camera_paths(&scene, &*accel, &settings);
-    paths.order_by_path();
-    let look_ups = paths.gather_points.len();
+    let paths = camera_paths(&scene, &*accel, &settings);
+    let look_ups = paths.gather_points.iter().count();
     let mut gathered = Gathered::default();
     for light_paths in LIGHT_PATHS {
         let mut light = LightPaths::default();
@@ -106,9 +113,10 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         map.build(&light, settings.radius);
         let merge = Merge::new(&map, settings.merge_vertex);
         let mut expected = Sum::default();
-        merge.visit(&paths, &mut Ranges::default(), &mut expected);
-        merge.gather(&paths, &mut gathered);
-        assert_eq!(gathered.sums, expected.gathered, "pair by pair or not");
+        merge.gather_pairs(&paths, &mut gathered, |gathered, complete| {
+            expected.pairs += gathered.pairs.len() as u64;
+            expected.light += gathered.sums[complete].iter().sum::<Rgb>();
+        });
         counts.borrow_mut().push([look_ups as u64, expected.pairs]);
 
         let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();

@@ -6,6 +6,8 @@ use crate::lanes::{LANES, Mask, Vec3s};
 use crate::math::Rgb;
 use crate::photon::Photon;
 use glam::Vec3;
+use std::array::from_fn;
+use std::ops::Range;
 
 /// A vertex of a camera path at which photons are merged.
 #[derive(Clone, Copy, Debug)]
@@ -38,10 +40,6 @@ pub struct GatherPoints {
     packets: Vec<GatherPacket>,
     /// Lanes that are taken: all of a packet, even if not all of its points gather.
     taken: usize,
-    /// Points in the order of their paths: number of each one's lane among those of all packets.
-    order: Vec<u32>,
-    /// For putting them in order: where those of each path go.
-    places: Vec<u32>,
 }
 
 /// Up to sixteen points side by side; see [`GatherPoint`].
@@ -59,6 +57,13 @@ pub(crate) struct GatherPacket {
 }
 
 impl GatherPacket {
+    /// Which lanes gather for these camera paths.
+    #[inline(always)] // part of vectorized code
+    pub fn gathers_of(&self, paths: &Range<usize>) -> Mask {
+        let (start, end) = (paths.start as u32, paths.end as u32);
+        from_fn(|lane| self.gathers[lane] & (self.path[lane] >= start) & (self.path[lane] < end))
+    }
+
     /// One of the points.
     #[inline(always)] // part of vectorized code
     pub fn get(&self, lane: usize) -> GatherPoint {
@@ -77,56 +82,19 @@ impl GatherPoints {
     /// Takes all out.
     pub fn clear(&mut self) {
         self.taken = 0;
-        self.order.clear();
     }
 
-    /// Whether all were put in the order of their paths.
-    pub(crate) fn is_ordered(&self) -> bool {
-        self.numbers().count() == self.order.len()
-    }
-
-    /// Numbers of the lanes that gather.
-    fn numbers(&self) -> impl Iterator<Item = usize> {
-        let packets = self.packets().iter().zip((0..).step_by(LANES));
-        packets.flat_map(|(packet, first)| {
-            (first..).zip(&packet.gathers).filter(|&(_, gathers)| *gathers).map(|(lane, _)| lane)
+    /// All of them; those of one path are in the order of its vertices.
+    pub fn iter(&self) -> impl Iterator<Item = GatherPoint> {
+        self.packets().iter().flat_map(|packet| {
+            (0..LANES).filter(|&lane| packet.gathers[lane]).map(|lane| packet.get(lane))
         })
-    }
-
-    /// How many were [put in order](crate::camera_paths::CameraPaths::order_by_path).
-    pub fn len(&self) -> usize {
-        self.order.len()
-    }
-
-    /// Whether none was put in order.
-    pub fn is_empty(&self) -> bool {
-        self.order.is_empty()
-    }
-
-    /// One of them, at a place in their order.
-    ///
-    /// # Panics
-    /// If there are not so many.
-    #[inline]
-    pub fn get(&self, place: usize) -> GatherPoint {
-        self.at(self.number(place))
-    }
-
-    /// The number of the lane of the one at a place in their order.
-    #[inline]
-    pub(crate) fn number(&self, place: usize) -> usize {
-        self.order[place] as usize
     }
 
     /// The one in this lane.
     #[inline]
     pub(crate) fn at(&self, number: usize) -> GatherPoint {
         self.packets[number / LANES].get(number % LANES)
-    }
-
-    /// All in their order.
-    pub fn iter(&self) -> impl Iterator<Item = GatherPoint> {
-        (0..self.len()).map(|place| self.get(place))
     }
 
     /// Lanes that all of them take.
@@ -187,30 +155,6 @@ impl GatherPoints {
             gathers: *gathers,
         };
         self.taken += LANES;
-    }
-
-    /// Puts all in the order of their `paths`; points of one path stay in theirs (a counting sort).
-    pub(crate) fn order_by_path(&mut self, paths: usize) {
-        let mut order = std::mem::take(&mut self.order);
-        let mut places = std::mem::take(&mut self.places);
-        let path = |number: usize| self.packets[number / LANES].path[number % LANES] as usize;
-        places.clear();
-        places.resize(paths + 1, 0);
-        for number in self.numbers() {
-            places[path(number) + 1] += 1;
-        }
-        let mut sum = 0;
-        for place in &mut places {
-            sum += *place;
-            *place = sum;
-        }
-        order.resize(sum as usize, 0);
-        for number in self.numbers() {
-            let place = &mut places[path(number)];
-            order[*place as usize] = number as u32;
-            *place += 1;
-        }
-        (self.order, self.places) = (order, places);
     }
 }
 

@@ -78,21 +78,48 @@ impl Reorder {
         mut to: impl FnMut(usize, [u32; 8]),
     ) {
         let order = ORDERS[self.bits];
-        #[cfg(target_arch = "x86_64")]
-        if let Some(avx2) = Avx2::try_new() {
-            // One instruction for all eight, which the compiler does not find by itself.
-            let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
-            for column in 0..N {
-                let words = bytemuck::cast(from(column));
-                to(column, bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order)));
-            }
-            return;
-        }
         for column in 0..N {
-            let words = from(column);
-            to(column, order.map(|lane| words[usize::from(lane) % 8]));
+            to(column, reordered(from(column), order));
         }
     }
+}
+
+/// Eight words in this order: one instruction, which the compiler does not find by itself.
+#[inline(always)]
+fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = Avx2::try_new() {
+        let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
+        return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(bytemuck::cast(words), order));
+    }
+    order.map(|lane| words[usize::from(lane) % 8])
+}
+
+/// By four bits: for each that is set, a lane of the first four words and the same of the last four, and
+/// then anything.
+static PAIRS: [[u8; 8]; 16] = {
+    let mut pairs = [[0; 8]; 16];
+    let mut bits = 0;
+    while bits < 16 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 4 {
+            if bits >> lane & 1 == 1 {
+                pairs[bits][place] = lane;
+                pairs[bits][place + 1] = 4 + lane;
+                place += 2;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    pairs
+};
+
+/// One of the first words and one of the second for each bit that is set, and then anything.
+#[inline(always)]
+pub(crate) fn paired(bits: u32, first: [u32; 4], second: [u32; 4]) -> [[u32; 2]; 4] {
+    let words = bytemuck::cast([first, second]);
+    bytemuck::cast(reordered(words, PAIRS[bits as usize % 16]))
 }
 
 /// The lanes of the bits that are set.

@@ -23,6 +23,7 @@ pub mod noise;
 pub mod optimize;
 pub mod origin;
 pub mod output;
+pub mod pair_list;
 pub mod photon;
 pub mod photon_map;
 pub mod plan;

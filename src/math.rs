@@ -6,10 +6,13 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
 /// Linear Rec. 709 color: radiance, flux, albedo or throughput per channel.
 pub type Rgb = Vec3;
 
+/// What each channel of a linear Rec. 709 color adds to its luminance.
+pub const LUMINANCE: Rgb = Rgb::new(0.2126, 0.7152, 0.0722);
+
 /// Luminance Y of a linear Rec. 709 color; the scalar of all noise statistics.
 #[inline]
 pub fn luminance(color: Rgb) -> f32 {
-    0.2126 * color.x + 0.7152 * color.y + 0.0722 * color.z
+    LUMINANCE.dot(color)
 }
 
 /// An axis-aligned box; empty until a point is added.

@@ -4,10 +4,11 @@ use crate::camera_paths::{CameraPass, CameraPaths};
 use crate::counts::Counts;
 use crate::film::{Tile, luminance};
 use crate::math::{self, Rgb};
-use crate::merge::{Gathered, Merge, PairVisitor};
+use crate::merge::{Gathered, Merge};
 use crate::noise::film::PixelMeasurement;
 use crate::noise::{Estimator, Measure, halves::Halves, pairs::AllPairs};
-use crate::photon_map::{PhotonMap, Ranges};
+use crate::pair_list::Pair;
+use crate::photon_map::PhotonMap;
 use crate::tile_paths::TilePaths;
 use crate::tiles::TileSums;
 use glam::DVec3;
@@ -21,10 +22,13 @@ const BATCH: usize = 2048;
 /// neighbors to share what they read of a large photon map.
 const MERGED: usize = 65_536;
 
-/// How many camera paths are merged together with the photons of `map`, about; measuring takes them in
-/// their order.
+/// The same in iterations that measure: their pairs take room in the caches, too.
+const MEASURED: usize = 16_384;
+
+/// How many camera paths are merged together with the photons of `map`, about.
 pub fn merged_together(map: &PhotonMap, measure: Measure) -> usize {
-    if map.is_large() && measure == Measure::Off { MERGED } else { BATCH }
+    let large = if measure == Measure::Off { MERGED } else { MEASURED };
+    if map.is_large() { large } else { BATCH }
 }
 
 /// What the tiles of an iteration have in common.
@@ -56,7 +60,6 @@ impl Job<'_> {
 pub struct Worker {
     paths: CameraPaths,
     gathered: Gathered,
-    ranges: Ranges,
     tiles: Vec<Tile>,
     /// Sum over camera paths of each pixel of the tiles.
     values: Vec<DVec3>,
@@ -100,7 +103,7 @@ impl Worker {
         if job.measure != Measure::Off {
             self.measured.resize(pixels, PixelMeasurement::default());
         }
-        let Self { paths, gathered, ranges, values, measured, pairs, halves, clock, .. } = self;
+        let Self { paths, gathered, values, measured, pairs, halves, clock, .. } = self;
         let width = job.pass.settings.width;
         let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
         let per_light_path = f64::from(job.counts.light_paths).recip();
@@ -113,12 +116,12 @@ impl Worker {
                 }
             }),
             Measure::Pairs => {
-                let visitor = Measuring::new(job, image, pairs, measured);
-                trace_pairs(job, ids, paths, clock, (ranges, visitor));
+                let measuring = Measuring::new(job, image, pairs, measured);
+                measure(job, ids, (paths, gathered), clock, measuring);
             }
             Measure::Halves => {
-                let visitor = Measuring::new(job, image, halves, measured);
-                trace_pairs(job, ids, paths, clock, (ranges, visitor));
+                let measuring = Measuring::new(job, image, halves, measured);
+                measure(job, ids, (paths, gathered), clock, measuring);
             }
         }
         self.finish(job, tiles);
@@ -184,17 +187,23 @@ fn trace(
     }
 }
 
-/// Traces camera paths and shows all their pairs to `visitor`.
-fn trace_pairs(
+/// Traces camera paths, adds them to the image and estimates the coefficients from their pairs.
+fn measure<E: Estimator>(
     job: &Job,
     ids: TilePaths,
-    paths: &mut CameraPaths,
+    (paths, gathered): (&mut CameraPaths, &mut Gathered),
     clock: &mut Clock,
-    (ranges, mut visitor): (&mut Ranges, impl PairVisitor),
+    mut measuring: Measuring<E>,
 ) {
     trace(job, ids, paths, clock, |paths| {
-        paths.order_by_path();
-        job.merge.visit(paths, ranges, &mut visitor);
+        job.merge.gather_pairs(paths, gathered, |gathered, complete| {
+            for path in complete {
+                for (pairs, nested) in gathered.pairs.of_path(path) {
+                    measuring.pairs(pairs, nested);
+                }
+                measuring.end_path(paths.direct[path], gathered.sums[path]);
+            }
+        });
     });
 }
 
@@ -241,14 +250,13 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         estimator.start_pixel();
         Self { image, estimator, measured, n_light: job.counts.light_paths, nested: 0.0 }
     }
-}
 
-impl<E: Estimator> PairVisitor for Measuring<'_, E> {
     #[inline]
-    fn pair(&mut self, light_path: u32, contribution: Rgb, inner: bool) {
-        let value = f64::from(math::luminance(contribution));
-        self.estimator.pair(light_path, value);
-        self.nested += if inner { -value } else { value };
+    fn pairs(&mut self, pairs: &[Pair], nested: f32) {
+        for &Pair { light_path, value } in pairs {
+            self.estimator.pair(light_path, f64::from(value));
+        }
+        self.nested += f64::from(nested);
     }
 
     #[inline]

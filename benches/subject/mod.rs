@@ -7,7 +7,6 @@ mod shapes;
 use bdpm::bsdf::Bsdf;
 use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::math::Rgb;
-use bdpm::merge::PairVisitor;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, load};
 use bdpm::settings::{Length, RenderDefaults};
 use bdpm::{Scene, Settings};
@@ -88,26 +87,5 @@ impl Iterator for Ids<'_> {
             (*x, *y) = (0, *y + 1);
         }
         (id.y < height).then_some(id)
-    }
-}
-
-/// Adds up all pairs.
-#[derive(Default)]
-pub struct Sum {
-    pub light: Rgb,
-    pub pairs: u64,
-    pub gathered: Vec<Rgb>,
-}
-
-impl PairVisitor for Sum {
-    #[inline]
-    fn pair(&mut self, _: u32, contribution: Rgb, _: bool) {
-        self.light += contribution;
-        self.pairs += 1;
-    }
-
-    #[inline]
-    fn end_path(&mut self, _: Rgb, gathered: Rgb) {
-        self.gathered.push(gathered);
     }
 }

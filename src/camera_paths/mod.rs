@@ -49,7 +49,7 @@ pub struct CameraPass<'a> {
 pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,
-    /// Points of one path are in the order of its vertices; see [`Self::order_by_path`].
+    /// Those of one path are in the order of its vertices.
     pub gather_points: GatherPoints,
     /// What some gather points refer to.
     pub views: Vec<GatherView>,
@@ -98,11 +98,6 @@ impl CameraPaths {
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
         }
-    }
-
-    /// Puts gather points in the order of their paths.
-    pub fn order_by_path(&mut self) {
-        self.gather_points.order_by_path(self.direct.len());
     }
 
     #[inline(always)] // vectorized

@@ -93,9 +93,9 @@ impl Block {
         near.bitmask().into()
     }
 
-    /// Adds the flux of the photons that count in some lanes.
+    /// Which of some lanes count.
     #[inline(always)]
-    pub fn add_to(&self, sum: &mut Flux, counting: &Counting, lanes: BVec4A) {
+    pub fn counting(&self, counting: &Counting, lanes: BVec4A) -> BVec4A {
         let normal = |shift: u32| {
             Vec4::from_array(from_fn(|lane| ((self.side[lane].0 << shift) as i32 >> 24) as f32))
         };
@@ -108,9 +108,28 @@ impl Block {
             let late = self.side.map(|side| if side.at_every_vertex() { 0.0 } else { 1.0 });
             counts &= Vec4::from_array(late).cmpeq(Vec4::ZERO);
         }
+        counts
+    }
+
+    /// Adds the flux of some lanes.
+    #[inline(always)]
+    pub fn add_to(&self, sum: &mut Flux, lanes: BVec4A) {
         for (sum, flux) in sum.0.iter_mut().zip(self.flux) {
-            *sum += Vec4::select(counts, Vec4::from_array(flux), Vec4::ZERO);
+            *sum += Vec4::select(lanes, Vec4::from_array(flux), Vec4::ZERO);
         }
+    }
+
+    /// The lanes in the inner half of the area that photons count in.
+    #[inline(always)]
+    pub fn inner(&self, counting: &Counting) -> BVec4A {
+        self.near(&counting.position, 0.5 * counting.radius2)
+    }
+
+    /// The light path of each lane, and its flux times `weight`.
+    #[inline(always)]
+    pub fn pairs(&self, weight: Rgb) -> ([u32; BLOCK], Vec4) {
+        let [r, g, b] = self.flux.map(Vec4::from_array);
+        (self.path, r * weight.x + g * weight.y + b * weight.z)
     }
 
     #[inline(always)]

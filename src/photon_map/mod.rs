@@ -5,15 +5,17 @@ mod build;
 mod grid;
 mod look_ups;
 
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::lanes::{LANES, Mask, Vec3s, paired};
 use crate::light_paths::LightPaths;
 use crate::math::{Bounds, Rgb};
+use crate::pair_list::PairList;
 use crate::photon::Photon;
 use block::{BLOCK, Block, Counting, Flux, lanes_from};
 use build::{Chunk, Extent};
-use glam::{Vec3, Vec3A};
+use glam::{BVec4A, Vec3, Vec3A, Vec4};
 use grid::Grid;
 use std::array::from_fn;
+use std::ops;
 
 pub(crate) use look_ups::{LookUp, LookUps};
 
@@ -67,6 +69,13 @@ pub struct Range {
     pub look_up: usize,
 }
 
+impl Range {
+    /// The blocks that have a part of it.
+    fn blocks(&self) -> ops::Range<usize> {
+        self.start as usize / BLOCK..(self.end as usize).div_ceil(BLOCK)
+    }
+}
+
 /// Ranges of one look-up: two by two rows of cells, one of which may lie at both ends of the table.
 const MOST_ROWS: usize = 5;
 
@@ -77,10 +86,10 @@ impl Default for Ranges {
 }
 
 impl Ranges {
-    /// All ranges.
-    #[inline]
-    pub fn as_slice(&self) -> &[Range] {
-        &self.ranges[..self.count]
+    /// Those of each look-up that has any.
+    #[inline(always)]
+    pub fn by_look_up(&self) -> impl Iterator<Item = &[Range]> {
+        self.ranges[..self.count].chunk_by(|one, next| one.look_up == next.look_up)
     }
 }
 
@@ -170,50 +179,104 @@ impl PhotonMap {
         let mut ranges = Ranges::default();
         let first = from_fn(|lane| lane == 0);
         self.find_ranges(&Vec3s::splat(position), &first, &mut ranges);
-        for range in ranges.as_slice() {
-            self.for_each_in(range, position, &mut visit);
+        for ranges in ranges.by_look_up() {
+            self.for_each_in(ranges, position, &mut visit);
         }
     }
 
-    /// The part of [`Self::for_each_within`] that is in one range of this position.
+    /// [`Self::for_each_within`] by the ranges of this position.
     #[inline]
-    pub fn for_each_in(&self, range: &Range, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
-        let (start, end) = (range.start as usize, range.end as usize);
-        // Up to 64 places at a time, a bit for each that is within the radius.
-        let mut first = start / BLOCK * BLOCK;
-        while first < end {
-            let blocks = first / BLOCK..(first + 64).min(end).div_ceil(BLOCK);
-            let mut found = 0;
-            for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(BLOCK)) {
-                found |= block.within(position, self.radius2) << lane;
+    pub fn for_each_in(
+        &self,
+        ranges: &[Range],
+        position: Vec3,
+        mut visit: impl FnMut(&Photon, f32),
+    ) {
+        for range in ranges {
+            let (start, end) = (range.start as usize, range.end as usize);
+            // Up to 64 places at a time, a bit for each that is within the radius.
+            let mut first = start / BLOCK * BLOCK;
+            while first < end {
+                let blocks = first / BLOCK..(first + 64).min(end).div_ceil(BLOCK);
+                let mut found = 0;
+                for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(BLOCK)) {
+                    found |= block.within(position, self.radius2) << lane;
+                }
+                found &= u64::MAX << start.saturating_sub(first);
+                found &= u64::MAX >> (first + 64).saturating_sub(end);
+                while found != 0 {
+                    let place = first + found.trailing_zeros() as usize;
+                    found &= found - 1;
+                    let photon = self.photon(place);
+                    visit(&photon, photon.position.distance_squared(position));
+                }
+                first += 64;
             }
-            found &= u64::MAX << start.saturating_sub(first);
-            found &= u64::MAX >> (first + 64).saturating_sub(end);
-            while found != 0 {
-                let place = first + found.trailing_zeros() as usize;
-                found &= found - 1;
-                let photon = self.photon(place);
-                visit(&photon, photon.position.distance_squared(position));
-            }
-            first += 64;
         }
     }
 
-    /// The flux of the photons in one range that a look-up counts, W, wherever they come from.
+    /// The flux of the photons in the ranges of a look-up that it counts, W, wherever they come from.
     #[inline(always)] // vectorized
-    pub(crate) fn flux_in(&self, range: &Range, look_up: &LookUp) -> Rgb {
+    pub(crate) fn flux_in(&self, ranges: &[Range], look_up: &LookUp) -> Rgb {
         let counting = Counting::new(look_up, self.radius2);
-        let (start, end) = (range.start as usize, range.end as usize);
-        let (first, last) = (start / BLOCK, (end - 1) / BLOCK);
         let mut sum = Flux::default();
-        let mut lanes = lanes_from(start - first * BLOCK);
-        for block in &self.blocks[first..last] {
-            block.add_to(&mut sum, &counting, lanes);
-            lanes = lanes_from(0);
-        }
-        lanes &= !lanes_from(end - last * BLOCK);
-        self.blocks[last].add_to(&mut sum, &counting, lanes);
+        self.for_each_block(
+            ranges,
+            #[inline(always)]
+            |block, lanes| block.add_to(&mut sum, block.counting(&counting, lanes)),
+        );
         sum.total()
+    }
+
+    /// [`Self::flux_in`], and adds to `pairs` those of the same photons with a camera path, for which the
+    /// luminance that they contribute is the scalar product of their flux and a weight.
+    #[inline(always)] // vectorized
+    pub(crate) fn pairs_in(
+        &self,
+        ranges: &[Range],
+        look_up: &LookUp,
+        (camera_path, weight): (u32, Rgb),
+        pairs: &mut PairList,
+    ) -> Rgb {
+        let counting = Counting::new(look_up, self.radius2);
+        let (mut sum, mut nested) = (Flux::default(), Vec4::ZERO);
+        let places: usize = ranges.iter().map(|range| range.blocks().len() * BLOCK).sum();
+        let (space, mut found) = (pairs.space(places), 0);
+        self.for_each_block(
+            ranges,
+            #[inline(always)]
+            |block, lanes| {
+                let counts = block.counting(&counting, lanes);
+                block.add_to(&mut sum, counts);
+                let (light_paths, values) = block.pairs(weight);
+                let outside = Vec4::select(block.inner(&counting), -values, values);
+                nested += Vec4::select(counts, outside, Vec4::ZERO);
+                // All are written, but only those that count are kept: how many nobody foresees.
+                let counts = counts.bitmask();
+                let together = paired(counts, light_paths, values.to_array().map(f32::to_bits));
+                space[found..found + BLOCK].copy_from_slice(bytemuck::cast_slice(&together));
+                found += counts.count_ones() as usize;
+            },
+        );
+        if found > 0 {
+            pairs.take(found, camera_path, nested.element_sum());
+        }
+        sum.total()
+    }
+
+    /// The blocks of some ranges, and which of their lanes are in them.
+    #[inline(always)] // vectorized
+    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(&Block, BVec4A)) {
+        for range in ranges {
+            let (start, end) = (range.start as usize, range.end as usize);
+            let (first, last) = (start / BLOCK, (end - 1) / BLOCK);
+            let mut lanes = lanes_from(start - first * BLOCK);
+            for block in &self.blocks[first..last] {
+                visit(block, lanes);
+                lanes = lanes_from(0);
+            }
+            visit(&self.blocks[last], lanes & !lanes_from(end - last * BLOCK));
+        }
     }
 
     /// The photon at a place.
@@ -231,6 +294,11 @@ impl PhotonMap {
     /// The radius of look-ups, scene units.
     pub fn radius(&self) -> f32 {
         self.radius
+    }
+
+    /// Whether a photon so far away lies in the inner half of the area that photons count in.
+    pub(crate) fn is_inner(&self, distance2: f32) -> bool {
+        distance2 <= 0.5 * self.radius2
     }
 
     /// Number of photons.
