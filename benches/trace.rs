@@ -5,7 +5,7 @@
 
 #[cfg(feature = "embree")]
 mod raw;
-#[path = "../tests/shapes/mod.rs"]
+#[path = "../tests/common/shapes.rs"]
 mod shapes;
 
 use bdpm::accel::bvh::Bvh;

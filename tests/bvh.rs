@@ -1,5 +1,6 @@
 //! The pure-Rust BVH against brute force and against what is known; needs no Embree.
 
+#[path = "common/shapes.rs"]
 mod shapes;
 
 use bdpm::accel::bvh::{Bvh, BvhError};

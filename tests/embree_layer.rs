@@ -2,6 +2,7 @@
 //! this file under valgrind, so it stays small.
 #![cfg(feature = "embree")]
 
+#[path = "common/shapes.rs"]
 mod shapes;
 
 use bdpm::accel::bvh::Bvh;

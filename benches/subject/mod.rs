@@ -1,7 +1,7 @@
 //! What the benches of single phases work on.
 #![allow(dead_code)] // each bench takes its part
 
-#[path = "../../tests/shapes/mod.rs"]
+#[path = "../../tests/common/shapes.rs"]
 mod shapes;
 
 use bdpm::bsdf::Bsdf;

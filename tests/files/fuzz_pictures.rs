@@ -1,0 +1,163 @@
+//! No picture makes the loader panic, take long or take much memory: textures (PNG, JPEG) and maps of the
+//! environment (EXR, HDR) with bytes replaced, deleted and doubled. `PROPTEST_CASES=100000` tries far
+//! more.
+
+use crate::mutate::{apply, change, load_and_check};
+use bdpm::output::{Image, Layer, write_exr};
+use bdpm::scene::load;
+use glam::Vec3;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+const JPEG: &[u8] = include_bytes!("../data/quarters.jpg");
+const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+const SIZE: [u32; 2] = [16, 8];
+
+static PNG: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, SIZE[0], SIZE[1]);
+    encoder.set_color(png::ColorType::Rgba);
+    let data: Vec<u8> = (0..4 * SIZE[0] * SIZE[1]).map(|i| (i * i / 7) as u8).collect();
+    encoder.write_header().unwrap().write_image_data(&data).unwrap();
+    bytes
+});
+
+static EXR: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let pixel = |i: u32| Vec3::new(i as f32, 0.5, 1.0 / (1.0 + i as f32));
+    let pixels: Vec<Vec3> = (0..SIZE[0] * SIZE[1]).map(pixel).collect();
+    let [width, height] = SIZE;
+    let layers = vec![Layer::rgb("", &pixels)];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    write_exr(&path, &Image { width, height, layers, metadata: Default::default() }).unwrap();
+    std::fs::read(path).unwrap()
+});
+
+/// Rows of one run per channel.
+static HDR: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let [width, height] = SIZE;
+    let head = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n");
+    let row = |row: u32| {
+        let run = |value: u8| [128 + width as u8, value];
+        let channels = [run(row as u8), run(128), run(200), run(130)];
+        [&[2, 2, 0, width as u8], channels.as_flattened()].concat()
+    };
+    head.into_bytes().into_iter().chain((0..height).flat_map(row)).collect()
+});
+
+/// A folder of a scene that has this picture as a texture or around it.
+fn scene(name: &str, picture: &[u8]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    let used = match name {
+        "a.exr" | "a.hdr" => format!("materials.m = {{}}\nenvironment = {{ file = '{name}' }}\n"),
+        _ => format!(
+            "materials.m = {{ albedo_texture = '{name}', opacity_texture = '{name}' }}\n\
+             materials.lamp = {{ emission_texture = '{name}' }}\n"
+        ),
+    };
+    let lamp = if used.contains("lamp") { ", { file = 'a.obj', material = 'lamp' }" } else { "" };
+    let scene = format!(
+        "camera = {{ position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }}\n\
+         light = [{{ type = 'point', position = [0, 0, 5], intensity = 1 }}]\n\
+         mesh = [{{ file = 'a.obj', material = 'm' }}{lamp}]\n{used}"
+    );
+    write("scene.toml", scene.as_bytes());
+    write("a.obj", OBJ.as_bytes());
+    write(name, picture);
+    folder
+}
+
+fn check(name: &str, picture: &[u8]) {
+    load_and_check(scene(name, picture).path());
+    assert!(peak_memory().is_none_or(|peak| peak < 2 << 30), "took {:?} bytes", peak_memory());
+}
+
+/// Most memory that was held so far, bytes, where the system tells (Linux).
+fn peak_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? * 1024)
+}
+
+/// Bytes replaced anywhere, mostly in the head, where sizes are.
+fn bytes() -> impl Strategy<Value = Vec<(f64, u8)>> {
+    let place = prop_oneof![0.0..1.0, 0.0..0.2_f64];
+    vec((place, prop_oneof![any::<u8>(), Just(0), Just(255), Just(127)]), 1..20)
+}
+
+fn replaced(picture: &[u8], bytes: &[(f64, u8)]) -> Vec<u8> {
+    let mut picture = picture.to_vec();
+    for (place, byte) in bytes {
+        let place = (place * picture.len() as f64) as usize;
+        picture[place] = *byte;
+    }
+    picture
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(700),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn changed_png(changes in vec(change(), 0..4), bytes in bytes()) {
+        let mut picture = replaced(&PNG, &bytes);
+        changes.iter().for_each(|change| apply(&mut picture, change));
+        check("a.png", &picture);
+    }
+
+    #[test]
+    fn changed_jpeg(changes in vec(change(), 0..4), bytes in bytes()) {
+        let mut picture = replaced(JPEG, &bytes);
+        changes.iter().for_each(|change| apply(&mut picture, change));
+        check("a.jpg", &picture);
+    }
+
+    #[test]
+    fn changed_exr(changes in vec(change(), 0..4), bytes in bytes()) {
+        let mut picture = replaced(&EXR, &bytes);
+        changes.iter().for_each(|change| apply(&mut picture, change));
+        check("a.exr", &picture);
+    }
+
+    #[test]
+    fn changed_hdr(changes in vec(change(), 0..4), bytes in bytes()) {
+        let mut picture = replaced(&HDR, &bytes);
+        changes.iter().for_each(|change| apply(&mut picture, change));
+        check("a.hdr", &picture);
+    }
+}
+
+/// Found by the changes above: memory was taken for what the head says.
+#[test]
+fn sizes_that_no_such_file_has_are_refused() {
+    let mut picture = EXR.clone();
+    let name = b"dataWindow\0box2i\0";
+    let window = picture.windows(name.len()).position(|bytes| bytes == name).unwrap();
+    // After the attribute's size: x and y of the first corner, then of the last.
+    let last = window + name.len() + 4 + 8;
+    for (width, height) in [(1 << 24, 1 << 24), (1 << 30, 8), (16, 1 << 30), (60_000, 1000)] {
+        let corner = [width - 1, height - 1_i32].map(i32::to_le_bytes);
+        picture[last..last + 8].copy_from_slice(corner.as_flattened());
+        let error = load(scene("a.exr", &picture).path()).unwrap_err().to_string();
+        assert!(error.contains("a.exr: cannot read it as an EXR image: "), "{error}");
+    }
+    check("a.exr", &picture);
+}
+
+/// The changes above start from files that load; otherwise they would test nothing but refusal.
+#[test]
+fn the_untouched_files_load() {
+    for (name, picture) in
+        [("a.png", &PNG[..]), ("a.jpg", JPEG), ("a.exr", &EXR[..]), ("a.hdr", &HDR[..])]
+    {
+        let folder = scene(name, picture);
+        let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.notes_text(), "", "{name}");
+    }
+}

@@ -1,0 +1,21 @@
+//! What is read and written: scenes, meshes, textures, and what is wrong with them.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/gltf.rs"]
+mod model;
+#[path = "../common/mutate.rs"]
+mod mutate;
+#[path = "../common/program.rs"]
+mod program;
+
+mod bad_input;
+mod convert;
+mod fuzz_gltf;
+mod fuzz_pictures;
+mod fuzz_toml_obj;
+mod gltf;
+mod gltf_bad;
+mod gltf_looks;
+mod obj;
+mod toml;

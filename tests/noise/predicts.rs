@@ -1,0 +1,142 @@
+//! The measured coefficients against the sampled variance of the renderer itself.
+
+use crate::common::*;
+use bdpm::accel::Intersect;
+use bdpm::noise::Measure;
+use bdpm::noise::film::BatchGrain;
+use bdpm::noise::image::{NoiseImage, Statistic};
+use bdpm::settings::Direct;
+use bdpm::{Renderer, Scene, Settings};
+
+/// Measures every iteration.
+fn measure(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    settings: Settings,
+    iterations: usize,
+    measure: Measure,
+) -> NoiseImage {
+    let counts = (settings.light_paths, settings.camera_paths);
+    let renderer = Renderer::new(scene, accel, settings).unwrap();
+    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    for _ in 0..iterations {
+        renderer.iterate(measure);
+    }
+    NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+}
+
+fn all(image: &NoiseImage) -> Vec<usize> {
+    (0..image.pixels.len()).collect()
+}
+
+/// Asserts that two independent statistics agree within `relative` or two standard errors,
+/// whichever is larger, the latter being at most 3 %.
+#[track_caller]
+fn assert_agree(what: &str, predicted: Statistic, sampled: Statistic, relative: f64) {
+    let error = predicted.error.hypot(sampled.error) / sampled.value;
+    let off = predicted.value / sampled.value - 1.0;
+    println!("{what}: {:.5} / {:.5}, {off:+.4} +- {error:.4}", predicted.value, sampled.value);
+    assert!(2.0 * error < 0.03, "{what}: two standard errors are {:.4}", 2.0 * error);
+    assert!(off.abs() < relative.max(2.0 * error), "{what}: off by {off:+.4} +- {error:.4}");
+}
+
+#[test]
+fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
+    let scene = furnished_box();
+    let accel = accel(&scene);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let at = |light_paths, camera_paths, seed| Settings {
+                direct,
+                merge_vertex,
+                light_paths,
+                camera_paths,
+                seed,
+                radius: 0.2,
+                ..settings(12, 12)
+            };
+            let poor = measure(&scene, &*accel, at(300, 4, 1), 2500, Measure::Pairs);
+            for (light_paths, camera_paths, iterations) in
+                [(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]
+            {
+                let settings = at(light_paths, camera_paths, 2);
+                let far = measure(&scene, &*accel, settings, iterations, Measure::Pairs);
+                let region = all(&poor);
+                let what = format!("{direct:?} k={merge_vertex} {light_paths} {camera_paths}");
+                let (n, m) = (f64::from(light_paths), f64::from(camera_paths));
+                let sampled = far.sampled_pooled_rms(&region);
+                assert_agree(&what, poor.pooled_rms(&region, n, m), sampled, 0.02);
+            }
+        }
+    }
+}
+
+#[test]
+fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
+    let scene = furnished_box();
+    let accel = accel(&scene);
+    let settings = Settings {
+        merge_vertex: 2,
+        camera_paths: 10,
+        light_paths: 500,
+        radius: 0.2,
+        ..settings(12, 12)
+    };
+    for estimator in [Measure::Pairs, Measure::Halves] {
+        let image = measure(&scene, &*accel, settings.clone(), 1600, estimator);
+        let deviations: Vec<f64> = (0..image.pixels.len())
+            .map(|pixel| {
+                let difference = image.statistic(&[pixel], |noise| {
+                    noise[0].coefficients.variance(500.0, 10.0) - noise[0].sampled
+                });
+                difference.value / difference.error
+            })
+            .collect();
+        let n = deviations.len() as f64;
+        let mean = deviations.iter().sum::<f64>() / n;
+        let square = deviations.iter().map(|z| z * z).sum::<f64>() / n;
+        println!("{estimator:?}: deviations {mean:.3} +- {:.3}", square.sqrt());
+        // Student's t with 15 degrees of freedom has the variance 15/13; pixels are hardly
+        // correlated here, so a mean of 144 has a standard error of 0.09 and a mean square of 0.15.
+        assert!(mean.abs() < 0.4, "{mean}");
+        assert!((square - 15.0 / 13.0).abs() < 0.6, "{square}");
+    }
+}
+
+#[test]
+fn coefficients_do_not_depend_on_the_backend_the_counts_or_the_estimator() {
+    let scene = furnished_box();
+    let at = |light_paths, camera_paths, seed| Settings {
+        merge_vertex: 2,
+        light_paths,
+        camera_paths,
+        seed,
+        radius: 0.2,
+        ..settings(8, 8)
+    };
+    let default = accel(&scene);
+    let bvh = bdpm::accel::backend::build(bdpm::accel::backend::Backend::Bvh, &scene).unwrap();
+    let runs = [
+        measure(&scene, &*default, at(300, 20, 1), 1000, Measure::Pairs),
+        measure(&scene, &*bvh, at(300, 20, 2), 500, Measure::Pairs),
+        measure(&scene, &*default, at(1000, 7, 3), 800, Measure::Pairs),
+        measure(&scene, &*default, at(301, 21, 4), 1000, Measure::Halves),
+    ];
+    let region = all(&runs[0]);
+    type Pick = fn(&bdpm::noise::image::NoiseSample) -> f64;
+    let picks: [(&str, Pick); 3] =
+        [("a", |p| p.coefficients.a), ("b", |p| p.coefficients.b), ("f", |p| p.coefficients.f)];
+    for (name, pick) in picks {
+        let of = |image: &NoiseImage| {
+            image.statistic(&region, |pixels| bdpm::noise::image::mean(pixels, pick))
+        };
+        let first = of(&runs[0]);
+        for (number, run) in runs.iter().enumerate().skip(1) {
+            let other = of(run);
+            let error = first.error.hypot(other.error);
+            println!("{name} {number}: {:.4e} {:.4e} +- {error:.1e}", first.value, other.value);
+            assert!(error < 0.2 * first.value, "{name} {number}: {error} says little");
+            assert!((first.value - other.value).abs() < 4.0 * error, "{name} {number}");
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What cameras make of scenes with known answers.
+
+use crate::common::*;
+use bdpm::scene::{Camera, FieldOfView, Optics};
+use glam::Vec3;
+use std::f64::consts::PI;
+
+/// Mean of each pixel, row by row, with the standard error.
+fn image(camera: Camera, emitter: bdpm::scene::Mesh, side: u32, iterations: u64) -> Vec<[f64; 2]> {
+    let scene = scene(vec![emitter], vec![gray(0.0, 3.0)], vec![], camera);
+    let settings = bdpm::Settings { camera_paths: 16, light_paths: 2, ..settings(side, side) };
+    pixel_means(&scene, settings, iterations)
+}
+
+/// A small square emitter off the sharp plane: its image is a disc of the radius of the circle of
+/// confusion, `A |z - f| / f` in the plane at `f` seen from `z`, of the same energy.
+#[test]
+fn a_thin_lens_blurs_a_point_to_the_circle_of_confusion() {
+    let (aperture_radius, focus_distance, degrees, side) = (0.5, 4.0, 30.0_f32, 48);
+    for z in [2.5_f32, 4.0, 9.0] {
+        let half = 0.02 * z;
+        let emitter = square(Vec3::new(0.0, 0.0, z), -Vec3::Z, half, 0);
+        let field_of_view = FieldOfView::X(degrees);
+        let optics = Optics::ThinLens { field_of_view, aperture_radius, focus_distance };
+        let camera = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, optics).unwrap();
+        let found = image(camera, emitter, side, 200);
+
+        // In tangents of angles from the lens' center.
+        let pixel = 2.0 * f64::from((0.5 * degrees).to_radians().tan()) / f64::from(side);
+        let (mut energy, mut energy_variance, mut moment, mut moment_variance) =
+            (0.0, 0.0, 0.0, 0.0);
+        for (index, [mean, error]) in found.iter().enumerate() {
+            let place = |i: u32| pixel * (f64::from(i) + 0.5 - 0.5 * f64::from(side));
+            let (x, y) = (place(index as u32 % side), place(index as u32 / side));
+            let r2 = x * x + y * y;
+            energy += mean * pixel * pixel;
+            energy_variance += (error * pixel * pixel).powi(2);
+            moment += r2 * mean * pixel * pixel;
+            moment_variance += (r2 * error * pixel * pixel).powi(2);
+        }
+        let z = f64::from(z);
+        let size = f64::from(2.0 * half) / z;
+        // Radiance times the square of the emitter's angular size, however blurred.
+        Estimate { mean: energy, error: energy_variance.sqrt() }.assert_is(3.0 * size * size, 0.0);
+
+        // Second moments add: a disc of radius c has c^2/2, a square of side s has s^2/6, and pixels
+        // are squares as well (Sheppard's correction; sharp edges leave a little of it).
+        let confusion =
+            f64::from(aperture_radius) * (1.0 / z - 1.0 / f64::from(focus_distance)).abs();
+        let expected = 0.5 * confusion.powi(2) + (size.powi(2) + pixel.powi(2)) / 6.0;
+        let spread = moment / energy;
+        let error = moment_variance.sqrt() / energy;
+        println!("z = {z}: {spread} +- {error}, {expected}");
+        assert!((spread - expected).abs() < 4.0 * error + 0.01 * expected, "{z}");
+        assert!(error < 0.05 * expected, "{error}");
+    }
+}
+
+/// A sensor behind nothing but a disc that light of one radiance comes through.
+#[test]
+fn a_sensors_pixels_have_the_irradiance_of_a_disc() {
+    let (width, disc_distance, disc_radius, exposure) = (2.0, 1.5, 0.8, 0.25);
+    let optics = Optics::Sensor { width, disc_distance, disc_radius, exposure };
+    let position = Vec3::new(1.0, 2.0, 3.0);
+    let camera = Camera::with_optics(position, Vec3::X, Vec3::Y, optics).unwrap();
+    let wall = square(position + Vec3::new(2.0, 0.0, 0.0), -Vec3::X, 50.0, 0);
+    let side = 8;
+    let found = image(camera, wall, side, 400);
+    let (d2, r2) = (f64::from(disc_distance).powi(2), f64::from(disc_radius).powi(2));
+    for (index, [mean, error]) in found.into_iter().enumerate() {
+        // The mean over the pixel by 16 x 16 midpoints of the closed form for a point at the
+        // distance rho from the axis: pi L/2 (1 - (d^2 + rho^2 - R^2) / sqrt(...)).
+        let mut expected = 0.0;
+        for sub in 0..256 {
+            let place = |i: u32, sub: u32| {
+                let pixels = f64::from(i) + (f64::from(sub) + 0.5) / 16.0;
+                f64::from(width) * (pixels / f64::from(side) - 0.5)
+            };
+            let (x, y) =
+                (place(index as u32 % side, sub % 16), place(index as u32 / side, sub / 16));
+            let rho2 = x * x + y * y;
+            let sum = d2 + rho2 + r2;
+            let root = (sum * sum - 4.0 * r2 * rho2).sqrt();
+            expected += 0.5 * PI * 3.0 * (1.0 - (d2 + rho2 - r2) / root) / 256.0;
+        }
+        let expected = expected * f64::from(exposure);
+        assert!((mean - expected).abs() < 5.0 * error, "{index}: {mean} +- {error}, {expected}");
+        assert!(error < 0.01 * expected, "{index}: {error}");
+    }
+}

@@ -1,0 +1,251 @@
+//! Each kind of light: what it does to a surface by connection, by photons and by a formula, and
+//! whether both ways of direct light and the path tracer make the same of it.
+
+use crate::common::*;
+use bdpm::bsdf::{Bsdf, Dielectric};
+use bdpm::noise::Measure;
+use bdpm::output::{Image, Layer, write_exr};
+use bdpm::reference::PathTracer;
+use bdpm::scene::{Camera, Directional, Emitter, Environment, FieldOfView, Material, Spot};
+use bdpm::settings::{Direct, Settings};
+use bdpm::{Renderer, Scene};
+use glam::Vec3;
+use std::f64::consts::PI;
+
+const ALBEDO: f32 = 0.6;
+
+/// A plane, seen over a small angle around a point, lit by `light`.
+fn lit_plane(light: Emitter, at: Vec3) -> Scene {
+    let plane = square(Vec3::ZERO, Vec3::Z, 4.0, 0);
+    let from = at + Vec3::new(0.3, -1.0, 2.0);
+    scene(vec![plane], vec![gray(ALBEDO, 0.0)], vec![light], camera(from, at, 2.0))
+}
+
+fn spot() -> Spot {
+    Spot {
+        position: Vec3::new(0.0, 0.0, 2.0),
+        direction: Vec3::new(0.3, 0.1, -1.0).normalize(),
+        intensity: Vec3::splat(10.0),
+        cos_inner: 0.97,
+        cos_outer: 0.8,
+    }
+}
+
+fn sun() -> Emitter {
+    let direction = Vec3::new(0.5, 0.2, -0.7).normalize();
+    Emitter::Directional(Directional::new(direction, Vec3::splat(3.0)))
+}
+
+/// Irradiance from a spot by its definition, in f64.
+fn irradiance(spot: &Spot, at: Vec3) -> f64 {
+    let to_surface = (at - spot.position).as_dvec3();
+    let (distance, [inner, outer]) =
+        (to_surface.length(), [spot.cos_inner, spot.cos_outer].map(f64::from));
+    let cosine = to_surface.dot(spot.direction.as_dvec3()) / distance;
+    let share = ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2);
+    let cos_surface = -to_surface.z / distance;
+    f64::from(spot.intensity.x) * share * cos_surface / distance.powi(2)
+}
+
+#[test]
+fn spots_and_suns_light_a_plane_as_they_say() {
+    let radiance = f64::from(ALBEDO) / PI;
+    let sun_irradiance = 3.0 * 0.7 / 0.78f64.sqrt();
+    // On the axis, in the falloff, and everywhere for the sun.
+    let inside = Vec3::new(0.6, 0.2, 0.0);
+    let falloff = Vec3::new(1.3, -0.4, 0.0);
+    // The sun lights the plane evenly: there is no bias at any radius.
+    for (name, light, at, radius, expected) in [
+        ("spot", Emitter::Spot(spot()), inside, 0.03, irradiance(&spot(), inside)),
+        ("falloff", Emitter::Spot(spot()), falloff, 0.03, irradiance(&spot(), falloff)),
+        ("sun", sun(), falloff, 0.2, sun_irradiance),
+    ] {
+        let scene = lit_plane(light, at);
+        for direct in [Direct::Connect, Direct::PhotonMap] {
+            let settings = Settings { direct, light_paths: 20_000, radius, ..settings(4, 4) };
+            let iterations = if direct == Direct::Connect { 50 } else { 900 };
+            let mean = mean_luminance(&scene, &*accel(&scene), settings, iterations);
+            println!("{name} {direct:?}: {mean:?}, {}", radiance * expected);
+            // Within the field of view of 2 degrees the falloff bends by less.
+            mean.assert_is(radiance * expected, 2e-3);
+        }
+    }
+}
+
+#[test]
+fn what_lies_beyond_a_spots_cone_is_dark() {
+    let scene = lit_plane(Emitter::Spot(spot()), Vec3::new(-2.0, 0.0, 0.0));
+    let accel = accel(&scene);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        let settings = Settings { direct, ..settings(4, 4) };
+        let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+        (0..20).for_each(|_| drop(renderer.iterate(Measure::Off)));
+        assert_eq!(renderer.film().mean_luminance(), 0.0);
+    }
+}
+
+/// Asserts that every strategy has the path tracer's mean, that of so many paths in each pixel and of
+/// so many iterations.
+fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
+    let accel = accel(scene);
+    let mut tracer = PathTracer::new(scene, &*accel, &settings(12, 12));
+    let mut before = 0.0;
+    let samples: Vec<f64> = (1..=100)
+        .map(|i| {
+            tracer.iterate(paths);
+            let sum = tracer.film().mean_luminance() * f64::from(i);
+            sum - std::mem::replace(&mut before, sum)
+        })
+        .collect();
+    let reference = Estimate::from_samples(&samples);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 40_000,
+                camera_paths: 16,
+                radius: 0.02,
+                ..settings(12, 12)
+            };
+            let found = mean_luminance(scene, &*accel, settings, iterations);
+            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
+            let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
+            // Along edges the kernel loses a fifth of its area: a few radii of the room's 2.
+            both.assert_is(reference.mean, 5e-3);
+        }
+    }
+}
+
+/// A box that is open above, with a block, under both lights and a panel.
+#[test]
+fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
+    let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0)];
+    for axis in [Vec3::X, Vec3::Y] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+        for side in [axis, -axis] {
+            meshes.push(square(Vec3::new(0.2, 0.1, -0.75) + 0.25 * side, side, 0.25, 0));
+        }
+    }
+    meshes.push(square(Vec3::new(0.2, 0.1, -0.5), Vec3::Z, 0.25, 0));
+    meshes.push(square(Vec3::new(-0.5, 0.5, 0.9), -Vec3::Z, 0.2, 1));
+    let spot = Spot {
+        position: Vec3::new(0.7, -0.6, 0.8),
+        direction: Vec3::new(-0.4, 0.5, -1.0).normalize(),
+        intensity: Vec3::splat(1.5),
+        cos_inner: 0.95,
+        cos_outer: 0.7,
+    };
+    let lights = vec![Emitter::Spot(spot), sun()];
+    let eye = Vec3::new(-0.8, -0.85, 0.7);
+    let camera = Camera::look(eye, Vec3::new(1.0, 1.0, -1.0), Vec3::Z, FieldOfView::X(75.0));
+    let scene = scene(meshes, vec![gray(0.5, 0.0), gray(0.0, 4.0)], lights, camera.unwrap());
+    assert_every_strategy(&scene, 64, 60);
+}
+
+/// Under light that is the same from everywhere, lossless things are as bright as what is behind.
+#[test]
+fn lossless_things_are_invisible_in_a_uniform_environment() {
+    let material = |bsdf| Material::new("white", bsdf);
+    let materials = vec![gray(1.0, 0.0), material(Bsdf::Dielectric(Dielectric { eta: 1.5 }))];
+    let meshes = vec![
+        sphere(Vec3::new(-0.6, 0.0, 0.0), 0.5, 4, false, 0),
+        sphere(Vec3::new(0.6, 0.0, 0.0), 0.5, 4, false, 1),
+    ];
+    let camera = camera(Vec3::new(0.0, -3.0, 0.5), Vec3::ZERO, 45.0);
+    let scene = scene(meshes, materials, vec![], camera).with_environment(Environment::new(
+        1,
+        1,
+        vec![Vec3::splat(2.0)],
+        0.0,
+    ));
+    let accel = accel(&scene);
+    for direct in [Direct::Connect, Direct::PhotonMap] {
+        for merge_vertex in [1, 2] {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 20_000,
+                camera_paths: 8,
+                radius: 0.08,
+                ..settings(6, 6)
+            };
+            let all = pixel_samples(&scene, &*accel, settings, 120);
+            let (mut worst, mut sum) = (0.0f64, Estimate { mean: 0.0, error: 0.0 });
+            for samples in &all {
+                let Estimate { mean, error } = Estimate::from_samples(samples);
+                worst = worst.max((mean - 2.0).abs() / error.max(2e-3));
+                sum.mean += mean / 36.0;
+                sum.error = sum.error.hypot(error / 36.0);
+            }
+            println!("{direct:?} k = {merge_vertex}: {sum:?}, worst {worst}");
+            assert!(worst < 5.0, "{direct:?} {merge_vertex}: {worst}");
+            sum.assert_is(2.0, 1e-3);
+        }
+    }
+}
+
+/// A room with a window to an uneven environment, by every strategy and the path tracer.
+#[test]
+fn an_environment_through_a_window_is_the_same_by_every_strategy() {
+    let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0), square(Vec3::Z, -Vec3::Z, 1.0, 0)];
+    for wall in [-Vec3::X, Vec3::Y, -Vec3::Y] {
+        meshes.push(square(wall, -wall, 1.0, 0));
+    }
+    let pixel = |i: u32| Vec3::new(1.0, 0.8, 0.5) * if i % 5 == 2 { 8.0 } else { 0.5 };
+    let map = Environment::new(16, 8, (0..128).map(pixel).collect(), 20.0);
+    let camera = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(1.0, 0.5, -0.2), 85.0);
+    let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], camera).with_environment(map);
+    assert_every_strategy(&scene, 128, 100);
+}
+
+/// One pixel of a map, by its files.
+#[test]
+fn environments_come_from_exr_and_hdr_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let pixels = [Vec3::new(0.5, 1.0, 2.0), Vec3::new(4.0, 0.25, 0.125)];
+    let image = Image {
+        width: 2,
+        height: 1,
+        layers: vec![Layer::rgb("", &pixels)],
+        metadata: Default::default(),
+    };
+    write_exr(&at("map.exr"), &image).unwrap();
+    // Shared exponents: 0.5 * 2^1 and so on, exact for powers of 2.
+    let mut hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
+    hdr.extend([32, 64, 128, 130, 128, 8, 4, 131]);
+    std::fs::write(at("map.hdr"), hdr).unwrap();
+    std::fs::write(at("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let load = |environment: &str| {
+        let text = format!(
+            "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nfov_y_deg = 40\n\n[[mesh]]\nfile = \
+             \"a.obj\"\n\n[environment]\n{environment}\n"
+        );
+        std::fs::write(at("s.toml"), text).unwrap();
+        bdpm::scene::load(&at("s.toml"))
+    };
+    for file in ["map.exr", "map.hdr"] {
+        let scene = load(&format!("file = \"{file}\"\nradiance = 3")).unwrap().scene;
+        // The left half of the map is on the left of somebody who looks toward -z.
+        let radiance = |x: f32| scene.lights.beyond(Vec3::new(x, 0.0, -1.0).normalize());
+        assert_eq!([radiance(-0.5), radiance(0.5)], pixels.map(|pixel| 3.0 * pixel), "{file}");
+    }
+    assert_eq!(load("radiance = [1, 2, 3]").unwrap().scene.lights.beyond(Vec3::X).y, 2.0);
+    std::fs::write(at("bad.hdr"), "#?RADIANCE\n\n-Y 9999 +X 9999\n").unwrap();
+    std::fs::write(at("bad.exr"), "no").unwrap();
+    for (environment, expected) in [
+        ("", "s.toml:9: the environment needs `file` or `radiance`"),
+        ("radiance = 0", "has no light"),
+        ("radiance = -1", "s.toml:10: light is negative"),
+        ("file = \"no.exr\"", "no.exr: cannot read"),
+        ("file = \"map.png\"", "map.png: the environment is neither"),
+        ("file = \"bad.hdr\"", "bad.hdr: cannot read it as an HDR image"),
+        ("file = \"bad.exr\"", "bad.exr: cannot read it as an EXR image"),
+        ("file = \"map.exr\"\nturn_deg = inf", "`turn_deg` is not finite"),
+    ] {
+        let shown = load(environment).unwrap_err().to_string();
+        assert!(shown.contains(expected) && shown.contains("\nhelp: "), "{environment}: {shown}");
+    }
+}

@@ -1,0 +1,24 @@
+//! Light: intersections, cameras, surfaces, lights, whole images.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/shapes.rs"]
+mod shapes;
+
+mod accel_agree;
+mod accel_instances;
+mod analytic_radiance;
+mod backends_render;
+mod bsdf;
+mod camera_batches;
+mod cameras;
+mod instances;
+mod interpolated_normals;
+mod lights;
+mod materials_furnace;
+mod materials_light;
+mod normal_maps;
+mod reference;
+mod scenes;
+mod textured_light;
+mod textures;

@@ -1,0 +1,207 @@
+//! Light that materials send on: the caustic of a glass ball against optics by hand and by every
+//! strategy, and the noise of each material against its prediction.
+
+use crate::common::*;
+use bdpm::accel::Intersect;
+use bdpm::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+};
+use bdpm::light_paths::LightPaths;
+use bdpm::math::luminance;
+use bdpm::noise::Measure;
+use bdpm::noise::film::BatchGrain;
+use bdpm::noise::image::NoiseImage;
+use bdpm::scene::{Material, Scene};
+use bdpm::settings::Direct;
+use bdpm::{Renderer, Settings};
+use glam::{DVec2, Vec3};
+use std::f64::consts::PI;
+
+fn dark(bsdf: Bsdf) -> Material {
+    Material::new("dark", bsdf)
+}
+
+const GLASS: Bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5 });
+/// A glass ball of radius 1 around the origin: the light is above it, the floor below.
+const LIGHT: f64 = 3.0;
+const FLOOR: f64 = -1.5;
+const INTENSITY: f64 = 5.0;
+
+fn glass_ball(floor_albedo: f32) -> Scene {
+    let meshes = vec![
+        sphere(Vec3::ZERO, 1.0, 5, false, 1),
+        square(Vec3::new(0.0, 0.0, FLOOR as f32), Vec3::Z, 40.0, 0),
+    ];
+    let light = point_light(Vec3::new(0.0, 0.0, LIGHT as f32), INTENSITY as f32);
+    let camera = camera(Vec3::new(3.0, 0.0, -1.0), Vec3::new(0.0, 0.0, FLOOR as f32), 14.0);
+    scene(meshes, vec![gray(floor_albedo, 0.0), dark(GLASS)], vec![light], camera)
+}
+
+/// Flux that reaches the floor within `radius` of the axis, W, by way of the ball: rays in a plane
+/// through the axis, split at each of its surfaces by Fresnel's formula.
+fn caustic_flux(radius: f64) -> f64 {
+    let n = 20_000;
+    let edge = (1.0 / LIGHT).asin();
+    let mut flux = 0.0;
+    for i in 0..n {
+        let angle = edge * (f64::from(i) + 0.5) / f64::from(n);
+        let ring = 2.0 * PI * angle.sin() * edge / f64::from(n) * INTENSITY;
+        let eye = DVec2::new(0.0, LIGHT);
+        let mut direction = DVec2::new(angle.sin(), -angle.cos());
+        let along = -eye.dot(direction);
+        let mut point = eye + direction * (along - (1.0 - LIGHT * LIGHT + along * along).sqrt());
+        let (mut share, mut inside) = (1.0, false);
+        while share > 1e-6 {
+            let normal = if inside { -point } else { point };
+            let cos = -direction.dot(normal);
+            let eta: f64 = if inside { 1.0 / 1.5 } else { 1.5 };
+            let cos_t = (1.0 - (1.0 - cos * cos) / (eta * eta)).max(0.0).sqrt();
+            let s = (cos - eta * cos_t) / (cos + eta * cos_t);
+            let p = (eta * cos - cos_t) / (eta * cos + cos_t);
+            let reflected = 0.5 * (s * s + p * p);
+            let mirror = direction + 2.0 * cos * normal;
+            let through = direction / eta + (cos / eta - cos_t) * normal;
+            // What leaves the ball, and what goes on inside it.
+            let (out, out_share, inner, inner_share) = if inside {
+                (through, 1.0 - reflected, mirror, reflected)
+            } else {
+                (mirror, reflected, through, 1.0 - reflected)
+            };
+            if out.y < 0.0 {
+                let hit = point + out * ((FLOOR - point.y) / out.y);
+                if hit.x.abs() < radius {
+                    flux += ring * share * out_share;
+                }
+            }
+            share *= inner_share;
+            // Rounding would grow from bounce to bounce.
+            direction = inner.normalize();
+            point = (point - 2.0 * point.dot(direction) * direction).normalize();
+            inside = true;
+        }
+    }
+    flux
+}
+
+#[test]
+fn a_glass_ball_focuses_the_flux_that_optics_says() {
+    let scene = glass_ball(0.0);
+    let accel = accel(&scene);
+    for radius in [0.3, 0.6, 3.0] {
+        let mut samples = Vec::new();
+        for iteration in 0..60 {
+            // With connections, the photons are those of the caustic alone.
+            let settings = Settings { direct: Direct::Connect, ..settings(1, 1) };
+            let mut paths = LightPaths::default();
+            paths.trace(&scene, &*accel, &settings, 20_000, iteration);
+            let on_floor = paths
+                .photons()
+                .flatten()
+                .filter(|photon| f64::from(photon.position.truncate().length()) < radius);
+            let flux: f64 = on_floor.map(|photon| f64::from(luminance(photon.flux))).sum();
+            samples.push(flux / 20_000.0);
+        }
+        // The ball's 20480 facets are inclined to the sphere by up to 0.7 degrees.
+        Estimate::from_samples(&samples).assert_is(caustic_flux(radius), 5e-3);
+    }
+}
+
+#[test]
+fn the_caustic_is_the_same_by_every_strategy() {
+    let scene = glass_ball(0.5);
+    let accel = accel(&scene);
+    // Extrapolated to radius 0, the bias being in proportion to its square.
+    let extrapolated = |direct, merge_vertex| {
+        let at = |radius: f32| {
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                radius,
+                light_paths: 20_000,
+                seed: 1000 + u64::from(merge_vertex) + (1000.0 * radius) as u64,
+                ..settings(8, 8)
+            };
+            mean_luminance(&scene, &*accel as &dyn Intersect, settings, 400)
+        };
+        let (wide, narrow) = (at(0.2), at(0.1));
+        Estimate {
+            mean: (4.0 * narrow.mean - wide.mean) / 3.0,
+            error: (4.0 * narrow.error).hypot(wide.error) / 3.0,
+        }
+    };
+    let reference = extrapolated(Direct::Connect, 2);
+    for (direct, merge_vertex) in
+        [(Direct::Connect, 1), (Direct::PhotonMap, 1), (Direct::PhotonMap, 2), (Direct::Connect, 3)]
+    {
+        let other = extrapolated(direct, merge_vertex);
+        let error = other.error.hypot(reference.error);
+        println!("{direct:?} {merge_vertex}: {other:?}, {reference:?}");
+        assert!(error < 0.02 * reference.mean, "{error} of {}", reference.mean);
+        assert!(
+            (other.mean - reference.mean).abs() < 4.0 * error,
+            "{direct:?} {merge_vertex}: {other:?}, not {reference:?}"
+        );
+    }
+}
+
+/// A closed box with a ball of `bsdf` in it, lit by a panel as wide as the ceiling and a point.
+fn room(bsdf: Bsdf) -> Scene {
+    let mut meshes = vec![sphere(Vec3::new(0.1, 0.2, -0.5), 0.45, 4, false, 1)];
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+    }
+    meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.8, 2));
+    let materials = vec![gray(0.5, 0.0), dark(bsdf), gray(0.0, 4.0)];
+    let lights = vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 0.2)];
+    scene(
+        meshes,
+        materials,
+        lights,
+        camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(0.1, 0.2, -0.6), 70.0),
+    )
+}
+
+#[test]
+fn the_noise_of_each_material_is_predicted() {
+    let rough_gold = |alpha| Conductor::new(Reflectance::named("gold").unwrap(), alpha);
+    for (name, bsdf) in [
+        ("mirror", Bsdf::Mirror { reflectance: Vec3::splat(0.9) }),
+        ("glass", GLASS),
+        ("thin glass", Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 })),
+        ("narrow gold", Bsdf::Conductor(rough_gold(0.15))),
+        ("wide gold", Bsdf::Conductor(rough_gold(0.5))),
+        ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),
+        ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
+        ("gloss", Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), 0.3, 1.5, 0.15))),
+    ] {
+        let scene = room(bsdf);
+        let accel = accel(&scene);
+        let measure = |light_paths, camera_paths, seed, iterations| {
+            let settings = Settings {
+                merge_vertex: 2,
+                light_paths,
+                camera_paths,
+                radius: 0.25,
+                seed,
+                ..settings(8, 8)
+            };
+            let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+            let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+            for _ in 0..iterations {
+                renderer.iterate(Measure::Pairs);
+            }
+            let counts = (light_paths, camera_paths);
+            NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+        };
+        let region: Vec<usize> = (0..64).collect();
+        // The mean over pixels: one path into the caustic of a ball may be a tenth of the pooled variance.
+        let predicted = measure(500, 8, 1, 1200).mean_rms(&region, 3000.0, 20.0);
+        let sampled = measure(3000, 20, 2, 1000).sampled_mean_rms(&region);
+        let error = predicted.error.hypot(sampled.error) / sampled.value;
+        let off = predicted.value / sampled.value - 1.0;
+        println!("{name}: {:.4}, {off:+.4} +- {error:.4}", sampled.value);
+        assert!(2.0 * error < 0.03, "{name}: two standard errors are {:.4}", 2.0 * error);
+        assert!(off.abs() < 0.03, "{name}: off by {off:+.4} +- {error:.4}");
+    }
+}
