@@ -11,7 +11,7 @@ use std::array::from_fn;
 use std::ops;
 
 /// Pairs found at a time: as many camera paths as find more are merged in parts.
-const MOST_PAIRS: usize = 1 << 22;
+pub(crate) const MOST_PAIRS: usize = 1 << 22;
 
 /// The constant merge kernel `1/(pi r^2)` over a photon map.
 #[derive(Clone, Copy, Debug)]
@@ -258,6 +258,10 @@ impl<'a> Merge<'a> {
 }
 
 impl Gathered {
+    /// With one gather point each.
+    pub(crate) const BYTES_PER_PATH: usize =
+        size_of::<Rgb>() + 2 * size_of::<LookUp>() + size_of::<Vec3s>() / LANES;
+
     fn clear(&mut self, paths: &CameraPaths) {
         self.sums.clear();
         self.sums.resize(paths.direct.len(), Rgb::ZERO);

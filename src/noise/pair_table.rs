@@ -1,88 +1,97 @@
 //! What each light path has contributed to the current pixel: a small hash table.
 
-/// One entry per light path that touched the current pixel. Starting the next pixel costs nothing:
-/// entries of an older generation count as empty.
+/// One entry per light path that touched the current pixel, in the order in which they did; lists of
+/// those with the same hash. Starting the next pixel costs nothing: places below `first` are of pixels
+/// before it.
 ///
 /// A pixel meets few of the `N_F` light paths, so the table stays in the first-level cache where an
 /// array over all of them would not.
 #[derive(Debug)]
 pub struct PairTable<T> {
-    /// A power of two of them, at most half in use.
     entries: Vec<Entry<T>>,
-    generation: u32,
-    used: usize,
+    /// By hash the place of the last entry, counted from those of all pixels: a power of two of them,
+    /// four times as many as entries or more.
+    last: Vec<u32>,
+    /// Place of the first entry of the current pixel.
+    first: u32,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Entry<T> {
-    generation: u32,
     light_path: u32,
+    /// Place of the entry before it with the same hash.
+    before: u32,
     value: T,
 }
 
+/// Places are counted anew after so many.
+const MOST_PLACES: u32 = 1 << 31;
+
 impl<T: Copy + Default> Default for PairTable<T> {
     fn default() -> Self {
-        Self { entries: vec![Entry::default(); 64], generation: 1, used: 0 }
+        // Place 0 is of no pixel.
+        Self { entries: Vec::new(), last: vec![0; 256], first: 1 }
     }
 }
 
 impl<T: Copy + Default> PairTable<T> {
     /// Forgets all entries.
     pub fn clear(&mut self) {
-        self.used = 0;
-        self.generation = self.generation.wrapping_add(1);
-        if self.generation == 0 {
-            self.entries.fill(Entry::default());
-            self.generation = 1;
+        self.first += self.entries.len() as u32;
+        self.entries.clear();
+        if self.first > MOST_PLACES {
+            self.last.fill(0);
+            self.first = 1;
         }
     }
 
     /// The entry of `light_path`, made from the default where there is none.
     #[inline]
     pub fn entry(&mut self, light_path: u32) -> &mut T {
-        let slot = self.find(light_path);
-        if self.entries[slot].generation == self.generation {
-            return &mut self.entries[slot].value;
-        }
-        self.insert(slot, light_path)
-    }
-
-    /// Where `light_path` is, or the empty slot where it belongs.
-    #[inline]
-    fn find(&self, light_path: u32) -> usize {
-        let mask = self.entries.len() - 1;
-        // Neighboring ids are common (batches of light paths): multiply to spread them.
-        let hash = light_path.wrapping_mul(0x9e37_79b9);
-        let mut slot = (hash >> 7) as usize & mask;
+        let hash = self.hash(light_path);
+        let mut place = self.last[hash];
         loop {
-            let entry = &self.entries[slot];
-            if entry.generation != self.generation || entry.light_path == light_path {
-                return slot;
+            // Those of other pixels wrap around to what is beyond the last.
+            let index = place.wrapping_sub(self.first) as usize;
+            let Some(entry) = self.entries.get(index) else { break };
+            if entry.light_path == light_path {
+                return &mut self.entries[index].value;
             }
-            slot = (slot + 1) & mask;
+            place = entry.before;
+        }
+        self.insert(hash, light_path)
+    }
+
+    #[inline]
+    fn hash(&self, light_path: u32) -> usize {
+        // Neighboring ids are common (batches of light paths): multiply to spread them.
+        (light_path.wrapping_mul(0x9e37_79b9) >> 7) as usize & (self.last.len() - 1)
+    }
+
+    #[inline]
+    fn insert(&mut self, hash: usize, light_path: u32) -> &mut T {
+        let index = self.entries.len();
+        let before = std::mem::replace(&mut self.last[hash], self.first + index as u32);
+        self.entries.push(Entry { light_path, before, value: T::default() });
+        if 4 * self.entries.len() > self.last.len() {
+            self.grow();
+        }
+        &mut self.entries[index].value
+    }
+
+    #[cold]
+    fn grow(&mut self) {
+        self.last = vec![0; 2 * self.last.len()];
+        for index in 0..self.entries.len() {
+            let hash = self.hash(self.entries[index].light_path);
+            let place = self.first + index as u32;
+            self.entries[index].before = std::mem::replace(&mut self.last[hash], place);
         }
     }
 
-    fn insert(&mut self, slot: usize, light_path: u32) -> &mut T {
-        let mut slot = slot;
-        if 2 * (self.used + 1) > self.entries.len() {
-            let larger = vec![Entry::default(); 2 * self.entries.len()];
-            let old = std::mem::replace(&mut self.entries, larger);
-            for entry in old.into_iter().filter(|entry| entry.generation == self.generation) {
-                let place = self.find(entry.light_path);
-                self.entries[place] = entry;
-            }
-            slot = self.find(light_path);
-        }
-        self.used += 1;
-        self.entries[slot] = Entry { generation: self.generation, light_path, value: T::default() };
-        &mut self.entries[slot].value
-    }
-
-    /// The values of all entries, in no particular order.
+    /// The values of all entries, in the order in which they were made.
     pub fn values(&self) -> impl Iterator<Item = &T> {
-        let in_use = |entry: &&Entry<T>| entry.generation == self.generation;
-        self.entries.iter().filter(in_use).map(|entry| &entry.value)
+        self.entries.iter().map(|entry| &entry.value)
     }
 }
 
@@ -131,12 +140,13 @@ mod tests {
     }
 
     #[test]
-    fn old_entries_do_not_come_back_when_generations_wrap() {
+    fn old_entries_do_not_come_back_when_places_are_counted_anew() {
         let mut table = PairTable::<f64>::default();
         *table.entry(5) = 1.0;
-        table.generation = u32::MAX;
+        table.first = MOST_PLACES;
         *table.entry(6) = 2.0;
         table.clear();
+        assert_eq!(table.first, 1);
         assert_eq!(table.values().count(), 0);
         assert_eq!(*table.entry(5), 0.0);
         assert_eq!(*table.entry(6), 0.0);

@@ -43,10 +43,6 @@ pub struct PhotonMap {
     any_at_every_vertex: bool,
 }
 
-/// Bytes of photons from which on it pays to look them up region by region (measured with 1 MiB of
-/// second-level and 32 MiB of shared third-level cache).
-const CACHE: usize = 1 << 22;
-
 /// Widens a look-up's box past the rounding of distances and coordinates.
 const SLACK: f32 = 1.0 + 1e-6;
 
@@ -94,6 +90,13 @@ impl Ranges {
 }
 
 impl PhotonMap {
+    /// Bytes of photons from which on it pays to look them up region by region (measured with 1 MiB of
+    /// second-level and 32 MiB of shared third-level cache).
+    pub(crate) const CACHE: usize = 1 << 22;
+
+    /// That a look-up reads.
+    pub(crate) const BYTES_PER_PHOTON: f64 = (size_of::<Block>() / BLOCK) as f64;
+
     /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
     /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
     /// threads.
@@ -288,7 +291,7 @@ impl PhotonMap {
 
     /// Whether look-ups in any order wait for memory.
     pub fn is_large(&self) -> bool {
-        size_of_val(&self.blocks[..]) > CACHE
+        size_of_val(&self.blocks[..]) > Self::CACHE
     }
 
     /// The radius of look-ups, scene units.
