@@ -7,7 +7,7 @@ use crate::rng::Rng;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 #[cfg(target_arch = "x86_64")]
-use pulp::core_arch::x86::Avx2;
+use pulp::x86::V3;
 
 /// Paths side by side: two registers of AVX2, four of SSE.
 pub const LANES: usize = 16;
@@ -88,7 +88,7 @@ impl Reorder {
 #[inline(always)]
 fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
     #[cfg(target_arch = "x86_64")]
-    if let Some(avx2) = Avx2::try_new() {
+    if let Some(V3 { avx2, .. }) = V3::try_new() {
         let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
         return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(bytemuck::cast(words), order));
     }
@@ -118,8 +118,15 @@ static PAIRS: [[u8; 8]; 16] = {
 /// One of the first words and one of the second for each bit that is set, and then anything.
 #[inline(always)]
 pub(crate) fn paired(bits: u32, first: [u32; 4], second: [u32; 4]) -> [[u32; 2]; 4] {
-    let words = bytemuck::cast([first, second]);
-    bytemuck::cast(reordered(words, PAIRS[bits as usize % 16]))
+    let order = PAIRS[bits as usize % 16];
+    #[cfg(target_arch = "x86_64")]
+    if let Some(V3 { avx, avx2, .. }) = V3::try_new() {
+        // Put together in a register: eight words just written as two halves could not be read at once.
+        let words = avx._mm256_set_m128i(bytemuck::cast(second), bytemuck::cast(first));
+        let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
+        return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order));
+    }
+    bytemuck::cast(reordered(bytemuck::cast([first, second]), order))
 }
 
 /// The lanes of the bits that are set.
