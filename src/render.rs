@@ -26,8 +26,8 @@ use std::time::{Duration, Instant};
 
 /// Iterations that are measured at the beginning of a render.
 const PILOT: u64 = 8;
-/// Of the others, one in so many is measured: their extra cost is at most a quarter each up to 100,000 light
-/// paths, and about as much again as another iteration with a million.
+/// Of the others, one in so many is measured: with a million light paths it takes one and a half times as
+/// long as another, with fewer less.
 const MEASURE_EVERY: u64 = 8;
 
 /// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
