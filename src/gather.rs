@@ -79,9 +79,6 @@ impl GatherPacket {
 }
 
 impl GatherPoints {
-    /// Of each lane that is taken.
-    pub(crate) const BYTES_PER_POINT: usize = size_of::<GatherPacket>() / LANES;
-
     /// Takes all out.
     pub fn clear(&mut self) {
         self.taken = 0;

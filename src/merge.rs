@@ -11,7 +11,7 @@ use std::array::from_fn;
 use std::ops;
 
 /// Pairs found at a time: as many camera paths as find more are merged in parts.
-pub(crate) const MOST_PAIRS: usize = 1 << 22;
+const MOST_PAIRS: usize = 1 << 22;
 
 /// The constant merge kernel `1/(pi r^2)` over a photon map.
 #[derive(Clone, Copy, Debug)]
@@ -63,12 +63,13 @@ impl<'a> Merge<'a> {
         let (mut first, end) = (0, paths.direct.len());
         let mut count = end;
         while first < end {
-            let part = first..(first + count).min(end);
+            let part = first..first.saturating_add(count).min(end);
             gathered.pairs.clear();
             if self.find::<true>(paths, part.clone(), gathered) {
                 gathered.pairs.order_by_path(part.clone());
                 visit(gathered, part.clone());
                 first = part.end;
+                count = count.saturating_mul(2);
             } else {
                 gathered.sums[part.clone()].fill(Rgb::ZERO);
                 count = part.len().div_ceil(2);
@@ -258,10 +259,6 @@ impl<'a> Merge<'a> {
 }
 
 impl Gathered {
-    /// With one gather point each.
-    pub(crate) const BYTES_PER_PATH: usize =
-        size_of::<Rgb>() + 2 * size_of::<LookUp>() + size_of::<Vec3s>() / LANES;
-
     fn clear(&mut self, paths: &CameraPaths) {
         self.sums.clear();
         self.sums.resize(paths.direct.len(), Rgb::ZERO);

@@ -60,7 +60,7 @@ impl PairList {
     pub(crate) fn space(&mut self, most: usize) -> &mut [Pair] {
         let end = self.count + most;
         if self.pairs.len() < end {
-            self.pairs.resize(end.next_power_of_two(), Pair::default());
+            self.pairs.resize(end + end / 4, Pair::default());
         }
         &mut self.pairs[self.count..end]
     }

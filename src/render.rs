@@ -19,7 +19,7 @@ use crate::rng::{Stream, StreamKey};
 use crate::scene::{Scene, View};
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
 use crate::tiles::{Shares, TileSums};
-use crate::worker::{Job, Worker, merged_together, waiting_bytes};
+use crate::worker::{Job, Worker, merged_together};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -310,13 +310,11 @@ fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<
     let light = f64::from(light_paths) * bytes_per_light_path(scene);
     // Those of earlier blocks are no longer available.
     let film = film_bytes(settings, 1);
-    let in_map = light / BYTES_PER_PHOTON * PhotonMap::BYTES_PER_PHOTON;
-    let waiting = rayon::current_num_threads() * waiting_bytes(in_map);
-    let needed = light + film + waiting as f64;
+    let needed = light + film;
     match available_memory() {
         Some(available) if needed > available => Err(Error::new(
             format!(
-                "about {:.1} GiB of memory are needed, {:.1} GiB of them for {light_paths} light paths and \
+                "about {:.1} GiB of memory are needed, {:.1} GiB for {light_paths} light paths and \
                  {:.1} GiB for {}x{} pixels, but {:.1} GiB are available",
                 needed / GIB,
                 light / GIB,

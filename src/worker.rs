@@ -4,7 +4,7 @@ use crate::camera_paths::{CameraPass, CameraPaths};
 use crate::counts::Counts;
 use crate::film::{Tile, luminance};
 use crate::math::{self, Rgb};
-use crate::merge::{Gathered, MOST_PAIRS, Merge};
+use crate::merge::{Gathered, Merge};
 use crate::noise::film::PixelMeasurement;
 use crate::noise::{Estimator, Measure, halves::Halves, pairs::AllPairs};
 use crate::pair_list::Pair;
@@ -29,15 +29,6 @@ const MEASURED: usize = 16_384;
 pub fn merged_together(map: &PhotonMap, measure: Measure) -> usize {
     let large = if measure == Measure::Off { MERGED } else { MEASURED };
     if map.is_large() { large } else { BATCH }
-}
-
-/// The most bytes of what waits on one thread to be merged with so many bytes of photons.
-pub fn waiting_bytes(photons: f64) -> usize {
-    if photons <= PhotonMap::CACHE as f64 {
-        return 0; // Next to nothing.
-    }
-    let per_path = CameraPaths::BYTES_PER_PATH + Gathered::BYTES_PER_PATH;
-    (MERGED * per_path).max(MEASURED * per_path + MOST_PAIRS * size_of::<Pair>())
 }
 
 /// What the tiles of an iteration have in common.

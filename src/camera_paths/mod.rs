@@ -66,9 +66,6 @@ pub struct CameraPaths {
 }
 
 impl CameraPaths {
-    /// That wait to be merged, with one gather point each.
-    pub(crate) const BYTES_PER_PATH: usize = size_of::<Rgb>() + GatherPoints::BYTES_PER_POINT;
-
     /// Takes all out.
     pub fn clear(&mut self) {
         self.direct.clear();

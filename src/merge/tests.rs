@@ -66,15 +66,20 @@ fn assert_sums(count: u32, radius: f32) -> usize {
     map.build_from(&[&photons], radius);
     let merge = Merge::new(&map, 3);
     let orders = [false, true].map(|in_regions| Merge { in_regions, ..merge });
-    let found = find(&merge, &paths);
-    for merge in orders {
+    let [mut found, mut in_regions] = orders.map(|merge| {
+        let found = find(&merge, &paths);
+        // In the same order if they are too many for all paths, or for one.
+        for most_pairs in [1, 10, 100, 1000] {
+            assert_eq!(find(&Merge { most_pairs, ..merge }, &paths), found);
+        }
         let mut gathered = Gathered::default();
         merge.gather(&paths, &mut gathered);
         assert_eq!(gathered.sums, found.sums);
-        for most_pairs in [1, 100, MOST_PAIRS] {
-            assert_eq!(find(&Merge { most_pairs, ..merge }, &paths), found);
-        }
-    }
+        found
+    });
+    found.sort();
+    in_regions.sort();
+    assert_eq!(in_regions, found);
 
     // Every photon with every point.
     let mut total = 0;
@@ -113,10 +118,18 @@ fn assert_sums(count: u32, radius: f32) -> usize {
 #[derive(Debug, Default, PartialEq)]
 struct Found {
     sums: Vec<Rgb>,
-    /// Light path and value of each pair, sorted.
+    /// Light path and value of each pair.
     pairs: Vec<Vec<(u32, f32)>>,
-    /// By how much values are larger than at a smaller radius, of each gather point, sorted.
+    /// By how much values are larger than at a smaller radius, of each gather point.
     nested: Vec<Vec<f32>>,
+}
+
+impl Found {
+    /// The pairs of each camera path.
+    fn sort(&mut self) {
+        self.pairs.iter_mut().for_each(|pairs| sort(pairs));
+        self.nested.iter_mut().for_each(|nested| nested.sort_by(f32::total_cmp));
+    }
 }
 
 fn find(merge: &Merge, paths: &CameraPaths) -> Found {
@@ -130,8 +143,6 @@ fn find(merge: &Merge, paths: &CameraPaths) -> Found {
                 pairs.extend(run.iter().map(|pair| (pair.light_path, pair.value)));
                 nested.push(more);
             }
-            sort(&mut pairs);
-            nested.sort_by(f32::total_cmp);
             found.pairs.push(pairs);
             found.nested.push(nested);
         }

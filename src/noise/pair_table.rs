@@ -147,6 +147,7 @@ mod tests {
         *table.entry(6) = 2.0;
         table.clear();
         assert_eq!(table.first, 1);
+        assert!(table.last.iter().all(|&place| place == 0), "a list may end in itself");
         assert_eq!(table.values().count(), 0);
         assert_eq!(*table.entry(5), 0.0);
         assert_eq!(*table.entry(6), 0.0);

@@ -92,10 +92,7 @@ impl Ranges {
 impl PhotonMap {
     /// Bytes of photons from which on it pays to look them up region by region (measured with 1 MiB of
     /// second-level and 32 MiB of shared third-level cache).
-    pub(crate) const CACHE: usize = 1 << 22;
-
-    /// That a look-up reads.
-    pub(crate) const BYTES_PER_PHOTON: f64 = (size_of::<Block>() / BLOCK) as f64;
+    const CACHE: usize = 1 << 22;
 
     /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
     /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
