@@ -26,7 +26,7 @@ test: setup
 	$(CARGO) test $(FLAGS) --workspace
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
-	$(CARGO) bench $(FLAGS) --no-run
+	$(CARGO) test $(FLAGS) --benches --no-run
 
 bench: setup
 	$(CARGO) bench $(FLAGS)
