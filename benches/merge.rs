@@ -29,14 +29,13 @@ use raw::points::RawPoints;
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::time::Duration;
-use subject::{BATCH, ids, scene};
+use subject::{ids, scene};
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
 const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
 
-/// Of the image's batches of camera paths, one in so many is merged: together a part of what a render
-/// merges at once with many photons.
-const BATCH_STEP: usize = 4;
+/// Camera paths of each pixel: of all 64x64 as many as a render merges together with many photons.
+const CAMERA_PATHS: u32 = 16;
 
 /// Look-ups and pairs found, for each number of light paths.
 type Counts = RefCell<Vec<[u64; 2]>>;
@@ -48,8 +47,13 @@ struct Sum {
     pairs: u64,
 }
 
-/// Camera paths from all over the image.
-fn camera_paths(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> CameraPaths {
+/// The image's camera paths, so many `together`.
+fn camera_paths(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    settings: &Settings,
+    together: usize,
+) -> Vec<CameraPaths> {
     let pass = CameraPass {
         scene,
         view: scene.camera.view(settings.width, settings.height),
@@ -58,23 +62,26 @@ fn camera_paths(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> Ca
         key: StreamKey::new(1, Stream::CameraPath, 0),
         gather_early: false,
     };
-    let mut paths = CameraPaths::default();
+    let mut all = Vec::new();
     let mut ids = ids(settings).peekable();
     while ids.peek().is_some() {
-        paths.trace(&pass, ids.by_ref().take(BATCH));
-        ids.by_ref().take(BATCH * (BATCH_STEP - 1)).for_each(drop);
+        let mut paths = CameraPaths::default();
+        while ids.peek().is_some() && paths.direct.len() < together {
+            paths.trace(&pass, ids.by_ref().take(CameraPaths::BATCH));
+        }
+        all.push(paths);
     }
-    paths
+    all
 }
 
 /// Merges as [`Merge`] does, photons within the radius being found by `look_up(position, found)`.
 fn merge_by(
-    (paths, photons, settings): (&CameraPaths, &[Photon], &Settings),
+    (paths, photons, settings): (&[CameraPaths], &[Photon], &Settings),
     mut look_up: impl FnMut(Vec3, &mut dyn FnMut(u32)),
 ) -> Sum {
     let kernel = disc_area(settings.radius).recip();
     let mut sum = Sum::default();
-    for point in paths.gather_points.iter() {
+    for point in paths.iter().flat_map(|paths| paths.gather_points.iter()) {
         assert_eq!(point.view, GatherPoint::NO_VIEW, "this bench merges Lambertian surfaces");
         let weight = point.weight * kernel;
         let last = point.vertex == settings.merge_vertex;
@@ -97,26 +104,29 @@ fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
 }
 
 fn merging(criterion: &mut Criterion, counts: &Counts) {
-    let (scene, settings) = scene();
+    let (scene, mut settings) = scene();
+    settings.camera_paths = CAMERA_PATHS;
     let accel = build(Backend::Embree, &scene).unwrap();
-    let paths = camera_paths(&scene, &*accel, &settings);
-    let look_ups = paths.gather_points.iter().count();
     let mut gathered = Gathered::default();
     for light_paths in LIGHT_PATHS {
         let mut light = LightPaths::default();
         light.trace(&scene, &*accel, &settings, light_paths, 0);
         let photons: Vec<Photon> = light.photons().flatten().copied().collect();
         let positions: Vec<Vec3> = photons.iter().map(|photon| photon.position).collect();
-        let subject = (&paths, &photons[..], &settings);
 
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
         let merge = Merge::new(&map, settings.merge_vertex);
+        let all = camera_paths(&scene, &*accel, &settings, merge.together(false));
+        let subject = (&all[..], &photons[..], &settings);
+        let look_ups: usize = all.iter().map(|paths| paths.gather_points.iter().count()).sum();
         let mut expected = Sum::default();
-        merge.gather_pairs(&paths, &mut gathered, |gathered, complete| {
-            expected.pairs += gathered.pairs.len() as u64;
-            expected.light += gathered.sums[complete].iter().sum::<Rgb>();
-        });
+        for paths in &all {
+            merge.gather_pairs(paths, &mut gathered, |gathered, complete| {
+                expected.pairs += gathered.pairs.len() as u64;
+                expected.light += gathered.sums[complete].iter().sum::<Rgb>();
+            });
+        }
         counts.borrow_mut().push([look_ups as u64, expected.pairs]);
 
         let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
@@ -143,7 +153,7 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));
         group.throughput(Throughput::Elements(look_ups as u64));
         group.bench_function(STRUCTURES[0], |bencher| {
-            bencher.iter(|| merge.gather(&paths, &mut gathered));
+            bencher.iter(|| all.iter().for_each(|paths| merge.gather(paths, &mut gathered)));
         });
         group.bench_function(STRUCTURES[1], |bencher| bencher.iter(|| kiddo().light));
         group.bench_function(STRUCTURES[2], |bencher| bencher.iter(|| queries().light));

@@ -30,22 +30,33 @@ const LIGHT_PATHS: [u32; 2] = [1000, 100_000];
 /// Keeps all rays that go through it.
 struct Recorder<'a> {
     accel: &'a dyn Intersect,
-    packets: Mutex<Vec<Packets>>,
+    /// For closest hits and for occlusion, coherent ones and others.
+    rays: Mutex<[[Vec<Ray>; 2]; 2]>,
 }
 
 impl<'a> Recorder<'a> {
     fn new(accel: &'a dyn Intersect) -> Self {
-        Self { accel, packets: Mutex::default() }
+        Self { accel, rays: Mutex::default() }
     }
 
+    /// The rays in full packets, however few came at a time.
     fn into_packets(self) -> Vec<Packets> {
-        self.packets.into_inner().unwrap()
+        let [closest, any] = self.rays.into_inner().unwrap();
+        let packets = |rays: [Vec<Ray>; 2], packets: fn(&[Ray], Coherence) -> Packets| {
+            let [coherent, others] = rays;
+            [packets(&coherent, Coherence::Coherent), packets(&others, Coherence::Incoherent)]
+        };
+        [packets(closest, Packets::closest), packets(any, Packets::any)]
+            .into_iter()
+            .flatten()
+            .collect()
     }
-}
 
-/// The first `count` rays.
-fn list(rays: &[RayPacket], count: usize) -> Vec<Ray> {
-    (0..count).map(|ray| rays[ray / LANES].get(ray % LANES)).collect()
+    fn record(&self, kind: usize, coherence: Coherence, rays: &[RayPacket], count: usize) {
+        let list =
+            &mut self.rays.lock().unwrap()[kind][usize::from(coherence != Coherence::Coherent)];
+        list.extend((0..count).map(|ray| rays[ray / LANES].get(ray % LANES)));
+    }
 }
 
 impl Intersect for Recorder<'_> {
@@ -56,8 +67,7 @@ impl Intersect for Recorder<'_> {
         hits: &mut [HitPacket],
         coherence: Coherence,
     ) {
-        let packets = Packets::closest(&list(rays, count), coherence);
-        self.packets.lock().unwrap().push(packets);
+        self.record(0, coherence, rays, count);
         self.accel.intersect(rays, count, hits, coherence);
     }
 
@@ -68,8 +78,7 @@ impl Intersect for Recorder<'_> {
         occluded: &mut [Mask],
         coherence: Coherence,
     ) {
-        let packets = Packets::any(&list(rays, count), coherence);
-        self.packets.lock().unwrap().push(packets);
+        self.record(1, coherence, rays, count);
         self.accel.occlude(rays, count, occluded, coherence);
     }
 
@@ -135,19 +144,49 @@ fn phases(criterion: &mut Criterion) {
     }
 }
 
-/// Raw packets on what `record` traces.
-fn raw<'a>(
-    scene: &'a RawScene,
+/// Work of so many paths in this many iterations in turn: a processor learns the branches of a few rays by heart,
+/// which no render repeats.
+fn iterations(paths: u32) -> u64 {
+    u64::from((50_000 / paths).max(1))
+}
+
+/// Raw packets on what `record` traces in each of its iterations.
+fn recorded(
     accel: &dyn Intersect,
-    record: &mut dyn FnMut(&Recorder),
-) -> impl FnMut() -> Duration + use<'a> {
-    let recorder = Recorder::new(accel);
-    record(&recorder);
-    let packets = recorder.into_packets();
+    iterations: u64,
+    record: impl Fn(&Recorder, u64),
+) -> Vec<Vec<Packets>> {
+    let packets = |iteration| {
+        let recorder = Recorder::new(accel);
+        record(&recorder, iteration);
+        recorder.into_packets()
+    };
+    (0..iterations).map(packets).collect()
+}
+
+/// Traces the packets of one iteration after the other.
+fn raw<'a>(scene: &'a RawScene, packets: &'a [Vec<Packets>]) -> impl FnMut() -> Duration + use<'a> {
+    let mut iterations = packets.iter().cycle();
     move || {
         // Queries overwrite packets.
-        let mut own = packets.clone();
+        let mut own = iterations.next().unwrap().clone();
         timed(|| scene.trace(&mut own))
+    }
+}
+
+/// The same, half of them on each of two threads, if there are two.
+fn raw_halves<'a>(
+    scene: &'a RawScene,
+    packets: &'a [Vec<Packets>],
+    pool: &'a ThreadPool,
+) -> impl FnMut() -> Duration + use<'a> {
+    let mut iterations = packets.iter().cycle();
+    move || {
+        let halves = iterations.next().unwrap().iter().cloned().map(Packets::halves);
+        let (mut one, mut other): (Vec<_>, Vec<_>) =
+            halves.map(|[one, other]| (one, other)).unzip();
+        let both = || rayon::join(|| scene.trace(&mut one), || scene.trace(&mut other));
+        timed(|| pool.install(both))
     }
 }
 
@@ -172,30 +211,35 @@ fn ratios(_: &mut Criterion) {
 
     let pass = camera_pass(&scene, &*accel, &settings);
     let mut paths = CameraPaths::default();
-    let packets = raw(&limit, &*accel, &mut |recorder| {
+    let packets = recorded(&*accel, 1, |recorder, _| {
         camera_phase(&CameraPass { accel: recorder, ..pass }, &mut CameraPaths::default(), |_| ());
     });
-    let ratio = Ratio::new(|| timed(|| camera_phase(&pass, &mut paths, |_| ())), packets);
+    let phase = || timed(|| camera_phase(&pass, &mut paths, |_| ()));
+    let ratio = Ratio::new(phase, raw(&limit, &packets));
     let count = settings.pixels() as f64 * f64::from(settings.camera_paths);
     let ns = ratio.seconds.map(|time| time / count * 1e9);
     println!("camera phase over raw packets: {ratio}; {:.0} and {:.0} ns per path", ns[0], ns[1]);
+    let ratio = Ratio::new(raw_halves(&limit, &packets, one), raw_halves(&limit, &packets, two));
+    println!("raw packets of the camera phase, one thread over two: {ratio}");
 
     for light_paths in LIGHT_PATHS {
         let settings = Settings { light_paths, ..settings.clone() };
         let (mut light, mut map) = (LightPaths::default(), PhotonMap::default());
-        let packets = raw(&limit, &*accel, &mut |recorder| {
+        let packets = recorded(&*accel, iterations(light_paths), |recorder, iteration| {
             let mut light = LightPaths::default();
-            one.install(|| light.trace(&scene, recorder, &settings, light_paths, 0));
+            one.install(|| light.trace(&scene, recorder, &settings, light_paths, iteration));
         });
+        let mut turns = (0..iterations(light_paths)).cycle();
         let phase = || {
+            let iteration = turns.next().unwrap();
             timed(|| {
                 one.install(|| {
-                    light.trace(&scene, &*accel, &settings, light_paths, 0);
+                    light.trace(&scene, &*accel, &settings, light_paths, iteration);
                     map.build(&light, settings.radius);
                 });
             })
         };
-        let ratio = Ratio::new(phase, packets);
+        let ratio = Ratio::new(phase, raw(&limit, &packets));
         let ns = ratio.seconds.map(|time| time / f64::from(light_paths) * 1e9);
         let [own, raw] = ns;
         println!(

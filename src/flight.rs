@@ -1,7 +1,8 @@
 //! Paths under way, sixteen side by side, packed without gaps.
 
 use crate::accel::RayPacket;
-use crate::lanes::{LANES, Mask, Reorder};
+use crate::lanes::{LANES, Mask};
+use crate::simd::{Reorder, Simd};
 use bytemuck::Pod;
 use std::marker::PhantomData;
 
@@ -66,17 +67,15 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
 
     /// Adds the lanes that are `kept`, in their order.
     #[inline(always)] // part of the loops over vertices
-    pub fn append(&mut self, kept: &Mask, packet: &P) {
+    pub fn append(&mut self, simd: Simd, kept: &Mask, packet: &P) {
         const { assert!(size_of::<P>() == N * size_of::<[u32; LANES]>()) };
         let mut at = self.len % BLOCK;
-        if self.len / BLOCK == self.blocks.len() {
-            self.blocks.push([[0; BLOCK + LANES]; N]);
-        }
-        let block = &mut self.blocks[self.len / BLOCK];
+        let block = self.block();
         for (half, reorder) in Reorder::kept_first(kept).into_iter().enumerate() {
             // Always eight: behind those that are kept comes anything, which the next replace. A branch for
             // each would be decided by chance, and nothing predicts that.
             reorder.columns::<N>(
+                simd,
                 |column| columns(packet)[column].as_chunks().0[half],
                 |column, eight| block[column][at..at + 8].copy_from_slice(&eight),
             );
@@ -86,6 +85,15 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         if at >= BLOCK {
             self.move_on();
         }
+    }
+
+    /// The one with the next lane to take.
+    #[inline(always)]
+    fn block(&mut self) -> &mut Block<N> {
+        if self.len / BLOCK == self.blocks.len() {
+            self.blocks.push([[0; BLOCK + LANES]; N]);
+        }
+        &mut self.blocks[self.len / BLOCK]
     }
 
     /// Starts another block with what the last one has too many.
@@ -103,7 +111,14 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
 
     /// Adds the first lane.
     pub fn push(&mut self, packet: &P) {
-        self.append(&std::array::from_fn(|lane| lane == 0), packet);
+        let at = self.len % BLOCK;
+        for (column, words) in self.block().iter_mut().zip(columns(packet)) {
+            column[at] = words[0];
+        }
+        self.len += 1;
+        if at + 1 == BLOCK {
+            self.move_on();
+        }
     }
 }
 
@@ -120,13 +135,13 @@ fn columns_mut<C: Pod>(packet: &mut C) -> &mut [[u32; LANES]] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::vectorized;
+    use crate::simd::vectorized;
 
     impl Columns<7> for [[f32; LANES]; 7] {
         const T_FAR: f32 = 1.0;
     }
 
-    fn check() {
+    fn check(simd: Simd) {
         let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
         let mut expected = Vec::new();
         for round in 0..100_u32 {
@@ -141,7 +156,7 @@ mod tests {
                 _ => round.wrapping_mul(0x9e37_79b9) >> 16,
             };
             let kept = std::array::from_fn(|lane| pattern >> lane & 1 == 1);
-            flight.append(&kept, &packet);
+            flight.append(simd, &kept, &packet);
             expected
                 .extend(names.iter().zip(kept).filter(|&(_, kept)| kept).map(|(&name, _)| name));
             if round % 3 == 0 {
@@ -167,7 +182,7 @@ mod tests {
     fn blocks_are_filled_to_their_ends() {
         let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
         for index in 0..2 * BLOCK / LANES {
-            flight.append(&[true; LANES], &[[index as f32; LANES]; 7]);
+            flight.append(Simd::default(), &[true; LANES], &[[index as f32; LANES]; 7]);
         }
         assert_eq!(flight.len(), 2 * BLOCK);
         assert_eq!(flight.rays().len(), 2 * BLOCK / LANES);
@@ -180,7 +195,7 @@ mod tests {
 
     #[test]
     fn those_that_are_kept_follow_each_other_in_their_order() {
-        check();
+        check(Simd::default());
         vectorized(check);
     }
 }

@@ -35,6 +35,7 @@ pub mod reproduce;
 pub mod rng;
 pub mod scene;
 pub mod settings;
+pub mod simd;
 pub mod steer;
 mod tile_paths;
 mod tiles;

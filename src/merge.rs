@@ -2,13 +2,21 @@
 
 use crate::camera_paths::CameraPaths;
 use crate::gather::{GatherPacket, GatherPoint};
-use crate::lanes::{LANES, Vec3s, vectorized};
+use crate::lanes::{LANES, Vec3s};
 use crate::math::{LUMINANCE, Rgb, disc_area};
 use crate::pair_list::{Pair, PairList};
 use crate::photon::PhotonClass;
 use crate::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges};
+use crate::simd::{Simd, vectorized};
 use std::array::from_fn;
 use std::ops;
+
+/// Camera paths or gather points merged together where look-ups in any order wait for memory: enough for
+/// neighbors to share what they read of a large photon map.
+const MERGED: usize = 65_536;
+
+/// The same in iterations that measure: their pairs take room in the caches, too.
+const MEASURED: usize = 16_384;
 
 /// Pairs found at a time: as many camera paths as find more are merged in parts.
 const MOST_PAIRS: usize = 1 << 22;
@@ -42,6 +50,12 @@ impl<'a> Merge<'a> {
     pub fn new(map: &'a PhotonMap, merge_vertex: u32) -> Self {
         let kernel = disc_area(map.radius()).recip();
         Self { map, merge_vertex, kernel, in_regions: map.is_large(), most_pairs: MOST_PAIRS }
+    }
+
+    /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
+    pub fn together(&self, pairs: bool) -> usize {
+        let large = if pairs { MEASURED } else { MERGED };
+        if self.in_regions { large } else { CameraPaths::BATCH }
     }
 
     /// Sets `gathered` to what these camera paths gather.
@@ -87,11 +101,11 @@ impl<'a> Merge<'a> {
     ) -> bool {
         vectorized(
             #[inline(always)]
-            || {
+            |simd| {
                 if self.in_regions {
-                    self.find_in_regions::<PAIRS>(paths, part, gathered)
+                    self.find_in_regions::<PAIRS>(simd, paths, part, gathered)
                 } else {
-                    self.find_in_order::<PAIRS>(paths, part, gathered)
+                    self.find_in_order::<PAIRS>(simd, paths, part, gathered)
                 }
             },
         )
@@ -101,6 +115,7 @@ impl<'a> Merge<'a> {
     #[inline(always)] // vectorized
     fn find_in_order<const PAIRS: bool>(
         &self,
+        simd: Simd,
         paths: &CameraPaths,
         part: ops::Range<usize>,
         gathered: &mut Gathered,
@@ -115,7 +130,8 @@ impl<'a> Merge<'a> {
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
                 let weight = self.pair_weight(&point);
-                flux.set(lane, self.flux_in::<PAIRS>(paths, ranges, &look_up, weight, pairs));
+                let to = (weight, &mut *pairs);
+                flux.set(lane, self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to));
             }
             self.add(packet, &flux, sums);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -129,6 +145,7 @@ impl<'a> Merge<'a> {
     #[inline(always)] // vectorized
     fn find_in_regions<const PAIRS: bool>(
         &self,
+        simd: Simd,
         paths: &CameraPaths,
         part: ops::Range<usize>,
         gathered: &mut Gathered,
@@ -161,7 +178,8 @@ impl<'a> Merge<'a> {
             for ranges in ranges.by_look_up() {
                 let lane = ranges[0].look_up;
                 let look_up = &look_ups[lane];
-                let found = self.flux_in::<PAIRS>(paths, ranges, look_up, weights[lane], pairs);
+                let to = (weights[lane], &mut *pairs);
+                let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
                 let point = look_up.point as usize;
                 flux[point / LANES].set(point % LANES, found);
             }
@@ -194,16 +212,16 @@ impl<'a> Merge<'a> {
     #[inline(always)] // vectorized
     fn flux_in<const PAIRS: bool>(
         &self,
+        simd: Simd,
         paths: &CameraPaths,
         ranges: &[Range],
         look_up: &LookUp,
-        weight: (u32, Rgb),
-        pairs: &mut PairList,
+        (weight, pairs): ((u32, Rgb), &mut PairList),
     ) -> Rgb {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, pairs)
         } else if PAIRS {
-            self.map.pairs_in(ranges, look_up, weight, pairs)
+            self.map.pairs_in(simd, ranges, look_up, weight, pairs)
         } else {
             self.map.flux_in(ranges, look_up)
         }

@@ -1,10 +1,14 @@
 //! Photons: what light paths leave where they arrive.
 
-use crate::math::{Rgb, pack_direction, unpack_direction};
-use glam::{Quat, Vec3};
+use crate::lanes::{LANES, Vec3s};
+use crate::math::{Bounds, Rgb, pack_direction, unpack_direction};
+use crate::simd::{Simd, one_by_one};
+use bytemuck::{Pod, Zeroable};
+use glam::{Quat, Vec3, Vec3A};
+use std::array::from_fn;
 
 /// A light path's arrival at a surface: 36 bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Photon {
     /// Where it arrived, scene units.
@@ -19,27 +23,101 @@ pub struct Photon {
     pub(crate) from: u32,
 }
 
+/// What is to be known of all photons before they can be sorted.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    /// Box around their positions.
+    pub bounds: Bounds,
+    /// How many they are.
+    pub count: usize,
+    /// Whether any is merged at every vertex.
+    pub any_at_every_vertex: bool,
+    /// Whether any tells where it comes from; the packed direction 0 needs no telling.
+    pub directions: bool,
+}
+
+impl Default for Extent {
+    /// Of no photons.
+    fn default() -> Self {
+        Self { bounds: Bounds::EMPTY, count: 0, any_at_every_vertex: false, directions: false }
+    }
+}
+
+impl Extent {
+    /// That of some photons.
+    pub fn of(photons: &[Photon]) -> Self {
+        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let (mut any_at_every_vertex, mut directions) = (false, 0);
+        for photon in photons {
+            // In this order a position that is not a number leaves them as they are.
+            min = Vec3A::from(photon.position).min(min);
+            max = Vec3A::from(photon.position).max(max);
+            any_at_every_vertex |= photon.class() == PhotonClass::EveryVertex;
+            directions |= photon.from;
+        }
+        let bounds = Bounds { min: min.into(), max: max.into() };
+        Self { bounds, count: photons.len(), any_at_every_vertex, directions: directions != 0 }
+    }
+
+    /// That of these photons and others.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        let Bounds { min, max } = other.bounds;
+        Self {
+            bounds: Bounds { min: self.bounds.min.min(min), max: self.bounds.max.max(max) },
+            count: self.count + other.count,
+            any_at_every_vertex: self.any_at_every_vertex | other.any_at_every_vertex,
+            directions: self.directions | other.directions,
+        }
+    }
+}
+
+/// Sixteen photons, but for their directions.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Photons {
+    pub position: Vec3s,
+    pub path: [u32; LANES],
+    pub flux: Vec3s,
+    pub side: [u32; LANES],
+}
+
+impl Photons {
+    /// Each with the packed direction `from` which it came.
+    #[inline(always)] // part of the loop over vertices
+    pub fn one_by_one(&self, simd: Simd, from: &[u32; LANES]) -> [Photon; LANES] {
+        let rows: [[u32; 8]; LANES] = one_by_one(simd, self);
+        from_fn(|lane| {
+            let mut words = [from[lane]; 9];
+            words[..8].copy_from_slice(&rows[lane]);
+            bytemuck::cast(words)
+        })
+    }
+}
+
 /// The part of a photon that decides whether it counts, in one word: the surface normal on the side it
 /// arrived from, each coordinate in 1/127 and one byte, and its class in the highest byte.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(transparent)]
 pub(crate) struct Side(pub u32);
 
 impl Default for Side {
     fn default() -> Self {
-        Self::new(Vec3::ZERO, PhotonClass::default())
+        Self::new(Vec3::ZERO, PhotonClass::default() as u32)
     }
 }
 
 impl Side {
-    fn new(normal: Vec3, class: PhotonClass) -> Self {
-        // To the nearest, without a call of `round`.
-        let byte = |c: f32| ((c * 127.0 + 128.5) as i32 - 128) as u8;
+    #[inline(always)] // as the next: parts of vector loops
+    pub fn new(normal: Vec3, class: u32) -> Self {
+        // Adding 1.5 * 2^23 rounds to the nearest integer and leaves it in the lowest bits.
+        let byte = |c: f32| (c * 127.0 + 12_582_912.0).to_bits() & 0xff;
         let [x, y, z] = normal.to_array().map(byte);
-        Self(u32::from_le_bytes([x, y, z, class as u8]))
+        Self(x | y << 8 | z << 16 | class << 24)
     }
 
     /// The normal, 127 units long.
-    #[inline(always)] // as the next: parts of vector loops
+    #[inline(always)]
     pub fn normal(self) -> Vec3 {
         let coordinate = |shift: u32| ((self.0 << shift) as i32 >> 24) as f32;
         Vec3::new(coordinate(24), coordinate(16), coordinate(8))
@@ -67,7 +145,7 @@ pub enum PhotonClass {
 impl Photon {
     /// `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
-        Self { position, path, flux, side: Side::new(normal, class), from: 0 }
+        Self { position, path, flux, side: Side::new(normal, class as u32), from: 0 }
     }
 
     /// The same with the unit vector toward where it came from, for BSDFs that depend on it.

@@ -19,7 +19,7 @@ use crate::rng::{Stream, StreamKey};
 use crate::scene::{Scene, View};
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
 use crate::tiles::{Shares, TileSums};
-use crate::worker::{Job, Worker, merged_together};
+use crate::worker::{Job, Worker};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
@@ -229,7 +229,7 @@ impl<'a> Renderer<'a> {
             gather_early: self.photon_map.any_at_every_vertex(),
         };
         let merge = Merge::new(&self.photon_map, settings.merge_vertex);
-        let together = merged_together(&self.photon_map, measure);
+        let together = merge.together(measure != Measure::Off);
         let job = Job { pass, merge, counts, measure, together, before: film.iterations };
         // A measuring iteration gives each tile its part of the noise sums as well.
         let noise_tiles: Vec<Option<NoiseTile>> = if measure == Measure::Off {

@@ -8,28 +8,10 @@ use crate::merge::{Gathered, Merge};
 use crate::noise::film::PixelMeasurement;
 use crate::noise::{Estimator, Measure, halves::Halves, pairs::AllPairs};
 use crate::pair_list::Pair;
-use crate::photon_map::PhotonMap;
 use crate::tile_paths::TilePaths;
 use crate::tiles::TileSums;
 use glam::DVec3;
 use std::time::{Duration, Instant};
-
-/// Camera paths traced together: enough to fill ray packets, few enough to stay in the
-/// second-level cache.
-const BATCH: usize = 2048;
-
-/// Camera paths or gather points merged together where look-ups in any order wait for memory: enough for
-/// neighbors to share what they read of a large photon map.
-const MERGED: usize = 65_536;
-
-/// The same in iterations that measure: their pairs take room in the caches, too.
-const MEASURED: usize = 16_384;
-
-/// How many camera paths are merged together with the photons of `map`, about.
-pub fn merged_together(map: &PhotonMap, measure: Measure) -> usize {
-    let large = if measure == Measure::Off { MERGED } else { MEASURED };
-    if map.is_large() { large } else { BATCH }
-}
 
 /// What the tiles of an iteration have in common.
 #[derive(Clone, Copy)]
@@ -175,7 +157,7 @@ fn trace(
         let start = Instant::now();
         paths.clear();
         while !ids.is_done() {
-            paths.trace(&job.pass, ids.by_ref().take(BATCH));
+            paths.trace(&job.pass, ids.by_ref().take(CameraPaths::BATCH));
             if paths.direct.len().max(paths.gather_points.lanes()) >= job.together {
                 break;
             }

@@ -12,15 +12,33 @@ pub struct RawScene {
     scene: RTCScene,
 }
 
-/// Rays in packets of 16, ready to trace.
+// SAFETY: Embree lets any number of threads trace rays through a committed scene; nothing else uses the handles
+// before they are dropped.
+unsafe impl Sync for RawScene {}
+
+/// Rays in packets of 16, ready to trace; the last may have fewer.
 #[derive(Clone)]
-pub enum Packets {
-    Closest(Vec<RTCRayHit16>, Coherence),
-    Any(Vec<RTCRay16>, Coherence),
+pub struct Packets {
+    kind: Kind,
+    coherence: Coherence,
+    /// Rays of the last packet.
+    last: usize,
+}
+
+#[derive(Clone)]
+enum Kind {
+    Closest(Vec<RTCRayHit16>),
+    Any(Vec<RTCRay16>),
 }
 
 #[repr(align(64))]
 struct Valid([i32; 16]);
+
+impl Valid {
+    fn first(count: usize) -> Self {
+        Self(std::array::from_fn(|lane| if lane < count { -1 } else { 0 }))
+    }
+}
 
 impl RawScene {
     pub fn new<'a>(meshes: impl IntoIterator<Item = TriangleMesh<'a>>) -> Self {
@@ -54,30 +72,30 @@ impl RawScene {
 
     /// Traces all packets once; they are used up.
     pub fn trace(&self, packets: &mut [Packets]) {
-        let valid = Valid([-1; 16]);
+        let all = Valid::first(16);
         let feature_mask = RTCFeatureFlags::RTC_FEATURE_FLAG_ALL;
-        for packets in packets {
-            match packets {
-                Packets::Closest(packets, coherence) => {
-                    let flags = flags(*coherence);
+        for Packets { kind, coherence, last } in packets {
+            let (last, flags) = (Valid::first(*last), flags(*coherence));
+            let valid = |rest: usize| if rest == 0 { last.0.as_ptr() } else { all.0.as_ptr() };
+            match kind {
+                Kind::Closest(packets) => {
                     let mut arguments =
                         RTCIntersectArguments { flags, feature_mask, ..Default::default() };
-                    for packet in packets {
+                    let count = packets.len();
+                    for (index, packet) in packets.iter_mut().enumerate() {
+                        let valid = valid(count - 1 - index);
                         // SAFETY: a committed scene; all structs are aligned and complete.
-                        unsafe {
-                            rtcIntersect16(valid.0.as_ptr(), self.scene, packet, &mut arguments);
-                        }
+                        unsafe { rtcIntersect16(valid, self.scene, packet, &mut arguments) };
                     }
                 }
-                Packets::Any(packets, coherence) => {
-                    let flags = flags(*coherence);
+                Kind::Any(packets) => {
                     let mut arguments =
                         RTCOccludedArguments { flags, feature_mask, ..Default::default() };
-                    for packet in packets {
+                    let count = packets.len();
+                    for (index, packet) in packets.iter_mut().enumerate() {
+                        let valid = valid(count - 1 - index);
                         // SAFETY: as above.
-                        unsafe {
-                            rtcOccluded16(valid.0.as_ptr(), self.scene, packet, &mut arguments);
-                        }
+                        unsafe { rtcOccluded16(valid, self.scene, packet, &mut arguments) };
                     }
                 }
             }
@@ -103,15 +121,34 @@ fn flags(coherence: Coherence) -> RTCRayQueryFlags {
 }
 
 impl Packets {
-    /// Packets for closest hits; a remainder of fewer than 16 rays is left out.
+    /// Packets for closest hits.
     pub fn closest(rays: &[Ray], coherence: Coherence) -> Self {
-        Self::Closest(rays.chunks_exact(16).map(packet).collect(), coherence)
+        let packets = rays.chunks(16).map(packet).collect();
+        Self { kind: Kind::Closest(packets), coherence, last: last(rays) }
     }
 
-    /// Packets for occlusion; a remainder of fewer than 16 rays is left out.
+    /// Packets for occlusion.
     pub fn any(rays: &[Ray], coherence: Coherence) -> Self {
-        Self::Any(rays.chunks_exact(16).map(|rays| packet(rays).ray).collect(), coherence)
+        let packets = rays.chunks(16).map(|rays| packet(rays).ray).collect();
+        Self { kind: Kind::Any(packets), coherence, last: last(rays) }
     }
+
+    /// Both halves of the packets, for two threads.
+    pub fn halves(mut self) -> [Self; 2] {
+        let (kind, last) = match &mut self.kind {
+            Kind::Closest(packets) => {
+                (Kind::Closest(packets.split_off(packets.len() / 2)), self.last)
+            }
+            Kind::Any(packets) => (Kind::Any(packets.split_off(packets.len() / 2)), self.last),
+        };
+        let second = Self { kind, coherence: self.coherence, last };
+        [Self { last: 16, ..self }, second]
+    }
+}
+
+/// How many rays the last packet has.
+fn last(rays: &[Ray]) -> usize {
+    rays.len() - rays.len().saturating_sub(1) / 16 * 16
 }
 
 fn packet(rays: &[Ray]) -> RTCRayHit16 {

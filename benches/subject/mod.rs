@@ -13,9 +13,6 @@ use bdpm::{Scene, Settings};
 use glam::Vec3;
 use std::path::Path;
 
-/// Camera paths per batch, as the renderer takes them.
-pub const BATCH: usize = 2048;
-
 /// The scene that `BDPM_SCENE` names, `scenes/cornell-box` without it, and settings for a small
 /// image of it. `ball` is a bumpy ball of 717,600 triangles in a room.
 pub fn scene() -> (Scene, Settings) {
@@ -55,7 +52,7 @@ pub fn camera_phase(
     let mut ids = ids(pass.settings);
     while ids.next.y < pass.settings.height {
         paths.clear();
-        paths.trace(pass, ids.by_ref().take(BATCH));
+        paths.trace(pass, ids.by_ref().take(CameraPaths::BATCH));
         each(paths);
     }
 }

@@ -8,11 +8,12 @@ use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::diffuse::DiffuseVertices;
 use crate::flight::Flight;
 use crate::gather::{GatherPoints, GatherView};
-use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of, vectorized};
+use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of};
 use crate::math::Rgb;
 use crate::rng::{StreamKey, camera_path_index};
-use crate::scene::{Scene, View};
+use crate::scene::{Scene, Seen, View};
 use crate::settings::{Direct, Roulette, Settings};
+use crate::simd::{Simd, vectorized};
 use std::mem;
 use walks::{Connections, Walks};
 
@@ -66,6 +67,10 @@ pub struct CameraPaths {
 }
 
 impl CameraPaths {
+    /// Camera paths to trace at a time: enough to fill ray packets, few enough to stay in the
+    /// second-level cache.
+    pub const BATCH: usize = 2048;
+
     /// Takes all out.
     pub fn clear(&mut self) {
         self.direct.clear();
@@ -78,7 +83,7 @@ impl CameraPaths {
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         vectorized(
             #[inline(always)]
-            || self.start(pass, paths),
+            |simd| self.start(simd, pass, paths),
         );
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
@@ -87,13 +92,13 @@ impl CameraPaths {
             let count = self.segments.len();
             let rays = vectorized(
                 #[inline(always)]
-                || self.segments.rays(),
+                |_| self.segments.rays(),
             );
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
             vectorized(
                 #[inline(always)]
-                || self.scatter(pass),
+                |simd| self.scatter(simd, pass),
             );
             self.add_connections(pass.accel, coherence);
             coherence = Coherence::Incoherent;
@@ -101,7 +106,7 @@ impl CameraPaths {
     }
 
     #[inline(always)] // vectorized
-    fn start(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
+    fn start(&mut self, simd: Simd, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
         let before = self.direct.len();
         let mut paths = paths.fuse();
@@ -141,27 +146,28 @@ impl CameraPaths {
             } else {
                 walks.direction = pass.view.pinhole_directions(&x, &y);
             }
-            self.segments.append(&std::array::from_fn(|lane| lane < count), &walks);
+            self.segments.append(simd, &std::array::from_fn(|lane| lane < count), &walks);
         }
         self.direct.resize(before + self.segments.len(), Rgb::ZERO);
     }
 
     /// At the hits: emission, connection, gathering, and the next segments.
     #[inline(always)] // vectorized
-    fn scatter(&mut self, pass: &CameraPass) {
+    fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
+        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut walks);
-            let elsewhere = pass.scene.plain(&walks.direction, hits, count, &mut at);
+            let elsewhere =
+                pass.scene.plain(simd, &walks.direction, hits, count, &mut seen, &mut at);
             if elsewhere.missed != 0 && pass.scene.lights.shine_from_beyond() {
                 self.add_beyond(pass, &walks, elsewhere.missed);
             }
             for lane in lanes_of(elsewhere.others) {
                 self.elsewhere(pass, walks.get(lane), &hits.get(lane), (&mut at, lane));
             }
-            self.scatter_diffuse(pass, &at, &mut walks);
+            self.scatter_diffuse(simd, pass, &at, &mut walks);
         }
         self.hits = hits;
         self.segments = mem::replace(&mut self.next, segments);
@@ -169,7 +175,13 @@ impl CameraPaths {
 
     /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
     #[inline(always)] // vectorized
-    fn scatter_diffuse(&mut self, pass: &CameraPass, at: &DiffuseVertices, walks: &mut Walks) {
+    fn scatter_diffuse(
+        &mut self,
+        simd: Simd,
+        pass: &CameraPass,
+        at: &DiffuseVertices,
+        walks: &mut Walks,
+    ) {
         let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
         if at.any_emits {
             self.add_emission(at, walks);
@@ -178,7 +190,7 @@ impl CameraPaths {
         if direct == Direct::Connect {
             let light = pass.scene.lights.connect_all(at, &mut walks.rng);
             let contributions = at.contributions(&weights, &light);
-            self.send_shadow_rays(at, &walks.path, &light.target, &contributions);
+            self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         for lane in 0..LANES {
@@ -205,7 +217,7 @@ impl CameraPaths {
             goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
             walks.throughput.set(lane, walks.throughput.get(lane) * (albedo / survival));
         }
-        self.next.append(&goes_on, walks);
+        self.next.append(simd, &goes_on, walks);
     }
 
     /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
@@ -223,6 +235,7 @@ impl CameraPaths {
     #[inline(always)] // vectorized
     fn send_shadow_rays(
         &mut self,
+        simd: Simd,
         at: &DiffuseVertices,
         path: &[u32; LANES],
         target: &Vec3s,
@@ -235,7 +248,11 @@ impl CameraPaths {
         }
         // From the light: shadow rays to one point then share their origin.
         let (origin, path, contribution) = (*target, *path, *contribution);
-        self.shadow_rays.append(&sent, &Connections { origin, direction, path, contribution });
+        self.shadow_rays.append(
+            simd,
+            &sent,
+            &Connections { origin, direction, path, contribution },
+        );
     }
 
     /// Adds the light of all connections that nothing blocks.
@@ -243,7 +260,7 @@ impl CameraPaths {
         let count = self.shadow_rays.len();
         let rays = vectorized(
             #[inline(always)]
-            || self.shadow_rays.rays(),
+            |_| self.shadow_rays.rays(),
         );
         self.rays += count as u64;
         self.occluded.resize(rays.len(), Mask::default());

@@ -5,23 +5,24 @@ mod walks;
 use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
 use crate::diffuse::DiffuseVertices;
 use crate::flight::Flight;
-use crate::lanes::{LANES, Mask, lanes_of, vectorized};
-use crate::math::Rgb;
-use crate::photon::{Photon, PhotonClass};
+use crate::lanes::{LANES, Mask, any, bits, lanes_of};
+use crate::math::{Rgb, pack_direction};
+use crate::photon::{Extent, Photon, PhotonClass, Photons, Side};
 use crate::pool::Pool;
 use crate::rng::{Stream, StreamKey};
-use crate::scene::{Emissions, Scene, Surface};
+use crate::scene::{Emissions, Scene, Seen, Surface};
 use crate::settings::{Direct, Roulette, Settings};
+use crate::simd::{Simd, vectorized};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
 use std::time::{Duration, Instant};
-use walks::{Walk, Walks, decoded, encoded, survival};
+use walks::{Walk, Walks, encoded, survival};
 
 /// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
 /// to fill ray packets, few enough for a batch to stay in the second-level cache.
-const BATCH: u32 = 512;
+const BATCH: u32 = 1024;
 
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Debug, Default)]
@@ -63,9 +64,14 @@ impl LightPaths {
         self.batches.iter().map(|batch| &batch.photons[..])
     }
 
+    /// What is to be known of all photons before they can be sorted.
+    pub fn extent(&self) -> Extent {
+        self.batches.iter().map(|batch| batch.extent).fold(Extent::default(), Extent::and)
+    }
+
     /// Number of photons.
     pub fn len(&self) -> usize {
-        self.photons().map(<[_]>::len).sum()
+        self.extent().count
     }
 
     /// Whether no path left a photon.
@@ -89,6 +95,7 @@ impl LightPaths {
 struct Batch {
     /// Bounce by bounce.
     photons: Vec<Photon>,
+    extent: Extent,
     rays: u64,
     busy: Duration,
 }
@@ -102,6 +109,8 @@ struct Tracer {
     hits: Vec<HitPacket>,
     /// Of the current batch.
     photons: Vec<Photon>,
+    /// The next of them.
+    space: [Photon; LANES],
     /// Whether photons keep theirs.
     directions: bool,
 }
@@ -123,28 +132,36 @@ impl Tracer {
         batch.rays = 0;
         vectorized(
             #[inline(always)]
-            || self.emit(scene, settings, key, paths),
+            |simd| self.emit(simd, scene, settings, key, paths),
         );
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
             let count = self.in_flight.len();
             let rays = vectorized(
                 #[inline(always)]
-                || self.in_flight.rays(),
+                |_| self.in_flight.rays(),
             );
             self.hits.resize(rays.len(), HitPacket::default());
             accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
                 #[inline(always)]
-                || self.bounce(scene, settings.light_roulette),
+                |simd| self.bounce(simd, scene, settings.light_roulette),
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
+        batch.extent = Extent::of(&batch.photons);
         batch.busy = start.elapsed();
     }
 
     #[inline(always)] // vectorized
-    fn emit(&mut self, scene: &Scene, settings: &Settings, key: StreamKey, mut paths: Range<u32>) {
+    fn emit(
+        &mut self,
+        simd: Simd,
+        scene: &Scene,
+        settings: &Settings,
+        key: StreamKey,
+        mut paths: Range<u32>,
+    ) {
         self.in_flight.clear();
         // Photons straight from a light are replaced by connections, or merged at every vertex.
         let class = match settings.direct {
@@ -169,32 +186,25 @@ impl Tracer {
                 // Black parts of pictures emit nothing.
                 *emitted = (lane < count) & (flux != Rgb::ZERO);
             }
-            self.in_flight.append(&emitted, &walks);
+            self.in_flight.append(simd, &emitted, &walks);
         }
     }
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
     #[inline(always)] // vectorized
-    fn bounce(&mut self, scene: &Scene, roulette: Roulette) {
+    fn bounce(&mut self, simd: Simd, scene: &Scene, roulette: Roulette) {
         self.next.clear();
         let (in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
-        let (mut walks, mut at) = <(Walks, DiffuseVertices)>::default();
+        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = in_flight.load(packet, &mut walks);
-            let elsewhere = scene.plain(&walks.direction, hits, count, &mut at);
+            let elsewhere = scene.plain(simd, &walks.direction, hits, count, &mut seen, &mut at);
             for lane in lanes_of(elsewhere.others) {
                 let hit = hits.get(lane);
                 self.elsewhere(scene, roulette, walks.get(lane), &hit, (&mut at, lane));
             }
-            for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-                if let Some(class) = decoded(walks.class[lane]) {
-                    let (path, flux) = (walks.path[lane], walks.flux.get(lane));
-                    let (position, normal) = (at.position.get(lane), at.normal.get(lane));
-                    let photon = Photon::new(position, path, flux, normal, class);
-                    self.store(photon, -walks.direction.get(lane));
-                }
-            }
-            self.scatter_diffuse(&at, &mut walks, roulette);
+            self.store_diffuse(simd, &at, &walks);
+            self.scatter_diffuse(simd, &at, &mut walks, roulette);
         }
         self.hits = hits;
         self.in_flight = mem::replace(&mut self.next, in_flight);
@@ -220,6 +230,34 @@ impl Tracer {
         }
     }
 
+    /// Stores arrivals at diffuse vertices.
+    #[inline(always)] // vectorized
+    fn store_diffuse(&mut self, simd: Simd, at: &DiffuseVertices, walks: &Walks) {
+        const NONE: u32 = encoded(None);
+        let (mut stored, mut side, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
+        for lane in 0..LANES {
+            stored[lane] = at.active[lane] & (walks.class[lane] != NONE);
+            side[lane] = Side::new(at.normal.get(lane), walks.class[lane].wrapping_sub(1)).0;
+        }
+        if !any(&stored) {
+            return;
+        }
+        if self.directions {
+            for (lane, from) in from.iter_mut().enumerate() {
+                *from = pack_direction(-walks.direction.get(lane));
+            }
+        }
+        let count = bits(&stored).count_ones() as usize;
+        let photons = Photons { position: at.position, path: walks.path, flux: walks.flux, side };
+        // All are written, but only those that are stored are kept: which these are nobody foresees.
+        let mut next = 0;
+        for (lane, photon) in photons.one_by_one(simd, &from).into_iter().enumerate() {
+            self.space[next % LANES] = photon;
+            next += usize::from(stored[lane]);
+        }
+        self.photons.extend_from_slice(&self.space[..count]);
+    }
+
     /// Stores an arrival; `from` is a unit vector toward where it came from.
     #[inline]
     fn store(&mut self, photon: Photon, from: Vec3) {
@@ -228,7 +266,13 @@ impl Tracer {
 
     /// Goes on from diffuse vertices.
     #[inline(always)] // vectorized
-    fn scatter_diffuse(&mut self, at: &DiffuseVertices, walks: &mut Walks, roulette: Roulette) {
+    fn scatter_diffuse(
+        &mut self,
+        simd: Simd,
+        at: &DiffuseVertices,
+        walks: &mut Walks,
+        roulette: Roulette,
+    ) {
         const LAST_VERTEX: u32 = encoded(Some(PhotonClass::LastVertex));
         walks.origin = at.off_surface;
         walks.direction = at.sample(&mut walks.rng);
@@ -241,7 +285,7 @@ impl Tracer {
             goes_on[lane] = at.active[lane] & (ends[lane] < survival);
             walks.flux.set(lane, flux * (albedo / survival));
         }
-        self.next.append(&goes_on, walks);
+        self.next.append(simd, &goes_on, walks);
     }
 
     /// At a surface that is not diffuse alone; the next ray unless the path ends.

@@ -5,9 +5,9 @@
 //! decide the order of additions, depend on the number of photons but not on that of threads.
 
 use super::{BLOCK, Block, Grid, PhotonMap};
-use crate::math::{Bounds, Rgb};
-use crate::photon::{Photon, PhotonClass, Side};
-use glam::{Vec3, Vec3A};
+use crate::math::Rgb;
+use crate::photon::{Extent, Photon, Side};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Photons per chunk, about: they stay in the second-level cache.
@@ -31,49 +31,6 @@ pub struct Chunk {
     ends: Vec<u32>,
     /// Bucket of each photon in the order they came.
     unsorted: Vec<u32>,
-}
-
-/// What is to be known of all photons before they can be sorted.
-#[derive(Clone, Copy)]
-pub struct Extent {
-    pub bounds: Bounds,
-    pub count: usize,
-    pub any_at_every_vertex: bool,
-    /// Whether photons tell where they come from; the packed direction 0 needs no telling.
-    pub directions: bool,
-}
-
-impl Extent {
-    const EMPTY: Self =
-        Self { bounds: Bounds::EMPTY, count: 0, any_at_every_vertex: false, directions: false };
-
-    pub fn new(slices: &[&[Photon]]) -> Self {
-        slices.par_iter().map(|photons| Self::of(photons)).reduce(|| Self::EMPTY, Self::and)
-    }
-
-    fn of(photons: &[Photon]) -> Self {
-        let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        let (mut any_at_every_vertex, mut directions) = (false, 0);
-        for photon in photons {
-            // In this order a position that is not a number leaves them as they are.
-            min = Vec3A::from(photon.position).min(min);
-            max = Vec3A::from(photon.position).max(max);
-            any_at_every_vertex |= photon.class() == PhotonClass::EveryVertex;
-            directions |= photon.from;
-        }
-        let bounds = Bounds { min: min.into(), max: max.into() };
-        Self { bounds, count: photons.len(), any_at_every_vertex, directions: directions != 0 }
-    }
-
-    fn and(self, other: Self) -> Self {
-        let Bounds { min, max } = other.bounds;
-        Self {
-            bounds: Bounds { min: self.bounds.min.min(min), max: self.bounds.max.max(max) },
-            count: self.count + other.count,
-            any_at_every_vertex: self.any_at_every_vertex | other.any_at_every_vertex,
-            directions: self.directions | other.directions,
-        }
-    }
 }
 
 impl Chunk {
@@ -140,10 +97,16 @@ impl Partition<'_> {
             self.starts[(bucket - first) as usize] += 1;
         }
         let mut end = self.offset;
-        for start in &mut *self.starts {
-            end += *start;
-            *start = end;
+        let (most, rest) = self.starts.as_chunks_mut::<8>();
+        for eight in most {
+            // Photons lie on surfaces: most cells are empty.
+            if *eight == [0; 8] {
+                *eight = [end; 8];
+            } else {
+                add_up(eight, &mut end);
+            }
         }
+        add_up(rest, &mut end);
         // From the last photon to the first, so that ends turn into starts.
         for (photons, buckets) in runs().rev() {
             for (photon, bucket) in photons.iter().zip(buckets).rev() {
@@ -159,6 +122,14 @@ impl Partition<'_> {
         for place in (end - self.offset) as usize..self.blocks.len() * BLOCK {
             self.blocks[place / BLOCK].set(place % BLOCK, &NOTHING);
         }
+    }
+}
+
+/// Where each of these counts ends, and all of them.
+fn add_up(counts: &mut [u32], end: &mut u32) {
+    for count in counts {
+        *end += *count;
+        *count = *end;
     }
 }
 

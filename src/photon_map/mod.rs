@@ -5,13 +5,14 @@ mod build;
 mod grid;
 mod look_ups;
 
-use crate::lanes::{LANES, Mask, Vec3s, paired};
+use crate::lanes::{LANES, Mask, Vec3s};
 use crate::light_paths::LightPaths;
 use crate::math::{Bounds, Rgb};
 use crate::pair_list::PairList;
-use crate::photon::Photon;
+use crate::photon::{Extent, Photon};
+use crate::simd::{Simd, paired};
 use block::{BLOCK, Block, Counting, Flux, lanes_from};
-use build::{Chunk, Extent};
+use build::Chunk;
 use glam::{BVec4A, Vec3, Vec3A, Vec4};
 use grid::Grid;
 use std::array::from_fn;
@@ -101,12 +102,16 @@ impl PhotonMap {
     /// # Panics
     /// If there are 2^32 photons or nearly as many.
     pub fn build(&mut self, paths: &LightPaths, radius: f32) {
-        self.build_from(&paths.photons().collect::<Vec<_>>(), radius);
+        self.build_within(&paths.photons().collect::<Vec<_>>(), paths.extent(), radius);
     }
 
     /// [`Self::build`] from slices of photons.
     pub fn build_from(&mut self, slices: &[&[Photon]], radius: f32) {
-        let extent = Extent::new(slices);
+        let extents = slices.iter().map(|photons| Extent::of(photons));
+        self.build_within(slices, extents.fold(Extent::default(), Extent::and), radius);
+    }
+
+    fn build_within(&mut self, slices: &[&[Photon]], extent: Extent, radius: f32) {
         let Extent { bounds, count, .. } = extent;
         self.radius = radius;
         self.radius2 = radius * radius;
@@ -233,6 +238,7 @@ impl PhotonMap {
     #[inline(always)] // vectorized
     pub(crate) fn pairs_in(
         &self,
+        simd: Simd,
         ranges: &[Range],
         look_up: &LookUp,
         (camera_path, weight): (u32, Rgb),
@@ -253,7 +259,8 @@ impl PhotonMap {
                 nested += Vec4::select(counts, outside, Vec4::ZERO);
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();
-                let together = paired(counts, light_paths, values.to_array().map(f32::to_bits));
+                let values = values.to_array().map(f32::to_bits);
+                let together = paired(simd, counts, light_paths, values);
                 space[found..found + BLOCK].copy_from_slice(bytemuck::cast_slice(&together));
                 found += counts.count_ones() as usize;
             },

@@ -2,12 +2,15 @@
 
 use super::normal_map::Tangent;
 use super::transform::Transform;
-use super::{Corners, Material, Placement, Scene, Surface, Triangle, interpolate, to_front};
+use super::{Corners, Material, Placement, Plain, Scene, Surface, Triangle, interpolate, to_front};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::bsdf::Bsdf;
 use crate::diffuse::DiffuseVertices;
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::lanes::{LANES, Mask, Vec3s, any, bits};
+use crate::simd::{Simd, side_by_side};
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
+use std::array::from_fn;
 
 /// Rays that hit no plain surface, a bit for each.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,59 +21,98 @@ pub struct Elsewhere {
     pub others: u32,
 }
 
+/// Room for what is read of surfaces that are hit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seen {
+    triangle: Triangles,
+    material: Plains,
+}
+
+/// Sixteen [`Triangle`]s.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Triangles {
+    origin: Vec3s,
+    edge1: Vec3s,
+    edge2: Vec3s,
+    normal: Vec3s,
+    offset: [f32; LANES],
+    material: [u32; LANES],
+    area: [f32; LANES],
+    corners: [u32; LANES],
+}
+
+/// Sixteen [`Plain`] materials.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Plains {
+    albedo: Vec3s,
+    flags: [u32; LANES],
+}
+
 impl Scene {
     /// Sets `at` to where the first `count` rays of these directions hit surfaces that are Lambertian
     /// and the same all over the triangle, and tells which rays hit nothing or something else.
     #[inline(always)] // a call costs a tenth of the light phase
     pub fn plain(
         &self,
+        simd: Simd,
         directions: &Vec3s,
         hits: &HitPacket,
         count: usize,
+        seen: &mut Seen,
         at: &mut DiffuseVertices,
     ) -> Elsewhere {
-        let mut elsewhere = Elsewhere::default();
-        let (mut origin, mut edge1, mut edge2) = <(Vec3s, Vec3s, Vec3s)>::default();
-        let mut offset = [0.0; LANES];
-        let mut two_sided = Mask::default();
         at.clear();
-        for lane in 0..count {
-            let Some(triangle) = self.triangle(hits.mesh[lane], hits.triangle[lane]) else {
-                elsewhere.missed |= 1 << lane;
-                continue;
-            };
-            let plain = self.plain.get(triangle.material as usize).and_then(Option::as_ref);
-            let Some(plain) = plain.filter(|_| triangle.corners == Triangle::FLAT) else {
-                elsewhere.others |= 1 << lane;
-                continue;
-            };
-            at.active[lane] = true;
-            origin.set(lane, triangle.origin);
-            edge1.set(lane, triangle.edge1);
-            edge2.set(lane, triangle.edge2);
-            offset[lane] = triangle.offset;
-            at.normal.set(lane, triangle.normal);
-            at.albedo.set(lane, plain.albedo);
-            two_sided[lane] = plain.two_sided;
-            if plain.emits {
-                at.emission.set(lane, self.materials[triangle.material as usize].emission);
-                at.any_emits = true;
-            }
+        if self.triangles.is_empty() {
+            return Elsewhere { missed: (1 << count) - 1, others: 0 };
         }
+        let last_mesh = self.first_triangle.len() - 1;
+        let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
+        // What is hit is chance: instead of branches, rays that miss read the first triangle.
+        let triangles: [&Triangle; LANES] = from_fn(|lane| {
+            let first = self.first_triangle[(hits.mesh[lane] as usize).min(last_mesh)];
+            let index = first.wrapping_add(hits.triangle[lane]) * u32::from(is_hit[lane]);
+            &self.triangles[index as usize]
+        });
+        let materials = from_fn(|lane| &self.plain[triangles[lane].material as usize]);
+        let Seen { triangle, material } = seen;
+        side_by_side(simd, &triangles, triangle);
+        side_by_side(simd, &materials, material);
+        let mut emits = Mask::default();
         for lane in 0..LANES {
+            let is_flat = triangle.corners[lane] == Triangle::FLAT;
+            let flags = material.flags[lane];
+            let is_plain = is_hit[lane] & is_flat & (flags & Plain::IS_PLAIN != 0);
+            at.active[lane] = is_plain;
+            emits[lane] = is_plain & (flags & Plain::EMITS != 0);
             // As `Triangle::point` and `Side::new`.
-            let front = at.normal.get(lane).dot(directions.get(lane)) <= 0.0;
-            let normal = at.normal.get(lane) * if front { 1.0 } else { -1.0 };
-            let (u, v) = (hits.u[lane], hits.v[lane]);
-            let position = origin.get(lane) + u * edge1.get(lane) + v * edge2.get(lane);
+            let front = triangle.normal.get(lane).dot(directions.get(lane)) <= 0.0;
+            let normal = triangle.normal.get(lane) * if front { 1.0 } else { -1.0 };
+            let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
+            let position = triangle.origin.get(lane) + hits.u[lane] * edge1 + hits.v[lane] * edge2;
             at.front[lane] = front;
             at.position.set(lane, position);
             at.normal.set(lane, normal);
-            at.off_surface.set(lane, position + normal * offset[lane]);
-            let reflects = if front | two_sided[lane] { 1.0 } else { 0.0 };
-            at.albedo.set(lane, at.albedo.get(lane) * reflects);
+            at.off_surface.set(lane, position + normal * triangle.offset[lane]);
+            let reflects = if front | (flags & Plain::TWO_SIDED != 0) { 1.0 } else { 0.0 };
+            at.albedo.set(lane, material.albedo.get(lane) * reflects);
         }
-        elsewhere
+        if any(&emits) {
+            self.set_emission(&triangles, &emits, at);
+        }
+        let (is_hit, plain) = (bits(&is_hit), bits(&at.active));
+        Elsewhere { missed: !is_hit & ((1 << count) - 1), others: is_hit & !plain }
+    }
+
+    /// Sets the emission of these lanes.
+    #[inline(never)] // keeps the common case short
+    fn set_emission(&self, triangles: &[&Triangle; LANES], emits: &Mask, at: &mut DiffuseVertices) {
+        at.any_emits = true;
+        for lane in (0..LANES).filter(|&lane| emits[lane]) {
+            let material = triangles[lane].material as usize;
+            at.emission.set(lane, self.materials[material].emission);
+        }
     }
 
     /// What `ray`, of a direction of unit length, hit.

@@ -45,6 +45,7 @@ mod transform;
 pub use camera::{Camera, FieldOfView, Optics, View};
 pub use emitter::{Directional, Emitter, Spot};
 pub use environment::Environment;
+pub use hit::Seen;
 pub use light::{Emission, LightSample, Lights};
 pub use light_lanes::{Emissions, LightSamples};
 pub use load::{LoadOptions, Loaded, load, load_with};
@@ -63,6 +64,7 @@ use crate::accel::TriangleMesh;
 use crate::bsdf::Bsdf;
 use crate::error::{Error, Result};
 use crate::math::{Bounds, Rgb};
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, Mul};
@@ -104,7 +106,7 @@ impl Mesh {
 }
 
 /// A triangle as shading needs it: one cache line.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Triangle {
     /// First vertex.
@@ -266,21 +268,29 @@ pub struct Scene {
     /// Index in `triangles` of the first of each placement's mesh.
     first_triangle: Vec<u32>,
     /// Of each material.
-    plain: Vec<Option<Plain>>,
+    plain: Vec<Plain>,
 }
 
 /// What is read of a material that is Lambertian, wherever nothing varies: 16 bytes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 struct Plain {
     albedo: Rgb,
-    two_sided: bool,
-    emits: bool,
+    /// What holds for it, bit by bit; without [`Self::IS_PLAIN`] the rest means nothing.
+    flags: u32,
 }
 
 impl Plain {
-    fn of(material: &Material) -> Option<Self> {
-        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return None };
-        Some(Self { albedo, two_sided, emits: material.emission != Rgb::ZERO })
+    const IS_PLAIN: u32 = 1;
+    const TWO_SIDED: u32 = 2;
+    const EMITS: u32 = 4;
+
+    fn of(material: &Material) -> Self {
+        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return Self::default() };
+        let emits = material.emission != Rgb::ZERO;
+        let flag = |flag: u32, is_set: bool| flag * u32::from(is_set);
+        let flags = flag(Self::TWO_SIDED, two_sided) | flag(Self::EMITS, emits);
+        Self { albedo, flags: flags | Self::IS_PLAIN }
     }
 }
 

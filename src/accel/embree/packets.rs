@@ -8,7 +8,8 @@
 use super::Device;
 use crate::accel::packet::used;
 use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
-use crate::lanes::{LANES, Mask, vectorized};
+use crate::lanes::{LANES, Mask};
+use crate::simd::vectorized;
 use embree4_sys as sys;
 use std::ptr::null_mut;
 
@@ -113,7 +114,7 @@ pub(super) unsafe fn intersect(
     // SAFETY: the caller's promise about the scene is handed on.
     vectorized(
         #[inline(always)]
-        || unsafe {
+        |_| unsafe {
             match size {
                 PacketSize::Sixteen => packet16::intersect(scene, rays, hits, coherence),
                 PacketSize::Eight => packet8::intersect(scene, rays, hits, coherence),
@@ -135,7 +136,7 @@ pub(super) unsafe fn occlude(
     // SAFETY: the caller's promise about the scene is handed on.
     vectorized(
         #[inline(always)]
-        || unsafe {
+        |_| unsafe {
             match size {
                 PacketSize::Sixteen => packet16::occlude(scene, rays, occluded, coherence),
                 PacketSize::Eight => packet8::occlude(scene, rays, occluded, coherence),
