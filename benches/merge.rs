@@ -7,105 +7,90 @@
 #![allow(missing_docs)]
 
 mod home;
+mod paired;
 mod raw;
+mod squares;
 mod subject;
 
-use bdpm::accel::Intersect;
+use bdpm::Settings;
 use bdpm::accel::backend::{Backend, build};
-use bdpm::camera_paths::{CameraPass, CameraPaths};
+use bdpm::camera_paths::CameraPaths;
 use bdpm::gather::GatherPoint;
 use bdpm::light_paths::LightPaths;
 use bdpm::math::{Rgb, disc_area};
 use bdpm::merge::{Gathered, Merge};
 use bdpm::photon::{Photon, PhotonClass};
 use bdpm::photon_map::PhotonMap;
-use bdpm::rng::{Stream, StreamKey};
-use bdpm::{Scene, Settings};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use home::median;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use raw::points::RawPoints;
+use squares::Squares;
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::time::Duration;
-use subject::{ids, scene};
+use subject::scene;
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
 const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
 
-/// Camera paths of each pixel: of all 64x64 as many as a render merges together with many photons.
-const CAMERA_PATHS: u32 = 16;
-
-/// Look-ups and pairs found, for each number of light paths.
-type Counts = RefCell<Vec<[u64; 2]>>;
+/// Look-ups, pairs found and photons, for each number of light paths.
+type Counts = RefCell<Vec<[u64; 3]>>;
 
 /// All pairs together.
 #[derive(Default)]
 struct Sum {
-    light: Rgb,
+    light: DVec3,
     pairs: u64,
-}
-
-/// The image's camera paths, so many `together`.
-fn camera_paths(
-    scene: &Scene,
-    accel: &dyn Intersect,
-    settings: &Settings,
-    together: usize,
-) -> Vec<CameraPaths> {
-    let pass = CameraPass {
-        scene,
-        view: scene.camera.view(settings.width, settings.height),
-        accel,
-        settings,
-        key: StreamKey::new(1, Stream::CameraPath, 0),
-        gather_early: false,
-    };
-    let mut all = Vec::new();
-    let mut ids = ids(settings).peekable();
-    while ids.peek().is_some() {
-        let mut paths = CameraPaths::default();
-        while ids.peek().is_some() && paths.direct.len() < together {
-            paths.trace(&pass, ids.by_ref().take(CameraPaths::BATCH));
-        }
-        all.push(paths);
-    }
-    all
 }
 
 /// Merges as [`Merge`] does, photons within the radius being found by `look_up(position, found)`.
 fn merge_by(
-    (paths, photons, settings): (&[CameraPaths], &[Photon], &Settings),
+    paths: &CameraPaths,
+    (photons, settings): (&[Photon], &Settings),
     mut look_up: impl FnMut(Vec3, &mut dyn FnMut(u32)),
 ) -> Sum {
     let kernel = disc_area(settings.radius).recip();
     let mut sum = Sum::default();
-    for point in paths.iter().flat_map(|paths| paths.gather_points.iter()) {
+    for point in paths.gather_points.iter() {
         assert_eq!(point.view, GatherPoint::NO_VIEW, "this bench merges Lambertian surfaces");
         let weight = point.weight * kernel;
         let last = point.vertex == settings.merge_vertex;
+        let mut light = Rgb::ZERO;
         look_up(point.position, &mut |index| {
             let photon = &photons[index as usize];
             if (last || photon.class() == PhotonClass::EveryVertex) && photon.faces(point.normal) {
                 sum.pairs += 1;
-                sum.light += weight * photon.flux;
+                light += weight * photon.flux;
             }
         });
+        sum.light += light.as_dvec3();
     }
     sum
 }
 
 #[track_caller]
-fn assert_same(what: &str, sum: &Sum, expected: &Sum) {
+fn assert_same(
+    what: &str,
+    squares: &Squares,
+    merge: &mut dyn FnMut(&CameraPaths) -> Sum,
+    expected: &Sum,
+) {
+    let mut sum = Sum::default();
+    squares.each(|paths| {
+        let Sum { light, pairs } = merge(paths);
+        sum.light += light;
+        sum.pairs += pairs;
+    });
     assert_eq!(sum.pairs, expected.pairs, "{what}");
     let off = (sum.light - expected.light).abs().max_element();
-    assert!(off <= 1e-3 * expected.light.max_element(), "{what}: {off}");
+    assert!(off <= 1e-5 * expected.light.max_element(), "{what}: {off}");
 }
 
 fn merging(criterion: &mut Criterion, counts: &Counts) {
     let (scene, mut settings) = scene();
-    settings.camera_paths = CAMERA_PATHS;
+    (settings.width, settings.height, settings.camera_paths) = (512, 512, 4);
     let accel = build(Backend::Embree, &scene).unwrap();
     let mut gathered = Gathered::default();
     for light_paths in LIGHT_PATHS {
@@ -117,24 +102,25 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
         let merge = Merge::new(&map, settings.merge_vertex);
-        let all = camera_paths(&scene, &*accel, &settings, merge.together(false));
-        let subject = (&all[..], &photons[..], &settings);
-        let look_ups: usize = all.iter().map(|paths| paths.gather_points.iter().count()).sum();
-        let mut expected = Sum::default();
-        for paths in &all {
+        let squares = Squares::new(&scene, &*accel, &settings, merge.together(false));
+        let subject = (&photons[..], &settings);
+        let (mut look_ups, mut expected) = (0, Sum::default());
+        squares.each(|paths| {
+            look_ups += paths.gather_points.iter().count();
             merge.gather_pairs(paths, &mut gathered, |gathered, complete| {
                 expected.pairs += gathered.pairs.len() as u64;
-                expected.light += gathered.sums[complete].iter().sum::<Rgb>();
+                expected.light +=
+                    gathered.sums[complete].iter().map(|sum| sum.as_dvec3()).sum::<DVec3>();
             });
-        }
-        counts.borrow_mut().push([look_ups as u64, expected.pairs]);
+        });
+        counts.borrow_mut().push([look_ups as u64, expected.pairs, photons.len() as u64]);
 
         let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&points).unwrap();
         let mut scratch = tree.create_scratch::<SquaredEuclidean<f32>>();
         let radius2 = settings.radius * settings.radius;
-        let mut kiddo = || {
-            merge_by(subject, |position, found| {
+        let mut kiddo = |paths: &CameraPaths| {
+            merge_by(paths, subject, |position, found| {
                 tree.query(&position.to_array())
                     .within::<SquaredEuclidean<f32>>(radius2)
                     .unsorted()
@@ -143,20 +129,30 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
                     .visit(|result| found(result.item));
             })
         };
-        assert_same("kiddo", &kiddo(), &expected);
+        assert_same("kiddo", &squares, &mut kiddo, &expected);
 
         let embree = RawPoints::new(&positions);
-        let queries =
-            || merge_by(subject, |position, found| embree.within(position, settings.radius, found));
-        assert_same("Embree", &queries(), &expected);
+        let mut queries = |paths: &CameraPaths| {
+            merge_by(paths, subject, |position, found| {
+                embree.within(position, settings.radius, found);
+            })
+        };
+        assert_same("Embree", &squares, &mut queries, &expected);
 
         let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));
         group.throughput(Throughput::Elements(look_ups as u64));
-        group.bench_function(STRUCTURES[0], |bencher| {
-            bencher.iter(|| all.iter().for_each(|paths| merge.gather(paths, &mut gathered)));
+        let mut bench = |name: &str, work: &mut dyn FnMut(&CameraPaths)| {
+            group.bench_function(name, |bencher| {
+                bencher.iter_custom(|times| (0..times).map(|_| squares.time(&mut *work)).sum());
+            });
+        };
+        bench(STRUCTURES[0], &mut |paths| merge.gather(paths, &mut gathered));
+        bench(STRUCTURES[1], &mut |paths| {
+            black_box(kiddo(paths));
         });
-        group.bench_function(STRUCTURES[1], |bencher| bencher.iter(|| kiddo().light));
-        group.bench_function(STRUCTURES[2], |bencher| bencher.iter(|| queries().light));
+        bench(STRUCTURES[2], &mut |paths| {
+            black_box(queries(paths));
+        });
         group.finish();
         building(criterion, (&light, light_paths), &photons, settings.radius);
     }
@@ -226,7 +222,7 @@ fn ratios(counts: &Counts) {
     let counts = counts.borrow();
     let mut fits = STRUCTURES.map(|_| Vec::new());
     println!("\nlight paths, found per look-up: nanoseconds per look-up, and over the map");
-    for (light_paths, &[look_ups, pairs]) in LIGHT_PATHS.into_iter().zip(&*counts) {
+    for (light_paths, &[look_ups, pairs, _]) in LIGHT_PATHS.into_iter().zip(&*counts) {
         let group = format!("look-ups/{light_paths}");
         let (look_ups, pairs) = (look_ups as f64, pairs as f64);
         let Some(map) = median(&group, STRUCTURES[0]) else { continue };
@@ -244,12 +240,14 @@ fn ratios(counts: &Counts) {
             println!("{name}: {look_up:.1} ns per look-up, {found:.2} ns per found photon");
         }
     }
-    for light_paths in LIGHT_PATHS {
+    for (light_paths, &[.., photons]) in LIGHT_PATHS.into_iter().zip(&*counts) {
         let group = format!("build/{light_paths}");
         let time = |name| median(&group, name).unwrap_or(f64::NAN);
         let one = time("1 thread");
         println!(
-            "build {light_paths:8}: {:.2} times copy and sort, {:.2} times 2 threads",
+            "build {light_paths:8}: {:.0} million photons/s, {:.2} times copy and sort, \
+             {:.2} times 2 threads",
+            photons as f64 / one * 1e-6,
             one / time("copy and counting sort"),
             one / time("2 threads"),
         );

@@ -1,0 +1,65 @@
+//! Camera paths as a render merges them together.
+
+use super::paired::timed;
+use bdpm::accel::Intersect;
+use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::rng::{Stream, StreamKey};
+use bdpm::{Scene, Settings};
+use std::time::Duration;
+
+/// Camera paths that are merged, about.
+const LOOK_UPS: u32 = 131_072;
+
+/// Squares of an image, in which a render merges the camera paths together.
+pub struct Squares<'a> {
+    pass: CameraPass<'a>,
+    /// Their first column and row.
+    corners: Vec<[u32; 2]>,
+    /// Pixels along each edge.
+    side: u32,
+}
+
+impl<'a> Squares<'a> {
+    /// Those of about `together` camera paths, as many as hold [`LOOK_UPS`], from all over the image.
+    pub fn new(
+        scene: &'a Scene,
+        accel: &'a dyn Intersect,
+        settings: &'a Settings,
+        together: usize,
+    ) -> Self {
+        let Settings { width, height, camera_paths, .. } = *settings;
+        let key = StreamKey::new(1, Stream::CameraPath, 0);
+        let view = scene.camera.view(width, height);
+        let pass = CameraPass { scene, view, accel, settings, key, gather_early: false };
+        let side = (together as u32 / camera_paths).isqrt();
+        let (columns, rows) = (width / side, height / side);
+        let step = columns * rows * side * side * camera_paths / LOOK_UPS;
+        let corner = |square| [square % columns * side, square / columns * side];
+        let corners = (0..columns * rows).step_by(step as usize).map(corner).collect();
+        Self { pass, corners, side }
+    }
+
+    /// Traces the camera paths of one square after the other.
+    pub fn each(&self, mut visit: impl FnMut(&CameraPaths)) {
+        let mut paths = CameraPaths::default();
+        for &[x0, y0] in &self.corners {
+            let pixels = (0..self.side).flat_map(|y| (0..self.side).map(move |x| [x0 + x, y0 + y]));
+            let all = 0..self.pass.settings.camera_paths;
+            let ids = pixels
+                .flat_map(|[x, y]| all.clone().map(move |index| CameraPathId { x, y, index }));
+            let mut ids = ids.peekable();
+            paths.clear();
+            while ids.peek().is_some() {
+                paths.trace(&self.pass, ids.by_ref().take(CameraPaths::BATCH));
+            }
+            visit(&paths);
+        }
+    }
+
+    /// Time of `work` with all squares, as they lie in the caches after they are traced.
+    pub fn time(&self, mut work: impl FnMut(&CameraPaths)) -> Duration {
+        let mut time = Duration::ZERO;
+        self.each(|paths| time += timed(|| work(paths)));
+        time
+    }
+}
