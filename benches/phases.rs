@@ -21,6 +21,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use paired::{Ratio, timed};
 use raw::{Packets, RawScene};
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::cell::RefCell;
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 use subject::{camera_phase, scene};
@@ -174,20 +175,27 @@ fn raw<'a>(scene: &'a RawScene, packets: &'a [Vec<Packets>]) -> impl FnMut() -> 
     }
 }
 
-/// The same, half of them on each of two threads, if there are two.
-fn raw_halves<'a>(
-    scene: &'a RawScene,
-    packets: &'a [Vec<Packets>],
-    pool: &'a ThreadPool,
-) -> impl FnMut() -> Duration + use<'a> {
-    let mut iterations = packets.iter().cycle();
-    move || {
-        let halves = iterations.next().unwrap().iter().cloned().map(Packets::halves);
-        let (mut one, mut other): (Vec<_>, Vec<_>) =
-            halves.map(|[one, other]| (one, other)).unzip();
-        let both = || rayon::join(|| scene.trace(&mut one), || scene.trace(&mut other));
-        timed(|| pool.install(both))
-    }
+/// Arithmetic in registers alone, half of it for each of two threads: what a second one gains at best.
+fn arithmetic() {
+    let half = || {
+        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
+        (0..1_000_000).map(|_| rng.next_1d()).fold(0.0, f32::max)
+    };
+    std::hint::black_box(rayon::join(half, half));
+}
+
+/// How long `work` takes with one thread over two, each at it for so long that waking up does not matter: a
+/// processor that slept takes milliseconds to come back where others want it, too.
+fn one_over_two(mut work: impl FnMut() + Send) -> Ratio {
+    let [one, two] =
+        [1, 2].map(|threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
+    let times = Duration::from_millis(200).div_duration_f64(timed(&mut work)).ceil() as u32;
+    let work = RefCell::new(work);
+    let on = |pool: &ThreadPool| {
+        let work = &mut *work.borrow_mut();
+        timed(|| pool.install(|| (0..times).for_each(|_| work())))
+    };
+    Ratio::new(|| on(&one), || on(&two))
 }
 
 fn raw_scene(scene: &Scene) -> RawScene {
@@ -206,7 +214,6 @@ fn ratios(_: &mut Criterion) {
     let accel = build(Backend::Embree, &scene).unwrap();
     let limit = raw_scene(&scene);
     let one = one_thread();
-    let two = &ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     println!("\nmedian (quartiles) of rounds in turn");
 
     let pass = camera_pass(&scene, &*accel, &settings);
@@ -219,8 +226,7 @@ fn ratios(_: &mut Criterion) {
     let count = settings.pixels() as f64 * f64::from(settings.camera_paths);
     let ns = ratio.seconds.map(|time| time / count * 1e9);
     println!("camera phase over raw packets: {ratio}; {:.0} and {:.0} ns per path", ns[0], ns[1]);
-    let ratio = Ratio::new(raw_halves(&limit, &packets, one), raw_halves(&limit, &packets, two));
-    println!("raw packets of the camera phase, one thread over two: {ratio}");
+    println!("arithmetic alone, one thread over two: {}", one_over_two(arithmetic));
 
     for light_paths in LIGHT_PATHS {
         let settings = Settings { light_paths, ..settings.clone() };
@@ -245,18 +251,16 @@ fn ratios(_: &mut Criterion) {
         println!(
             "light phase over raw packets, N_F = {light_paths}: {ratio}; {own:.0} and {raw:.0} ns per path"
         );
-        for (what, pools, measures) in [
-            ("measuring over production iteration", [one, one], [Measure::Pairs, Measure::Off]),
-            ("one thread over two", [one, two], [Measure::Off; 2]),
-        ] {
-            let [mut first, mut second] =
-                [0; 2].map(|_| Renderer::new(&scene, &*accel, settings.clone()).unwrap());
-            let ratio = Ratio::new(
-                || timed(|| pools[0].install(|| first.iterate(measures[0]))),
-                || timed(|| pools[1].install(|| second.iterate(measures[1]))),
-            );
-            println!("{what}, N_F = {light_paths}: {ratio}");
-        }
+        let renderer = || Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+        let (mut first, mut second) = (renderer(), renderer());
+        let ratio = Ratio::new(
+            || timed(|| one.install(|| first.iterate(Measure::Pairs))),
+            || timed(|| one.install(|| second.iterate(Measure::Off))),
+        );
+        println!("measuring over production iteration, N_F = {light_paths}: {ratio}");
+        let mut renderer = renderer();
+        let ratio = one_over_two(|| drop(renderer.iterate(Measure::Off)));
+        println!("one thread over two, N_F = {light_paths}: {ratio}");
     }
 }
 

@@ -12,10 +12,6 @@ pub struct RawScene {
     scene: RTCScene,
 }
 
-// SAFETY: Embree lets any number of threads trace rays through a committed scene; nothing else uses the handles
-// before they are dropped.
-unsafe impl Sync for RawScene {}
-
 /// Rays in packets of 16, ready to trace; the last may have fewer.
 #[derive(Clone)]
 pub struct Packets {
@@ -131,18 +127,6 @@ impl Packets {
     pub fn any(rays: &[Ray], coherence: Coherence) -> Self {
         let packets = rays.chunks(16).map(|rays| packet(rays).ray).collect();
         Self { kind: Kind::Any(packets), coherence, last: last(rays) }
-    }
-
-    /// Both halves of the packets, for two threads.
-    pub fn halves(mut self) -> [Self; 2] {
-        let (kind, last) = match &mut self.kind {
-            Kind::Closest(packets) => {
-                (Kind::Closest(packets.split_off(packets.len() / 2)), self.last)
-            }
-            Kind::Any(packets) => (Kind::Any(packets.split_off(packets.len() / 2)), self.last),
-        };
-        let second = Self { kind, coherence: self.coherence, last };
-        [Self { last: 16, ..self }, second]
     }
 }
 
