@@ -5,7 +5,6 @@ use crate::math::{Bounds, Rgb, pack_direction, unpack_direction};
 use crate::simd::{Simd, one_by_one};
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec3A};
-use std::array::from_fn;
 
 /// A light path's arrival at a surface: 36 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -83,15 +82,14 @@ pub(crate) struct Photons {
 }
 
 impl Photons {
-    /// Each with the packed direction `from` which it came.
+    /// One by one, with the packed direction `from` which each came.
     #[inline(always)] // part of the loop over vertices
-    pub fn one_by_one(&self, simd: Simd, from: &[u32; LANES]) -> [Photon; LANES] {
-        let rows: [[u32; 8]; LANES] = one_by_one(simd, self);
-        from_fn(|lane| {
-            let mut words = [from[lane]; 9];
-            words[..8].copy_from_slice(&rows[lane]);
-            bytemuck::cast(words)
-        })
+    pub fn one_by_one(&self, simd: Simd, from: &[u32; LANES], mut each: impl FnMut(usize, Photon)) {
+        one_by_one(simd, bytemuck::cast_ref(self), |lane, words| {
+            let mut photon = [from[lane]; 9];
+            photon[..8].copy_from_slice(words.as_flattened());
+            each(lane, bytemuck::cast(photon));
+        });
     }
 }
 

@@ -149,21 +149,22 @@ pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -
     bytemuck::cast(reordered(bytemuck::cast([first, second]), order))
 }
 
-/// One packet of columns of words as sixteen rows.
+/// The rows of a packet of eight columns of words, one by one.
 #[inline(always)]
-pub(crate) fn one_by_one<P: Pod, T: Pod + Default>(simd: Simd, packet: &P) -> [T; LANES] {
-    const { assert!(size_of::<P>() == LANES * size_of::<T>() && size_of::<T>().is_multiple_of(16)) };
-    let mut rows = [T::default(); LANES];
-    let columns: &[[u32; LANES]] = bytemuck::cast_slice(std::slice::from_ref(packet));
-    for (quad, columns) in columns.as_chunks::<4>().0.iter().enumerate() {
-        for half in [0, 8] {
-            let eight = from_fn(|column| from_fn(|row| columns[column][half + row]));
-            for (row, words) in rows[half..].iter_mut().zip(rows_of(simd, eight)) {
-                bytemuck::cast_slice_mut(std::slice::from_mut(row))[quad] = words;
-            }
+pub(crate) fn one_by_one(
+    simd: Simd,
+    columns: &[[u32; LANES]; 8],
+    mut each: impl FnMut(usize, [[u32; 4]; 2]),
+) {
+    for half in [0, 8] {
+        let eight =
+            |column: usize| *columns[column][half..].first_chunk().expect("eight of sixteen");
+        let low = rows_of(simd, [eight(0), eight(1), eight(2), eight(3)]);
+        let high = rows_of(simd, [eight(4), eight(5), eight(6), eight(7)]);
+        for row in 0..8 {
+            each(half + row, [low[row], high[row]]);
         }
     }
-    rows
 }
 
 /// Four words of each of eight as four columns of eight.
@@ -268,7 +269,12 @@ mod tests {
             for (column, words) in columns.iter().enumerate() {
                 assert_eq!(*words, rows.map(|row| row[column]));
             }
-            assert_eq!(one_by_one::<_, [u32; 8]>(simd, &columns), rows);
+            let mut seen = 0;
+            one_by_one(simd, &columns, |row, words| {
+                assert_eq!(words.as_flattened(), rows[row]);
+                seen += 1;
+            });
+            assert_eq!(seen, LANES);
         });
     }
 }

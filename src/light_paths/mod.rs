@@ -5,7 +5,7 @@ mod walks;
 use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
 use crate::diffuse::DiffuseVertices;
 use crate::flight::Flight;
-use crate::lanes::{LANES, Mask, any, bits, lanes_of};
+use crate::lanes::{LANES, Mask, any, lanes_of};
 use crate::math::{Rgb, pack_direction};
 use crate::photon::{Extent, Photon, PhotonClass, Photons, Side};
 use crate::pool::Pool;
@@ -61,7 +61,7 @@ impl LightPaths {
 
     /// All photons: slices of consecutive paths, each bounce by bounce.
     pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
-        self.batches.iter().map(|batch| &batch.photons[..])
+        self.batches.iter().map(|batch| batch.photons.as_slice())
     }
 
     /// What is to be known of all photons before they can be sorted.
@@ -94,10 +94,52 @@ impl LightPaths {
 #[derive(Debug, Default)]
 struct Batch {
     /// Bounce by bounce.
-    photons: Vec<Photon>,
+    photons: PhotonList,
     extent: Extent,
     rays: u64,
     busy: Duration,
+}
+
+/// By so many photons a [`PhotonList`] grows.
+const STEP: usize = 256;
+
+/// Photons that come many at a time.
+#[derive(Debug, Default)]
+struct PhotonList {
+    /// Behind the photons, anything.
+    buffer: Vec<Photon>,
+    count: usize,
+}
+
+impl PhotonList {
+    fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    fn as_slice(&self) -> &[Photon] {
+        &self.buffer[..self.count]
+    }
+
+    /// Room for as many as sixteen paths leave, to be [taken](Self::take).
+    #[inline(always)]
+    fn space(&mut self) -> &mut [Photon; LANES] {
+        let end = self.count + LANES;
+        if self.buffer.len() < end {
+            self.buffer.resize(end.next_multiple_of(STEP), Photon::default());
+        }
+        self.buffer[self.count..].first_chunk_mut().expect("there is room")
+    }
+
+    /// Adds the first of those that were written to [`Self::space`].
+    #[inline(always)]
+    fn take(&mut self, count: usize) {
+        self.count += count;
+    }
+
+    fn push(&mut self, photon: Photon) {
+        self.space()[0] = photon;
+        self.take(1);
+    }
 }
 
 /// A reusable workspace that traces one batch after another.
@@ -108,9 +150,7 @@ struct Tracer {
     next: Flight<Walks, 16>,
     hits: Vec<HitPacket>,
     /// Of the current batch.
-    photons: Vec<Photon>,
-    /// The next of them.
-    space: [Photon; LANES],
+    photons: PhotonList,
     /// Whether photons keep theirs.
     directions: bool,
 }
@@ -149,7 +189,7 @@ impl Tracer {
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
-        batch.extent = Extent::of(&batch.photons);
+        batch.extent = Extent::of(batch.photons.as_slice());
         batch.busy = start.elapsed();
     }
 
@@ -168,10 +208,10 @@ impl Tracer {
             Direct::Connect => None,
             Direct::PhotonMap => Some(PhotonClass::EveryVertex),
         };
+        let mut walks = Walks { class: [encoded(class); LANES], ..Walks::default() };
         while !paths.is_empty() {
             let first = paths.start;
             let count = paths.by_ref().take(LANES).count();
-            let mut walks = Walks { class: [encoded(class); LANES], ..Walks::default() };
             for lane in 0..count {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
@@ -247,15 +287,14 @@ impl Tracer {
                 *from = pack_direction(-walks.direction.get(lane));
             }
         }
-        let count = bits(&stored).count_ones() as usize;
         let photons = Photons { position: at.position, path: walks.path, flux: walks.flux, side };
         // All are written, but only those that are stored are kept: which these are nobody foresees.
-        let mut next = 0;
-        for (lane, photon) in photons.one_by_one(simd, &from).into_iter().enumerate() {
-            self.space[next % LANES] = photon;
-            next += usize::from(stored[lane]);
-        }
-        self.photons.extend_from_slice(&self.space[..count]);
+        let (space, mut count) = (self.photons.space(), 0);
+        photons.one_by_one(simd, &from, |lane, photon| {
+            space[count % LANES] = photon;
+            count += usize::from(stored[lane]);
+        });
+        self.photons.take(count);
     }
 
     /// Stores an arrival; `from` is a unit vector toward where it came from.

@@ -70,12 +70,14 @@ impl Scene {
         let last_mesh = self.first_triangle.len() - 1;
         let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
         // What is hit is chance: instead of branches, rays that miss read the first triangle.
-        let triangles: [&Triangle; LANES] = from_fn(|lane| {
+        let mut triangles = [&self.triangles[0]; LANES];
+        let mut materials = [&self.plain[0]; LANES];
+        for lane in 0..LANES {
             let first = self.first_triangle[(hits.mesh[lane] as usize).min(last_mesh)];
             let index = first.wrapping_add(hits.triangle[lane]) * u32::from(is_hit[lane]);
-            &self.triangles[index as usize]
-        });
-        let materials = from_fn(|lane| &self.plain[triangles[lane].material as usize]);
+            triangles[lane] = &self.triangles[index as usize];
+            materials[lane] = &self.plain[triangles[lane].material as usize];
+        }
         let Seen { triangle, material } = seen;
         side_by_side(simd, &triangles, triangle);
         side_by_side(simd, &materials, material);
