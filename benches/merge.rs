@@ -1,12 +1,12 @@
 //! Merging beside a k-d tree (`kiddo`) and Embree's point queries that do the same look-ups, and
-//! building the map beside copying and sorting the same bytes. Ratios are printed at the end.
+//! building the map beside copying and sorting the same bytes: in turn, so that ratios hold where the
+//! speed of the machine changes.
 //!
 //! All three find the same photons around the gather points of `scenes/cornell-box` and add up the
 //! same pairs, which is asserted. `BDPM_SCENE` takes another scene.
 
 #![allow(missing_docs)]
 
-mod home;
 mod paired;
 mod raw;
 mod squares;
@@ -23,8 +23,8 @@ use bdpm::photon::{Photon, PhotonClass};
 use bdpm::photon_map::PhotonMap;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
-use home::median;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use paired::{Ratio, measures, timed};
 use raw::points::RawPoints;
 use squares::Squares;
 use std::cell::RefCell;
@@ -33,10 +33,11 @@ use std::time::Duration;
 use subject::scene;
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
-const STRUCTURES: [&str; 3] = ["map", "kiddo", "embree point queries"];
+/// What the map is held against.
+const OTHERS: [&str; 2] = ["kiddo", "point queries"];
 
-/// Look-ups, pairs found and photons, for each number of light paths.
-type Counts = RefCell<Vec<[u64; 3]>>;
+/// Rounds in which both sides take turns.
+const TURNS: usize = 11;
 
 /// All pairs together.
 #[derive(Default)]
@@ -88,11 +89,13 @@ fn assert_same(
     assert!(off <= 1e-5 * expected.light.max_element(), "{what}: {off}");
 }
 
-fn merging(criterion: &mut Criterion, counts: &Counts) {
+fn merging(criterion: &mut Criterion) {
     let (scene, mut settings) = scene();
     (settings.width, settings.height, settings.camera_paths) = (512, 512, 4);
     let accel = build(Backend::Embree, &scene).unwrap();
     let mut gathered = Gathered::default();
+    // Photons found and seconds per look-up.
+    let (mut own, mut times) = (Vec::new(), [Vec::new(), Vec::new()]);
     for light_paths in LIGHT_PATHS {
         let mut light = LightPaths::default();
         light.trace(&scene, &*accel, &settings, light_paths, 0);
@@ -113,8 +116,6 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
                     gathered.sums[complete].iter().map(|sum| sum.as_dvec3()).sum::<DVec3>();
             });
         });
-        counts.borrow_mut().push([look_ups as u64, expected.pairs, photons.len() as u64]);
-
         let points: Vec<[f32; 3]> = positions.iter().map(Vec3::to_array).collect();
         let tree: ImmutableKdTree<f32, 3> = ImmutableKdTree::new_from_slice(&points).unwrap();
         let mut scratch = tree.create_scratch::<SquaredEuclidean<f32>>();
@@ -141,20 +142,36 @@ fn merging(criterion: &mut Criterion, counts: &Counts) {
 
         let mut group = criterion.benchmark_group(format!("look-ups/{light_paths}"));
         group.throughput(Throughput::Elements(look_ups as u64));
-        let mut bench = |name: &str, work: &mut dyn FnMut(&CameraPaths)| {
-            group.bench_function(name, |bencher| {
-                bencher.iter_custom(|times| (0..times).map(|_| squares.time(&mut *work)).sum());
-            });
-        };
-        bench(STRUCTURES[0], &mut |paths| merge.gather(paths, &mut gathered));
-        bench(STRUCTURES[1], &mut |paths| {
-            black_box(kiddo(paths));
-        });
-        bench(STRUCTURES[2], &mut |paths| {
-            black_box(queries(paths));
+        group.bench_function("map", |bencher| {
+            let mut time = || squares.time(|paths| merge.gather(paths, &mut gathered));
+            bencher.iter_custom(|times| (0..times).map(|_| time()).sum());
         });
         group.finish();
         building(criterion, (&light, light_paths), &photons, settings.radius);
+        if !measures() {
+            continue;
+        }
+        let look_ups = look_ups as f64;
+        let found = expected.pairs as f64 / look_ups;
+        println!("{light_paths} light paths, {found:.3} found per look-up");
+        let others: [&mut dyn FnMut(&CameraPaths) -> Sum; 2] = [&mut kiddo, &mut queries];
+        for ((name, other), times) in OTHERS.iter().zip(others).zip(&mut times) {
+            let ratio = Ratio::of(
+                TURNS,
+                || squares.time(|paths| _ = black_box(other(paths))),
+                || squares.time(|paths| merge.gather(paths, &mut gathered)),
+            );
+            let map = ratio.seconds[1] / look_ups;
+            println!("  {name} over the map's {:.1} ns per look-up: {ratio}", map * 1e9);
+            own.push([found, map]);
+            times.push([found, map * ratio.median]);
+        }
+    }
+    for (name, times) in std::iter::once(("map", &own)).chain(OTHERS.into_iter().zip(&times)) {
+        if !times.is_empty() {
+            let [look_up, found] = fit(times);
+            println!("{name}: {look_up:.1} ns per look-up, {found:.2} ns per found photon");
+        }
     }
 }
 
@@ -165,37 +182,50 @@ fn building(
     photons: &[Photon],
     radius: f32,
 ) {
+    let [one, two] =
+        [1, 2].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap());
+    let mut map = PhotonMap::default();
     let mut group = criterion.benchmark_group(format!("build/{light_paths}"));
     group.throughput(Throughput::Elements(photons.len() as u64));
-    for (threads, name) in [(1, "1 thread"), (2, "2 threads")] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut map = PhotonMap::default();
-        pool.install(|| map.build(light, radius)); // takes the memory
-        group.bench_function(name, |bencher| {
-            bencher.iter(|| pool.install(|| map.build(light, radius)));
+    group.bench_function("1 thread", |bencher| {
+        bencher.iter_custom(|times| {
+            one.install(|| timed(|| (0..times).for_each(|_| map.build(light, radius))))
         });
+    });
+    group.finish();
+    if !measures() {
+        return;
     }
     let (mut copy, mut sorted) = (photons.to_vec(), photons.to_vec());
     let keys = keys(photons, 2.0 * radius);
     let mut starts = vec![0u32; keys.iter().max().map_or(0, |&last| last as usize + 2)];
-    group.bench_function("copy and counting sort", |bencher| {
-        bencher.iter(|| {
-            copy.copy_from_slice(black_box(photons));
-            starts.fill(0);
-            keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
-            let mut sum = 0;
-            for start in &mut starts {
-                sum += *start;
-                *start = sum;
-            }
-            for (photon, &key) in copy.iter().zip(&keys) {
-                let place = &mut starts[key as usize];
-                sorted[*place as usize] = *photon;
-                *place += 1;
-            }
-        });
-    });
-    group.finish();
+    let mut copy_and_sort = || {
+        copy.copy_from_slice(black_box(photons));
+        starts.fill(0);
+        keys.iter().for_each(|&key| starts[key as usize + 1] += 1);
+        let mut sum = 0;
+        for start in &mut starts {
+            sum += *start;
+            *start = sum;
+        }
+        for (photon, &key) in copy.iter().zip(&keys) {
+            let place = &mut starts[key as usize];
+            sorted[*place as usize] = *photon;
+            *place += 1;
+        }
+    };
+    // Each for milliseconds at a time, on its thread: waking one up takes longer than a small map.
+    let times = 1_000_000u32.div_ceil(light_paths);
+    let mut build = |pool: &rayon::ThreadPool| {
+        pool.install(|| timed(|| (0..times).for_each(|_| map.build(light, radius))))
+    };
+    let sort = || timed(|| (0..times).for_each(|_| copy_and_sort()));
+    let over_sort = Ratio::of(TURNS, || build(&one), sort);
+    let speed = photons.len() as f64 * f64::from(times) / over_sort.seconds[0] * 1e-6;
+    println!("build {light_paths}: {speed:.0} million photons/s, over copy and sort {over_sort}");
+    let build = RefCell::new(build);
+    let on = |pool| (build.borrow_mut())(pool);
+    println!("  one thread over two: {}", Ratio::of(TURNS, || on(&one), || on(&two)));
 }
 
 /// The cells of a plain grid.
@@ -218,54 +248,12 @@ fn fit(points: &[[f64; 2]]) -> [f64; 2] {
     [(x * ff - f * xf) / determinant, (xx * f - xf * x) / determinant].map(|t| t * 1e9)
 }
 
-fn ratios(counts: &Counts) {
-    let counts = counts.borrow();
-    let mut fits = STRUCTURES.map(|_| Vec::new());
-    println!("\nlight paths, found per look-up: nanoseconds per look-up, and over the map");
-    for (light_paths, &[look_ups, pairs, _]) in LIGHT_PATHS.into_iter().zip(&*counts) {
-        let group = format!("look-ups/{light_paths}");
-        let (look_ups, pairs) = (look_ups as f64, pairs as f64);
-        let Some(map) = median(&group, STRUCTURES[0]) else { continue };
-        print!("{light_paths:8} {:7.3}:", pairs / look_ups);
-        for (name, fits) in STRUCTURES.iter().zip(&mut fits) {
-            let Some(time) = median(&group, name) else { continue };
-            print!("  {name} {:.1} ({:.2})", time / look_ups * 1e9, time / map);
-            fits.push([pairs / look_ups, time / look_ups]);
-        }
-        println!();
-    }
-    for (name, points) in STRUCTURES.iter().zip(&fits) {
-        if points.len() > 1 {
-            let [look_up, found] = fit(points);
-            println!("{name}: {look_up:.1} ns per look-up, {found:.2} ns per found photon");
-        }
-    }
-    for (light_paths, &[.., photons]) in LIGHT_PATHS.into_iter().zip(&*counts) {
-        let group = format!("build/{light_paths}");
-        let time = |name| median(&group, name).unwrap_or(f64::NAN);
-        let one = time("1 thread");
-        println!(
-            "build {light_paths:8}: {:.0} million photons/s, {:.2} times copy and sort, \
-             {:.2} times 2 threads",
-            photons as f64 / one * 1e-6,
-            one / time("copy and counting sort"),
-            one / time("2 threads"),
-        );
-    }
-}
-
-fn all(criterion: &mut Criterion) {
-    let counts = Counts::default();
-    merging(criterion, &counts);
-    ratios(&counts);
-}
-
 criterion_group! {
     name = benches;
     config = Criterion::default()
         .sample_size(10)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_secs(1));
-    targets = all
+    targets = merging
 }
 criterion_main!(benches);

@@ -116,9 +116,6 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
             column[at] = words[0];
         }
         self.len += 1;
-        if at + 1 == BLOCK {
-            self.move_on();
-        }
     }
 }
 

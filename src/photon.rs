@@ -172,3 +172,38 @@ impl Photon {
         if self.side.at_every_vertex() { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::vectorized;
+
+    #[test]
+    fn sixteen_photons_are_each_of_them() {
+        let (mut photons, mut from, mut expected) = (Photons::zeroed(), [0; LANES], Vec::new());
+        for (lane, from) in from.iter_mut().enumerate() {
+            let number = lane as f32;
+            let normal = Vec3::new(number - 8.0, 3.0, -number).normalize();
+            let class =
+                if lane % 3 == 0 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex };
+            let (position, flux) = (Vec3::splat(number) + Vec3::X, Rgb::new(1.0, number, 0.5));
+            photons.position.set(lane, position);
+            photons.path[lane] = 100 + lane as u32;
+            photons.flux.set(lane, flux);
+            photons.side[lane] = Side::new(normal, class as u32).0;
+            *from = pack_direction(normal);
+            let photon = Photon::new(position, 100 + lane as u32, flux, normal, class);
+            expected.push(photon.coming_from(normal));
+            assert_eq!(photon.class(), class);
+            assert!(photon.side.normal().distance(127.0 * normal) < 0.87); // half a unit each way
+        }
+        for simd in [Simd::default(), vectorized(|simd| simd)] {
+            let mut found = Vec::new();
+            photons.one_by_one(simd, &from, |lane, photon| {
+                assert_eq!(lane, found.len());
+                found.push(photon);
+            });
+            assert_eq!(found, expected);
+        }
+    }
+}

@@ -19,6 +19,12 @@ pub struct Ratio {
     pub seconds: [f64; 2],
 }
 
+/// Whether this is neither a test nor a profile.
+pub fn measures() -> bool {
+    let has = |name: &str| std::env::args().any(|argument| argument == name);
+    has("--bench") && !has("--profile-time")
+}
+
 /// How long it takes.
 pub fn timed<T>(work: impl FnOnce() -> T) -> Duration {
     let start = Instant::now();
@@ -35,10 +41,19 @@ fn quartile(values: impl Iterator<Item = f64>, which: usize) -> f64 {
 
 impl Ratio {
     /// Of two pieces of work that tell their own times.
-    pub fn new(mut one: impl FnMut() -> Duration, mut other: impl FnMut() -> Duration) -> Self {
+    pub fn new(one: impl FnMut() -> Duration, other: impl FnMut() -> Duration) -> Self {
+        Self::of(ROUNDS, one, other)
+    }
+
+    /// The same with so many rounds.
+    pub fn of(
+        rounds: usize,
+        mut one: impl FnMut() -> Duration,
+        mut other: impl FnMut() -> Duration,
+    ) -> Self {
         let mut round = || [one().as_secs_f64(), other().as_secs_f64()];
         round();
-        let rounds: Vec<[f64; 2]> = (0..ROUNDS).map(|_| round()).collect();
+        let rounds: Vec<[f64; 2]> = (0..rounds).map(|_| round()).collect();
         let ratios = || rounds.iter().map(|[one, other]| one / other);
         Self {
             median: quartile(ratios(), 2),

@@ -33,9 +33,12 @@ impl<'a> Squares<'a> {
         let pass = CameraPass { scene, view, accel, settings, key, gather_early: false };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);
-        let step = columns * rows * side * side * camera_paths / LOOK_UPS;
-        let corner = |square| [square % columns * side, square / columns * side];
-        let corners = (0..columns * rows).step_by(step as usize).map(corner).collect();
+        let count = LOOK_UPS.div_ceil(side * side * camera_paths).min(columns * rows);
+        // By the golden section: neither one column nor one row after the other.
+        let at = |index: u32| (f64::from(index) * 0.618_034).fract();
+        let place = |index| (at(index) * f64::from(columns * rows)) as u32;
+        let corner = |index| [place(index) % columns * side, place(index) / columns * side];
+        let corners = (1..=count).map(corner).collect();
         Self { pass, corners, side }
     }
 

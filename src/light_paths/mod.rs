@@ -100,7 +100,7 @@ struct Batch {
     busy: Duration,
 }
 
-/// By so many photons a [`PhotonList`] grows.
+/// So many photons more a [`PhotonList`] has when it is full.
 const STEP: usize = 256;
 
 /// Photons that come many at a time.

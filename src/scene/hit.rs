@@ -64,13 +64,14 @@ impl Scene {
         at: &mut DiffuseVertices,
     ) -> Elsewhere {
         at.clear();
-        if self.triangles.is_empty() {
+        let (Some(first_of_all), Some(last_mesh)) =
+            (self.triangles.first(), self.first_triangle.len().checked_sub(1))
+        else {
             return Elsewhere { missed: (1 << count) - 1, others: 0 };
-        }
-        let last_mesh = self.first_triangle.len() - 1;
+        };
         let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
         // What is hit is chance: instead of branches, rays that miss read the first triangle.
-        let mut triangles = [&self.triangles[0]; LANES];
+        let mut triangles = [first_of_all; LANES];
         let mut materials = [&self.plain[0]; LANES];
         for lane in 0..LANES {
             let first = self.first_triangle[(hits.mesh[lane] as usize).min(last_mesh)];
@@ -231,5 +232,33 @@ impl Side {
         let position = triangle.point(at);
         let off_surface = position + normal * triangle.offset;
         Self { front, position, normal, off_surface }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Arrangement, Camera, FieldOfView, Mesh};
+
+    #[test]
+    fn where_no_mesh_is_placed_all_rays_miss() {
+        let triangle = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let material = Material::new("white", Bsdf::diffuse(Vec3::ONE));
+        for meshes in [vec![], vec![triangle]] {
+            let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+            let arrangement = Arrangement { meshes, placements: vec![] };
+            let materials = vec![material.clone()];
+            let scene = Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]);
+            let (mut seen, mut at) = <(Seen, DiffuseVertices)>::default();
+            let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
+            let simd = Simd::default();
+            let elsewhere = scene.plain(simd, &directions, &hits, 5, &mut seen, &mut at);
+            assert_eq!((elsewhere.missed, elsewhere.others), (0b1_1111, 0));
+            assert!(!any(&at.active));
+        }
     }
 }
