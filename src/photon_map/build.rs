@@ -34,8 +34,8 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
-    fn sort(&mut self, slices: &[&[Photon]], grid: &Grid, shift: u32, partitions: usize) {
+    /// Finds the bucket of each photon, in the order they come.
+    fn find_buckets(&mut self, slices: &[&[Photon]], grid: &Grid) {
         // A position that is not finite, which no look-up finds, has any bucket.
         let last = grid.buckets() - 1;
         self.unsorted.clear();
@@ -43,6 +43,10 @@ impl Chunk {
             let bucket = |photon: &Photon| grid.bucket(grid.cell(photon.position.into())).min(last);
             self.unsorted.extend(photons.iter().map(bucket));
         }
+    }
+
+    /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
+    fn sort(&mut self, slices: &[&[Photon]], shift: u32, partitions: usize) {
         // Places are handed out from where a partition starts, one ahead of its end.
         let mut next = [0u32; PARTITIONS + 1];
         for bucket in &self.unsorted {
@@ -56,11 +60,8 @@ impl Chunk {
         let count = self.unsorted.len();
         self.buckets.resize(count, 0);
         self.photons.resize(count, Photon::default());
-        let mut unsorted = &self.unsorted[..];
         let (sorted, buckets) = (&mut self.photons[..count], &mut self.buckets[..count]);
-        for photons in slices {
-            let (own, rest) = unsorted.split_at(photons.len());
-            unsorted = rest;
+        for (photons, own) in runs(slices, &self.unsorted) {
             for (photon, &bucket) in photons.iter().zip(own) {
                 let next = &mut next[(bucket >> shift) as usize];
                 let place = *next as usize;
@@ -72,11 +73,20 @@ impl Chunk {
     }
 
     /// The photons of one partition and their buckets.
-    fn partition(&self, partition: usize) -> (&[Photon], &[u32]) {
+    fn partition(&self, partition: usize) -> Run<'_> {
         let start = partition.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
         let range = start..self.ends[partition] as usize;
         (&self.photons[range.clone()], &self.buckets[range])
     }
+}
+
+/// Photons and the bucket of each.
+type Run<'a> = (&'a [Photon], &'a [u32]);
+
+/// The photons of slices, with buckets that are in the same order.
+fn runs<'a>(slices: &[&'a [Photon]], mut buckets: &'a [u32]) -> Vec<Run<'a>> {
+    let own = |photons: &[Photon]| buckets.split_off(..photons.len()).expect("one for each");
+    slices.iter().copied().map(own).zip(slices).map(|(own, photons)| (*photons, own)).collect()
 }
 
 /// The places of one partition in the map.
@@ -90,10 +100,9 @@ struct Partition<'a> {
 
 impl Partition<'_> {
     /// Sorts the partition's photons, whose buckets start at `first`, into their places.
-    fn fill(&mut self, chunks: &[Chunk], partition: usize, first: u32) {
+    fn fill(&mut self, runs: &[Run], first: u32) {
         self.starts.fill(0);
-        let runs = || chunks.iter().map(|chunk| chunk.partition(partition));
-        for &bucket in runs().flat_map(|(_, buckets)| buckets) {
+        for &bucket in runs.iter().flat_map(|(_, buckets)| *buckets) {
             self.starts[(bucket - first) as usize] += 1;
         }
         let mut end = self.offset;
@@ -108,8 +117,8 @@ impl Partition<'_> {
         }
         add_up(rest, &mut end);
         // From the last photon to the first, so that ends turn into starts.
-        for (photons, buckets) in runs().rev() {
-            for (photon, bucket) in photons.iter().zip(buckets).rev() {
+        for (photons, buckets) in runs.iter().rev() {
+            for (photon, bucket) in photons.iter().zip(*buckets).rev() {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
                 let place = (*start - self.offset) as usize;
@@ -148,14 +157,21 @@ impl PhotonMap {
         let per_chunk = slices.len().div_ceil((count / CHUNK).max(1));
         self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
         let grid = &self.grid;
-        self.chunks
-            .par_iter_mut()
-            .zip(slices.par_chunks(per_chunk))
-            .for_each(|(chunk, slices)| chunk.sort(slices, grid, shift, partitions));
+        self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).for_each(|(chunk, slices)| {
+            chunk.find_buckets(slices, grid);
+            if partitions > 1 {
+                chunk.sort(slices, shift, partitions);
+            }
+        });
+        let chunks = &self.chunks[..];
+        let runs = |partition: usize| match chunks {
+            [chunk] if partitions == 1 => runs(slices, &chunk.unsorted),
+            _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
+        };
 
         // Partitions begin with a block of their own: they can be filled at the same time.
         let sizes: Vec<usize> = (0..partitions)
-            .map(|p| self.chunks.iter().map(|chunk| chunk.partition(p).0.len()).sum::<usize>())
+            .map(|p| runs(p).iter().map(|(photons, _)| photons.len()).sum::<usize>())
             .map(|photons: usize| photons.next_multiple_of(BLOCK))
             .collect();
         let places = sizes.iter().sum();
@@ -182,9 +198,8 @@ impl PhotonMap {
                 partition
             })
             .collect();
-        let chunks = &self.chunks[..];
         all.into_par_iter().enumerate().with_max_len(1).for_each(|(index, mut partition)| {
-            partition.fill(chunks, index, (index as u32) << shift);
+            partition.fill(&runs(index), (index as u32) << shift);
         });
     }
 }

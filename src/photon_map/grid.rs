@@ -47,6 +47,8 @@ const MIN_CELL: f32 = 1e-4;
 const FINE: f32 = 2.0;
 /// A grid of up to this many cells is an array however few the photons: it stays in the caches.
 const SMALL: usize = 1 << 14;
+/// The same for a sparse map, in which few look-ups search.
+const SMALL_SPARSE: usize = 1 << 12;
 /// Cells per photon, at most, of larger grids that are arrays.
 const CELLS: usize = 2;
 /// Cells are widened up to this much to make the grid an array of no more cells than that...
@@ -64,12 +66,13 @@ const MIN_HASHED: usize = 256;
 const TO_BITS: f32 = 8_388_608.0;
 
 impl Grid {
-    /// For photons within `bounds`.
-    pub fn new(bounds: Bounds, radius: f32, photons: usize) -> Self {
+    /// For photons within `bounds`; most look-ups do not come to search a `sparse` one.
+    pub fn new(bounds: Bounds, radius: f32, photons: usize, sparse: bool) -> Self {
         let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
         let narrowest = (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL);
         // A look-up reaches up to a diameter beyond the photons on each side.
         let corner = Vec3A::from(bounds.min) - narrowest;
+        let small = if sparse { SMALL_SPARSE } else { SMALL };
         let mut width = 1.0;
         while width <= WIDEST {
             let cell = width * narrowest;
@@ -78,7 +81,7 @@ impl Grid {
             let extent = Vec3A::from(bounds.max) - corner + narrowest;
             let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
-            let most = if width <= WIDE { (CELLS * photons).clamp(SMALL, MOST) } else { SMALL };
+            let most = if width <= WIDE { (CELLS * photons).clamp(small, MOST) } else { small };
             if buckets <= most as f64 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
@@ -170,7 +173,7 @@ mod tests {
         for bits in 8..=30 {
             let count = (1usize << bits) / BUCKETS_PER_PHOTON;
             let bounds = Bounds { min: Vec3::ZERO, max: Vec3::splat(1.0) };
-            let grid = Grid::new(bounds, 1e-5, count);
+            let grid = Grid::new(bounds, 1e-5, count, false);
             let Grid { stride_y, stride_z, mask, .. } = grid;
             if !grid.is_hashed() {
                 continue;

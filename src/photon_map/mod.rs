@@ -4,8 +4,9 @@ mod block;
 mod build;
 mod grid;
 mod look_ups;
+mod vicinity;
 
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::lanes::{LANES, Mask, Vec3s, bits, lanes_of};
 use crate::light_paths::LightPaths;
 use crate::math::{Bounds, Rgb};
 use crate::pair_list::PairList;
@@ -17,6 +18,7 @@ use glam::{BVec4A, Vec3, Vec3A, Vec4};
 use grid::Grid;
 use std::array::from_fn;
 use std::ops;
+use vicinity::Vicinity;
 
 pub(crate) use look_ups::{LookUp, LookUps};
 
@@ -33,6 +35,9 @@ pub struct PhotonMap {
     chunks: Vec<Chunk>,
     count: usize,
     grid: Grid,
+    /// Whether most look-ups find none, so that it pays to ask `vicinity` first.
+    is_sparse: bool,
+    vicinity: Vicinity,
     /// Buckets in a region, as a power of two.
     region_shift: u32,
     radius: f32,
@@ -123,7 +128,11 @@ impl PhotonMap {
             let Bounds { min, max } = bounds;
             let reach = Vec3::splat(self.slack_radius);
             self.reach = Some([(min - reach).into(), (max + reach).into()]);
-            self.grid = Grid::new(bounds, radius, count);
+            self.is_sparse = Vicinity::pays(bounds, radius, count);
+            if self.is_sparse {
+                self.vicinity.mark(slices, count, radius);
+            }
+            self.grid = Grid::new(bounds, radius, count, self.is_sparse);
             let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::REGIONS);
             self.region_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, &extent);
@@ -135,13 +144,17 @@ impl PhotonMap {
     #[inline(always)] // vectorized
     pub fn find_ranges(&self, positions: &Vec3s, looks_up: &Mask, ranges: &mut Ranges) {
         let near = self.near(positions, looks_up);
+        ranges.count = 0;
+        if near == 0 {
+            return;
+        }
         let rows = self.grid.rows(positions, self.slack_radius);
         let mut count = 0;
         let mut push = |range: Range, met: bool| {
             ranges.ranges[count] = range;
             count += usize::from(met & (range.start < range.end));
         };
-        for look_up in (0..LANES).filter(|&lane| near[lane]) {
+        for look_up in lanes_of(near) {
             for row in &rows {
                 let (first, last) = (row.first[look_up], row.last[look_up]);
                 let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
@@ -157,15 +170,17 @@ impl PhotonMap {
         ranges.count = count;
     }
 
-    /// Which lanes may find photons.
+    /// Which lanes may find photons, a bit for each.
     #[inline(always)] // vectorized
-    fn near(&self, positions: &Vec3s, looks_up: &Mask) -> Mask {
-        let Some([min, max]) = self.reach else { return Mask::default() };
-        from_fn(|lane| {
+    fn near(&self, positions: &Vec3s, looks_up: &Mask) -> u32 {
+        let Some([min, max]) = self.reach else { return 0 };
+        let inside: Mask = from_fn(|lane| {
             let [x, y, z] = positions.get(lane).to_array();
             let inside = (x >= min.x) & (x <= max.x) & (y >= min.y) & (y <= max.y);
             looks_up[lane] & inside & (z >= min.z) & (z <= max.z)
-        })
+        });
+        let near = bits(&inside);
+        if self.is_sparse { near & bits(&self.vicinity.is_near(positions)) } else { near }
     }
 
     /// Look-ups of one region search the same memory: a number below [`look_ups::REGIONS`], or `None`

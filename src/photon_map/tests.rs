@@ -80,6 +80,46 @@ fn hashed_grids_find_the_same_once() {
 }
 
 #[test]
+fn sparse_maps_turn_away_most_look_ups_that_find_nothing_and_no_other() {
+    let size = Vec3::splat(100.0);
+    // As far from the origin as coordinates are exact enough, on both sides of it, and around it.
+    let radius = 0.4;
+    let farthest = 131_000.0 * 2.1 * radius;
+    for corner in [Vec3::ZERO, -0.5 * size, Vec3::splat(farthest - 100.0), Vec3::splat(-farthest)] {
+        let photons = photons(&points(800, corner, size, 7));
+        // On photons, and as near to the edge of the radius as coordinates can say.
+        let mut queries: Vec<Vec3> = photons.iter().map(|p| p.position).collect();
+        for direction in [Vec3::X, -Vec3::Y, Vec3::Z, Vec3::ONE.normalize(), -Vec3::ONE.normalize()]
+        {
+            queries.extend(photons.iter().map(|p| p.position + direction * radius));
+            queries.extend(photons.iter().map(|p| p.position + direction * (radius * 0.999)));
+        }
+        assert!(assert_exact(&photons, &queries, radius) > 5 * photons.len());
+
+        // Small tables, in which some neighbors have the last bit and the first.
+        for two in photons.chunks_exact(2) {
+            let queries =
+                [Vec3::X, -Vec3::X].map(|direction| two[0].position + direction * (0.9 * radius));
+            assert!(assert_exact(two, &queries, radius) > 0);
+        }
+
+        let mut map = PhotonMap::default();
+        map.build_from(&[&photons], radius);
+        assert!(map.is_sparse, "this test means to ask first");
+        let elsewhere = points(4096, corner, size, 8);
+        let near = |positions: &[Vec3]| {
+            let mut packet = Vec3s::default();
+            positions.iter().enumerate().for_each(|(lane, &position)| packet.set(lane, position));
+            map.near(&packet, &[true; LANES]).count_ones()
+        };
+        // Up to eight cubes of each photon in half the box, four on its floor, which has 14,000.
+        let let_through: u32 = elsewhere.chunks_exact(LANES).map(near).sum();
+        assert!(let_through < 4096 / 5, "{let_through}");
+        assert!(let_through > 4096 / 50, "{let_through}");
+    }
+}
+
+#[test]
 fn photons_on_cell_borders_and_on_the_edge_of_the_radius_are_found_once() {
     // A lattice at all multiples of half a cell, looked up from all lattice points.
     for radius in [0.5, 1.0 / 3.0] {
