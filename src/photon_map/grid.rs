@@ -13,8 +13,7 @@ use glam::Vec3A;
 /// at most four ranges of it. Cells along x are finer, which makes the ranges shorter and costs
 /// nothing but their places.
 ///
-/// Where the whole grid fits, the strides are those of an array and every cell has its own bucket.
-/// Otherwise they are chosen so that the four ranges of a look-up never overlap, and no photon is
+/// In an array every cell has its own bucket. Where cells are hashed, strides are chosen so that the four ranges of a look-up never overlap, and no photon is
 /// met twice; photons of other cells in the same bucket fail the distance test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {
@@ -45,16 +44,6 @@ const CELL_MARGIN: f32 = 1.01;
 const MIN_CELL: f32 = 1e-4;
 /// Cells along x for one along y and z.
 const FINE: f32 = 2.0;
-/// A grid of up to this many cells is an array however few the photons: it stays in the caches.
-const SMALL: usize = 1 << 14;
-/// The same for a sparse map, in which few look-ups search.
-const SMALL_SPARSE: usize = 1 << 12;
-/// Cells per photon, at most, of larger grids that are arrays.
-const CELLS: usize = 2;
-/// Cells are widened up to this much to make the grid an array of no more cells than that...
-const WIDE: f32 = 2.0;
-/// ... and up to this much to make it a small one.
-const WIDEST: f32 = 8.0;
 /// Most cells or buckets.
 const MOST: usize = 1 << 30;
 /// Buckets per photon of hashed grids.
@@ -62,34 +51,52 @@ const BUCKETS_PER_PHOTON: usize = 4;
 /// Fewest buckets of a hashed grid: the four ranges of a look-up are short beside it.
 const MIN_HASHED: usize = 256;
 
+/// Width of a cell that is just large enough for look-ups.
+fn narrowest(bounds: Bounds, radius: f32) -> f32 {
+    let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL)
+}
+
+/// A look-up reaches up to a diameter beyond the photons on each side.
+fn corner(bounds: Bounds, narrowest: f32) -> Vec3A {
+    Vec3A::from(bounds.min) - narrowest
+}
+
 /// `2^23`: cells are fewer along each axis.
 const TO_BITS: f32 = 8_388_608.0;
 
 impl Grid {
-    /// For photons within `bounds`; most look-ups do not come to search a `sparse` one.
-    pub fn new(bounds: Bounds, radius: f32, photons: usize, sparse: bool) -> Self {
-        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
-        let narrowest = (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL);
-        // A look-up reaches up to a diameter beyond the photons on each side.
-        let corner = Vec3A::from(bounds.min) - narrowest;
-        let small = if sparse { SMALL_SPARSE } else { SMALL };
+    /// The narrowest array of at most `most` cells, 64 or more, for photons within `bounds`, and how many
+    /// times wider than look-ups need its cells are. `None` where these are not finite.
+    pub fn array(bounds: Bounds, radius: f32, most: usize) -> Option<(Self, f32)> {
+        let narrowest = narrowest(bounds, radius);
+        let corner = corner(bounds, narrowest);
+        // One more for rounding, and two that look-ups may read.
+        let extent = Vec3A::from(bounds.max) - corner + narrowest;
         let mut width = 1.0;
-        while width <= WIDEST {
-            let cell = width * narrowest;
-            let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / cell;
-            // One more for rounding, and two that look-ups may read.
-            let extent = Vec3A::from(bounds.max) - corner + narrowest;
+        while width < f32::MAX {
+            let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / (width * narrowest);
             let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
-            let most = if width <= WIDE { (CELLS * photons).clamp(small, MOST) } else { small };
-            if buckets <= most as f64 {
+            let excess = buckets / most.min(MOST) as f64;
+            if excess <= 1.0 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
-                let buckets = buckets as u32;
-                return Self { corner, inverse_cell, stride_y, stride_z, mask: u32::MAX, buckets };
+                let (mask, buckets) = (u32::MAX, buckets as u32);
+                return Some((
+                    Self { corner, inverse_cell, stride_y, stride_z, mask, buckets },
+                    width,
+                ));
             }
-            width *= 1.05;
+            width *= (excess.cbrt() as f32).max(1.05);
         }
+        None
+    }
+
+    /// The narrowest cells, hashed, for so many photons within `bounds`.
+    pub fn hashed(bounds: Bounds, radius: f32, photons: usize) -> Self {
+        let narrowest = narrowest(bounds, radius);
+        let corner = corner(bounds, narrowest);
         let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / narrowest;
         let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, MOST);
         // Odd strides at fractions of the table after the plastic number's powers: rows of cells
@@ -173,11 +180,8 @@ mod tests {
         for bits in 8..=30 {
             let count = (1usize << bits) / BUCKETS_PER_PHOTON;
             let bounds = Bounds { min: Vec3::ZERO, max: Vec3::splat(1.0) };
-            let grid = Grid::new(bounds, 1e-5, count, false);
+            let grid = Grid::hashed(bounds, 1e-5, count);
             let Grid { stride_y, stride_z, mask, .. } = grid;
-            if !grid.is_hashed() {
-                continue;
-            }
             let distance = |step: u32| (step & mask).min(step.wrapping_neg() & mask);
             let steps = [
                 stride_y,

@@ -2,6 +2,7 @@
 
 mod block;
 mod build;
+mod choice;
 mod grid;
 mod look_ups;
 mod vicinity;
@@ -132,7 +133,7 @@ impl PhotonMap {
             if self.is_sparse {
                 self.vicinity.mark(slices, count, radius);
             }
-            self.grid = Grid::new(bounds, radius, count, self.is_sparse);
+            self.grid = Grid::choose(slices, bounds, radius, count, self.is_sparse);
             let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::REGIONS);
             self.region_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, &extent);

@@ -63,20 +63,49 @@ fn finds_what_a_search_of_all_photons_finds() {
     }
 }
 
+/// Photons in a box of the size of 10, and one so far away that an array has wide cells.
+fn crowd(count: u64) -> Vec<Photon> {
+    let mut positions = points(count, Vec3::ZERO, Vec3::splat(10.0), 4);
+    positions.push(Vec3::splat(300.0));
+    photons(&positions)
+}
+
+fn is_hashed(photons: &[Photon], radius: f32) -> bool {
+    let mut map = PhotonMap::default();
+    map.build_from(&[photons], radius);
+    map.grid.is_hashed()
+}
+
 #[test]
 fn hashed_grids_find_the_same_once() {
-    // One cell per photon does not hold a radius of a thousandth of the box: buckets are shared.
-    let photons = photons(&points(20_000, Vec3::ZERO, Vec3::splat(10.0), 4));
-    let mut map = PhotonMap::default();
-    map.build_from(&[&photons], 0.01);
-    assert!(map.grid.is_hashed(), "this test means to hash");
+    let photons = crowd(20_000);
     let queries: Vec<Vec3> = photons.iter().step_by(50).map(|p| p.position).collect();
-    for radius in [0.003, 0.01, 0.05] {
+    for radius in [0.03, 0.1, 0.3] {
+        assert!(is_hashed(&photons, radius), "this test means to hash");
         assert!(assert_exact(&photons, &queries, radius) >= queries.len());
     }
-    // In a table of 256 buckets some rows of cells lie at both of its ends.
-    let few: Vec<Vec3> = photons[..60].iter().map(|p| p.position).collect();
-    assert!(assert_exact(&photons[..60], &few, 0.003) >= few.len());
+    // In a table of 512 buckets some rows of cells lie at both of its ends.
+    let few = crowd(120);
+    let queries: Vec<Vec3> = few.iter().map(|p| p.position).collect();
+    assert!(is_hashed(&few, 0.03), "this test means to hash");
+    assert!(assert_exact(&few, &queries, 0.03) >= few.len());
+}
+
+#[test]
+fn photons_all_over_space_are_not_hashed_and_crowds_are() {
+    let even = photons(&points(50_000, Vec3::ZERO, Vec3::splat(300.0), 4));
+    for radius in [0.03, 0.1, 0.3, 1.0] {
+        assert!(!is_hashed(&even, radius), "{radius}");
+        assert!(is_hashed(&crowd(50_000), radius), "{radius}");
+        // A part of them is enough.
+        let some: Vec<Photon> = even.iter().chain(&crowd(20_000)).copied().collect();
+        assert!(is_hashed(&some, radius), "{radius}");
+    }
+    // No room for cells: neither an endless search for their width nor a panic.
+    let far = [photon(Vec3::ZERO, 0), photon(Vec3::splat(f32::INFINITY), 1), photon(Vec3::NAN, 2)];
+    assert_eq!(assert_exact(&far, &[Vec3::ZERO], 1.0), 1);
+    let far = [photon(Vec3::ZERO, 0), photon(Vec3::splat(f32::MAX), 1)];
+    assert_eq!(assert_exact(&far, &[Vec3::ZERO], 1.0), 1);
 }
 
 #[test]
