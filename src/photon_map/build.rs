@@ -1,8 +1,8 @@
 //! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
-//! the partitions, then each partition by bucket.
+//! the partitions, then each partition by bucket. Few photons are one partition and sorted in one go.
 //!
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
-//! decide the order of additions, depend on the number of photons but not on that of threads.
+//! decide the order of additions, depend on the photons but not on the number of threads.
 
 use super::{BLOCK, Block, Grid, PhotonMap};
 use crate::math::Rgb;
@@ -10,10 +10,8 @@ use crate::photon::{Extent, Photon, Side};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Photons per chunk, about: they stay in the second-level cache.
+/// Photons per chunk, and per partition, about: they stay in the second-level cache.
 const CHUNK: usize = 8192;
-/// Photons per partition, about: likewise.
-const PARTITION: usize = 8192;
 /// Most partitions: so many places are written to in turn.
 const PARTITIONS: usize = 256;
 
@@ -21,7 +19,7 @@ const PARTITIONS: usize = 256;
 const NOTHING: Photon =
     Photon { position: Vec3::NAN, path: 0, flux: Rgb::ZERO, side: Side(0), from: 0 };
 
-/// Consecutive photons sorted by partition, and what they have in common.
+/// Consecutive photons sorted by partition; if there is only one, their buckets alone.
 #[derive(Debug, Default)]
 pub struct Chunk {
     photons: Vec<Photon>,
@@ -152,20 +150,21 @@ impl PhotonMap {
     pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
         let Extent { count, directions, .. } = *extent;
         let buckets = self.grid.buckets() as usize;
-        let partitions = (count / PARTITION).next_power_of_two().min(PARTITIONS);
+        let partitions = (count / CHUNK).next_power_of_two().min(PARTITIONS);
         let shift = buckets.div_ceil(partitions).next_power_of_two().ilog2();
-        let per_chunk = slices.len().div_ceil((count / CHUNK).max(1));
+        let in_one_go = partitions == 1;
+        let per_chunk = slices.len().div_ceil(if in_one_go { 1 } else { count / CHUNK });
         self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
         let grid = &self.grid;
         self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).for_each(|(chunk, slices)| {
             chunk.find_buckets(slices, grid);
-            if partitions > 1 {
+            if !in_one_go {
                 chunk.sort(slices, shift, partitions);
             }
         });
         let chunks = &self.chunks[..];
         let runs = |partition: usize| match chunks {
-            [chunk] if partitions == 1 => runs(slices, &chunk.unsorted),
+            [chunk] if in_one_go => runs(slices, &chunk.unsorted),
             _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
         };
 

@@ -13,13 +13,17 @@ const CELLS: usize = 2;
 /// Cells up to this much wider than look-ups need do not hold many photons more.
 const WIDE: f32 = 2.0;
 
-/// Samples over the root of the number of photons.
-const SAMPLES: f32 = 2.0;
-/// Most photons in the cell of a photon on average, about: reading them takes as long as waiting for the
+/// Samples over the root of the number of photons: as many pairs of them as photons, times a constant.
+const SAMPLES: f32 = 8.0;
+/// Of fewer photons every so many is a sample, at least.
+const MIN_STEP: usize = 8;
+/// Most photons in the cell of a photon, on average, about: reading them takes as long as waiting for the
 /// scattered memory of a hashed grid.
-const CROWDED: f32 = 64.0;
-/// Most samples in one cell: a view may show that cell alone.
-const CROWD: usize = 8;
+const MOST_NEIGHBORS: f32 = 64.0;
+/// Most photons in any cell, about: a view may show that one alone.
+const MOST_IN_A_CELL: usize = 2048;
+/// Samples in one cell that are not there by chance.
+const FEW_SAMPLES: usize = 4;
 
 impl Grid {
     /// For `count` photons within `bounds`; most look-ups do not come to search a `sparse` map.
@@ -42,16 +46,17 @@ impl Grid {
 
     /// Whether photons would find many others in their cells, judged by a sample of them.
     fn is_crowded(&self, slices: &[&[Photon]], count: usize) -> bool {
-        let step = ((count as f32).sqrt() / SAMPLES).ceil() as usize;
+        let step = (((count as f32).sqrt() / SAMPLES) as usize).max(MIN_STEP);
         let photons = slices.iter().copied().flatten().step_by(step);
         let mut cells: Vec<u32> =
             photons.map(|photon| self.bucket(self.cell(photon.position.into()))).collect();
         cells.sort_unstable();
-        let crowds = || cells.chunk_by(|one, next| one == next).map(<[u32]>::len);
+        let samples = || cells.chunk_by(|one, next| one == next).map(<[u32]>::len);
         // Pairs of samples in one cell, of all pairs: the chance of one photon to be another's neighbor.
-        let pairs: usize = crowds().map(|crowd| crowd * (crowd - 1)).sum();
+        let pairs: usize = samples().map(|samples| samples * (samples - 1)).sum();
         let all = cells.len() * (cells.len() - 1);
         let neighbors = count as f32 * pairs as f32 / all.max(1) as f32;
-        neighbors > CROWDED || crowds().max() > Some(CROWD)
+        let most = samples().max().filter(|&samples| samples > FEW_SAMPLES);
+        neighbors > MOST_NEIGHBORS || most.is_some_and(|samples| samples * step > MOST_IN_A_CELL)
     }
 }

@@ -13,8 +13,9 @@ use glam::Vec3A;
 /// at most four ranges of it. Cells along x are finer, which makes the ranges shorter and costs
 /// nothing but their places.
 ///
-/// In an array every cell has its own bucket. Where cells are hashed, strides are chosen so that the four ranges of a look-up never overlap, and no photon is
-/// met twice; photons of other cells in the same bucket fail the distance test.
+/// In an array every cell has its own bucket. For hashed cells strides are chosen so that the four ranges
+/// of a look-up never overlap, and no photon is met twice; photons of other cells in the same bucket fail
+/// the distance test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {
     corner: Vec3A,
@@ -66,8 +67,9 @@ fn corner(bounds: Bounds, narrowest: f32) -> Vec3A {
 const TO_BITS: f32 = 8_388_608.0;
 
 impl Grid {
-    /// The narrowest array of at most `most` cells, 64 or more, for photons within `bounds`, and how many
-    /// times wider than look-ups need its cells are. `None` where these are not finite.
+    /// An array of at most `most` cells, which must be 64 or more, for photons within `bounds`, with cells up
+    /// to 5 % wider than they need be for that; and how many times as wide as [`narrowest`] they are. `None`
+    /// where bounds or radius are not finite, or too large to count in cells.
     pub fn array(bounds: Bounds, radius: f32, most: usize) -> Option<(Self, f32)> {
         let narrowest = narrowest(bounds, radius);
         let corner = corner(bounds, narrowest);
@@ -174,6 +176,30 @@ impl Grid {
 mod tests {
     use super::*;
     use glam::Vec3;
+
+    #[test]
+    fn arrays_have_no_more_cells_than_asked_for_and_end_where_there_are_no_numbers() {
+        let corners = [1.0, 1e4, 1e30].map(Vec3::splat);
+        for max in corners.into_iter().chain([Vec3::ZERO, Vec3::X, Vec3::new(1e5, 1.0, 0.0)]) {
+            for radius in [1e-9, 1e-3, 1.0, 1e9] {
+                for most in [64, 1 << 14, 1 << 20] {
+                    let bounds = Bounds { min: Vec3::ZERO, max };
+                    let (grid, width) = Grid::array(bounds, radius, most).expect("finite");
+                    assert!(grid.buckets() as usize <= most, "{max} {radius} {most}: {grid:?}");
+                    // Cells 5 % and the rounding of their number narrower would be too many.
+                    let (narrower, _) = Grid::array(bounds, radius / 1.2 / width, 1 << 40).unwrap();
+                    assert!(
+                        width == 1.0 || narrower.buckets() as usize > most,
+                        "{max} {radius} {most}"
+                    );
+                }
+            }
+        }
+        for max in [Vec3::splat(f32::INFINITY), Vec3::new(f32::NAN, 1.0, 1.0)] {
+            let bounds = Bounds { min: Vec3::ZERO, max };
+            assert!(Grid::array(bounds, 1.0, 1 << 14).is_none());
+        }
+    }
 
     #[test]
     fn the_four_ranges_of_a_look_up_never_overlap() {

@@ -23,7 +23,7 @@ use vicinity::Vicinity;
 
 pub(crate) use look_ups::{LookUp, LookUps};
 
-/// Photons sorted by the cell of a uniform grid, cells hashed into buckets.
+/// Photons sorted by the cell of a uniform grid: an array of cells, or hashed ones where photons crowd.
 #[derive(Debug, Default)]
 pub struct PhotonMap {
     /// Sorted by bucket; positions of places without a photon are NaN.

@@ -23,7 +23,7 @@ pub struct Vicinity {
 const CUBE_MARGIN: f32 = 1.05;
 /// Most cubes between the origin and a photon along an axis: coordinates are exact to 1 % of a cube.
 const FARTHEST: f32 = 131_072.0;
-/// Bits per photon, which sets eight: look-ups far from all are rarely let through.
+/// Bits per photon, which sets up to eight: look-ups far from all are rarely let through.
 const BITS_PER_PHOTON: usize = 128;
 /// Most bits, 64 KiB: in larger tables reading takes longer than it saves.
 const MOST_BITS: usize = 1 << 19;
@@ -36,7 +36,7 @@ impl Vicinity {
         let inverse_cube = inverse_cube(radius);
         let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
         let [x, y, z] = ((bounds.max - bounds.min) * inverse_cube).to_array();
-        // With photons on the walls of a room. Each reaches into four of the cubes there: where it reaches
+        // With photons on the walls of a room, each reaches into four of the cubes there: where they reach
         // into most, the search is as quick without this.
         let walls = 2.0 * (x * y + y * z + z * x);
         farthest * inverse_cube <= FARTHEST
@@ -44,7 +44,7 @@ impl Vicinity {
             && 4.0 * photons as f32 <= walls
     }
 
-    /// For these photons, `count` of them.
+    /// Sets the bits of the cubes around these photons, in a table for `count` of them.
     pub fn mark(&mut self, slices: &[&[Photon]], count: usize, radius: f32) {
         let bits = (count * BITS_PER_PHOTON).next_power_of_two().clamp(8, MOST_BITS);
         self.bits.clear();
@@ -94,4 +94,32 @@ fn inverse_cube(radius: f32) -> f32 {
 #[inline(always)]
 fn hash([x, y, z]: [u32; 3]) -> u32 {
     x.wrapping_add(y.wrapping_mul(0x9E37_79B1)).wrapping_add(z.wrapping_mul(0x85EB_CA77))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photon::PhotonClass;
+    use glam::Vec3;
+
+    #[test]
+    fn cubes_at_both_ends_of_the_table_are_neighbors() {
+        let radius = 0.5;
+        let mut vicinity = Vicinity::default();
+        let mut at_the_end = 0;
+        for cube in 0..1000 {
+            // Just below the border of two cubes along x, in the middle of one along y and z.
+            let edge = 2.0 * radius * SLACK * CUBE_MARGIN;
+            let position = Vec3::new((cube as f32 + 0.499) * edge, 0.0, 0.0);
+            let photon = Photon::new(position, 0, Vec3::ONE, Vec3::Z, PhotonClass::LastVertex);
+            vicinity.mark(&[&[photon]], 1, radius);
+            let last = hash(position.to_array().map(|c| vicinity.cube(c))) & vicinity.mask
+                == vicinity.mask;
+            at_the_end += u32::from(last);
+            let next = position + Vec3::X * radius;
+            assert_ne!(vicinity.cube(position.x), vicinity.cube(next.x));
+            assert_eq!(vicinity.is_near(&Vec3s::splat(next)), [true; LANES], "{cube}");
+        }
+        assert!(at_the_end > 3, "{at_the_end}");
+    }
 }
