@@ -21,7 +21,7 @@ const MIN_STEP: usize = 8;
 /// scattered memory of a hashed grid.
 const MOST_NEIGHBORS: f32 = 64.0;
 /// Most photons in any cell, about: a view may show that one alone.
-const MOST_IN_A_CELL: usize = 2048;
+const MOST_IN_A_CELL: usize = 4096;
 /// Samples in one cell that are not there by chance.
 const FEW_SAMPLES: usize = 4;
 

@@ -94,7 +94,7 @@ fn hashed_grids_find_the_same_once() {
 #[test]
 fn photons_all_over_space_are_not_hashed_and_crowds_are() {
     let even = photons(&points(50_000, Vec3::ZERO, Vec3::splat(300.0), 4));
-    for radius in [0.03, 0.1, 0.3, 1.0] {
+    for radius in [0.03, 0.5] {
         assert!(!is_hashed(&even, radius), "{radius}");
         assert!(is_hashed(&crowd(50_000), radius), "{radius}");
         // Many full cells, none of them very full: 200,000 photons in a corner.
@@ -102,8 +102,8 @@ fn photons_all_over_space_are_not_hashed_and_crowds_are() {
         corner.push(Vec3::splat(300.0));
         assert!(is_hashed(&photons(&corner), radius), "{radius}");
         // One very full cell, in which few of all photons are.
-        let spot = points(3000, Vec3::splat(150.0), Vec3::splat(0.1), 6);
-        let mut some = points(200_000, Vec3::ZERO, Vec3::splat(300.0), 5);
+        let spot = points(5000, Vec3::splat(150.0), Vec3::splat(0.1), 6);
+        let mut some = points(600_000, Vec3::ZERO, Vec3::splat(300.0), 5);
         assert!(!is_hashed(&photons(&some), radius), "{radius}");
         some.extend(spot);
         assert!(is_hashed(&photons(&some), radius), "{radius}");
