@@ -9,11 +9,11 @@
 mod home;
 
 use bdpm::accel::Intersect;
-use bdpm::accel::backend::{Backend, build};
+use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::origin::Origin;
-use bdpm::scene::load;
+use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::RenderDefaults;
+use bdpm::settings::origin::Origin;
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};
 use bdpm::timing::grid::{Size, sizes_of};
 use bdpm::timing::sample::Phase;

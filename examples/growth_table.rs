@@ -10,14 +10,16 @@
 //! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Linux alone tells peak memory.
 
 use bdpm::accel::Intersect;
-use bdpm::accel::backend::{Backend, build};
 use bdpm::bsdf::Bsdf;
+use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
-use bdpm::scene::{Camera, Emitter, FieldOfView, Loaded, Material, Mesh, Triangle, load};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Triangle};
 use bdpm::settings::{Length, RenderDefaults};
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::fit;
-use bdpm::timing::grid::{self, Size};
+use bdpm::timing::grid;
+use bdpm::timing::grid::Size;
 use bdpm::timing::sample::{Phase, Recorder, Sample};
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;

@@ -5,8 +5,8 @@
 //! cargo run --release --example load_table
 //! ```
 
-use bdpm::accel::backend::{Backend, build};
-use bdpm::scene::load;
+use bdpm::import::load;
+use bdpm::scene::backend::{Backend, build};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::Path;

@@ -11,17 +11,17 @@
 //! iteration.
 
 use bdpm::accel::Intersect;
-use bdpm::accel::backend::{Backend, build};
-use bdpm::autopilot::Autopilot;
-use bdpm::block;
-use bdpm::counts::{CameraCounts, Counts};
-use bdpm::film::pool;
-use bdpm::goal::Goal;
+use bdpm::image::counts::{CameraCounts, Counts};
+use bdpm::image::film::pool;
+use bdpm::import::load;
 use bdpm::noise::{Coefficients, Measure};
 use bdpm::optimize::{Bounds, Objective, Problem};
-use bdpm::scene::load;
+use bdpm::render::block;
+use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::RenderDefaults;
 use bdpm::steer::Steer;
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::goal::Goal;
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::fit;
 use bdpm::timing::sample::Recorder;

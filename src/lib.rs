@@ -1,48 +1,29 @@
 #![doc = include_str!("../README.md")]
 
+// In the order of the stages: no module names one that comes after it (tests/stages.rs).
 pub mod accel;
-pub mod autopilot;
-pub mod block;
+pub mod base;
 pub mod bsdf;
-pub mod camera_paths;
-pub mod checkpoint;
-pub mod compare;
-pub mod counts;
-pub mod diffuse;
-pub mod error;
-pub mod film;
-mod flight;
-pub mod gather;
-pub mod goal;
+pub mod files;
+pub mod image;
+pub mod import;
+#[doc(hidden)] // what tests and benches measure
 pub mod lanes;
-pub mod light_paths;
-pub mod math;
-mod memory;
-pub mod merge;
 pub mod noise;
 pub mod optimize;
-pub mod origin;
-pub mod output;
-pub mod pair_list;
-pub mod photon;
-pub mod photon_map;
-pub mod plan;
-mod pool;
-pub mod published;
-pub mod reference;
+pub mod pictures;
 pub mod render;
+#[cfg(feature = "cli")]
+#[doc(hidden)] // the program's own
 pub mod reproduce;
-pub mod rng;
 pub mod scene;
 pub mod settings;
-pub mod simd;
 pub mod steer;
-mod tile_paths;
-mod tiles;
 pub mod timing;
-mod worker;
+#[doc(hidden)] // what tests and benches measure
+pub mod transport;
 
-pub use error::{Error, Result};
+pub use base::error::{Error, Result};
 pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

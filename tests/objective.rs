@@ -18,7 +18,8 @@ mod shapes;
 
 use bdpm::Settings;
 use bdpm::bsdf::{Bsdf, Dielectric};
-use bdpm::scene::{Camera, FieldOfView, Material, Optics, Scene, load};
+use bdpm::import::load;
+use bdpm::scene::{Camera, FieldOfView, Material, Optics, Scene};
 use common::*;
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use lens::{DOUBLE_GAUSS, Surface};

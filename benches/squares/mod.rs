@@ -2,8 +2,8 @@
 
 use super::paired::timed;
 use bdpm::accel::Intersect;
-use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
-use bdpm::rng::{Stream, StreamKey};
+use bdpm::base::rng::{Stream, StreamKey};
+use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
 use std::time::Duration;
 

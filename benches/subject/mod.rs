@@ -4,11 +4,12 @@
 #[path = "../../tests/common/shapes.rs"]
 mod shapes;
 
+use bdpm::base::math::Rgb;
 use bdpm::bsdf::Bsdf;
-use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
-use bdpm::math::Rgb;
-use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, load};
+use bdpm::import::load;
+use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Length, RenderDefaults};
+use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
 use glam::Vec3;
 use std::path::Path;

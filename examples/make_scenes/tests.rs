@@ -3,8 +3,10 @@
 use crate::mesh::{Corner, Mesh};
 use crate::random::Random;
 use crate::{folders, obj, profile, scenes, shapes};
-use bdpm::accel::{Intersect, Ray, backend};
-use bdpm::scene::{Scene, load};
+use bdpm::accel::{Intersect, Ray};
+use bdpm::import::load;
+use bdpm::scene::Scene;
+use bdpm::scene::backend;
 use glam::{DVec3, Vec3, dvec2, dvec3};
 
 /// Whether two files have the same words, but for the last digit of numbers: another libm may round

@@ -6,13 +6,11 @@
 use crate::lanes::{LANES, Mask};
 use glam::Vec3;
 
-pub mod backend;
 pub mod bvh;
-mod cut_out;
 #[cfg(feature = "embree")]
 pub mod embree;
 mod geometry;
-mod packet;
+pub(crate) mod packet;
 
 pub use geometry::{Geometry, Place, instance_transform};
 pub use packet::{HitPacket, RayPacket};

@@ -111,7 +111,7 @@ impl Default for HitPacket {
 ///
 /// # Panics
 /// If `count` rays take other than so many.
-pub(in crate::accel) fn used(count: usize, packets: usize) -> impl Iterator<Item = Range<usize>> {
+pub(crate) fn used(count: usize, packets: usize) -> impl Iterator<Item = Range<usize>> {
     assert_eq!(packets, count.div_ceil(LANES), "packets for {count} rays");
     (0..packets).map(move |packet| 0..(count - packet * LANES).min(LANES))
 }

@@ -1,8 +1,8 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
 use super::{BsdfSample, Lobe, Wanted, fresnel, mirrored};
-use crate::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
-use crate::rng::Rng;
+use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 

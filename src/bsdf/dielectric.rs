@@ -1,8 +1,8 @@
 //! Smooth dielectrics: an interface between two media, and a thin sheet.
 
 use super::{BsdfSample, Lobe, Transport, fresnel, mirrored};
-use crate::math::Rgb;
-use crate::rng::Rng;
+use crate::base::math::Rgb;
+use crate::base::rng::Rng;
 use glam::Vec3;
 
 /// A smooth interface between two dielectrics. Media nest by interfaces: each tells the ratio of

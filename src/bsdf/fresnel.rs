@@ -1,6 +1,6 @@
 //! Reflection at smooth interfaces (Fresnel), for unpolarized light.
 
-use crate::math::Rgb;
+use crate::base::math::Rgb;
 
 /// Reflectance of an interface between dielectrics, and the cosine of the refracted direction
 /// (0 beyond the critical angle). `cos_i` in [0, 1]; `eta` is the index behind over the index

@@ -4,7 +4,7 @@
 //! Directions are local: the surface's normal is z. Walter et al. 2007 (distribution), Heitz 2014
 //! (masking), Dupuy and Benyoub 2023 (sampling), Kulla and Conty 2017 (energy).
 
-use crate::math::sin_cos_turns;
+use crate::base::math::sin_cos_turns;
 use glam::{DVec2, Vec2, Vec3};
 use std::f32::consts::PI;
 use std::sync::LazyLock;
@@ -182,8 +182,8 @@ fn node(x: f32) -> (usize, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::uniform_sphere;
-    use crate::rng::{Rng, Stream, StreamKey};
+    use crate::base::math::uniform_sphere;
+    use crate::base::rng::{Rng, Stream, StreamKey};
 
     fn rng(seed: u64) -> Rng {
         StreamKey::new(seed, Stream::Test, 0).rng(0)

@@ -3,8 +3,8 @@
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
 use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, Wanted, fresnel, mirrored};
-use crate::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
-use crate::rng::Rng;
+use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::{FRAC_1_PI, PI};
 

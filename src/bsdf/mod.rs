@@ -19,8 +19,8 @@ pub use dielectric::{Dielectric, ThinDielectric};
 pub use glossy::Glossy;
 pub use rough_dielectric::RoughDielectric;
 
-use crate::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
-use crate::rng::Rng;
+use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
+use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 

@@ -3,8 +3,8 @@
 use super::dielectric::{relative, transmission_scale};
 use super::ggx::{Ggx, reflect};
 use super::{BsdfSample, Lobe, SMOOTH_ALPHA, Transport, fresnel};
-use crate::math::Rgb;
-use crate::rng::Rng;
+use crate::base::math::Rgb;
+use crate::base::rng::Rng;
 use glam::Vec3;
 
 /// A rough interface between two dielectrics. Light that facets send into other facets is lost: at

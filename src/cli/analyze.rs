@@ -4,9 +4,9 @@ use super::analyze_text::text;
 use super::render_report::describe_counts;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
 use super::{choice, json};
-use bdpm::error::{Error, Result};
-use bdpm::film::Film;
-use bdpm::goal::{Goal, StoppedBy};
+use bdpm::base::atomic::check_writable;
+use bdpm::base::error::{Error, Result};
+use bdpm::image::film::Film;
 use bdpm::noise::Measure;
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH, check_memory};
 use bdpm::noise::film::BatchGrain;
@@ -14,9 +14,10 @@ use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::Summary;
-use bdpm::output::{self, Value};
+use bdpm::pictures::Value;
 use bdpm::settings::Settings;
 use bdpm::steer::Measuring;
+use bdpm::steer::goal::{Goal, StoppedBy};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -66,9 +67,9 @@ pub struct Report<'a> {
 pub fn run(args: &Args) -> Result<String> {
     let exr = &args.output;
     let (terms_png, rms_png) = (exr.with_extension("terms.png"), exr.with_extension("rms.png"));
-    output::check_writable(exr, Some("exr"))?;
-    output::check_writable(&terms_png, None)?;
-    output::check_writable(&rms_png, None)?;
+    check_writable(exr, Some("exr"))?;
+    check_writable(&terms_png, None)?;
+    check_writable(&rms_png, None)?;
     if let Some(iterations @ ..2) = args.iterations {
         return Err(too_few(iterations));
     }

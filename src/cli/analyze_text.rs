@@ -4,7 +4,7 @@ use super::analyze::Report;
 use super::human_time;
 use bdpm::noise::image::Statistic;
 use bdpm::noise::summary::{Compared, Summary};
-use bdpm::output::digits;
+use bdpm::pictures::digits;
 use std::fmt::Write;
 
 /// `value +- error`, aligned at the sign between them.

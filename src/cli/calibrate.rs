@@ -3,14 +3,16 @@
 use super::json;
 use super::progress::{Progress, Status, Totals};
 use super::session::{Prepared, SessionArgs, catch_interrupts};
-use bdpm::error::{Error, Result};
-use bdpm::goal::Goal;
+use bdpm::base::atomic::check_writable;
+use bdpm::base::error::{Error, Result};
 use bdpm::noise::Measure;
-use bdpm::output;
 use bdpm::render::Renderer;
+use bdpm::reproduce::table_2::beside_table_2;
 use bdpm::settings::Settings;
+use bdpm::steer::goal::Goal;
 use bdpm::timing::fit::fit;
-use bdpm::timing::grid::{self, Size};
+use bdpm::timing::grid;
+use bdpm::timing::grid::Size;
 use bdpm::timing::sample::Recorder;
 use bdpm::timing::setup::Setup;
 use bdpm::timing::{Timings, report};
@@ -64,7 +66,7 @@ pub fn run(args: &Args) -> Result<String> {
             "leave out --light-paths and --camera-paths; its result is for all of them",
         ));
     }
-    output::check_writable(&args.output, Some("json"))?;
+    check_writable(&args.output, Some("json"))?;
     let prepared = Prepared::new(&args.session, None)?;
     let setup = Setup::new(&prepared.origin, prepared.threads.current_num_threads());
     let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
@@ -76,7 +78,11 @@ pub fn run(args: &Args) -> Result<String> {
         (true, _) => json(&Report { output, rounds, seconds: time.as_secs_f64(), timings }),
         (false, true) => String::new(),
         (false, false) => {
-            format!("{}\n{output}: {rounds} rounds\n", report::text(&timings))
+            format!(
+                "{}\n{}\n{output}: {rounds} rounds\n",
+                report::text(&timings),
+                beside_table_2(&timings.model)
+            )
         }
     })
 }

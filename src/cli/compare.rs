@@ -1,9 +1,9 @@
 //! `bdpm compare A B`.
 
-use bdpm::compare::{Comparison, compare};
-use bdpm::error::{Error, Result};
-use bdpm::math::Rgb;
-use bdpm::output::read_exr;
+use bdpm::base::error::{Error, Result};
+use bdpm::base::math::Rgb;
+use bdpm::image::compare::{Comparison, compare};
+use bdpm::pictures::read_exr;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

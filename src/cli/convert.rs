@@ -1,9 +1,9 @@
 //! `bdpm convert SCENE OUT`.
 
 use super::{json, say};
-use bdpm::error::Result;
-use bdpm::scene::summary::counted;
-use bdpm::scene::{LoadOptions, Note, Summary, load, load_with, save};
+use bdpm::base::error::Result;
+use bdpm::import::counted;
+use bdpm::import::{LoadOptions, Note, Summary, load, load_with, save};
 use serde::Serialize;
 use std::path::PathBuf;
 

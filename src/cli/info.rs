@@ -2,10 +2,11 @@
 
 use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
-use bdpm::accel::backend;
-use bdpm::error::Result;
-use bdpm::scene::summary::counted;
-use bdpm::scene::{Emitter, FieldOfView, Loaded, Note, Optics as SceneOptics, Summary};
+use bdpm::base::error::Result;
+use bdpm::import::counted;
+use bdpm::import::{Loaded, Note, Summary};
+use bdpm::scene::backend;
+use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics};
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::fmt::Write;

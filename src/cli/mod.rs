@@ -20,9 +20,9 @@ mod render_report;
 mod reproduce;
 mod session;
 
-use bdpm::accel::backend::Backend;
-use bdpm::error::{Error, Result};
-use bdpm::scene::{LoadOptions, Loaded, load_with};
+use bdpm::base::error::{Error, Result};
+use bdpm::import::{LoadOptions, Loaded, load_with};
+use bdpm::scene::backend::Backend;
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;

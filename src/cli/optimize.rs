@@ -5,19 +5,21 @@ use super::optimize_rows::{Candidates, Row, SLACK};
 use super::optimize_text::text;
 use super::predict::{Times, coefficients};
 use super::{choice, json};
-use bdpm::counts::Counts;
-use bdpm::error::{Error, Result};
-use bdpm::goal::Target;
+use bdpm::base::atomic::check_writable;
+use bdpm::base::error::{Error, Result};
+use bdpm::image::counts::Counts;
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
-use bdpm::noise::predict::Source;
 use bdpm::noise::region;
 use bdpm::optimize::Objective;
+use bdpm::optimize::predict::Source;
 use bdpm::optimize::subject::{End, Subject};
-use bdpm::origin::Origin;
-use bdpm::output::{self, Image, Layer, Metadata, Value};
-use bdpm::plan::Plan;
+use bdpm::pictures;
+use bdpm::pictures::{Image, Layer, Metadata, Value};
 use bdpm::render::light_paths_in;
 use bdpm::settings::MAX_LIGHT_PATHS;
+use bdpm::settings::origin::Origin;
+use bdpm::steer::goal::Target;
+use bdpm::steer::plan::Plan;
 use bdpm::timing::Timings;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -161,10 +163,10 @@ impl Args {
             }
         }
         if let Some(path) = &self.output {
-            output::check_writable(path, Some("exr"))?;
+            check_writable(path, Some("exr"))?;
         }
         if let Some(path) = &self.plot {
-            output::check_writable(path, Some("svg"))?;
+            check_writable(path, Some("svg"))?;
         }
         let from = self.timings.as_deref().ok_or_else(|| {
             Error::new(
@@ -248,7 +250,7 @@ fn write_plan(path: &Path, file: &NoiseFile, counts: &Counts) -> Result<()> {
     let (width, height) = (file.noise.width, file.noise.height);
     let mut image = Image { width, height, layers, metadata: facts(file, counts) };
     Plan::new(counts.clone()).write_to(&mut image);
-    output::write_exr(path, &image)
+    pictures::write_exr(path, &image)
 }
 
 /// Reads an amount of memory such as 2GiB.

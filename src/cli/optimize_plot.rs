@@ -1,9 +1,9 @@
 //! The paper's Figure 4: RMS after a time against the number of light paths, as SVG.
 
-use bdpm::error::{Error, Result};
+use bdpm::base::atomic::write_atomically;
+use bdpm::base::error::{Error, Result};
 use bdpm::optimize::subject::End;
 use bdpm::optimize::{Problem, Uniform};
-use bdpm::output::write_atomically;
 use plotters::prelude::*;
 use std::error::Error as Failure;
 use std::ops::RangeInclusive;

@@ -1,8 +1,8 @@
 //! The counts that `bdpm optimize` tells of, and what they lead to.
 
-use bdpm::counts::Counts;
-use bdpm::noise::predict::Predicted;
+use bdpm::image::counts::Counts;
 use bdpm::optimize::Problem;
+use bdpm::optimize::predict::Predicted;
 use bdpm::optimize::subject::{End, Subject};
 use serde::Serialize;
 use std::ops::RangeInclusive;

@@ -2,10 +2,10 @@
 
 use super::analyze_text::with_error;
 use super::json;
-use bdpm::error::{Error, Result};
+use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::NoiseFile;
-use bdpm::noise::predict::{Budget, Optimum, Predicted, Prediction, Source};
 use bdpm::noise::{Coefficients, region};
+use bdpm::optimize::predict::{Budget, Optimum, Predicted, Prediction, Source};
 use bdpm::settings::MAX_LIGHT_PATHS;
 use bdpm::timing::fit::TimeErrors;
 use bdpm::timing::setup::Setup;

@@ -1,8 +1,9 @@
 //! Progress on stderr: a bar on a terminal, else a line now and then.
 
 use super::{human_time, say};
-use bdpm::goal::{Forecast, Goal, Standing};
-use bdpm::render::{IterationReport, PhaseTimes};
+use bdpm::image::PhaseTimes;
+use bdpm::render::IterationReport;
+use bdpm::steer::goal::{Forecast, Goal, Standing};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::io::{self, IsTerminal};

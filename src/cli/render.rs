@@ -6,21 +6,21 @@ use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, block_reports, describe_counts, text};
 use super::session::{Prepared, Session, SessionArgs};
-use bdpm::autopilot::Autopilot;
-use bdpm::block::{Block, Combined};
-use bdpm::checkpoint::Checkpoint;
-use bdpm::error::{Error, Result};
-use bdpm::goal::{Goal, Target};
+use bdpm::base::error::{Error, Result};
+use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::Measure;
-use bdpm::noise::bias::MergeBias;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
-use bdpm::origin::Origin;
-use bdpm::output;
-use bdpm::plan::Plan;
+use bdpm::pictures;
 use bdpm::render::Renderer;
+use bdpm::render::bias::MergeBias;
+use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
+use bdpm::settings::origin::Origin;
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::goal::{Goal, Target};
+use bdpm::steer::plan::Plan;
 use bdpm::steer::{Fixed, Replay, Steer};
 use bdpm::timing::{TimeModel, Timings};
 use std::path::{Path, PathBuf};
@@ -145,7 +145,7 @@ impl Args {
 
 /// Reads a plan with what it belongs to. Where its iterations are open, seed and version are as well.
 fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
-    let image = output::read_exr(path)?;
+    let image = pictures::read_exr(path)?;
     let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
     let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
     let Settings { width, height, .. } = origin.settings;

@@ -3,14 +3,16 @@
 use super::progress::Progress;
 use super::render::Args;
 use super::session::Session;
-use bdpm::autopilot::Autopilot;
-use bdpm::block::Combined;
-use bdpm::checkpoint::Checkpoint;
-use bdpm::error::{Error, Result};
-use bdpm::origin::Origin;
-use bdpm::output::{self, Image, Layer, Value};
-use bdpm::plan::Plan;
+use bdpm::base::atomic::check_writable;
+use bdpm::base::error::{Error, Result};
+use bdpm::files::checkpoint::Checkpoint;
+use bdpm::pictures;
+use bdpm::pictures::{Image, Layer, Value};
 use bdpm::render::Renderer;
+use bdpm::render::block::Combined;
+use bdpm::settings::origin::Origin;
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::plan::Plan;
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -39,10 +41,10 @@ impl Outputs {
     pub fn new(args: &Args) -> Result<Self> {
         let exr = args.output.clone();
         let png = exr.with_extension("png");
-        output::check_writable(&exr, Some("exr"))?;
-        output::check_writable(&png, Some("png"))?;
+        check_writable(&exr, Some("exr"))?;
+        check_writable(&png, Some("png"))?;
         if let Some(noise) = &args.noise {
-            output::check_writable(noise, Some("exr"))?;
+            check_writable(noise, Some("exr"))?;
             if *noise == exr {
                 return Err(Error::new(
                     "the coefficients and the image have the same name",
@@ -52,7 +54,7 @@ impl Outputs {
             }
         }
         if let Some(checkpoint) = &args.checkpoint {
-            output::check_writable(checkpoint, None)?;
+            check_writable(checkpoint, None)?;
             if *checkpoint == exr || *checkpoint == png {
                 return Err(Error::new(
                     "the checkpoint and the image have the same name",
@@ -143,8 +145,8 @@ impl Writer<'_> {
         metadata.insert("iterations".into(), iterations);
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
-        let saved = output::write_exr(&self.outputs.exr, &image).and_then(|()| {
-            output::write_png(&self.outputs.png, width, height, &pixels).map(|_exposure| ())
+        let saved = pictures::write_exr(&self.outputs.exr, &image).and_then(|()| {
+            pictures::write_png(&self.outputs.png, width, height, &pixels).map(|_exposure| ())
         });
         self.time += start.elapsed();
         saved

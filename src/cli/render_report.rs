@@ -2,10 +2,10 @@
 
 use super::human_time;
 use super::session::{Expectation, RunReport};
-use bdpm::autopilot::Promise;
-use bdpm::block::{Block, Combined};
-use bdpm::goal::StoppedBy;
-use bdpm::noise::bias::MergeBias;
+use bdpm::render::bias::MergeBias;
+use bdpm::render::block::{Block, Combined};
+use bdpm::steer::autopilot::Promise;
+use bdpm::steer::goal::StoppedBy;
 use serde::Serialize;
 
 /// The result.

@@ -14,10 +14,11 @@ use super::Coefficients;
 use super::film::{BATCHES, BatchGrain, NoiseFilm};
 use super::image::{NoiseImage, NoiseSample, PixelEstimate};
 use super::region::{rectangles_from_text, rectangles_to_text};
-use crate::error::{Error, Result};
-use crate::math::Rgb;
-use crate::memory::{GIB, available_memory};
-use crate::output::{self, Image, Layer, Metadata, Value};
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::base::memory::{GIB, available_memory};
+use crate::pictures;
+use crate::pictures::{Image, Layer, Metadata, Value};
 use crate::scene::Region;
 use std::path::Path;
 
@@ -46,7 +47,7 @@ impl NoiseFile {
     /// # Errors
     /// If the file cannot be written; names it.
     pub fn write(&self, path: &Path) -> Result<()> {
-        output::write_exr(path, &self.to_image())
+        pictures::write_exr(path, &self.to_image())
     }
 
     /// Reads what [`Self::write`] wrote.
@@ -54,7 +55,7 @@ impl NoiseFile {
     /// # Errors
     /// If the file cannot be read or is another EXR file; names it.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_image(output::read_exr(path)?).map_err(|e| e.at(path))
+        Self::from_image(pictures::read_exr(path)?).map_err(|e| e.at(path))
     }
 
     /// Layers and metadata.

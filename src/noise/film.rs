@@ -1,7 +1,7 @@
 //! Sums of the measured coefficients, pixel by pixel, with batches for standard errors.
 
 use super::Coefficients;
-use crate::film::Tile;
+use crate::image::film::Tile;
 use serde::{Deserialize, Serialize};
 
 /// Batches of iterations: iteration `t` of the measuring ones belongs to batch `t % BATCHES`.
@@ -86,7 +86,7 @@ pub enum BatchGrain {
     Tile,
 }
 
-/// Measured sums of a whole image, in the tile order of [`crate::film::Film`].
+/// Measured sums of a whole image, in the tile order of [`crate::image::film::Film`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFilm {
     pixels: Vec<PixelNoise>,

@@ -3,7 +3,7 @@
 
 use super::Coefficients;
 use super::film::{BATCHES, BatchGrain, NoiseFilm};
-use crate::film::Film;
+use crate::image::film::Film;
 
 /// Means over the measuring iterations, row by row.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,15 +12,14 @@
 //!
 //! none of which depends on the two counts.
 
-pub mod bias;
 pub mod file;
 pub mod film;
 pub mod halves;
 pub mod image;
 pub mod pair_table;
 pub mod pairs;
+#[cfg(feature = "cli")]
 pub mod picture;
-pub mod predict;
 pub mod region;
 pub mod summary;
 

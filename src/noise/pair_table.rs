@@ -116,7 +116,7 @@ impl PairSum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rng::{Stream, StreamKey};
+    use crate::base::rng::{Stream, StreamKey};
     use std::collections::HashMap;
 
     #[test]

@@ -1,9 +1,9 @@
 //! Pictures of the noise: the paper's Figure 3, and the RMS in colors with a scale.
 
 use super::image::NoiseImage;
-use crate::error::Result;
-use crate::film::pool;
-use crate::output::{Canvas, number, quantile, tick_step};
+use crate::base::error::Result;
+use crate::image::film::pool;
+use crate::pictures::{Canvas, number, quantile, tick_step};
 use colorgrad::Gradient;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! The part of the image that statistics are about: by name, or as a rectangle.
 
 use super::image::NoiseImage;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use crate::scene::{Region, check_rectangles};
 
 /// Writes rectangles as text: `x0,y0,x1,y1` each, separated by spaces.

@@ -14,6 +14,7 @@
 
 mod per_pixel;
 mod pixel;
+pub mod predict;
 mod search;
 mod slice;
 pub mod subject;

@@ -73,10 +73,10 @@ impl Problem {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Bounds, Objective};
     use super::*;
+    use crate::optimize::{Bounds, Objective};
+    use crate::base::rng::{Stream, StreamKey};
     use crate::noise::Coefficients;
-    use crate::rng::{Stream, StreamKey};
     use crate::timing::TimeModel;
 
     #[test]

@@ -1,11 +1,11 @@
 //! Measured noise and times as a problem, and what counts lead to by them.
 
+use super::predict::{Predicted, Source};
 use super::{Bounds, LEAST_ITERATIONS, Objective, PerPixel, Problem};
-use crate::counts::{CameraCounts, Counts};
-use crate::film::pool;
+use crate::image::counts::{CameraCounts, Counts};
+use crate::image::film::pool;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseSample;
-use crate::noise::predict::{Predicted, Source};
 use crate::timing::TimeModel;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 const MOST_CAMERA_PATHS: u32 = 1 << 16;
 
 /// Iterations up to a target at the least, as many as `bdpm render` takes.
-const LEAST_TO_TARGET: f64 = crate::goal::LEAST_ITERATIONS as f64;
+const LEAST_TO_TARGET: f64 = crate::steer::goal::LEAST_ITERATIONS as f64;
 
 /// When rendering ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

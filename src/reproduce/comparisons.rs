@@ -3,14 +3,14 @@
 use super::findings::{Finding, Topic, Verdict};
 use super::implied;
 use super::optimum::{Optima, implied_over_least, over_least, rescaled};
-use super::tables::{Cell, find};
-use super::terms::{Terms, corrected, mean_rms, quotient, share};
-use crate::noise::image::NoiseImage;
-use crate::noise::predict::Predicted;
-use crate::published::{
+use super::published::{
     BEST_LIGHT_PATHS, CAMERA_PATHS, FIGURE_2, FIGURE_3, LIGHT_PATHS, Row, TABLE_1,
     TABLE_1_CAMERA_PATHS, TABLE_2,
 };
+use super::tables::{Cell, find};
+use super::terms::{Terms, corrected, mean_rms, quotient, share};
+use crate::noise::image::NoiseImage;
+use crate::optimize::predict::Predicted;
 use crate::timing::TimeModel;
 
 /// What the findings are made from.

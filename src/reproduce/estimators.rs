@@ -3,7 +3,7 @@
 use crate::noise::Coefficients;
 use crate::noise::film::BATCHES;
 use crate::noise::image::NoiseImage;
-use crate::noise::predict::Predicted;
+use crate::optimize::predict::Predicted;
 use serde::Serialize;
 
 /// One of the paper's averages, less the squared luminance, by both estimators.

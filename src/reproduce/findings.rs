@@ -1,7 +1,7 @@
 //! Quantities here and in the paper, and the verdict whether they are the same.
 
-use crate::noise::predict::Predicted;
-use crate::output::number;
+use crate::optimize::predict::Predicted;
+use crate::pictures::number;
 use serde::Serialize;
 
 /// A quantity here and there.

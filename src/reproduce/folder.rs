@@ -1,11 +1,11 @@
 //! The files of an experiment: what was measured so far, and what is under way.
 
 use super::part::Part;
-use crate::checkpoint::Checkpoint;
-use crate::error::{Error, Result};
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
+use crate::files::checkpoint::Checkpoint;
 use crate::noise::file::NoiseFile;
 use crate::noise::image::Statistic;
-use crate::output::write_atomically;
 use crate::scene::Region;
 use crate::settings::Settings;
 use crate::timing::sample::Sample;

@@ -1,10 +1,10 @@
 //! What follows from the published numbers alone, and where they contradict each other.
 
-use crate::noise::Coefficients;
-use crate::noise::predict::{Budget, Source};
-use crate::published::{
+use super::published::{
     CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, Row, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME,
 };
+use crate::noise::Coefficients;
+use crate::optimize::predict::{Budget, Source};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Sample};

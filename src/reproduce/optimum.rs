@@ -1,11 +1,11 @@
 //! Where noise times time is least, here and by the published numbers, and why there.
 
 use super::implied;
+use super::published::{BEST_LIGHT_PATHS, CAMERA_PATHS, TIME};
 use super::terms::pooled_rms;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseImage;
-use crate::noise::predict::{Budget, Optimum, Predicted, Source};
-use crate::published::{BEST_LIGHT_PATHS, CAMERA_PATHS, TIME};
+use crate::optimize::predict::{Budget, Optimum, Predicted, Source};
 use crate::timing::TimeModel;
 use serde::Serialize;
 

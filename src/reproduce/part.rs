@@ -1,7 +1,7 @@
 //! What the experiment measures, part by part.
 
+use super::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use crate::noise::Measure;
-use crate::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use serde::{Deserialize, Serialize};
 
 /// Share of the time that goes to each of the three measurements of the noise in every pixel.

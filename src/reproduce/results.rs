@@ -1,7 +1,8 @@
 //! Everything that the report tells, from the files of a complete experiment.
 
 use super::comparisons::{Evidence, findings};
-use super::estimators::{self, Row};
+use super::estimators;
+use super::estimators::Row;
 use super::findings::Finding;
 use super::folder::{Experiment, Folder};
 use super::implied::{Inconsistency, inconsistencies};
@@ -9,10 +10,10 @@ use super::optimum::Optima;
 use super::part::Part;
 use super::tables::{Cell, cells};
 use super::terms::Terms;
-use crate::error::{Error, Result};
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
 use crate::noise::file::NoiseFile;
 use crate::noise::region;
-use crate::output::write_atomically;
 use crate::timing::Timings;
 use crate::timing::fit::fit;
 use serde::Serialize;

@@ -6,10 +6,10 @@
 
 use super::folder::Measured;
 use super::part::Purpose;
+use super::published::TIME;
 use super::terms::{corrected, mean_rms, pooled_rms, quotient};
 use crate::noise::image::NoiseImage;
-use crate::noise::predict::Predicted;
-use crate::published::TIME;
+use crate::optimize::predict::Predicted;
 use crate::timing::TimeModel;
 use crate::timing::sample::Phase;
 use serde::Serialize;

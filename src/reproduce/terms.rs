@@ -2,7 +2,7 @@
 
 use super::folder::Measured;
 use crate::noise::image::{NoiseImage, NoiseSample, Statistic, mean};
-use crate::noise::predict::Predicted;
+use crate::optimize::predict::Predicted;
 use serde::Serialize;
 
 /// Noise of one iteration over the region; luminances, W/(m^2 sr). Means of roots are without their

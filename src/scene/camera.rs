@@ -1,9 +1,9 @@
 //! Cameras: rays through uniform points of a pixel (box filter) and of the aperture.
 
 use crate::accel::Ray;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
+use crate::base::math::{disc_area, uniform_disc};
 use crate::lanes::{LANES, Vec3s};
-use crate::math::{disc_area, uniform_disc};
 use glam::Vec3;
 
 /// A camera: where it is, and how it gathers light.
@@ -160,7 +160,7 @@ impl Camera {
     }
 
     /// Direction and up vector as they were given.
-    pub(super) fn aim(&self) -> [Vec3; 2] {
+    pub(crate) fn aim(&self) -> [Vec3; 2] {
         self.aim
     }
 

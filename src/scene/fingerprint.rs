@@ -4,8 +4,8 @@ use super::texture::{Sampling, Texture};
 use super::{
     Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
 };
+use crate::base::math::Rgb;
 use crate::bsdf::{Bsdf, Reflectance};
-use crate::math::Rgb;
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 

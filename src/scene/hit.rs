@@ -1,13 +1,13 @@
 //! From a hit to the surface there.
 
+use super::diffuse::DiffuseVertices;
 use super::normal_map::Tangent;
 use super::transform::Transform;
 use super::{Corners, Material, Placement, Plain, Scene, Surface, Triangle, interpolate, to_front};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::bsdf::Bsdf;
-use crate::diffuse::DiffuseVertices;
+use crate::lanes::simd::{Simd, side_by_side};
 use crate::lanes::{LANES, Mask, Vec3s, any, bits};
-use crate::simd::{Simd, side_by_side};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use std::array::from_fn;

@@ -1,8 +1,8 @@
 //! The look of a surface: how it scatters, and what it emits.
 
 use super::{NormalMap, Texture};
+use crate::base::math::Rgb;
 use crate::bsdf::Bsdf;
-use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
@@ -56,7 +56,7 @@ impl Material {
     }
 
     /// All textures that it has.
-    pub(super) fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
+    pub(crate) fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
         let normals = self.normal_map.as_ref().map(|map| &map.texture);
         let Self { albedo_texture, metallic_roughness_texture, .. } = self;
         let Self { opacity_texture, emission_texture, .. } = self;

@@ -1,10 +1,11 @@
 //! Where meshes are: those that are seen at several places are held once.
 
-use super::textured_emitter::Glow;
+use super::lights::textured_emitter::Glow;
 use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
-use crate::accel::{self, Geometry};
-use crate::math::Bounds;
+use crate::accel;
+use crate::accel::Geometry;
+use crate::base::math::Bounds;
 use glam::Vec3;
 
 /// Where a mesh is, and what it is made of there.
@@ -110,13 +111,13 @@ impl Scene {
 
 impl Placement {
     /// A triangle of the mesh in the scene's space.
-    pub(super) fn triangle(&self, stored: &Triangle) -> Triangle {
+    pub(crate) fn triangle(&self, stored: &Triangle) -> Triangle {
         let triangle = Triangle { material: self.material, ..*stored };
         self.transform.map_or(triangle, |transform| transform.triangle(&triangle))
     }
 
     /// The smallest box that also holds the mesh's triangles here.
-    pub(super) fn enclose(&self, bounds: Bounds, mesh: &Mesh) -> Bounds {
+    pub(crate) fn enclose(&self, bounds: Bounds, mesh: &Mesh) -> Bounds {
         let corners = mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize]);
         match self.transform {
             None => corners.fold(bounds, Bounds::with),
@@ -127,7 +128,7 @@ impl Placement {
     }
 
     /// Adds the mesh's triangles, which are `stored`, to the emitters if they emit here.
-    pub(super) fn emit(
+    pub(crate) fn emit(
         &self,
         mesh: &Mesh,
         stored: &[Triangle],

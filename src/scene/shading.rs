@@ -1,9 +1,9 @@
 //! Scattering by normals that are not the triangle's: interpolated, or bent by a map.
 
 use super::Surface;
+use crate::base::math::uniform_disc;
+use crate::base::rng::Rng;
 use crate::bsdf::{Bsdf, BsdfSample, Lobe, Transport, Vertex, Wanted};
-use crate::math::uniform_disc;
-use crate::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::PI;
 

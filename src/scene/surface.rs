@@ -1,10 +1,10 @@
 //! The place where a ray hit.
 
 use super::Material;
+use super::diffuse::DiffusePoint;
+use crate::base::math::Rgb;
+use crate::base::rng::Rng;
 use crate::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
-use crate::diffuse::DiffusePoint;
-use crate::math::Rgb;
-use crate::rng::Rng;
 use glam::{Vec2, Vec3};
 
 /// Where a ray hit, on the side that it came from.

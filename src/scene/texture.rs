@@ -1,6 +1,6 @@
 //! Pictures on surfaces, of 8 bits per channel.
 
-use crate::math::Rgb;
+use crate::base::math::Rgb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
@@ -100,7 +100,7 @@ impl Texture {
     }
 
     /// All texels.
-    pub(super) fn texels(&self) -> &[[u8; 4]] {
+    pub(crate) fn texels(&self) -> &[[u8; 4]] {
         &self.texels
     }
 
@@ -119,7 +119,7 @@ impl Texture {
     }
 
     /// Mean of the linear color.
-    pub(super) fn mean_color(&self) -> Rgb {
+    pub(crate) fn mean_color(&self) -> Rgb {
         let mut sum = DVec3::ZERO;
         for texel in self.texels.iter() {
             let [r, g, b, _] = texel.map(|code| f64::from(SRGB[usize::from(code)]));
@@ -129,7 +129,7 @@ impl Texture {
     }
 
     /// Mean of each channel as it is stored, in [0, 1].
-    pub(super) fn mean_data(&self) -> Vec3 {
+    pub(crate) fn mean_data(&self) -> Vec3 {
         let mut sum = DVec3::ZERO;
         for texel in self.texels.iter() {
             let [r, g, b, _] = texel.map(f64::from);

@@ -2,12 +2,12 @@
 
 use super::Triangle;
 use crate::accel::instance_transform;
-use crate::error::{Error, Result};
-use crate::math::Bounds;
+use crate::base::error::{Error, Result};
+use crate::base::math::Bounds;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 
 /// Largest accepted coordinate, scene units: squares of distances still fit an f32.
-pub(super) const MAX_COORDINATE: f32 = 1e15;
+pub(crate) const MAX_COORDINATE: f32 = 1e15;
 
 /// An invertible affine map, kept in f64 so that only the result is rounded.
 #[derive(Clone, Copy, Debug)]
@@ -80,7 +80,7 @@ impl Transform {
     }
 
     /// Refuses maps that cannot be undone.
-    pub(super) fn new(map: DAffine3) -> Result<Self> {
+    pub(crate) fn new(map: DAffine3) -> Result<Self> {
         let determinant = map.matrix3.determinant();
         if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
             return Err(Error::new(
@@ -102,7 +102,7 @@ impl Transform {
     }
 
     /// Moves a point; `None` if it ends up beyond [`MAX_COORDINATE`].
-    pub(super) fn point(&self, point: Vec3) -> Option<Vec3> {
+    pub(crate) fn point(&self, point: Vec3) -> Option<Vec3> {
         let moved = self.map.transform_point3(point.as_dvec3()).as_vec3() + Vec3::ZERO;
         // Written so that NaN fails.
         (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
@@ -110,7 +110,7 @@ impl Transform {
 
     /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
     /// swapped the normal is as well.
-    pub(super) fn normal(&self, normal: Vec3) -> Vec3 {
+    pub(crate) fn normal(&self, normal: Vec3) -> Vec3 {
         self.turn(normal).0
     }
 
@@ -128,38 +128,38 @@ impl Transform {
     }
 
     /// Turns a direction along a surface with it, to unit length; zero stays zero.
-    pub(super) fn tangent(&self, tangent: Vec3) -> Vec3 {
+    pub(crate) fn tangent(&self, tangent: Vec3) -> Vec3 {
         (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
     }
 
     /// Orders a triangle's corners so that its front stays in front.
-    pub(super) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+    pub(crate) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
         self.ordered([a, b, c])
     }
 
     /// What belongs to a triangle's corners, in the order of [`corners`](Self::corners).
-    pub(super) fn ordered<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
+    pub(crate) fn ordered<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }
     }
 
     /// Barycentric weights of the second and third corner, in the same order.
-    pub(super) fn weights(&self, [u, v]: [f32; 2]) -> [f32; 2] {
+    pub(crate) fn weights(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         if self.reverse { [v, u] } else { [u, v] }
     }
 
     /// The map alone.
-    pub(super) fn map(&self) -> DAffine3 {
+    pub(crate) fn map(&self) -> DAffine3 {
         self.map
     }
 
     /// Whether an instance can have it: without ado for numbers, and without making rounding errors of
     /// rays much larger than those of the coordinates.
-    pub(super) fn suits_instances(&self) -> bool {
+    pub(crate) fn suits_instances(&self) -> bool {
         instance_transform(self.map).is_ok() && self.magnification < 100.0
     }
 
     /// The largest coordinate of a box's corners after moving; any number if it is empty.
-    pub(super) fn reach(&self, Bounds { min, max }: &Bounds) -> f64 {
+    pub(crate) fn reach(&self, Bounds { min, max }: &Bounds) -> f64 {
         let sides = [min.as_dvec3(), max.as_dvec3()];
         (0..8).fold(0.0, |reach: f64, corner| {
             let corner = [0, 1, 2].map(|axis| sides[corner >> axis & 1][axis]);
@@ -169,7 +169,7 @@ impl Transform {
     }
 
     /// Moves a triangle, with room for the rounding of rays that an instance transforms.
-    pub(super) fn triangle(&self, stored: &Triangle) -> Triangle {
+    pub(crate) fn triangle(&self, stored: &Triangle) -> Triangle {
         let Triangle { origin, edge1, edge2, normal, area, .. } = *stored;
         let edge = |edge: Vec3| (self.map.matrix3 * edge.as_dvec3()).as_vec3();
         let [origin, edge1, edge2] = self.ordered([
@@ -194,7 +194,7 @@ impl Transform {
 }
 
 /// Of unit length, with a single rounding; zero stays zero.
-pub(super) fn normalized(vector: Vec3) -> Vec3 {
+pub(crate) fn normalized(vector: Vec3) -> Vec3 {
     vector.as_dvec3().normalize_or_zero().as_vec3()
 }
 

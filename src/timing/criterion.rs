@@ -8,8 +8,8 @@ use super::file::{Timings, from_json};
 use super::fit::fit;
 use super::sample::{Phase, Sample};
 use super::setup::Setup;
-use crate::error::{Error, Result};
-use crate::output::write_atomically;
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -154,7 +154,7 @@ fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::setup::tests::setup;
+    use crate::timing::setup::tests::setup;
     use super::*;
     use std::fs::{self, File};
 

@@ -3,8 +3,9 @@
 use super::fit::{Fit, Point, TimeErrors};
 use super::model::TimeModel;
 use super::setup::Setup;
-use crate::error::{Error, Result};
-use crate::output::{Metadata, write_atomically};
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
+use crate::pictures::Metadata;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -104,7 +105,7 @@ pub(super) fn from_json<T: serde::de::DeserializeOwned>(text: &str, advice: &str
 
 #[cfg(test)]
 mod tests {
-    use super::super::setup::tests::{facts, setup};
+    use crate::timing::setup::tests::{facts, setup};
     use super::*;
     use crate::timing::sample::Phase;
 

@@ -19,7 +19,7 @@
 use super::model::TimeModel;
 use super::sample::{Phase, Sample};
 use super::solve;
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Refinements of the weights: the iteration's time hardly changes after the first.

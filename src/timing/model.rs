@@ -1,6 +1,6 @@
 //! Time of one iteration as a function of the numbers of paths.
 
-use crate::error::{Error, Result};
+use crate::base::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// `tau(N_F, n) = fixed + light_path N_F + (camera_path + look_up) sum_p n_p

@@ -1,8 +1,8 @@
 //! What times were measured with, and what they may be used for.
 
-use crate::error::{Error, Result};
-use crate::origin::Origin;
-use crate::output::{Metadata, Value};
+use crate::base::error::{Error, Result};
+use crate::pictures::{Metadata, Value};
+use crate::settings::origin::Origin;
 use crate::settings::{Direct, Roulette};
 use serde::{Deserialize, Serialize};
 use std::fmt;

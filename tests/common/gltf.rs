@@ -4,9 +4,10 @@
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use bdpm::Renderer;
-use bdpm::accel::backend::{Backend, build};
+use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
-use bdpm::scene::{Loaded, Scene, load};
+use bdpm::scene::Scene;
+use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::{RenderDefaults, Settings};
 use glam::Vec3;
 use serde_json::{Value, json};

@@ -1,8 +1,8 @@
 //! Images by different ways, and whether they are the same.
 
 use super::*;
-use bdpm::film::Film;
-use bdpm::reference::PathTracer;
+use bdpm::image::film::Film;
+use bdpm::transport::reference::PathTracer;
 
 /// Means over iterations with their errors, luminance.
 #[derive(Clone)]

@@ -5,7 +5,7 @@ pub mod images;
 
 use bdpm::accel::Intersect;
 use bdpm::bsdf::Bsdf;
-use bdpm::film::luminance;
+use bdpm::image::film::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Direct, Roulette};
@@ -149,7 +149,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
 
 /// The default backend for a scene.
 pub fn accel(scene: &Scene) -> Box<dyn Intersect> {
-    bdpm::accel::backend::build(Default::default(), scene).unwrap()
+    bdpm::scene::backend::build(Default::default(), scene).unwrap()
 }
 
 /// A mean and its standard error.

@@ -1,7 +1,7 @@
 //! Files that were tampered with: random changes of bytes, and what must hold after loading.
 #![allow(dead_code)] // each test binary uses its own part
 
-use bdpm::scene::load;
+use bdpm::import::load;
 use bdpm::settings::{RenderDefaults, Settings};
 use proptest::prelude::*;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Whatever is wrong with a scene, the error names the file, the line and what to do.
 
-use bdpm::scene::{Loaded, load};
+use bdpm::import::{Loaded, load};
 use std::path::PathBuf;
 use tempfile::TempDir;
 

@@ -2,7 +2,7 @@
 //! pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
 use crate::mutate::{TOKENS, apply, change, load_and_check};
-use bdpm::scene::load;
+use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
 

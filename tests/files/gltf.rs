@@ -3,7 +3,8 @@
 //! `gltf_looks.rs`.
 
 use crate::model::*;
-use bdpm::scene::{LoadOptions, Loaded, NoteKind, Scene, load, load_with};
+use bdpm::import::{LoadOptions, Loaded, NoteKind, load, load_with};
+use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 

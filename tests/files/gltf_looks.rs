@@ -2,9 +2,8 @@
 
 use crate::model::*;
 use bdpm::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
-use bdpm::scene::{
-    Emitter, FieldOfView, LoadOptions, Material, NoteKind, Optics, Sampling, Wrap, load_with,
-};
+use bdpm::import::{LoadOptions, NoteKind, load_with};
+use bdpm::scene::{Emitter, FieldOfView, Material, Optics, Sampling, Wrap};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};

@@ -1,10 +1,11 @@
 //! OBJ files as the world writes them: dialects, polygons of any shape, and what is missing or odd.
 
 use crate::common::{area, settings};
-use bdpm::accel::backend::{Backend, build};
 use bdpm::accel::{Intersect, Ray};
+use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
-use bdpm::scene::{Loaded, Mesh, Scene, load};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::{Mesh, Scene};
 use bdpm::{Renderer, Settings};
 use glam::{Vec2, Vec3};
 use tempfile::TempDir;

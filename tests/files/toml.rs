@@ -1,11 +1,12 @@
 //! The shipped scenes, the documented example and the OBJ features are what they are said to be.
 
 use bdpm::accel::Ray;
-use bdpm::accel::backend::{Backend, build};
 use bdpm::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
-use bdpm::scene::{Emitter, FieldOfView, Optics, Scene, load};
+use bdpm::import::load;
+use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
 use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};

@@ -1,15 +1,16 @@
 //! Counts per pixel, blocks of different counts, and the image that they make together.
 
 use crate::common::Estimate;
-use bdpm::accel::backend::{Backend, build};
-use bdpm::autopilot::Autopilot;
-use bdpm::block::{self, Combined};
-use bdpm::counts::{CameraCounts, Counts};
-use bdpm::film::luminance;
-use bdpm::goal::Goal;
+use bdpm::image::counts::{CameraCounts, Counts};
+use bdpm::image::film::luminance;
+use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::plan::Plan;
-use bdpm::scene::load;
+use bdpm::render::block;
+use bdpm::render::block::Combined;
+use bdpm::scene::backend::{Backend, build};
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::goal::Goal;
+use bdpm::steer::plan::Plan;
 use bdpm::steer::{Replay, Steer};
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Scene, Settings};

@@ -1,8 +1,10 @@
 //! The coefficients against their definitions and against ensembles with known `a`, `b`, `f`.
 
 use crate::common::Estimate;
-use bdpm::noise::{Coefficients, Estimator, halves::Halves, pairs::AllPairs};
-use bdpm::rng::{Rng, Stream, StreamKey};
+use bdpm::base::rng::{Rng, Stream, StreamKey};
+use bdpm::noise::halves::Halves;
+use bdpm::noise::pairs::AllPairs;
+use bdpm::noise::{Coefficients, Estimator};
 
 /// The merged light `i[path of light][path of camera]` and the direct light of one iteration.
 struct Pairs {

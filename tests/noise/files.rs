@@ -1,13 +1,13 @@
 //! Measured noise in files, and predictions from them.
 
 use crate::common::*;
-use bdpm::math::Rgb;
+use bdpm::base::math::Rgb;
 use bdpm::noise::file::NoiseFile;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
-use bdpm::noise::predict::{Budget, Predicted, Source};
 use bdpm::noise::{Coefficients, Measure, region};
-use bdpm::output::{Image, Layer, Metadata, Value, read_exr, write_exr};
+use bdpm::optimize::predict::{Budget, Predicted, Source};
+use bdpm::pictures::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::scene::Region;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Settings};

@@ -115,7 +115,7 @@ fn coefficients_do_not_depend_on_the_backend_the_counts_or_the_estimator() {
         ..settings(8, 8)
     };
     let default = accel(&scene);
-    let bvh = bdpm::accel::backend::build(bdpm::accel::backend::Backend::Bvh, &scene).unwrap();
+    let bvh = bdpm::scene::backend::build(bdpm::scene::backend::Backend::Bvh, &scene).unwrap();
     let runs = [
         measure(&scene, &*default, at(300, 20, 1), 1000, Measure::Pairs),
         measure(&scene, &*bvh, at(300, 20, 2), 500, Measure::Pairs),

@@ -2,19 +2,20 @@
 
 use bdpm::Renderer;
 use bdpm::accel::Intersect;
-use bdpm::accel::backend::{Backend, build};
+use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::region;
-use bdpm::origin::Origin;
-use bdpm::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
 use bdpm::reproduce::folder::{Experiment, Folder, Identity};
 use bdpm::reproduce::part::{Part, Purpose};
+use bdpm::reproduce::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
 use bdpm::reproduce::results::Results;
 use bdpm::reproduce::run::{Bench, Run};
 use bdpm::reproduce::terms::{Terms, share};
-use bdpm::scene::{Loaded, Scene, load};
+use bdpm::scene::Scene;
+use bdpm::scene::backend::{Backend, build};
+use bdpm::settings::origin::Origin;
 use bdpm::settings::{RenderDefaults, Settings};
 use bdpm::timing::setup::Setup;
 use std::fs;

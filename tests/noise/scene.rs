@@ -1,14 +1,15 @@
 //! Measured noise of the shipped Cornell box, and the merge bias behind an edge.
 
 use crate::common::*;
-use bdpm::accel::backend::{self, Backend};
-use bdpm::film::luminance;
+use bdpm::image::film::luminance;
+use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};
 use bdpm::noise::summary::Summary;
 use bdpm::scene::Mesh;
-use bdpm::scene::load::load;
+use bdpm::scene::backend;
+use bdpm::scene::backend::Backend;
 use bdpm::settings::RenderDefaults;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;

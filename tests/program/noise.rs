@@ -1,8 +1,8 @@
 //! `bdpm analyze` and `bdpm predict` as their users meet them.
 
 use crate::program::{assert_refused, json, succeed, text};
-use bdpm::math::Rgb;
-use bdpm::output::{Image, Layer, Metadata, write_exr};
+use bdpm::base::math::Rgb;
+use bdpm::pictures::{Image, Layer, Metadata, write_exr};
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::Path;

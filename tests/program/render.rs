@@ -1,6 +1,6 @@
 //! The program as its users meet it: files, streams, exit codes.
 
-use bdpm::output::{Value, read_exr};
+use bdpm::pictures::{Value, read_exr};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -99,7 +99,7 @@ fn a_render_writes_both_images_and_says_how_it_was_made() {
     let image = read_exr(&at("a.exr")).unwrap();
     assert_eq!((image.width, image.height), (24, 18));
     let pixels = image.layer("").unwrap().to_rgb().unwrap();
-    let sum: f64 = pixels.iter().map(|p| f64::from(bdpm::math::luminance(*p))).sum();
+    let sum: f64 = pixels.iter().map(|p| f64::from(bdpm::base::math::luminance(*p))).sum();
     let mean = sum / pixels.len() as f64;
     let told = report["mean_luminance"].as_f64().unwrap();
     assert!(told > 0.0 && (mean / told - 1.0).abs() < 1e-5, "{mean} and {told}");

@@ -2,12 +2,12 @@
 
 use crate::common::*;
 use bdpm::accel::Intersect;
-use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
-use bdpm::light_paths::LightPaths;
-use bdpm::math::luminance;
+use bdpm::base::math::luminance;
+use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
-use bdpm::rng::{Stream, StreamKey};
 use bdpm::settings::{Direct, Roulette};
+use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::transport::light_paths::LightPaths;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::f64::consts::PI;

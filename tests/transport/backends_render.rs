@@ -2,10 +2,10 @@
 #![cfg(feature = "embree")]
 
 use crate::common::mean_luminance;
-use bdpm::accel::backend::{Backend, build};
-use bdpm::math::luminance;
+use bdpm::base::math::luminance;
+use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::scene::load;
+use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;

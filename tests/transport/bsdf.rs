@@ -1,11 +1,11 @@
 //! Every BSDF keeps its promises: reciprocity, energy, and sampling in proportion to its density.
 
+use bdpm::base::math::{luminance, uniform_sphere};
+use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::bsdf::{
     Bsdf, BsdfSample, Coated, Conductor, Dielectric, Glossy, Lobe, Reflectance, RoughDielectric,
     ThinDielectric, Transport, Vertex, Wanted,
 };
-use bdpm::math::{luminance, uniform_sphere};
-use bdpm::rng::{Rng, Stream, StreamKey};
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 

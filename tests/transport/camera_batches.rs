@@ -1,11 +1,11 @@
 //! Camera paths do not depend on how many of them are traced at a time.
 #![cfg(feature = "embree")]
 
-use bdpm::accel::backend::{Backend, build};
-use bdpm::camera_paths::{CameraPass, CameraPathId, CameraPaths};
-use bdpm::gather::GatherPoint;
-use bdpm::rng::{Stream, StreamKey};
-use bdpm::scene::load;
+use bdpm::base::rng::{Stream, StreamKey};
+use bdpm::import::load;
+use bdpm::scene::backend::{Backend, build};
+use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
+use bdpm::transport::gather::GatherPoint;
 use bdpm::{Scene, Settings};
 use std::path::Path;
 

@@ -2,14 +2,13 @@
 
 use crate::common::*;
 use crate::shapes::Random;
-use bdpm::accel::backend::{Backend, build};
 use bdpm::accel::{Intersect, Ray};
+use bdpm::base::math::luminance;
 use bdpm::bsdf::{Bsdf, Glossy};
-use bdpm::math::luminance;
+use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::scene::{
-    Arrangement, Material, Mesh, NormalMap, Placement, Scene, Texture, Transform, load,
-};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::{Arrangement, Material, Mesh, NormalMap, Placement, Scene, Texture, Transform};
 use bdpm::{Renderer, Settings};
 use glam::{DVec3, Vec3};
 use std::fmt::Write;

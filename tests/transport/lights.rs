@@ -4,10 +4,10 @@
 use crate::common::*;
 use bdpm::bsdf::{Bsdf, Dielectric};
 use bdpm::noise::Measure;
-use bdpm::output::{Image, Layer, write_exr};
-use bdpm::reference::PathTracer;
+use bdpm::pictures::{Image, Layer, write_exr};
 use bdpm::scene::{Camera, Directional, Emitter, Environment, FieldOfView, Material, Spot};
 use bdpm::settings::{Direct, Settings};
+use bdpm::transport::reference::PathTracer;
 use bdpm::{Renderer, Scene};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -224,7 +224,7 @@ fn environments_come_from_exr_and_hdr_files() {
              \"a.obj\"\n\n[environment]\n{environment}\n"
         );
         std::fs::write(at("s.toml"), text).unwrap();
-        bdpm::scene::load(&at("s.toml"))
+        bdpm::import::load(&at("s.toml"))
     };
     for file in ["map.exr", "map.hdr"] {
         let scene = load(&format!("file = \"{file}\"\nradiance = 3")).unwrap().scene;

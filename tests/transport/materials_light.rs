@@ -3,16 +3,16 @@
 
 use crate::common::*;
 use bdpm::accel::Intersect;
+use bdpm::base::math::luminance;
 use bdpm::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
-use bdpm::light_paths::LightPaths;
-use bdpm::math::luminance;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::Direct;
+use bdpm::transport::light_paths::LightPaths;
 use bdpm::{Renderer, Settings};
 use glam::{DVec2, Vec3};
 use std::f64::consts::PI;

@@ -7,11 +7,12 @@
 use crate::common::accel;
 use crate::common::images::{Difference, Subject};
 use bdpm::accel::Intersect;
+use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::summary::Summary;
-use bdpm::scene::{Arrangement, load};
+use bdpm::scene::Arrangement;
 use bdpm::settings::{Direct, RenderDefaults};
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;

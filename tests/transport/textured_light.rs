@@ -2,9 +2,9 @@
 //! as the picture holds.
 
 use crate::common::*;
-use bdpm::math::{Rgb, luminance};
+use bdpm::base::math::{Rgb, luminance};
+use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
-use bdpm::rng::{Stream, StreamKey};
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Sampling, Scene, Texture};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};

@@ -1,10 +1,11 @@
 //! Textures and cut-outs: what is read is seen, and holes let all light through.
 
 use crate::common::*;
-use bdpm::accel::backend::{Backend, build};
 use bdpm::bsdf::{Bsdf, Glossy};
+use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap, load};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};
 use glam::{Vec2, Vec3};

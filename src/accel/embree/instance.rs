@@ -3,7 +3,7 @@
 use super::EmbreeError;
 use super::scene::{GeomId, GeometryHandle, SceneBuilder};
 use crate::accel::{Geometry, MeshError, Place, TriangleMesh, instance_transform};
-use crate::math::Bounds;
+use crate::base::math::Bounds;
 use embree4_sys as sys;
 use glam::{DAffine3, DVec3, Vec3};
 use std::collections::HashMap;

@@ -8,8 +8,8 @@
 use super::Device;
 use crate::accel::packet::used;
 use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
+use crate::lanes::simd::vectorized;
 use crate::lanes::{LANES, Mask};
-use crate::simd::vectorized;
 use embree4_sys as sys;
 use std::ptr::null_mut;
 

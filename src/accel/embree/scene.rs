@@ -1,7 +1,8 @@
 //! Scenes: built once, then immutable.
 
 use super::instance::Shared;
-use super::packets::{self, PacketSize};
+use super::packets;
+use super::packets::PacketSize;
 use super::{Device, EmbreeError};
 use crate::accel::{
     AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh,

@@ -2,10 +2,10 @@
 
 use super::picture::{Colors, Picture};
 use super::plot::Plot;
-use crate::film::pool;
+use crate::image::film::pool;
 use crate::noise::file::NoiseFile;
-use crate::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::implied;
+use crate::reproduce::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::results::Results;
 use crate::reproduce::tables::Cell;
 use crate::reproduce::terms::pooled_rms;
@@ -123,7 +123,7 @@ fn rms_after(results: &Results, n_light: f64, n_camera: u32) -> f64 {
     let noise = &results.noise[0].noise;
     let pixels: Vec<_> = results.region.iter().map(|&i| noise.pixels[i].noise).collect();
     let m = f64::from(n_camera);
-    let time = results.timings.model.iteration(n_light, m) / crate::published::TIME;
+    let time = results.timings.model.iteration(n_light, m) / crate::reproduce::published::TIME;
     pooled_rms(&pixels, n_light, m) * time.sqrt()
 }
 

@@ -11,8 +11,8 @@ mod tables;
 
 use super::folder::Folder;
 use super::results::Results;
-use crate::error::Result;
-use crate::output::write_atomically;
+use crate::base::atomic::write_atomically;
+use crate::base::error::Result;
 use figures::Figures;
 use maud::{Markup, html};
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! Numbers in the report.
 
-use crate::noise::predict::Predicted;
-use crate::output::digits;
+use crate::optimize::predict::Predicted;
+use crate::pictures::digits;
 use maud::{Markup, html};
 
 /// A value with its standard error in two digits; without one, four digits of the value.

@@ -1,7 +1,7 @@
 //! Pictures of the report: pixels as PNG, with the scale and the caption as text beside them.
 
-use crate::math::Rgb;
-use crate::output::{auto_exposure, encode_png, number, quantile, tick_step, tone_map};
+use crate::base::math::Rgb;
+use crate::pictures::{auto_exposure, encode_png, number, quantile, tick_step, tone_map};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use colorgrad::Gradient;

@@ -1,7 +1,7 @@
 //! Figure 4: RMS after a time against the number of light paths, as SVG that takes its colors from
 //! the page.
 
-use crate::published::{TABLE_1_CAMERA_PATHS, TABLE_2};
+use crate::reproduce::published::{TABLE_1_CAMERA_PATHS, TABLE_2};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::error::Error as Failure;

@@ -2,7 +2,7 @@
 
 use super::number::{fixed, shown, significant};
 use super::table;
-use crate::noise::predict::Predicted;
+use crate::optimize::predict::Predicted;
 use crate::reproduce::findings::{Finding, Topic, Verdict};
 use crate::reproduce::results::Results;
 use maud::{Markup, html};

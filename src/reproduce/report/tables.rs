@@ -2,8 +2,10 @@
 
 use super::number::{count, fixed, shown, significant};
 use super::table;
-use crate::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use crate::reproduce::implied;
+use crate::reproduce::published::{
+    CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2,
+};
 use crate::reproduce::results::Results;
 use crate::reproduce::tables::{Cell, find};
 use maud::{Markup, html};

@@ -1,0 +1,233 @@
+//! Checkpoints: an image under way with all that must agree for it to be continued.
+//!
+//! A file is `magic, format version, payload (postcard), XXH3 of all before`. The checksum is
+//! verified before anything is decoded, so a damaged file is always recognized as one.
+
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
+use crate::render::block::Block;
+use crate::settings::origin::Origin;
+use crate::steer::autopilot;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::io::{self, Write};
+use std::path::Path;
+use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
+
+const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
+
+/// Raised whenever the payload's layout changes.
+const FORMAT: u32 = 3;
+
+/// Bytes before the payload.
+const HEADER: usize = MAGIC.len() + size_of::<u32>();
+
+/// Bytes after the payload.
+const TRAILER: usize = size_of::<u64>();
+
+/// An image under way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint<'a> {
+    /// What it was made of.
+    pub origin: Origin,
+    /// Its sums.
+    pub blocks: Cow<'a, [Block]>,
+    /// How far the choice of counts has come, if it is automatic.
+    pub autopilot: Option<autopilot::State>,
+}
+
+impl Checkpoint<'_> {
+    /// Writes it to `path` in place of what was there.
+    ///
+    /// # Errors
+    /// If the file cannot be written; names it. The old one is then still there.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write_atomically(path, |to| {
+            let mut hashing = Hashing { to, hash: Xxh3Default::new() };
+            hashing.write_all(&MAGIC)?;
+            hashing.write_all(&FORMAT.to_le_bytes())?;
+            postcard::to_io(self, &mut hashing).map_err(io::Error::other)?;
+            let digest = hashing.hash.digest();
+            hashing.to.write_all(&digest.to_le_bytes())
+        })
+    }
+}
+
+impl Checkpoint<'static> {
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no checkpoint, is from another format version, or is
+    /// damaged; names it.
+    pub fn load(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        Self::decode(&bytes).map_err(|e| e.at(path))
+    }
+
+    fn decode(bytes: &[u8]) -> Result<Self> {
+        let damaged = || {
+            Error::new(
+                "the checkpoint is damaged: its checksum does not match",
+                "use another copy of it, or render anew without --resume",
+            )
+        };
+        if !bytes.starts_with(&MAGIC) {
+            return Err(Error::new(
+                "this is no checkpoint",
+                "give a file that --checkpoint has written",
+            ));
+        }
+        if bytes.len() < HEADER + TRAILER {
+            return Err(damaged());
+        }
+        let (hashed, digest) = bytes.split_at(bytes.len() - TRAILER);
+        if xxh3_64(hashed).to_le_bytes() != digest {
+            return Err(damaged());
+        }
+        let (header, payload) = hashed.split_at(HEADER);
+        let format = &header[MAGIC.len()..];
+        if format != FORMAT.to_le_bytes() {
+            let format = format.iter().rev().fold(0u32, |n, &byte| n << 8 | u32::from(byte));
+            return Err(Error::new(
+                format!("the checkpoint has format {format}; this version reads format {FORMAT}"),
+                "continue it with the version of bdpm that wrote it",
+            ));
+        }
+        // Only a file whose checksum somebody has forged fails below.
+        let (checkpoint, rest): (Self, _) =
+            postcard::take_from_bytes(payload).map_err(|_| damaged())?;
+        let settings = &checkpoint.origin.settings;
+        settings.validate()?;
+        let blocks = &checkpoint.blocks;
+        let fits = blocks.iter().all(|block| block.is_consistent(settings));
+        if blocks.is_empty() || !fits || !rest.is_empty() {
+            return Err(damaged());
+        }
+        Ok(checkpoint)
+    }
+}
+
+/// Hashes what passes through.
+struct Hashing<W> {
+    to: W,
+    hash: Xxh3Default,
+}
+
+impl<W: Write> Write for Hashing<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.hash.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::counts::{CameraCounts, Counts};
+    use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
+    use crate::settings::{Direct, Roulette, Settings};
+    use glam::DVec3;
+    use std::fs;
+
+    fn checkpoint() -> Checkpoint<'static> {
+        let settings = Settings {
+            width: 5,
+            height: 3,
+            light_paths: 100,
+            camera_paths: 2,
+            radius: 0.1,
+            merge_vertex: 2,
+            direct: Direct::Connect,
+            light_roulette: Roulette::Albedo,
+            camera_roulette: Roulette::Weight,
+            seed: u64::MAX,
+        };
+        let first = Block::new(&settings, Counts::uniform(100, 2));
+        let camera_paths = CameraCounts::PerPixel((1..=15).collect());
+        let mut second = Block::new(&settings, Counts { light_paths: 70, camera_paths });
+        for (_, sums) in second.film.tiles_mut() {
+            for (index, sums) in sums.iter_mut().enumerate() {
+                sums.add(DVec3::new(1e-300, index as f64, 0.1));
+            }
+        }
+        second.film.iterations = 7;
+        second.film.deviations.add(0.3, 1);
+        let mut noise = NoiseFilm::new(second.film.tiles(), BatchGrain::Tile);
+        let measured = PixelMeasurement { value: 0.1, ..Default::default() };
+        noise.tiles_mut(second.film.tiles())[0].add(3, &measured);
+        noise.iterations = 1;
+        second.noise = Some(noise);
+        let origin = Origin {
+            version: "1.2.3".into(),
+            scene: "box".into(),
+            fingerprint: 0x1234_5678_9abc_def0,
+            backend: "bvh".into(),
+            settings,
+        };
+        Checkpoint {
+            origin,
+            blocks: Cow::Owned(vec![first, second]),
+            autopilot: Some(autopilot::State::default()),
+        }
+    }
+
+    fn saved() -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ckpt");
+        checkpoint().save(&path).unwrap();
+        assert_eq!(Checkpoint::load(&path).unwrap(), checkpoint());
+        fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn any_changed_byte_and_any_other_length_is_an_error() {
+        let whole = saved();
+        assert_eq!(Checkpoint::decode(&whole).unwrap(), checkpoint());
+        for position in 0..whole.len() {
+            for flip in [1, 0x80, 0xff] {
+                let mut bytes = whole.clone();
+                bytes[position] ^= flip;
+                let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
+                assert!(shown.contains("checkpoint"), "{position}: {shown}");
+            }
+            assert!(Checkpoint::decode(&whole[..position]).is_err(), "cut at {position}");
+        }
+        assert!(Checkpoint::decode(&[&whole[..], &[0]].concat()).is_err());
+    }
+
+    #[test]
+    fn forged_contents_are_errors_and_never_panics() {
+        let whole = saved();
+        let hashed = whole.len() - TRAILER;
+        let mut accepted = 0;
+        for position in MAGIC.len()..hashed {
+            for byte in [0, 1, 0x7f, 0x80, 0xff] {
+                let mut bytes = whole[..hashed].to_vec();
+                bytes[position] = byte;
+                bytes.extend(xxh3_64(&bytes).to_le_bytes());
+                accepted += usize::from(Checkpoint::decode(&bytes).is_ok());
+            }
+        }
+        assert!(accepted > 0, "other pixel values are as good as these");
+    }
+
+    #[test]
+    fn foreign_files_and_formats_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("notes.txt");
+        fs::write(&path, "hello").unwrap();
+        let shown = Checkpoint::load(&path).unwrap_err().to_string();
+        assert!(shown.contains("notes.txt: this is no checkpoint\nhelp: "), "{shown}");
+        let mut bytes = saved();
+        bytes[MAGIC.len()] = 9;
+        bytes.truncate(bytes.len() - TRAILER);
+        bytes.extend(xxh3_64(&bytes).to_le_bytes());
+        let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
+        assert!(shown.contains("has format 9"), "{shown}");
+    }
+}

@@ -1,0 +1,3 @@
+//! Files of renders under way.
+
+pub mod checkpoint;

@@ -1,0 +1,8 @@
+//! The image under way: sums of its pixels, paths to take for each, times of the phases.
+
+pub mod compare;
+pub mod counts;
+pub mod film;
+mod phase_times;
+
+pub use phase_times::PhaseTimes;

@@ -1,0 +1,26 @@
+//! Times of the phases of an iteration.
+
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// Busy time of the phases, summed over threads, and wall-clock time of the whole iteration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PhaseTimes {
+    /// Tracing light paths and building the photon map.
+    pub light: Duration,
+    /// Tracing camera paths with their direct light.
+    pub camera: Duration,
+    /// Look-ups, merging and statistics.
+    pub merge: Duration,
+    /// Wall-clock time from beginning to end.
+    pub wall: Duration,
+}
+
+impl std::ops::AddAssign for PhaseTimes {
+    fn add_assign(&mut self, other: Self) {
+        self.light += other.light;
+        self.camera += other.camera;
+        self.merge += other.merge;
+        self.wall += other.wall;
+    }
+}

@@ -1,0 +1,143 @@
+//! The file itself: JSON text, or the binary container (GLB) that holds it with a buffer.
+
+use super::AGAIN;
+use super::json::Document;
+use crate::base::error::{Error, Result};
+use crate::import::text;
+use std::io::Read;
+use std::path::Path;
+
+/// Largest accepted file, bytes: what a GLB header can tell.
+const MAX_FILE: u64 = 1 << 32;
+
+/// Most JSON objects: each takes hundreds of bytes of memory for as little as 3 of text.
+const MAX_OBJECTS: usize = 2_000_000;
+
+/// What `extensionsRequired` may name.
+const SUPPORTED: [&str; 9] = [
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Reads the document, and the buffer that comes with it in a GLB file.
+///
+/// # Errors
+/// If it is no glTF 2 file, or needs what is not supported.
+pub(super) fn read(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
+    let mut bytes = Vec::new();
+    text::open(path)?
+        .take(MAX_FILE)
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io("read the scene", path, e))?;
+    let (document, bin) = if bytes.starts_with(b"glTF") {
+        let (json, bin) = chunks(&bytes)?;
+        let document = parse(&bytes[json], path)?;
+        // The buffer may be large: keep its place in memory.
+        let bin = bin.map(|bin| {
+            bytes.truncate(bin.end);
+            bytes.drain(..bin.start);
+            bytes
+        });
+        (document, bin)
+    } else {
+        (parse(&bytes, path)?, None)
+    };
+    check_version(&document)?;
+    check_extensions(&document)?;
+    Ok((document, bin))
+}
+
+type Range = std::ops::Range<usize>;
+
+/// Where a GLB file has its JSON and its buffer.
+fn chunks(bytes: &[u8]) -> Result<(Range, Option<Range>)> {
+    let cut_off = || Error::new("the GLB file is cut off", AGAIN);
+    let number = |at: usize| {
+        let four = bytes.get(at..at + 4).ok_or_else(cut_off)?;
+        Ok::<_, Error>(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
+    };
+    let version = number(4)?;
+    if version != 2 {
+        let problem = format!("this is GLB version {version}, and 2 is supported");
+        return Err(Error::new(problem, "export the model as glTF 2.0"));
+    }
+    let end = number(8)? as usize;
+    if end > bytes.len() {
+        return Err(cut_off());
+    }
+    // Length and type before the content.
+    let chunk = |begin: usize, kind: &[u8; 4]| {
+        let length = number(begin)? as usize;
+        let content = begin + 8..begin + 8 + length;
+        if content.end > end {
+            return Err(cut_off());
+        }
+        Ok((bytes[begin + 4..begin + 8] == *kind).then_some(content))
+    };
+    let json = chunk(12, b"JSON")?
+        .ok_or_else(|| Error::new("the GLB file does not begin with JSON", AGAIN))?;
+    // A file may end here, or go on with chunks of other kinds.
+    let bin = if json.end + 8 <= end { chunk(json.end, b"BIN\0")? } else { None };
+    Ok((json, bin))
+}
+
+fn parse(bytes: &[u8], path: &Path) -> Result<Document> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    // GLB files are filled up to multiples of four, by some exporters with zeros.
+    let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let bytes = &bytes[..end];
+    if bytes.iter().filter(|byte| **byte == b'{').count() > MAX_OBJECTS {
+        let problem = format!("the file has more than {MAX_OBJECTS} JSON objects");
+        return Err(Error::new(problem, "join meshes and nodes, or split the scene"));
+    }
+    serde_json::from_slice(bytes).map_err(|e| {
+        let line = bytes.split(|byte| *byte == b'\n').nth(e.line().saturating_sub(1));
+        let line = line.unwrap_or_default();
+        // Where all is on one line, the part around the problem.
+        let begin = e.column().saturating_sub(60).min(line.len());
+        let shown = String::from_utf8_lossy(&line[begin..line.len().min(begin + 120)]);
+        Error::new(format!("no valid glTF: {e}"), AGAIN).at(path).line(e.line(), shown.trim())
+    })
+}
+
+fn check_version(document: &Document) -> Result<()> {
+    let asset = &document.asset;
+    let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
+    if needed.is_empty() {
+        return Err(Error::new("asset.version is missing, so this is no glTF", AGAIN));
+    }
+    if needed.starts_with("2.") {
+        return Ok(());
+    }
+    let shown: String = needed.chars().take(20).collect();
+    let problem = format!("asset.version: the file is glTF {shown}, and 2.0 is supported");
+    Err(Error::new(problem, "export the model as glTF 2.0"))
+}
+
+fn check_extensions(document: &Document) -> Result<()> {
+    let unknown: Vec<&str> = unsupported(&document.extensions_required).collect();
+    if unknown.is_empty() {
+        return Ok(());
+    }
+    let names = text::list(unknown);
+    let problem = format!("extensionsRequired: the file needs {names}, which are not supported");
+    let advice = match &names {
+        names if names.contains("draco") || names.contains("meshopt") => {
+            "export the model without compression"
+        }
+        _ => "export the model without these extensions",
+    };
+    Err(Error::new(problem, advice))
+}
+
+/// Those of the extensions that are not read.
+pub(super) fn unsupported(names: &[String]) -> impl Iterator<Item = &str> {
+    names.iter().map(String::as_str).filter(|name| !SUPPORTED.contains(name))
+}

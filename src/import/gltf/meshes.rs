@@ -1,0 +1,164 @@
+//! The meshes of a file, each read once however often it is placed, and the materials in use.
+
+use super::buffers::Buffers;
+use super::geometry::Wanted;
+use super::json::{Document, Primitive, get};
+use super::nodes::Placed;
+use super::remarks::Remarks;
+use super::texture::{Pictures, UvSource};
+use super::{factors, fault, first_name, geometry, material};
+use crate::base::error::Result;
+use crate::scene::{Material, Mesh};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// What is read of meshes and materials.
+pub(super) struct Meshes<'a> {
+    document: &'a Document,
+    /// By index: the parts of a mesh, with the indices of their materials in the scene.
+    read: HashMap<usize, Vec<(Arc<Mesh>, u32)>>,
+    /// By index, or none for the standard's default; none for those that are nowhere to be seen.
+    looks: HashMap<Option<usize>, Option<Look>>,
+    pub remarks: Remarks,
+}
+
+/// What a mesh needs to know of its material.
+#[derive(Clone, Copy)]
+struct Look {
+    /// Index of the material in the scene.
+    material: u32,
+    /// Of its textures.
+    uv_source: Option<UvSource>,
+    /// Whether it bends normals.
+    bends: bool,
+}
+
+impl<'a> Meshes<'a> {
+    pub fn new(document: &'a Document) -> Self {
+        let remarks = Remarks::default();
+        Self { document, read: HashMap::new(), looks: HashMap::new(), remarks }
+    }
+
+    /// Number of triangles of all meshes: at all their places, and each counted once. Nothing is read
+    /// for it.
+    pub fn triangle_counts(&self, nodes: &[Placed]) -> Result<[u64; 2]> {
+        let mut counts: HashMap<usize, u64> = HashMap::new();
+        // Elements of sparse accessors are looked at with each use.
+        let (mut all, mut replaced): (u64, u64) = (0, 0);
+        for placed in nodes {
+            let Some(index) = placed.node.mesh else { continue };
+            let count = match counts.get(&index) {
+                Some(count) => *count,
+                None => {
+                    let place = format!("nodes[{}].mesh", placed.index);
+                    let mesh = get(&self.document.meshes, "meshes", index, place)?;
+                    let mut count: u64 = 0;
+                    for (part, primitive) in mesh.primitives.iter().enumerate() {
+                        let place = format!("meshes[{index}].primitives[{part}]");
+                        let own = geometry::triangle_count(self.document, primitive, &place)?;
+                        count = count.saturating_add(own.unwrap_or(0));
+                        replaced = replaced.saturating_add(self.replaced(primitive));
+                    }
+                    if replaced > u64::from(u32::MAX) {
+                        let problem =
+                            "sparse accessors replace more elements than can be looked at";
+                        return Err(fault(format!("meshes[{index}]"), problem));
+                    }
+                    counts.insert(index, count);
+                    count
+                }
+            };
+            all = all.saturating_add(count);
+        }
+        Ok([all, counts.into_values().fold(0, u64::saturating_add)])
+    }
+
+    /// Number of elements that the sparse accessors of a primitive replace.
+    fn replaced(&self, primitive: &Primitive) -> u64 {
+        let used = primitive.attributes.values().chain(&primitive.indices);
+        let accessors = used.filter_map(|index| self.document.accessors.get(*index));
+        let sparse = accessors.filter_map(|accessor| accessor.sparse.as_ref());
+        sparse.fold(0, |sum, sparse| sum.saturating_add(sparse.count))
+    }
+
+    /// The parts of the mesh of this index, which exists. Materials become part of the scene with
+    /// their first use.
+    pub fn get(
+        &mut self,
+        index: usize,
+        buffers: &Buffers,
+        pictures: &mut Pictures,
+        materials: &mut Vec<Material>,
+    ) -> Result<&[(Arc<Mesh>, u32)]> {
+        if !self.read.contains_key(&index) {
+            let parts = self.parts(index, buffers, pictures, materials)?;
+            self.read.insert(index, parts);
+        }
+        Ok(&self.read[&index])
+    }
+
+    fn parts(
+        &mut self,
+        index: usize,
+        buffers: &Buffers,
+        pictures: &mut Pictures,
+        materials: &mut Vec<Material>,
+    ) -> Result<Vec<(Arc<Mesh>, u32)>> {
+        let document = self.document;
+        let mesh = get(&document.meshes, "meshes", index, "nodes")?;
+        let name = first_name([&mesh.name], || format!("meshes[{index}]"));
+        let mut parts = Vec::new();
+        for (part, primitive) in mesh.primitives.iter().enumerate() {
+            let place = format!("meshes[{index}].primitives[{part}]");
+            if geometry::triangle_count(document, primitive, &place)?.is_none() {
+                self.remarks.skipped("ignored the points or lines of", &name);
+                continue;
+            }
+            self.remark(primitive, &name);
+            let look = self.look(primitive.material, &place, pictures, materials)?;
+            let Some(Look { material, uv_source, bends }) = look else { continue };
+            let wanted = Wanted { uv_source: uv_source.as_ref(), tangents: bends };
+            let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;
+            if !mesh.triangles.is_empty() {
+                parts.push((Arc::new(mesh), material));
+            }
+        }
+        Ok(parts)
+    }
+
+    /// Tells what of a primitive is not read.
+    fn remark(&mut self, primitive: &Primitive, name: &str) {
+        let has = |begin: &str| primitive.attributes.keys().any(|key| key.starts_with(begin));
+        for (left_out, what) in [
+            (has("COLOR_"), "ignored the vertex colors of"),
+            (has("JOINTS_"), "ignored the skin, which bends the shape, of"),
+            (!primitive.targets.is_empty(), "ignored the morph targets of"),
+        ] {
+            if left_out {
+                self.remarks.skipped(what, name);
+            }
+        }
+    }
+
+    fn look(
+        &mut self,
+        index: Option<usize>,
+        place: &str,
+        pictures: &mut Pictures,
+        materials: &mut Vec<Material>,
+    ) -> Result<Option<Look>> {
+        if let Some(look) = self.looks.get(&index) {
+            return Ok(*look);
+        }
+        let place = format!("{place}.material");
+        let factors = factors::factors(self.document, pictures, index, &place)?;
+        let look = material::material(&factors, &mut self.remarks).map(|material| {
+            let uv_source = factors.uv_source.filter(|_| material.is_textured());
+            let bends = material.normal_map.is_some();
+            materials.push(material);
+            Look { material: materials.len() as u32 - 1, uv_source, bends }
+        });
+        self.looks.insert(index, look);
+        Ok(look)
+    }
+}

@@ -1,0 +1,137 @@
+//! glTF 2.0, as `.gltf` with its buffers and pictures, or as `.glb`.
+//!
+//! Whatever is wrong with a file, the error names the JSON element, such as `nodes[3].mesh`.
+
+mod accessor;
+mod buffers;
+mod camera;
+mod factors;
+mod file;
+mod geometry;
+mod json;
+mod json_material;
+mod light;
+mod material;
+mod meshes;
+mod nodes;
+mod remarks;
+mod texture;
+
+use super::arrange::Part;
+use super::builder::{Builder, Rest};
+use super::load::Loaded;
+use super::notes::Note;
+use super::text::list;
+use crate::base::error::{Error, Result, visible};
+use crate::scene::transform::Transform;
+use crate::settings::RenderDefaults;
+use buffers::Buffers;
+use json::Document;
+use meshes::Meshes;
+use nodes::Placed;
+use std::collections::BTreeSet;
+use std::fmt::Display;
+use std::path::Path;
+use texture::Pictures;
+
+/// What to do about a malformed file.
+const AGAIN: &str = "export the model again; a glTF validator may tell more";
+
+/// A malformed element of the file.
+fn fault(place: impl Display, problem: impl Display) -> Error {
+    Error::new(format!("{place}: {problem}"), AGAIN)
+}
+
+/// Loads a glTF file as seen by the camera of this name, else its first, else one that sees everything.
+///
+/// # Errors
+/// Names the file, and the element that is malformed or not supported.
+pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+    read(path, camera).map_err(|error| if error.is_placed() { error } else { error.at(path) })
+}
+
+fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+    let (document, bin) = file::read(path)?;
+    let shown = path.display().to_string();
+    let mut builder = Builder::new(notes(&document, &shown));
+    let nodes = nodes::placed(&document)?;
+    let cameras = camera::candidates(&document, &nodes)?;
+    let chosen = camera::choose(&cameras, camera, &mut builder.notes)?;
+    let view = chosen.map(|chosen| chosen.camera()).transpose()?;
+    let mut lights = Vec::new();
+    let mut light_names = Vec::new();
+    for placed in &nodes {
+        if let Some(light) = light::light(&document, placed)? {
+            light_names.push(light.name);
+            lights.push(light.emitter);
+        }
+    }
+
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut meshes = Meshes::new(&document);
+    let [placed, new] = meshes.triangle_counts(&nodes)?;
+    builder.count(placed, new, path)?;
+    let buffers = Buffers::load(&document, bin, folder)?;
+    let mut pictures = Pictures::new(&document, &buffers, folder);
+    // Each mesh with each of its places.
+    for placed in &nodes {
+        let Some(index) = placed.node.mesh else { continue };
+        let name = mesh_name(&document, placed, index);
+        let Ok(transform) = Transform::new(placed.map) else {
+            // The map is finite.
+            meshes.remarks.chosen("left out what its transform flattens:", &name);
+            continue;
+        };
+        let parts = meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?;
+        let parts: Vec<_> = parts
+            .iter()
+            .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
+            .collect();
+        builder.place(&parts, &transform).ok_or_else(|| {
+            let problem = "its transform moves the mesh out of the range of coordinates";
+            let place = format!("nodes[{}]", placed.index);
+            Error::new(format!("{place}: {problem}"), "scale or move it less")
+        })?;
+    }
+    builder.notes.extend(meshes.remarks.notes(&shown));
+    builder.arrange(path)?;
+
+    let (camera, resolution) = match view {
+        Some(view) => view,
+        None => (builder.place_camera(path)?, None),
+    };
+    let lights = builder.lights_or_one(lights, &camera, path);
+    let defaults = RenderDefaults { resolution, ..RenderDefaults::default() };
+    let mut loaded = builder.finish(path, lights, camera, Rest { defaults, ..Rest::default() })?;
+    loaded.summary.light_names = light_names;
+    loaded.summary.cameras = cameras.iter().map(|camera| camera.name.clone()).collect();
+    loaded.summary.camera = chosen.map(|camera| camera.name.clone());
+    Ok(loaded)
+}
+
+/// What the file holds and no image shows.
+fn notes(document: &Document, shown: &str) -> Vec<Note> {
+    let mut notes = Vec::new();
+    let unsupported: BTreeSet<&str> = file::unsupported(&document.extensions_used).collect();
+    if !unsupported.is_empty() {
+        let names = list(unsupported);
+        notes.push(Note::skipped(format!("{shown}: ignored the extensions {names}")));
+    }
+    if !document.animations.is_empty() {
+        let note = "animations are not played: all is where the nodes have it";
+        notes.push(Note::chosen(format!("{shown}: {note}")));
+    }
+    notes
+}
+
+/// The node's name, else the mesh's, else the node's place in the file.
+fn mesh_name(document: &Document, placed: &Placed, mesh: usize) -> String {
+    let own = document.meshes.get(mesh).map_or("", |mesh| &mesh.name);
+    first_name([&placed.node.name, own], || format!("nodes[{}]", placed.index))
+}
+
+/// The first name that is not empty, without characters that would do something to a terminal.
+fn first_name<const N: usize>(names: [&str; N], otherwise: impl Fn() -> String) -> String {
+    let named = names.into_iter().find(|name| !name.is_empty());
+    named.map_or_else(otherwise, |name| name.chars().map(visible).collect())
+}

@@ -1,0 +1,207 @@
+//! Pictures, and how they lie on surfaces.
+
+use super::buffers;
+use super::buffers::Buffers;
+use super::fault;
+use super::json::{Document, get};
+use super::json_material::{TextureInfo, TextureTransform};
+use crate::base::error::{Error, Result};
+use crate::scene::{Sampling, Texture, Wrap};
+use glam::{Affine2, Mat2, Vec2};
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Largest accepted picture, bytes.
+const MAX_FILE: u64 = 1 << 30;
+
+/// The pictures of a file, each read with its first use.
+pub(super) struct Pictures<'a> {
+    document: &'a Document,
+    buffers: &'a Buffers<'a>,
+    folder: &'a Path,
+    read: HashMap<Source<'a>, Texture>,
+    /// Shared by all materials that sample it so.
+    sampled: HashMap<(Source<'a>, Sampling), Arc<Texture>>,
+}
+
+/// Where a picture comes from; images may share it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Source<'a> {
+    Uri(&'a str),
+    View(usize),
+}
+
+impl<'a> Pictures<'a> {
+    pub fn new(document: &'a Document, buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
+        Self { document, buffers, folder, read: HashMap::new(), sampled: HashMap::new() }
+    }
+
+    /// The picture of the texture that `place` refers to.
+    pub fn get(&mut self, info: &TextureInfo, place: &str) -> Result<Arc<Texture>> {
+        let texture = get(&self.document.textures, "textures", info.index, place)?;
+        let place = format!("textures[{}].source", info.index);
+        let image = texture.source;
+        let image = image.ok_or_else(|| fault(&place, "there is no PNG or JPEG image"))?;
+        let (index, image) = (image, get(&self.document.images, "images", image, place)?);
+        let place = format!("images[{index}]");
+        let source = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => Source::Uri(uri),
+            (None, Some(view)) => Source::View(view),
+            (None, None) => return Err(fault(place, "it has neither uri nor bufferView")),
+        };
+        let sampling = self.sampling(info.index, texture.sampler)?;
+        if let Some(texture) = self.sampled.get(&(source, sampling)) {
+            return Ok(texture.clone());
+        }
+        let texture = Arc::new(self.read(source, &place)?.sampled(sampling));
+        self.sampled.insert((source, sampling), texture.clone());
+        Ok(texture)
+    }
+
+    /// The picture from there; of clones the texels are there once.
+    fn read(&mut self, source: Source<'a>, place: &str) -> Result<Texture> {
+        if let Some(read) = self.read.get(&source) {
+            return Ok(read.clone());
+        }
+        let bytes = match source {
+            Source::Uri(uri) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri"))?,
+            Source::View(view) => {
+                self.buffers.view(view, format!("{place}.bufferView"))?.bytes.to_vec()
+            }
+        };
+        let texture = Texture::decode(bytes)
+            .map_err(|e| Error::new(format!("{place}: {}", e.problem()), e.advice()))?;
+        self.read.insert(source, texture.clone());
+        Ok(texture)
+    }
+
+    /// How the texture of this index is sampled.
+    fn sampling(&self, texture: usize, sampler: Option<usize>) -> Result<Sampling> {
+        let Some(index) = sampler else { return Ok(Sampling::default()) };
+        let place = format!("textures[{texture}].sampler");
+        let sampler = get(&self.document.samplers, "samplers", index, place)?;
+        let wrap = |code: Option<u32>, key: &str| match code {
+            None | Some(10_497) => Ok(Wrap::Repeat),
+            Some(33_648) => Ok(Wrap::Mirror),
+            Some(33_071) => Ok(Wrap::Clamp),
+            Some(code) => Err(fault(format!("samplers[{index}].{key}"), format!("unknown {code}"))),
+        };
+        let wrap = [wrap(sampler.wrap_s, "wrapS")?, wrap(sampler.wrap_t, "wrapT")?];
+        // Pictures are seen from nearby or with many samples: how they would shrink is of no interest.
+        Ok(Sampling { wrap, nearest: sampler.mag_filter == Some(9728) })
+    }
+}
+
+/// Which texture coordinates a material takes, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct UvSource {
+    /// Of several sets.
+    pub set: u32,
+    map: Option<Affine2>,
+}
+
+impl UvSource {
+    pub fn new(info: &TextureInfo) -> Self {
+        let transform = info.extensions.transform.as_ref();
+        let set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
+        let map = transform.map(|TextureTransform { offset, rotation, scale, .. }| {
+            let (sin, cos) = rotation.sin_cos();
+            // Counterclockwise, as v points down.
+            let turn = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+            let stretch = Mat2::from_diagonal(Vec2::from_array(*scale));
+            Affine2::from_mat2_translation(turn * stretch, Vec2::from_array(*offset))
+        });
+        Self { set, map }
+    }
+
+    /// Whether it leads from numbers to numbers.
+    pub fn is_finite(&self) -> bool {
+        self.map.is_none_or(|map| map.is_finite())
+    }
+
+    /// Whether growing `u` leads the same way as in the coordinates of the file.
+    pub fn keeps_tangents(&self) -> bool {
+        self.map.is_none_or(|map| {
+            let [along_u, along_v] = [map.matrix2.x_axis, map.matrix2.y_axis];
+            along_u.x > 0.0 && along_v.y > 0.0 && along_u.y == 0.0 && along_v.x == 0.0
+        })
+    }
+
+    /// From coordinates of the file, whose v points down, to those of [`Texture`].
+    pub fn apply(&self, uv: Vec2) -> Vec2 {
+        let uv = self.map.map_or(uv, |map| map.transform_point2(uv));
+        // What is beyond all numbers repeats like any other.
+        let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
+        Vec2::new(uv.x, 1.0 - uv.y)
+    }
+}
+
+/// Where a surface is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Coverage {
+    Everywhere,
+    Nowhere,
+    /// Where this opacity is at least a half.
+    Partly(Arc<Texture>),
+}
+
+/// Where the alpha channel times `factor` is at least `cutoff`. Opacities are moved to where a half is
+/// the cutoff, linearly, so that the borders between texels stay where they are.
+pub(super) fn coverage(picture: Option<&Arc<Texture>>, factor: f32, cutoff: f32) -> Coverage {
+    if cutoff <= 0.0 {
+        return Coverage::Everywhere;
+    }
+    if factor < cutoff {
+        return Coverage::Nowhere;
+    }
+    let Some(picture) = picture else { return Coverage::Everywhere };
+    let slope = 0.5 / cutoff.max(factor - cutoff);
+    let moved = std::array::from_fn::<u8, 256, _>(|code| {
+        let alpha = code as f32 / 255.0 * factor;
+        (255.0 * (0.5 + slope * (alpha - cutoff))).round().clamp(0.0, 255.0) as u8
+    });
+    let solid = |texel: &[u8; 4]| moved[usize::from(texel[3])] >= 128;
+    if picture.texels().iter().all(solid) {
+        return Coverage::Everywhere;
+    }
+    if !picture.texels().iter().any(solid) {
+        return Coverage::Nowhere;
+    }
+    if (0..=255).all(|code: u8| moved[usize::from(code)] == code) {
+        return Coverage::Partly(picture.clone());
+    }
+    let texels = picture.texels().iter().map(|[r, g, b, a]| [*r, *g, *b, moved[usize::from(*a)]]);
+    let [width, height] = picture.size();
+    let moved = Texture::new(width, height, texels.collect()).sampled(picture.sampling());
+    Coverage::Partly(Arc::new(moved))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn alphas(alphas: &[u8]) -> Arc<Texture> {
+        let texels = alphas.iter().map(|alpha| [9, 9, 9, *alpha]).collect();
+        Arc::new(Texture::new(alphas.len() as u32, 1, texels))
+    }
+
+    #[test]
+    fn a_cutoff_moves_to_a_half() {
+        let picture = alphas(&[0, 50, 51, 127, 128, 255]);
+        assert_eq!(coverage(Some(&picture), 1.0, 0.5), Coverage::Partly(picture.clone()));
+        for (factor, cutoff, from) in [(1.0, 0.2, 51), (1.0, 0.9, 230), (0.4, 0.2, 128)] {
+            let Coverage::Partly(moved) = coverage(Some(&picture), factor, cutoff) else {
+                panic!("{factor} {cutoff}")
+            };
+            for (old, new) in picture.texels().iter().zip(moved.texels()) {
+                assert_eq!(old[3] >= from, new[3] >= 128, "{factor} {cutoff}: {old:?} {new:?}");
+            }
+        }
+        assert_eq!(coverage(Some(&picture), 0.3, 0.5), Coverage::Nowhere);
+        assert_eq!(coverage(Some(&picture), 1.0, 0.0), Coverage::Everywhere);
+        assert_eq!(coverage(None, 0.6, 0.5), Coverage::Everywhere);
+        assert_eq!(coverage(Some(&alphas(&[255, 200])), 1.0, 0.5), Coverage::Everywhere);
+        assert_eq!(coverage(Some(&alphas(&[3, 20])), 1.0, 0.5), Coverage::Nowhere);
+    }
+}

@@ -1,0 +1,224 @@
+//! From a scene file (TOML), a folder with `scene.toml`, or an OBJ file to a [`Scene`].
+//!
+//! The format is described in `docs/scene-format.md`. Nothing in a file makes these functions
+//! panic, and whatever was chosen or left out for the user is told in [`Loaded::notes`].
+
+use super::builder::{Builder, Rest};
+use super::gltf;
+use super::notes;
+use super::notes::Note;
+use super::obj;
+use super::obj::ObjFile;
+use super::scene_file;
+use super::scene_file::SceneFile;
+use super::scene_file::texture::Pictures;
+use super::summary::Summary;
+use super::text;
+use super::text::list;
+use crate::base::error::{Error, Result};
+use crate::scene::transform::Transform;
+use crate::scene::{Material, Region, Scene};
+use crate::settings::RenderDefaults;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A scene with what its file says about rendering it.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// The file's `[render]` table.
+    pub defaults: RenderDefaults,
+    /// What was skipped or chosen for the user.
+    pub notes: Vec<Note>,
+    /// What was read.
+    pub summary: Summary,
+    /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
+    pub assembly: Duration,
+}
+
+impl Loaded {
+    /// All notes, a line each.
+    pub fn notes_text(&self) -> String {
+        self.notes.iter().map(Note::to_string).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// What the user says about reading a scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoadOptions<'a> {
+    /// Name of the camera, of those in a glTF file.
+    pub camera: Option<&'a str>,
+    /// Whether it is an error if anything is skipped.
+    pub strict: bool,
+}
+
+/// Loads a `.toml` scene file, a folder that holds `scene.toml`, or a `.gltf`, `.glb` or `.obj` file,
+/// which gets a camera and a light if it has none.
+///
+/// # Errors
+/// Names the file and, where there is one, the line or the JSON element that cannot be read or
+/// rendered.
+pub fn load(path: &Path) -> Result<Loaded> {
+    load_with(path, &LoadOptions::default())
+}
+
+/// The same with options.
+///
+/// # Errors
+/// As [`load`]; also if there is no such camera, or something was skipped that must not be.
+pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let loaded = load_any(path, options.camera)?;
+    if options.strict {
+        notes::require_complete(&loaded.notes).map_err(|error| error.at(path))?;
+    }
+    Ok(loaded)
+}
+
+fn load_any(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+    if path.is_dir() {
+        let inside = path.join("scene.toml");
+        if !inside.exists() {
+            let advice =
+                "name a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml";
+            return Err(Error::new("the folder holds no scene.toml", advice).at(path));
+        }
+        return load_any(&inside, camera);
+    }
+    // A missing file is worth more words than its extension.
+    std::fs::metadata(path).map_err(|e| Error::io("read the scene", path, e))?;
+    let extension = extension(path);
+    let is_gltf = matches!(&extension[..], "gltf" | "glb");
+    if let (Some(name), false) = (camera, is_gltf) {
+        let problem = format!("there is no camera `{name}`: only glTF files have cameras by name");
+        return Err(Error::new(problem, "leave --camera out").at(path));
+    }
+    match &extension[..] {
+        _ if is_gltf => gltf::load(path, camera),
+        "toml" => load_toml(path),
+        "obj" => load_obj(path),
+        other => Err(Error::new(
+            format!("scenes of type `.{other}` cannot be read"),
+            "give a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml",
+        )
+        .at(path)),
+    }
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// The file's name, or its folder's where the file has the name that all have.
+pub(super) fn scene_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default();
+    let folder = path.canonicalize().ok().and_then(|full| Some(full.parent()?.to_owned()));
+    match folder.as_deref().and_then(Path::file_name) {
+        Some(folder) if stem == "scene" => folder.to_string_lossy().into_owned(),
+        _ => stem.to_string_lossy().into_owned(),
+    }
+}
+
+fn load_toml(path: &Path) -> Result<Loaded> {
+    let text = text::read(path)?;
+    let file = scene_file::parse(path, &text)?;
+    let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
+    let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut pictures = Pictures::new(folder);
+    let own = file.materials.iter().map(|(name, table)| {
+        let material =
+            table.material(name, &mut pictures).map_err(|(error, offset)| place(error, offset))?;
+        Ok((name.clone(), material))
+    });
+    let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;
+
+    let mut builder = Builder::new(Vec::new());
+    let mut files: HashMap<PathBuf, ObjFile> = HashMap::new();
+    for table in &file.mesh {
+        let mesh = table.get_ref();
+        let transform = mesh.transform().map_err(|e| place(e, table.span().start))?;
+        let name = mesh.file.get_ref();
+        let obj_path = folder.join(name);
+        let here = |problem, advice| place(Error::new(problem, advice), mesh.file.span().start);
+        if extension(&obj_path) != "obj" {
+            return Err(here(format!("`{name}` is not an OBJ file"), "give a file ending in .obj"));
+        }
+        if let Err(error) = std::fs::metadata(&obj_path) {
+            let advice = "check the name; it is relative to the folder of the scene file";
+            return Err(here(format!("cannot read the mesh file `{name}`: {error}"), advice));
+        }
+        let is_new = !files.contains_key(&obj_path);
+        if is_new {
+            let read = obj::load(&obj_path)?;
+            builder.notes.extend(read.notes.iter().cloned());
+            files.insert(obj_path.clone(), read);
+        }
+        let obj = &files[&obj_path];
+        let count = obj.triangle_count();
+        builder.count(count, if is_new { count } else { 0 }, path)?;
+        if let Some(wanted) = &mesh.material {
+            check_material(wanted.get_ref(), &file, obj)
+                .map_err(|e| place(e, wanted.span().start))?;
+        }
+        let material = mesh.material.as_ref().map(|name| name.get_ref().as_str());
+        builder.add(&obj_path, obj, &transform, material, &own).ok_or_else(|| {
+            let problem = "the transform moves the mesh out of the range of coordinates";
+            place(Error::new(problem, "scale or move it less"), table.span().start)
+        })?;
+    }
+    builder.arrange(path)?;
+
+    let used: BTreeSet<&str> = builder.materials.iter().map(|m| m.name.as_str()).collect();
+    let unused = file.materials.keys().map(String::as_str).filter(|name| !used.contains(name));
+    let unused: Vec<&str> = unused.collect();
+    if !unused.is_empty() {
+        let note = format!("{}: no mesh uses the material {}", path.display(), list(unused));
+        builder.notes.push(Note::chosen(note));
+    }
+    let lights = file
+        .light
+        .iter()
+        .map(|table| table.get_ref().emitter().map_err(|error| place(error, table.span().start)));
+    let lights = lights.collect::<Result<_>>()?;
+    let regions = file
+        .regions
+        .iter()
+        .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
+    let environment = file.environment.as_ref().map(|table| {
+        let (own, start) = (table.get_ref(), table.span().start);
+        // What is wrong with the map is about its own file.
+        own.environment(folder)
+            .map_err(|error| if error.is_placed() { error } else { place(error, start) })
+    });
+    let (regions, environment) = (regions.collect(), environment.transpose()?);
+    let rest = Rest { regions, environment, defaults: file.render.clone() };
+    builder.finish(path, lights, camera, rest)
+}
+
+fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
+    if file.materials.contains_key(name) || obj.materials.contains_key(name) {
+        return Ok(());
+    }
+    let known: BTreeSet<&str> =
+        file.materials.keys().chain(obj.materials.keys()).map(String::as_str).collect();
+    let advice = match known.len() {
+        0 => format!("define it in a table [materials.{name}]"),
+        _ => format!("use one of {}, or define it in a table [materials.{name}]", list(known)),
+    };
+    Err(Error::new(format!("unknown material `{name}`"), advice))
+}
+
+fn load_obj(path: &Path) -> Result<Loaded> {
+    let obj = obj::load(path)?;
+    let mut builder = Builder::new(obj.notes.clone());
+    builder.count(obj.triangle_count(), obj.triangle_count(), path)?;
+    // The identity keeps all points in range.
+    let _ = builder.add(path, &obj, &Transform::IDENTITY, None, &BTreeMap::new());
+    builder.arrange(path)?;
+
+    let camera = builder.place_camera(path)?;
+    let lights = builder.lights_or_one(Vec::new(), &camera, path);
+    builder.finish(path, lights, camera, Rest::default())
+}

@@ -1,0 +1,23 @@
+//! Scene files: reading TOML, OBJ and glTF, and writing a scene as a folder of TOML, OBJ and PNG.
+//!
+//! [`load()`] is the way in and [`save()`] the way out; nothing else knows what a file looks like.
+
+mod arrange;
+mod builder;
+mod framing;
+mod gltf;
+mod lines;
+mod load;
+mod mtl;
+mod notes;
+mod obj;
+mod save;
+mod scene_file;
+mod summary;
+mod text;
+mod texture_file;
+
+pub use load::{LoadOptions, Loaded, load, load_with};
+pub use notes::{Note, NoteKind};
+pub use save::{Saved, save};
+pub use summary::{Summary, counted};

@@ -1,0 +1,210 @@
+//! Material libraries (MTL), record by record.
+
+pub(super) mod material;
+
+use super::lines::Lines;
+use super::notes::Note;
+use super::text::{list, read_lines, split_keyword};
+use crate::base::error::Result;
+use crate::base::math::Rgb;
+use crate::bsdf::Bsdf;
+use crate::scene::{Material, Texture};
+use material::MtlMaterial;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Textures that are read.
+const MAPS: [&str; 4] = ["map_Kd", "map_d", "map_Ke", "norm"];
+
+/// Reflected share of light where nothing else is said.
+pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
+
+/// A material that only reflects.
+pub(super) fn grey(name: &str) -> Material {
+    let bsdf = Bsdf::diffuse(Rgb::splat(DEFAULT_ALBEDO));
+    Material::new(name, bsdf)
+}
+
+/// Adds the materials of a library to those read before. Notes tell what was ignored.
+///
+/// # Errors
+/// If the file cannot be read, a color is malformed, or a name is taken.
+pub(super) fn load(
+    path: &Path,
+    materials: &mut BTreeMap<String, Material>,
+    notes: &mut Vec<Note>,
+) -> Result<()> {
+    let text = read_lines(path)?;
+    let mut lines = Lines::new(path, &text, 0);
+    let mut current: Option<MtlMaterial> = None;
+    let mut ignored = Notes::default();
+    while lines.advance()? {
+        let line = lines.text();
+        let (keyword, rest) = split_keyword(&line);
+        if keyword == "newmtl" {
+            if let Some(done) = current.take() {
+                ignored.finish(done, materials);
+            }
+            if rest.is_empty() {
+                return Err(lines.error("the material has no name", "write a name after `newmtl`"));
+            }
+            if materials.contains_key(rest) {
+                return Err(lines.error(
+                    format!("the material `{rest}` is defined twice"),
+                    "rename or remove one of the two",
+                ));
+            }
+            current = Some(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() });
+            continue;
+        }
+        let known = ["Kd", "Ks", "Ke", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm"];
+        let is_map = keyword.starts_with("map_") || keyword == "norm";
+        if !known.contains(&keyword) && !is_map {
+            continue;
+        }
+        let Some(material) = &mut current else {
+            return Err(lines.error(
+                format!("`{keyword}` comes before any material"),
+                "begin each material with `newmtl` and its name",
+            ));
+        };
+        match keyword {
+            "Kd" => material.diffuse = Some(share(&lines, rest, path, notes)?),
+            "Ks" => material.specular = Some(share(&lines, rest, path, notes)?),
+            "Ke" => material.emission = Some(color(&lines, rest)?),
+            "Ns" => material.exponent = Some(number(&lines, rest, 0.0, 1e9)?),
+            "Ni" => material.ior = Some(number(&lines, rest, 0.0, 10.0)?),
+            "Pr" => material.roughness = Some(number(&lines, rest, 0.0, 1.0)?),
+            "Pm" => material.metalness = Some(number(&lines, rest, 0.0, 1.0)?),
+            "d" => material.opacity = Some(number(&lines, rest, 0.0, 1.0)?),
+            "Tr" => material.opacity = Some(1.0 - number(&lines, rest, 0.0, 1.0)?),
+            "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
+            "map_Kd" => material.albedo_texture = texture(path, rest)?,
+            "map_d" => material.opacity_texture = texture(path, rest)?,
+            "map_Ke" => material.emission_texture = texture(path, rest)?,
+            "norm" => material.normal_texture = texture(path, rest)?,
+            _ => {}
+        }
+        let read = match keyword {
+            "map_Kd" => material.albedo_texture.is_some(),
+            "map_d" => material.opacity_texture.is_some(),
+            "map_Ke" => material.emission_texture.is_some(),
+            "norm" => material.normal_texture.is_some(),
+            _ => false,
+        };
+        if is_map && !read {
+            let is_missing = MAPS.contains(&keyword) && !rest.is_empty() && !rest.starts_with('-');
+            if is_missing {
+                ignored.missing.insert(rest.to_owned());
+            } else {
+                ignored.textures.insert(material.name.clone());
+            }
+        }
+    }
+    if let Some(done) = current {
+        ignored.finish(done, materials);
+    }
+    for (names, what) in [
+        (ignored.missing, "some textures, for there are no files"),
+        (ignored.textures, "some textures (of another use, or with options) of"),
+        (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
+        (ignored.transparent, "the transparency of"),
+    ] {
+        if !names.is_empty() {
+            let names = list(names.iter().map(String::as_str));
+            let note = format!("{}: ignored {what} {names}", path.display());
+            notes.push(Note::skipped(note));
+        }
+    }
+    Ok(())
+}
+
+/// What was ignored: names of textures without a file, and of materials that lack something.
+#[derive(Default)]
+struct Notes {
+    missing: BTreeSet<String>,
+    textures: BTreeSet<String>,
+    highlights: BTreeSet<String>,
+    transparent: BTreeSet<String>,
+}
+
+impl Notes {
+    /// Adds a material whose records are complete.
+    fn finish(&mut self, records: MtlMaterial, materials: &mut BTreeMap<String, Material>) {
+        let (material, ignored) = records.material();
+        if ignored.highlight {
+            self.highlights.insert(material.name.clone());
+        }
+        if ignored.transparency {
+            self.transparent.insert(material.name.clone());
+        }
+        materials.insert(material.name.clone(), material);
+    }
+}
+
+/// The texture of this file name; `None` if it does not exist or has options before it.
+fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
+    if name.is_empty() || name.starts_with('-') {
+        return Ok(None);
+    }
+    let folder = library.parent().unwrap_or(Path::new(""));
+    let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
+    let found = candidates.into_iter().find(|path| path.exists());
+    found.map(|path| Texture::load(&path).map(Arc::new)).transpose()
+}
+
+/// A number within bounds; what follows it is ignored.
+fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
+    // `d -halo 0.5` of the standard: opacity that depends on the angle, read as if it did not.
+    let text = text.strip_prefix("-halo").unwrap_or(text);
+    let number = text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
+    number.filter(|number| (low..=high).contains(number)).ok_or_else(|| {
+        lines.error(
+            format!("`{keyword}` is no number from {low} to {high}"),
+            format!("write one, such as `{keyword} {}`", if high > 1.0 { "2" } else { "0.5" }),
+        )
+    })
+}
+
+/// A color of at most 1; more is cut with a note.
+fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Result<Rgb> {
+    let color = color(lines, text)?;
+    if color.max_element() > 1.0 {
+        let what = match split_keyword(&lines.text()).0 {
+            "Ks" => "specular",
+            _ => "diffuse",
+        };
+        let (path, line) = (path.display(), lines.number());
+        let note = format!("{path}:{line}: the {what} color {color} is above 1 and was clamped");
+        notes.push(Note::skipped(note));
+    }
+    Ok(color.min(Rgb::ONE))
+}
+
+/// Three numbers, or one for all channels.
+fn color(lines: &Lines, text: &str) -> Result<Rgb> {
+    let line = lines.text();
+    let keyword = split_keyword(&line).0;
+    let numbers: Option<Vec<f32>> =
+        text.split_whitespace().take(4).map(|w| w.parse().ok()).collect();
+    let color = match numbers.as_deref() {
+        Some(&[grey]) => Rgb::splat(grey),
+        Some(&[r, g, b]) => Rgb::new(r, g, b),
+        _ => {
+            return Err(lines.error(
+                format!("`{keyword}` needs three numbers"),
+                format!("write red, green and blue, such as `{keyword} 0.5 0.5 0.5`"),
+            ));
+        }
+    };
+    if !(color.is_finite() && color.min_element() >= 0.0) {
+        return Err(lines.error(
+            format!("`{keyword}` is negative or not finite"),
+            "give finite numbers of at least 0",
+        ));
+    }
+    Ok(color)
+}

@@ -1,0 +1,333 @@
+//! The records of a piece of an OBJ file.
+//!
+//! Pieces are read side by side. What came before one does not matter but for three things: how many
+//! vertices there are, so that faces count from the right one; which libraries are named; and the
+//! number of the first line, for errors. So a piece is first read as if enough came before it, and
+//! notes how much it needs. Where it has less, or has an error, it is read once more, by then with
+//! [`Before`] known, and this tells what is wrong.
+
+use super::libraries::Library;
+use super::numbers::{integer, numbers, position, shown, split_keyword, words};
+use crate::base::error::Result;
+use crate::import::lines::Lines;
+use glam::{Vec2, Vec3};
+use std::path::Path;
+
+/// Most material libraries that one file may name.
+const MAX_LIBRARIES: usize = 1000;
+
+/// Most unknown keywords that are told.
+pub(super) const MAX_UNKNOWN: usize = 8;
+
+/// What a face's corners refer to, in this order: positions, texture coordinates, normals.
+const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+
+/// What the records before a piece say.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Before {
+    pub lines: usize,
+    /// Positions, texture coordinates and normals.
+    pub defined: [u32; 3],
+    pub libraries: Vec<Library>,
+}
+
+impl Before {
+    /// As much as can be.
+    pub fn enough() -> Self {
+        Self { defined: [u32::MAX; 3], ..Self::default() }
+    }
+}
+
+/// What the corners of a face tell besides positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Layout {
+    pub uvs: bool,
+    pub normals: bool,
+}
+
+impl Layout {
+    /// Indices that each corner has.
+    pub fn stride(self) -> usize {
+        1 + usize::from(self.uvs) + usize::from(self.normals)
+    }
+}
+
+/// Whatever changes the part that faces belong to, and the faces in between.
+#[derive(Debug)]
+pub(super) enum Item {
+    /// Of an object or a group.
+    Name(String),
+    Material(String),
+    /// So many faces, with so many indices in all.
+    Faces {
+        layout: Layout,
+        faces: usize,
+        indices: usize,
+    },
+}
+
+/// What a piece of a file holds.
+#[derive(Debug, Default)]
+pub(super) struct Chunk {
+    pub positions: Vec<Vec3>,
+    pub uvs: Vec<Vec2>,
+    pub normals: Vec<Vec3>,
+    pub items: Vec<Item>,
+    /// Number of corners of each face.
+    pub corners: Vec<u32>,
+    /// Of all corners, counted from 0: the position, and what the layout has of the rest.
+    pub indices: Vec<u32>,
+    /// Which indices count from the first of their kind in this piece, modulo 2^32.
+    pub relative: [Vec<u32>; 3],
+    /// What must have been defined before this piece.
+    pub needed: [u32; 3],
+    /// Without those named before; lines count from the piece's first.
+    pub libraries: Vec<Library>,
+    pub ignored_elements: u64,
+    /// The first unknown keywords, and the lines where they first appear, counted the same way.
+    pub unknown: Vec<(String, usize)>,
+    pub lines: usize,
+}
+
+impl Chunk {
+    /// Whether it is right as it was read, if this came before it.
+    pub fn fits(&self, before: &Before) -> bool {
+        let is_new = |library: &&Library| before.libraries.iter().all(|l| l.names != library.names);
+        self.needed.iter().zip(before.defined).all(|(needed, defined)| *needed <= defined)
+            && before.libraries.len() + self.libraries.iter().filter(is_new).count()
+                <= MAX_LIBRARIES
+    }
+
+    fn defined(&self) -> [usize; 3] {
+        [self.positions.len(), self.uvs.len(), self.normals.len()]
+    }
+}
+
+/// Reads a piece of a file.
+pub(super) fn parse(path: &Path, text: &[u8], before: &Before) -> Result<Chunk> {
+    let lines = Lines::new(path, text, before.lines);
+    let mut parser = Parser { lines, before, chunk: Chunk::default(), face: Vec::new() };
+    while parser.lines.advance()? {
+        parser.record()?;
+    }
+    parser.chunk.lines = parser.lines.count() - before.lines;
+    Ok(parser.chunk)
+}
+
+struct Parser<'a> {
+    lines: Lines<'a>,
+    before: &'a Before,
+    chunk: Chunk,
+    /// Corners of the current face.
+    face: Vec<[Index; 3]>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Index {
+    None,
+    /// Counted from the file's first.
+    Absolute(u32),
+    /// Counted from the piece's first, modulo 2^32.
+    Relative(u32),
+}
+
+impl Parser<'_> {
+    fn record(&mut self) -> Result<()> {
+        let Self { lines, chunk, .. } = self;
+        let (keyword, rest) = split_keyword(lines.bytes());
+        match keyword {
+            b"v" => chunk.positions.push(position(lines, rest)?),
+            b"vt" => {
+                let [u, v, _] = numbers(lines, rest, 1)?;
+                chunk.uvs.push(Vec2::new(u, v));
+            }
+            b"vn" => chunk.normals.push(numbers(lines, rest, 3)?.into()),
+            b"f" => self.face()?,
+            b"o" | b"g" => {
+                let name = Item::Name(text(rest));
+                match chunk.items.last_mut() {
+                    _ if rest.is_empty() => {}
+                    // Of several without faces the last counts.
+                    Some(last @ Item::Name(_)) => *last = name,
+                    _ => chunk.items.push(name),
+                }
+            }
+            b"usemtl" => {
+                if rest.is_empty() {
+                    let advice = "write the name of a material after `usemtl`";
+                    return Err(lines.error("the material has no name", advice));
+                }
+                chunk.items.push(Item::Material(text(rest)));
+            }
+            b"mtllib" => self.library()?,
+            b"p" | b"l" | b"curv" | b"curv2" | b"surf" => chunk.ignored_elements += 1,
+            b""
+            | b"vp"
+            | b"s"
+            | b"mg"
+            | b"cstype"
+            | b"deg"
+            | b"bmat"
+            | b"step"
+            | b"parm"
+            | b"trim"
+            | b"hole"
+            | b"scrv"
+            | b"sp"
+            | b"end"
+            | b"con"
+            | b"bevel"
+            | b"c_interp"
+            | b"d_interp"
+            | b"lod"
+            | b"usemap"
+            | b"maplib"
+            | b"shadow_obj"
+            | b"trace_obj"
+            | b"ctech"
+            | b"stech"
+            | [b'#', ..] => {}
+            unknown => {
+                // A note is for people: the first few will do.
+                if chunk.unknown.len() < MAX_UNKNOWN {
+                    let word: String = text(unknown).chars().take(20).collect();
+                    if chunk.unknown.iter().all(|(known, _)| *known != word) {
+                        chunk.unknown.push((word, lines.number() - self.before.lines));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn library(&mut self) -> Result<()> {
+        let Self { lines, chunk, before, .. } = self;
+        let names = text(split_keyword(lines.bytes()).1);
+        if names.is_empty() {
+            let advice = "write the name of an MTL file after `mtllib`";
+            return Err(lines.error("the material library has no name", advice));
+        }
+        if before.libraries.iter().chain(&chunk.libraries).any(|known| known.names == names) {
+            return Ok(());
+        }
+        // Far more than any exporter writes; each is looked for among those before it.
+        if before.libraries.len() + chunk.libraries.len() == MAX_LIBRARIES {
+            let problem = format!("more than {MAX_LIBRARIES} material libraries");
+            return Err(lines.error(problem, "join them into fewer MTL files"));
+        }
+        chunk.libraries.push(Library { names, line: lines.number() - before.lines });
+        Ok(())
+    }
+
+    /// A polygon: at least three corners `position/texture/normal`, of which the last two count if
+    /// all corners have them.
+    fn face(&mut self) -> Result<()> {
+        self.face.clear();
+        let Self { lines, before, chunk, face } = self;
+        for word in words(split_keyword(lines.bytes()).1) {
+            if word.starts_with(b"#") {
+                break;
+            }
+            face.push(corner(lines, word, before, chunk)?);
+        }
+        if face.is_empty() {
+            let advice = "give at least three vertices, such as `f 1 2 3`";
+            return Err(lines.error("the face has no vertices", advice));
+        }
+        if face.len() < 3 {
+            chunk.ignored_elements += 1;
+            return Ok(());
+        }
+        let layout = Layout {
+            uvs: face.iter().all(|corner| corner[1] != Index::None),
+            normals: face.iter().all(|corner| corner[2] != Index::None),
+        };
+        let counts = [true, layout.uvs, layout.normals];
+        for corner in face.iter() {
+            for (kind, index) in corner.iter().enumerate().filter(|(kind, _)| counts[*kind]) {
+                match *index {
+                    Index::None => {}
+                    Index::Absolute(index) => chunk.indices.push(index),
+                    Index::Relative(index) => {
+                        chunk.relative[kind].push(chunk.indices.len() as u32);
+                        chunk.indices.push(index);
+                    }
+                }
+            }
+        }
+        chunk.corners.push(face.len() as u32);
+        let added = face.len() * layout.stride();
+        match chunk.items.last_mut() {
+            Some(Item::Faces { layout: last, faces, indices }) if *last == layout => {
+                *faces += 1;
+                *indices += added;
+            }
+            _ => chunk.items.push(Item::Faces { layout, faces: 1, indices: added }),
+        }
+        Ok(())
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// A face's corner.
+fn corner(
+    lines: &Lines<'_>,
+    word: &[u8],
+    before: &Before,
+    chunk: &mut Chunk,
+) -> Result<[Index; 3]> {
+    let mut parts = word.split(|byte| *byte == b'/');
+    let mut numbers = [Some(None); 3];
+    for (number, part) in numbers.iter_mut().zip(&mut parts) {
+        *number = if part.is_empty() { Some(None) } else { integer(part).map(Some) };
+    }
+    let ([Some(Some(position)), Some(uv), Some(normal)], None) = (numbers, parts.next()) else {
+        return Err(lines.error(
+            format!("`{}` is not a face's vertex", shown(word)),
+            "give vertex numbers, such as `f 1 2 3` or `f 1/1/1 2/2/1 3/3/1`",
+        ));
+    };
+    let mut corner = [Index::None; 3];
+    for (kind, number) in [Some(position), uv, normal].into_iter().enumerate() {
+        if let Some(number) = number {
+            corner[kind] = index(lines, number, kind, before, chunk)?;
+        }
+    }
+    Ok(corner)
+}
+
+/// A one-based number among what was defined so far; negative ones count from its end.
+fn index(
+    lines: &Lines<'_>,
+    number: i64,
+    kind: usize,
+    before: &Before,
+    chunk: &mut Chunk,
+) -> Result<Index> {
+    let here = chunk.defined()[kind] as i64;
+    let needed = match number {
+        0 => i64::MAX,
+        1.. => number - here,
+        _ => 0_i64.saturating_sub(here + number),
+    };
+    let available = i64::from(before.defined[kind]);
+    if needed > available {
+        let what = KINDS[kind];
+        let plural = if kind == 0 { "vertices".to_owned() } else { format!("{what}s") };
+        let defined = available + here;
+        return Err(lines.error(
+            format!("the face refers to {what} {number}, but {defined} are defined up to here"),
+            format!(
+                "number {plural} from 1 (or from -1 backwards), and define them before their faces"
+            ),
+        ));
+    }
+    chunk.needed[kind] = chunk.needed[kind].max(needed.max(0) as u32);
+    Ok(match number {
+        1.. => Index::Absolute((number - 1) as u32),
+        _ => Index::Relative((here + number) as u32),
+    })
+}

@@ -1,0 +1,129 @@
+//! `[camera]` of a scene file.
+
+use super::Point;
+use crate::base::error::{Error, Result};
+use crate::scene::camera::{Camera, FieldOfView, Optics};
+use glam::Vec3;
+use serde::Deserialize;
+
+/// `[camera]`
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(in crate::import) struct CameraTable {
+    #[serde(default, rename = "type")]
+    kind: CameraKind,
+    position: Point,
+    target: Option<Point>,
+    direction: Option<Point>,
+    up: Option<Point>,
+    fov_x_deg: Option<f32>,
+    fov_y_deg: Option<f32>,
+    aperture_radius: Option<f32>,
+    focus_distance: Option<f32>,
+    sensor_width: Option<f32>,
+    disc_distance: Option<f32>,
+    disc_radius: Option<f32>,
+    exposure: Option<f32>,
+}
+
+/// The cameras there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum CameraKind {
+    #[default]
+    Pinhole,
+    ThinLens,
+    Sensor,
+}
+
+impl CameraKind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pinhole => "pinhole",
+            Self::ThinLens => "thin-lens",
+            Self::Sensor => "sensor",
+        }
+    }
+}
+
+impl CameraTable {
+    /// The camera.
+    pub(in crate::import) fn camera(&self) -> Result<Camera> {
+        let position = self.position.0;
+        let direction = match (self.target, self.direction) {
+            (Some(target), None) => target.0 - position,
+            (None, Some(direction)) => direction.0,
+            _ => {
+                return Err(Error::new(
+                    "the camera needs exactly one of `target` and `direction`",
+                    "give the point it looks at as `target`, or a vector as `direction`",
+                ));
+            }
+        };
+        let up = self.up.map_or(Vec3::Y, |up| up.0);
+        Camera::with_optics(position, direction, up, self.optics(direction.length())?)
+    }
+
+    /// `to_target` is the distance of the target, if there is one.
+    fn optics(&self, to_target: f32) -> Result<Optics> {
+        use CameraKind::{Pinhole, Sensor, ThinLens};
+        let views: &[CameraKind] = &[Pinhole, ThinLens];
+        for (name, given, kinds) in [
+            ("fov_x_deg", self.fov_x_deg, views),
+            ("fov_y_deg", self.fov_y_deg, views),
+            ("aperture_radius", self.aperture_radius, &[ThinLens][..]),
+            ("focus_distance", self.focus_distance, &[ThinLens][..]),
+            ("sensor_width", self.sensor_width, &[Sensor][..]),
+            ("disc_distance", self.disc_distance, &[Sensor][..]),
+            ("disc_radius", self.disc_radius, &[Sensor][..]),
+            ("exposure", self.exposure, &[Sensor][..]),
+        ] {
+            if given.is_some() && !kinds.contains(&self.kind) {
+                let names: Vec<_> =
+                    kinds.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+                return Err(Error::new(
+                    format!("a camera of type \"{}\" has no `{name}`", self.kind.name()),
+                    format!("leave it out, or give the camera type = {}", names.join(" or ")),
+                ));
+            }
+        }
+        Ok(match self.kind {
+            Pinhole => Optics::Pinhole(self.field_of_view()?),
+            ThinLens => Optics::ThinLens {
+                field_of_view: self.field_of_view()?,
+                aperture_radius: self.need("aperture_radius", self.aperture_radius)?,
+                focus_distance: match (self.focus_distance, self.target) {
+                    (Some(distance), _) => distance,
+                    (None, Some(_)) => to_target,
+                    (None, None) => self.need("focus_distance", None)?,
+                },
+            },
+            Sensor => Optics::Sensor {
+                width: self.need("sensor_width", self.sensor_width)?,
+                disc_distance: self.need("disc_distance", self.disc_distance)?,
+                disc_radius: self.need("disc_radius", self.disc_radius)?,
+                exposure: self.exposure.unwrap_or(1.0),
+            },
+        })
+    }
+
+    fn need(&self, name: &str, given: Option<f32>) -> Result<f32> {
+        given.ok_or_else(|| {
+            Error::new(
+                format!("a camera of type \"{}\" needs `{name}`", self.kind.name()),
+                format!("add {name} in scene units"),
+            )
+        })
+    }
+
+    fn field_of_view(&self) -> Result<FieldOfView> {
+        match (self.fov_x_deg, self.fov_y_deg) {
+            (Some(degrees), None) => Ok(FieldOfView::X(degrees)),
+            (None, Some(degrees)) => Ok(FieldOfView::Y(degrees)),
+            _ => Err(Error::new(
+                "the camera needs exactly one of `fov_x_deg` and `fov_y_deg`",
+                "give the full opening angle across the width or the height, such as 40",
+            )),
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `[[light]]` of a scene file, in radiometric or photometric units.
+
+use super::{Point, Power};
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::scene::lights::emitter::{Directional, Emitter, Spot};
+use crate::scene::transform::normalized;
+use glam::Vec3;
+use serde::Deserialize;
+use std::f32::consts::PI;
+
+/// Lumens in a watt of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF files.
+pub const LUMENS_PER_WATT: f32 = 683.0;
+
+/// Narrowest falloff of a spot in cosines: rounding must not leave none.
+pub(in crate::import) const LEAST_FALLOFF: f32 = 1e-5;
+
+/// `[[light]]`
+#[derive(Debug, Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case", deny_unknown_fields)]
+pub(in crate::import) enum LightTable {
+    Point {
+        position: Point,
+        intensity: Option<Power>,
+        power: Option<Power>,
+        candela: Option<Power>,
+        lumen: Option<Power>,
+    },
+    Spot {
+        position: Point,
+        target: Option<Point>,
+        direction: Option<Point>,
+        /// Half the opening angles of the cones, from the axis.
+        outer_deg: f32,
+        #[serde(default)]
+        inner_deg: f32,
+        intensity: Option<Power>,
+        power: Option<Power>,
+        candela: Option<Power>,
+        lumen: Option<Power>,
+    },
+    Sun {
+        direction: Point,
+        irradiance: Option<Power>,
+        lux: Option<Power>,
+    },
+}
+
+impl LightTable {
+    /// The light.
+    pub(in crate::import) fn emitter(&self) -> Result<Emitter> {
+        match self {
+            Self::Point { position, intensity, power, candela, lumen } => {
+                let intensity = one_of(&[
+                    ("intensity", intensity, 1.0),
+                    ("power", power, 1.0 / (4.0 * PI)),
+                    ("candela", candela, 1.0 / LUMENS_PER_WATT),
+                    ("lumen", lumen, 1.0 / (4.0 * PI * LUMENS_PER_WATT)),
+                ])?;
+                Ok(Emitter::Point { position: position.0, intensity })
+            }
+            Self::Spot {
+                position,
+                target,
+                direction,
+                outer_deg,
+                inner_deg,
+                intensity,
+                power,
+                candela,
+                lumen,
+            } => {
+                let direction = match (target, direction) {
+                    (Some(target), None) => target.0 - position.0,
+                    (None, Some(direction)) => direction.0,
+                    _ => {
+                        return Err(Error::new(
+                            "a spot needs exactly one of `target` and `direction`",
+                            "give the point it shines at as `target`, or a vector as `direction`",
+                        ));
+                    }
+                };
+                let [cos_inner, cos_outer] = cones(*inner_deg, *outer_deg)?;
+                let (position, direction) = (position.0, unit(direction)?);
+                let spot = Spot { position, direction, intensity: Rgb::ONE, cos_inner, cos_outer };
+                let solid_angle = spot.solid_angle();
+                let intensity = one_of(&[
+                    ("intensity", intensity, 1.0),
+                    ("power", power, 1.0 / solid_angle),
+                    ("candela", candela, 1.0 / LUMENS_PER_WATT),
+                    ("lumen", lumen, 1.0 / (solid_angle * LUMENS_PER_WATT)),
+                ])?;
+                Ok(Emitter::Spot(Spot { intensity, ..spot }))
+            }
+            Self::Sun { direction, irradiance, lux } => {
+                let irradiance = one_of(&[
+                    ("irradiance", irradiance, 1.0),
+                    ("lux", lux, 1.0 / LUMENS_PER_WATT),
+                ])?;
+                Ok(Emitter::Directional(Directional::new(unit(direction.0)?, irradiance)))
+            }
+        }
+    }
+}
+
+/// The one that is given, times its factor.
+fn one_of(keys: &[(&str, &Option<Power>, f32)]) -> Result<Rgb> {
+    let given: Vec<Rgb> =
+        keys.iter().filter_map(|(_, value, factor)| value.map(|v| v.0 * *factor)).collect();
+    match given[..] {
+        [value] => Ok(value),
+        _ => {
+            let names: Vec<_> = keys.iter().map(|(name, ..)| format!("`{name}`")).collect();
+            Err(Error::new(
+                format!("the light needs exactly one of {}", names.join(", ")),
+                "give one number for all channels, or three",
+            ))
+        }
+    }
+}
+
+fn unit(direction: Vec3) -> Result<Vec3> {
+    let unit = normalized(direction);
+    if unit == Vec3::ZERO {
+        return Err(Error::new(
+            "the light's direction has no length",
+            "give a vector along which it shines, such as [0, -1, 0]",
+        ));
+    }
+    Ok(unit)
+}
+
+/// Cosines of a spot's angles.
+fn cones(inner_deg: f32, outer_deg: f32) -> Result<[f32; 2]> {
+    // Written so that NaN fails.
+    if !(0.0 <= inner_deg && inner_deg < outer_deg && (0.5..=90.0).contains(&outer_deg)) {
+        return Err(Error::new(
+            format!("the spot's angles are inner_deg = {inner_deg}, outer_deg = {outer_deg}"),
+            "give angles from the axis with 0 <= inner_deg < outer_deg, and outer_deg from 0.5 to 90",
+        ));
+    }
+    let [inner, outer] = [inner_deg, outer_deg].map(|degrees| degrees.to_radians().cos());
+    Ok([inner, outer.min(inner - LEAST_FALLOFF)])
+}

@@ -1,0 +1,146 @@
+//! Textures of `[materials.NAME]`: a file, or a file with how it is sampled.
+
+use crate::base::error::Error;
+use crate::scene::{Sampling, Texture, Wrap};
+use serde::de::{self, MapAccess, SeqAccess, value::MapAccessDeserializer};
+use serde::{Deserialize, Deserializer};
+use std::collections::HashMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// `"FILE"`, or `{ file = "FILE", wrap = ..., filter = ... }`.
+#[derive(Clone, Debug)]
+pub(in crate::import) struct TextureTable {
+    pub file: String,
+    pub wrap: Option<Wraps>,
+    pub filter: Option<FilterKind>,
+}
+
+/// The same with all its keys.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    file: String,
+    wrap: Option<Wraps>,
+    filter: Option<FilterKind>,
+}
+
+/// How textures go on beyond their edges along `u` and `v`: one word for both, or two.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::import) struct Wraps(pub [Wrap; 2]);
+
+/// What textures are between their texels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(in crate::import) enum FilterKind {
+    Linear,
+    Nearest,
+}
+
+impl Wrap {
+    const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
+
+    /// Its name in scene files.
+    pub(in crate::import) fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    fn from_name<E: de::Error>(name: &str) -> Result<Self, E> {
+        let all = [Self::Repeat, Self::Mirror, Self::Clamp];
+        let found = all.into_iter().find(|wrap| wrap.name() == name);
+        found.ok_or_else(|| E::unknown_variant(name, Self::NAMES))
+    }
+}
+
+impl<'de> Deserialize<'de> for Wraps {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> de::Visitor<'de> for Visitor {
+            type Value = Wraps;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "`repeat`, `mirror`, `clamp`, or a list of two of them")
+            }
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<Wraps, E> {
+                Ok(Wraps([Wrap::from_name(name)?; 2]))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Wraps, A::Error> {
+                let mut names = Vec::new();
+                while let Some(name) = list.next_element::<String>()? {
+                    names.push(name);
+                }
+                let [u, v] = &names[..] else {
+                    return Err(de::Error::invalid_length(names.len(), &"two words, for u and v"));
+                };
+                Ok(Wraps([Wrap::from_name(u)?, Wrap::from_name(v)?]))
+            }
+        }
+        from.deserialize_any(Visitor)
+    }
+}
+
+impl<'de> Deserialize<'de> for TextureTable {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> de::Visitor<'de> for Visitor {
+            type Value = TextureTable;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "the name of a file, or a table with the key `file`")
+            }
+            fn visit_str<E: de::Error>(self, file: &str) -> Result<TextureTable, E> {
+                Ok(TextureTable { file: file.to_owned(), wrap: None, filter: None })
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TextureTable, A::Error> {
+                let Keys { file, wrap, filter } =
+                    Keys::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(TextureTable { file, wrap, filter })
+            }
+        }
+        from.deserialize_any(Visitor)
+    }
+}
+
+/// The pictures of a scene file, each read once however many materials have it.
+pub(in crate::import) struct Pictures<'a> {
+    folder: &'a Path,
+    read: HashMap<PathBuf, Texture>,
+    sampled: HashMap<(PathBuf, Sampling), Arc<Texture>>,
+}
+
+impl<'a> Pictures<'a> {
+    /// Of files relative to `folder`.
+    pub fn new(folder: &'a Path) -> Self {
+        Self { folder, read: HashMap::new(), sampled: HashMap::new() }
+    }
+
+    /// The picture in this file.
+    pub fn get(
+        &mut self,
+        file: &str,
+        sampling: Sampling,
+    ) -> crate::base::error::Result<Arc<Texture>> {
+        let path = self.folder.join(file);
+        let failed = |problem: String| {
+            let advice = "give a PNG or JPEG file relative to the folder of the scene file";
+            Error::new(problem, advice)
+        };
+        if !path.is_file() {
+            return Err(failed(format!("there is no texture `{file}`")));
+        }
+        if let Some(texture) = self.sampled.get(&(path.clone(), sampling)) {
+            return Ok(texture.clone());
+        }
+        let read = match self.read.get(&path) {
+            Some(read) => read.clone(),
+            None => {
+                let read = Texture::load(&path)
+                    .map_err(|e| failed(format!("`{file}`: {}", e.problem())))?;
+                self.read.insert(path.clone(), read.clone());
+                read
+            }
+        };
+        let texture = Arc::new(read.sampled(sampling));
+        self.sampled.insert((path, sampling), texture.clone());
+        Ok(texture)
+    }
+}

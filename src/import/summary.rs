@@ -1,0 +1,77 @@
+//! What a scene file was found to hold, in short.
+
+use crate::scene::{Material, Scene};
+use serde::Serialize;
+use std::fmt;
+use std::sync::Arc;
+
+/// What was read.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Summary {
+    /// Meshes, one for each place, material and part of a mesh in the file.
+    pub meshes: usize,
+    /// Triangles that have an area.
+    pub triangles: usize,
+    /// Names of the materials in use.
+    pub materials: Vec<String>,
+    /// Number of pictures that they use.
+    pub textures: usize,
+    /// Number of light sources, each emissive triangle one.
+    pub lights: usize,
+    /// Names of the lights, where the format has names for them.
+    pub light_names: Vec<String>,
+    /// Names of all cameras to choose from.
+    pub cameras: Vec<String>,
+    /// The one that was chosen of them.
+    pub camera: Option<String>,
+}
+
+impl Summary {
+    pub(super) fn new(scene: &Scene) -> Self {
+        let materials = scene.materials.iter();
+        let mut pictures: Vec<_> =
+            materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
+        pictures.sort_unstable();
+        pictures.dedup();
+        let environment = usize::from(scene.lights.environment().is_some());
+        Self {
+            meshes: scene.placements.len(),
+            triangles: scene.triangle_count(),
+            materials: scene.materials.iter().map(|material| material.name.clone()).collect(),
+            textures: pictures.len(),
+            lights: scene.lights.emitters().len() + environment,
+            light_names: Vec::new(),
+            cameras: Vec::new(),
+            camera: None,
+        }
+    }
+}
+
+/// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of 3)`.
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} of {}, {}, {}, {}",
+            counted(self.meshes, "mesh"),
+            counted(self.triangles, "triangle"),
+            counted(self.materials.len(), "material"),
+            counted(self.textures, "texture"),
+            counted(self.lights, "light"),
+        )?;
+        match (&self.camera, self.cameras.len()) {
+            (Some(name), 1) => write!(f, ", camera {name}"),
+            (Some(name), count) => write!(f, ", camera {name} (of {count})"),
+            (None, _) => Ok(()),
+        }
+    }
+}
+
+/// A number with its noun.
+pub fn counted(count: usize, noun: &str) -> String {
+    match (count, noun) {
+        (1, noun) => format!("1 {noun}"),
+        (count, "mesh") => format!("{count} meshes"),
+        (count, noun) => format!("{count} {noun}s"),
+    }
+}

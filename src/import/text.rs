@@ -1,0 +1,117 @@
+//! Reading text files, and words for messages.
+
+use crate::base::error::{Error, Result};
+use crate::base::memory::{GIB, available_memory};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+/// Largest accepted scene file, bytes. Geometry belongs into OBJ files, which have no limit.
+const MAX_SCENE_FILE: u64 = 16 << 20;
+
+/// Opens a regular file. Folders are refused with a better word than the system's; devices and
+/// pipes because they may never end.
+pub(super) fn open(path: &Path) -> Result<File> {
+    // Look before opening: opening a pipe waits for its writer.
+    let metadata = std::fs::metadata(path).map_err(|e| Error::io("read the file", path, e))?;
+    if metadata.is_dir() {
+        return Err(Error::new("this is a folder, not a file", "name a file in it").at(path));
+    }
+    if !metadata.is_file() {
+        return Err(Error::new(
+            "this is neither a regular file nor a folder",
+            "copy its content to a file",
+        )
+        .at(path));
+    }
+    File::open(path).map_err(|e| Error::io("open the file", path, e))
+}
+
+/// Reads a small text file as a whole, without its byte order mark.
+pub(super) fn read(path: &Path) -> Result<String> {
+    let mut bytes = Vec::new();
+    open(path)?
+        .take(MAX_SCENE_FILE + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|e| Error::io("read the file", path, e))?;
+    if bytes.len() as u64 > MAX_SCENE_FILE {
+        return Err(Error::new(
+            format!("the scene file is larger than {} MiB", MAX_SCENE_FILE >> 20),
+            "keep geometry in OBJ files",
+        )
+        .at(path));
+    }
+    let text = String::from_utf8(bytes).map_err(|e| {
+        let offset = e.utf8_error().valid_up_to();
+        // Valid up to the offset, so the lossy text has the same length up to there.
+        let text = String::from_utf8_lossy(e.as_bytes());
+        Error::new("this is not UTF-8 text", "save the scene file as UTF-8")
+            .at(path)
+            .at_offset(&text, offset)
+    })?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
+}
+
+/// Size of what a model's text becomes over that of the text, which stays beside it.
+const TIMES_IN_MEMORY: f64 = 4.0;
+
+/// Reads an OBJ or MTL file of any size that memory has room for, without its byte order mark. Where
+/// all line ends are those of old Macs, they become new ones.
+pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
+    let mut file = open(path)?;
+    let needed = TIMES_IN_MEMORY * file.metadata().map_or(0, |metadata| metadata.len()) as f64;
+    match available_memory() {
+        Some(available) if needed > available => {
+            let (needed, available) = (needed / GIB, available / GIB);
+            let problem = format!(
+                "reading the file takes about {needed:.1} GiB of memory, but {available:.1} GiB are \
+                 available"
+            );
+            return Err(Error::new(problem, "split or simplify the model").at(path));
+        }
+        _ => {}
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|e| Error::io("read the file", path, e))?;
+    if bytes.starts_with(b"\xef\xbb\xbf") {
+        bytes.drain(..3);
+    }
+    if memchr::memchr(b'\n', &bytes).is_none() {
+        bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    }
+    Ok(bytes)
+}
+
+/// The first word and what follows it, without white space around either.
+pub(super) fn split_keyword(line: &str) -> (&str, &str) {
+    let end = line.find(char::is_whitespace).unwrap_or(line.len());
+    (&line[..end], line[end..].trim_start())
+}
+
+/// A few names for a message, in quotes.
+pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 12;
+    let mut names = names.into_iter();
+    let mut text = String::new();
+    for name in names.by_ref().take(SHOWN) {
+        let short: String = name.chars().take(60).collect();
+        text.push_str(if text.is_empty() { "`" } else { ", `" });
+        text.push_str(&short);
+        text.push('`');
+    }
+    match names.count() {
+        0 => text,
+        more => format!("{text} and {more} more"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_lists_are_cut() {
+        assert_eq!(list(["a", "b"]), "`a`, `b`");
+        assert!(list(["x"; 20]).ends_with("and 8 more"));
+    }
+}

@@ -1,0 +1,233 @@
+//! OpenEXR: 32-bit floats without loss, one part whose channel names carry the layers.
+
+use super::{Image, Layer, Metadata, Value};
+use crate::base::atomic::write_atomically;
+use crate::base::error::{Error, Result};
+use exr::meta::attribute::Chromaticities;
+use exr::meta::{BlockDescription, MetaData};
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples,
+    ImageAttributes, IntegerBounds, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SmallVec,
+    Text, Vec2, WritableImage,
+};
+use std::fs::File;
+use std::io::{BufReader, Seek};
+use std::path::Path;
+
+/// Goes before the name of every custom attribute.
+const PREFIX: &str = "bdpm.";
+
+/// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
+/// with losses to a few thousand where all pixels are the same.
+const MAX_RATIO: u128 = 100_000;
+
+/// Chromaticities of Rec. 709 with its white point D65.
+const REC_709: Chromaticities = Chromaticities {
+    red: Vec2(0.64, 0.33),
+    green: Vec2(0.30, 0.60),
+    blue: Vec2(0.15, 0.06),
+    white: Vec2(0.3127, 0.3290),
+};
+
+/// Writes all layers and metadata to `path`.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+///
+/// # Panics
+/// If a channel does not have one value per pixel.
+pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
+    let size = (image.width as usize, image.height as usize);
+    let mut channels = SmallVec::new();
+    for layer in &image.layers {
+        for (name, values) in &layer.channels {
+            assert_eq!(values.len(), size.0 * size.1, "one value per pixel");
+            let name = match &layer.name[..] {
+                "" => name.clone(),
+                layer => format!("{layer}.{name}"),
+            };
+            channels.push(AnyChannel::new(text(&name), FlatSamples::F32(values.clone())));
+        }
+    }
+    // Increasing lines, so that the pixels' bytes do not depend on the threads that compress them.
+    let encoding = Encoding {
+        compression: Compression::ZIP16,
+        blocks: Blocks::ScanLines,
+        line_order: LineOrder::Increasing,
+    };
+    let software_name = Some(text(concat!("bdpm ", env!("CARGO_PKG_VERSION"))));
+    let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
+    for (name, value) in &image.metadata {
+        let value = match value {
+            Value::Text(value) => AttributeValue::Text(text(value)),
+            Value::Number(value) => AttributeValue::F64(*value),
+        };
+        attributes.other.insert(text(&format!("{PREFIX}{name}")), value);
+    }
+    let mut shared = ImageAttributes::new(IntegerBounds::from_dimensions(size));
+    shared.chromaticities = Some(REC_709);
+    let part = exr::prelude::Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
+    let file = exr::prelude::Image::new(shared, part);
+    write_atomically(path, |to| {
+        file.write().to_buffered(to).map_err(|e| match e {
+            exr::error::Error::Io(e) => e,
+            e => std::io::Error::other(e.to_string()),
+        })
+    })
+}
+
+/// Reads the first part of any EXR file; of its attributes, those that [`write_exr`] wrote.
+///
+/// # Errors
+/// If the file cannot be read, or is no EXR file with flat channels; names it.
+pub fn read_exr(path: &Path) -> Result<Image> {
+    let broken = |e: exr::error::Error| match e {
+        exr::error::Error::Io(e) => Error::io("read", path, e),
+        e => {
+            Error::new(format!("cannot read it as an EXR image: {e}"), "give an .exr file").at(path)
+        }
+    };
+    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
+    check_size(&file).map_err(broken)?;
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(BufReader::new(&file))
+        .map_err(broken)?;
+    let part = image.layer_data;
+    let mut layers: Vec<Layer> = Vec::new();
+    for channel in part.channel_data.list {
+        let values = match channel.sample_data {
+            FlatSamples::F32(values) => values,
+            FlatSamples::F16(values) => values.iter().map(|v| v.to_f32()).collect(),
+            FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
+        };
+        let full = channel.name.to_string();
+        let (layer, name) = full.rsplit_once('.').unwrap_or(("", &full));
+        let channel = (name.to_owned(), values);
+        match layers.iter_mut().find(|found| found.name == layer) {
+            Some(found) => found.channels.push(channel),
+            None => layers.push(Layer { name: layer.to_owned(), channels: vec![channel] }),
+        }
+    }
+    let mut metadata = Metadata::new();
+    for (name, value) in part.attributes.other.iter().chain(&image.attributes.other) {
+        let value = match value {
+            AttributeValue::Text(value) => {
+                Value::Text(String::from_utf8_lossy(value.as_slice()).into_owned())
+            }
+            AttributeValue::F64(value) => Value::Number(*value),
+            _ => continue,
+        };
+        if let Some(name) = String::from_utf8_lossy(name.as_slice()).strip_prefix(PREFIX) {
+            metadata.insert(name.to_owned(), value);
+        }
+    }
+    // Files written elsewhere may be larger than any image of ours.
+    let side = |pixels: usize| {
+        u32::try_from(pixels).map_err(|_| {
+            Error::new(format!("{pixels} pixels along a side"), "give a smaller image").at(path)
+        })
+    };
+    let (width, height) = (side(part.size.0)?, side(part.size.1)?);
+    Ok(Image { width, height, layers, metadata })
+}
+
+/// Refuses more pixels than a file of this size can hold, before memory is taken for them; goes back to
+/// the beginning.
+fn check_size(mut file: &File) -> exr::error::UnitResult {
+    let most = u128::from(file.metadata()?.len()) * MAX_RATIO;
+    for header in MetaData::read_from_unbuffered(file, false)?.headers {
+        let area = |size: Vec2<usize>| size.width() as u128 * size.height() as u128;
+        let block = match header.blocks {
+            BlockDescription::ScanLines => 0,
+            BlockDescription::Tiles(tiles) => area(tiles.tile_size),
+        };
+        let pixels = area(header.layer_size).max(block);
+        if pixels * header.channels.bytes_per_pixel as u128 > most {
+            let Vec2(width, height) = header.layer_size;
+            let problem = format!("the file is too small for {width}x{height} pixels");
+            return Err(exr::error::Error::Invalid(problem.into()));
+        }
+    }
+    Ok(file.rewind()?)
+}
+
+/// UTF-8, the encoding that readers expect; a NUL would end the text, so none is let through.
+fn text(value: &str) -> Text {
+    Text::from_slice_unchecked(value.replace('\0', " ").as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::math::Rgb;
+    use std::fs;
+
+    fn image(width: u32, height: u32) -> Image {
+        let values = |seed: u32| -> Vec<f32> {
+            // Every exponent, both signs, subnormal numbers and infinities; no NaN, which is
+            // equal to nothing.
+            let bits = (0..width * height).map(|i| (i + seed).wrapping_mul(0x9e37_79b9));
+            bits.map(f32::from_bits).map(|v| if v.is_nan() { -0.0 } else { v }).collect()
+        };
+        let pixels: Vec<Rgb> = values(1).iter().map(|&v| Rgb::new(v, 2.0, -v)).collect();
+        let rms = Layer { name: "rms".into(), channels: vec![("Y".into(), values(2))] };
+        let metadata = Metadata::from([
+            ("scene".into(), Value::Text("boîte 箱".into())),
+            ("radius".into(), Value::Number(f64::from(0.1f32))),
+            ("a name longer than the thirty-one bytes of old".into(), Value::Number(1e300)),
+        ]);
+        Image { width, height, layers: vec![Layer::rgb("", &pixels), rms], metadata }
+    }
+
+    #[test]
+    fn a_round_trip_changes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        for (width, height) in [(1, 1), (5, 40), (67, 33)] {
+            let path = folder.path().join("a.exr");
+            let written = image(width, height);
+            write_exr(&path, &written).unwrap();
+            let read = read_exr(&path).unwrap();
+            assert_eq!((read.width, read.height), (width, height));
+            assert_eq!(read.metadata, written.metadata);
+            let (a, b) = (read.layer("").unwrap(), written.layer("").unwrap());
+            assert_eq!(a.to_rgb().unwrap(), b.to_rgb().unwrap());
+            assert_eq!(read.layer("rms"), written.layer("rms"));
+            let bits = |layer: &Layer| -> Vec<u32> {
+                layer.channel("R").unwrap().iter().map(|v| v.to_bits()).collect()
+            };
+            assert_eq!(bits(a), bits(b), "signs of zeros too");
+        }
+    }
+
+    #[test]
+    fn the_file_says_what_its_colors_mean_and_who_wrote_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        write_exr(&path, &image(3, 2)).unwrap();
+        let meta = exr::meta::MetaData::read_from_file(&path, false).unwrap();
+        let header = &meta.headers[0];
+        assert_eq!(header.shared_attributes.chromaticities, Some(REC_709));
+        let software = header.own_attributes.software_name.as_ref().unwrap().to_string();
+        assert!(software.starts_with("bdpm "), "{software}");
+    }
+
+    #[test]
+    fn broken_files_are_errors_that_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        write_exr(&path, &image(20, 20)).unwrap();
+        let whole = fs::read(&path).unwrap();
+        for length in (0..whole.len()).step_by(37) {
+            fs::write(&path, &whole[..length]).unwrap();
+            let shown = read_exr(&path).unwrap_err().to_string();
+            assert!(shown.contains("a.exr") && shown.contains("\nhelp: "), "{length}: {shown}");
+        }
+        let missing = read_exr(&folder.path().join("none.exr")).unwrap_err().to_string();
+        assert!(missing.contains("none.exr"), "{missing}");
+    }
+}

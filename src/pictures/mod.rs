@@ -1,0 +1,84 @@
+//! Image files: EXR with layers and metadata, and a tone-mapped PNG to look at.
+//!
+//! Every file is written under a temporary name in its folder and renamed when it is complete, so
+//! nobody ever reads half an image and a failure leaves the old file as it was.
+
+#[cfg(feature = "cli")]
+mod canvas;
+mod exr_file;
+mod png_file;
+mod scale;
+mod tone;
+
+#[cfg(feature = "cli")]
+pub use canvas::Canvas;
+pub use exr_file::{read_exr, write_exr};
+pub use png_file::{encode_png, write_png, write_png_bytes};
+pub use scale::{digits, number, quantile, tick_step};
+pub use tone::{auto_exposure, tone_map};
+
+use crate::base::math::Rgb;
+use std::collections::BTreeMap;
+
+/// Facts about an image, by name. Written to EXR as `bdpm.NAME`.
+pub type Metadata = BTreeMap<String, Value>;
+
+/// A fact about an image.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Any text without NUL characters.
+    Text(String),
+    /// Any number; integers are exact up to 2^53.
+    Number(f64),
+}
+
+/// Named channels of an image file, one `f32` per pixel and channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Channel `Y` of layer `rms` is `rms.Y` in the file. The image itself has the empty name.
+    pub name: String,
+    /// Names, such as `R`, and values row by row from the top left.
+    pub channels: Vec<(String, Vec<f32>)>,
+}
+
+impl Layer {
+    /// The channels `R`, `G` and `B`.
+    pub fn rgb(name: impl Into<String>, pixels: &[Rgb]) -> Self {
+        let channel = |i: usize| pixels.iter().map(|pixel| pixel[i]).collect();
+        let channels = ["R", "G", "B"].iter().enumerate();
+        let channels = channels.map(|(i, &name)| (name.to_owned(), channel(i))).collect();
+        Self { name: name.into(), channels }
+    }
+
+    /// The values of a channel.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|(n, _)| n == name).map(|(_, values)| &values[..])
+    }
+
+    /// Its `R`, `G` and `B` as colors, if it has all three.
+    pub fn to_rgb(&self) -> Option<Vec<Rgb>> {
+        let [r, g, b] = ["R", "G", "B"].map(|name| self.channel(name));
+        let (r, g, b) = (r?, g?, b?);
+        Some(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| Rgb::new(r, g, b)).collect())
+    }
+}
+
+/// What an EXR file holds: linear Rec. 709 radiance, W/(m^2 sr), and whatever layers come with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// The image itself and others.
+    pub layers: Vec<Layer>,
+    /// Facts about it.
+    pub metadata: Metadata,
+}
+
+impl Image {
+    /// The layer of this name; the image itself has the empty one.
+    pub fn layer(&self, name: &str) -> Option<&Layer> {
+        self.layers.iter().find(|layer| layer.name == name)
+    }
+}

@@ -1,0 +1,79 @@
+//! The PNG beside an EXR.
+
+use super::{auto_exposure, tone_map};
+use crate::base::atomic::write_atomically;
+use crate::base::math::Rgb;
+use std::io::Write;
+use std::path::Path;
+
+/// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`]; returns the exposure.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+///
+/// # Panics
+/// If the number of pixels is not `width * height`.
+pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate::Result<f32> {
+    assert_eq!(pixels.len(), width as usize * height as usize);
+    let exposure = auto_exposure(pixels);
+    let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| tone_map(pixel, exposure)).collect();
+    write_png_bytes(path, width, height, &bytes)?;
+    Ok(exposure)
+}
+
+/// Writes 8-bit sRGB pixels as they are, row by row.
+///
+/// # Errors
+/// If the file cannot be written; names it.
+///
+/// # Panics
+/// If there are not three bytes per pixel.
+pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> crate::Result<()> {
+    assert_eq!(bytes.len(), 3 * width as usize * height as usize);
+    write_atomically(path, |to| Ok(encode(to, width, height, bytes)?))
+}
+
+/// The bytes of a PNG file of 8-bit sRGB pixels, row by row.
+///
+/// # Panics
+/// If there are not three bytes per pixel.
+pub fn encode_png(width: u32, height: u32, bytes: &[u8]) -> Vec<u8> {
+    assert_eq!(bytes.len(), 3 * width as usize * height as usize);
+    let mut file = Vec::new();
+    encode(&mut file, width, height, bytes).expect("memory takes everything");
+    file
+}
+
+fn encode(to: impl Write, width: u32, height: u32, bytes: &[u8]) -> Result<(), png::EncodingError> {
+    let mut encoder = png::Encoder::new(to, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    encoder.add_text_chunk("Software".into(), "bdpm".into())?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::BufReader;
+
+    #[test]
+    fn pixels_arrive_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let pixels: Vec<Rgb> =
+            (0..35).map(|i| Rgb::new(i as f32, 0.5 * i as f32, 1.0) * 0.05).collect();
+        let exposure = write_png(&path, 7, 5, &pixels).unwrap();
+        let file = BufReader::new(std::fs::File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.width, info.height), (7, 5));
+        let expected: Vec<u8> = pixels.iter().flat_map(|&p| tone_map(p, exposure)).collect();
+        assert_eq!(bytes, expected);
+    }
+}

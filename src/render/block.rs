@@ -1,0 +1,257 @@
+//! Blocks: iterations at equal counts, whose sums add; and the image that several of them make.
+
+use crate::base::math::Rgb;
+use crate::image::PhaseTimes;
+use crate::image::counts::{CameraCounts, Counts};
+use crate::image::film::{Film, luminance, pool};
+use crate::noise::Coefficients;
+use crate::noise::film::NoiseFilm;
+use crate::settings::Settings;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Consecutive iterations at equal counts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Block {
+    /// What every iteration took.
+    pub counts: Counts,
+    /// Sums of all iterations.
+    pub film: Film,
+    /// Sums of the measuring ones.
+    pub noise: Option<NoiseFilm>,
+    /// Times of the others.
+    pub clock: Clock,
+}
+
+/// Times of production iterations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clock {
+    /// How many.
+    pub iterations: u64,
+    /// Their sum.
+    pub times: PhaseTimes,
+}
+
+impl Block {
+    /// No iteration yet.
+    pub fn new(settings: &Settings, counts: Counts) -> Self {
+        let film = Film::new(settings.width, settings.height);
+        Self { counts, film, noise: None, clock: Clock::default() }
+    }
+
+    /// Whether all parts fit each other (they may come from a file).
+    pub fn is_consistent(&self, settings: &Settings) -> bool {
+        let counts_fit = match &self.counts.camera_paths {
+            CameraCounts::Uniform(_) => true,
+            CameraCounts::PerPixel(counts) => counts.len() == settings.pixels(),
+        };
+        counts_fit
+            && self.counts.validate(settings).is_ok()
+            && self.film.resolution() == (settings.width, settings.height)
+            && self.film.is_consistent()
+            && self.noise.as_ref().is_none_or(|noise| noise.fits(self.film.tiles()))
+    }
+}
+
+/// Coefficients of each pixel, row by row, from what all blocks have measured; `None` if none has.
+///
+/// They do not depend on the counts, so those of different blocks average. Each is weighted by what
+/// an iteration tells about it to first order: `a` by pairs of paths, `b` by camera paths (their
+/// sample variance has `N_B - 1` degrees of freedom), `f` by light paths. The weights are the same
+/// for all pixels: counts that follow earlier estimates must not decide what these weigh.
+pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
+    let mut all = vec![Coefficients::default(); blocks.first()?.film.pixels()];
+    let mut weights = Coefficients::default();
+    for (block, noise) in measured(blocks) {
+        let n_light = f64::from(block.counts.light_paths);
+        let n_camera = block.counts.camera_paths.mean().max(2.0);
+        let per_iteration = Coefficients { a: n_light * n_camera, b: n_camera - 1.0, f: n_light };
+        weights += per_iteration * noise.iterations as f64;
+        let mut sums = noise.pixels().iter();
+        block.film.for_each_pixel(|x, y, _| {
+            let sums = sums.next().expect("the noise belongs to the film").coefficients;
+            let all = &mut all[block.film.index(x, y)];
+            all.a += sums.a * per_iteration.a;
+            all.b += sums.b * per_iteration.b;
+            all.f += sums.f * per_iteration.f;
+        });
+    }
+    for all in &mut all {
+        *all = Coefficients { a: all.a / weights.a, b: all.b / weights.b, f: all.f / weights.f };
+    }
+    (weights.a > 0.0).then_some(all)
+}
+
+/// Degrees of freedom of the measured `b` of each pixel, row by row: camera paths less one in each
+/// measuring iteration.
+pub fn degrees_of_freedom(blocks: &[Block]) -> Vec<f64> {
+    let mut all = vec![0.0; blocks.first().map_or(0, |block| block.film.pixels())];
+    for (block, noise) in measured(blocks) {
+        for (pixel, all) in all.iter_mut().enumerate() {
+            let traced = block.counts.camera_paths.at(pixel).max(2);
+            *all += f64::from(traced - 1) * noise.iterations as f64;
+        }
+    }
+    all
+}
+
+fn measured(blocks: &[Block]) -> impl Iterator<Item = (&Block, &NoiseFilm)> {
+    blocks.iter().filter_map(|block| Some((block, block.noise.as_ref()?)))
+}
+
+/// Pooled variance of one iteration at `counts`, by formula (1).
+pub fn pooled_variance(coefficients: &[Coefficients], counts: &Counts) -> f64 {
+    let n_light = f64::from(counts.light_paths);
+    let variance = |(pixel, c): (usize, &Coefficients)| {
+        c.variance(n_light, f64::from(counts.camera_paths.at(pixel)))
+    };
+    coefficients.iter().enumerate().map(variance).sum::<f64>() / coefficients.len() as f64
+}
+
+/// Weight of an iteration of each block: the reciprocal of its pooled variance, the greatest being 1.
+///
+/// One number for the whole image, and by formula (1) from the coefficients that all blocks share:
+/// weights per pixel, or from a block's own samples, would favor blocks that happened to miss rare
+/// bright paths, and the image would be too dark.
+pub fn weights(blocks: &[Block]) -> Vec<f64> {
+    let equal = vec![1.0; blocks.len()];
+    if blocks.len() == 1 {
+        return equal;
+    }
+    let Some(coefficients) = coefficients(blocks) else { return equal };
+    let variances: Vec<f64> =
+        blocks.iter().map(|block| pooled_variance(&coefficients, &block.counts)).collect();
+    if variances.iter().any(|&variance| variance <= 0.0 || !variance.is_finite()) {
+        return equal;
+    }
+    let least = variances.iter().copied().fold(f64::INFINITY, f64::min);
+    variances.into_iter().map(|variance| least / variance).collect()
+}
+
+/// The image that some blocks make together.
+#[derive(Clone, Debug)]
+pub struct Combined<'a> {
+    blocks: &'a [Block],
+    weights: Vec<f64>,
+}
+
+impl<'a> Combined<'a> {
+    /// All blocks, with the given weight for each of their iterations.
+    ///
+    /// # Panics
+    /// Unless there is a positive weight for each block, and at least one block.
+    pub fn new(blocks: &'a [Block], weights: Vec<f64>) -> Self {
+        assert!(!blocks.is_empty() && blocks.len() == weights.len());
+        assert!(weights.iter().all(|&weight| weight > 0.0 && weight.is_finite()));
+        Self { blocks, weights }
+    }
+
+    /// The weight of each block's iterations.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The blocks.
+    pub fn blocks(&self) -> &'a [Block] {
+        self.blocks
+    }
+
+    /// The weights alone.
+    pub fn into_weights(self) -> Vec<f64> {
+        self.weights
+    }
+
+    /// Width and height, pixels.
+    pub fn resolution(&self) -> (u32, u32) {
+        self.blocks[0].film.resolution()
+    }
+
+    /// Iterations of all blocks.
+    pub fn iterations(&self) -> u64 {
+        self.blocks.iter().map(|block| block.film.iterations).sum()
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (&'a Block, f64)> {
+        self.blocks.iter().zip(self.weights.iter().copied())
+    }
+
+    /// Sum of the weights of all iterations; 1 before the first, to divide by.
+    fn total(&self) -> f64 {
+        let total: f64 = self.pairs().map(|(block, w)| w * block.film.iterations as f64).sum();
+        if total > 0.0 { total } else { 1.0 }
+    }
+
+    /// Weighted mean over iterations, row by row; black before the first.
+    pub fn mean(&self) -> Vec<Rgb> {
+        let mut sums = vec![DVec3::ZERO; self.blocks[0].film.pixels()];
+        for (block, weight) in self.pairs() {
+            block.film.for_each_pixel(|x, y, pixel| {
+                sums[block.film.index(x, y)] += pixel.radiance * weight;
+            });
+        }
+        let scale = self.total().recip();
+        sums.into_iter().map(|sum| (sum * scale).as_vec3()).collect()
+    }
+
+    /// Mean luminance of the image, W/(m^2 sr).
+    pub fn mean_luminance(&self) -> f64 {
+        let mut sum = 0.0;
+        for (block, weight) in self.pairs() {
+            block.film.for_each_pixel(|_, _, pixel| sum += luminance(pixel.radiance) * weight);
+        }
+        sum / (self.total() * self.blocks[0].film.pixels() as f64)
+    }
+
+    /// Coefficients of the blocks' sample variances of one iteration in the variance of the mean;
+    /// `None` before the second iteration of any block.
+    ///
+    /// Block `k` of `N` iterations of weight `w` adds `w^2 N V_k` over the squared total weight. A
+    /// single iteration has no sample variance; since the weights are reciprocals of variances, the
+    /// mean of the other blocks' `w V` stands for its own.
+    fn shares(&self) -> Option<Vec<(&'a Block, f64)>> {
+        let total2 = self.total().powi(2);
+        let added = |block: &Block, w: f64| w * w * block.film.iterations as f64 / total2;
+        let (known, single): (Vec<_>, Vec<_>) =
+            self.pairs().partition(|(block, _)| block.film.iterations >= 2);
+        let known_iterations: u64 = known.iter().map(|(block, _)| block.film.iterations).sum();
+        let unknown: f64 = single.iter().map(|&(block, w)| added(block, w) / w).sum();
+        let share = |(block, w): (&'a Block, f64)| {
+            let part = block.film.iterations as f64 / known_iterations as f64;
+            (block, added(block, w) + unknown * w * part)
+        };
+        (!known.is_empty()).then(|| known.into_iter().map(share).collect())
+    }
+
+    /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`
+    /// before the second iteration of any block.
+    pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
+        let mut variance = vec![0.0; self.blocks[0].film.pixels()];
+        for (block, share) in self.shares()? {
+            let scale = share * block.film.iterations as f64;
+            let own = block.film.variance_of_mean()?;
+            variance.iter_mut().zip(own).for_each(|(all, own)| *all += scale * own);
+        }
+        Some(variance)
+    }
+
+    /// RMS of the noise that the image still has, W/(m^2 sr), row by row: the root of the variance
+    /// of the mean, pooled over 5 by 5 pixels. `None` before the second iteration of any block.
+    pub fn rms(&self) -> Option<Vec<f32>> {
+        let (width, height) = self.resolution();
+        let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
+        let pooled = pool(&variance, width, height);
+        Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
+    }
+
+    /// Pooled variance of the mean, `mean_p V_p`, and its standard error; `None` before the second
+    /// iteration of any block.
+    pub fn pooled_variance(&self) -> Option<(f64, f64)> {
+        let (mut variance, mut error2) = (0.0, 0.0);
+        for (block, share) in self.shares()? {
+            let (own, error) = block.film.pooled_variance()?;
+            variance += share * own;
+            error2 += (share * error).powi(2);
+        }
+        Some((variance, error2.sqrt()))
+    }
+}

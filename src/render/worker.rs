@@ -1,0 +1,260 @@
+//! One thread's work on some tiles: camera and merge phases, and what becomes of the pairs.
+
+use super::tile_paths::TilePaths;
+use super::tiles::TileSums;
+use crate::base::math;
+use crate::base::math::Rgb;
+use crate::image::counts::Counts;
+use crate::image::film::{Tile, luminance};
+use crate::noise::film::PixelMeasurement;
+use crate::noise::halves::Halves;
+use crate::noise::pairs::AllPairs;
+use crate::noise::{Estimator, Measure};
+use crate::transport::camera_paths::{CameraPass, CameraPaths};
+use crate::transport::merge::{Gathered, Merge};
+use crate::transport::pair_list::Pair;
+use glam::DVec3;
+use std::time::{Duration, Instant};
+
+/// What the tiles of an iteration have in common.
+#[derive(Clone, Copy)]
+pub struct Job<'a> {
+    /// How camera paths are traced.
+    pub pass: CameraPass<'a>,
+    /// What they are merged with.
+    pub merge: Merge<'a>,
+    /// How many of them.
+    pub counts: &'a Counts,
+    /// Whether noise is measured.
+    pub measure: Measure,
+    /// How many camera paths are merged together, about.
+    pub together: usize,
+    /// Iterations that the sums hold already.
+    pub before: u64,
+}
+
+impl Job<'_> {
+    /// Camera paths that each pixel takes at least.
+    pub fn least(&self) -> u32 {
+        if self.measure == Measure::Off { 1 } else { 2 }
+    }
+}
+
+/// A reusable workspace with counters.
+#[derive(Debug, Default)]
+pub struct Worker {
+    paths: CameraPaths,
+    gathered: Gathered,
+    tiles: Vec<Tile>,
+    /// Sum over camera paths of each pixel of the tiles.
+    values: Vec<DVec3>,
+    /// What is measured of each pixel of the tiles.
+    measured: Vec<PixelMeasurement>,
+    pairs: AllPairs,
+    halves: Halves,
+    clock: Clock,
+    non_finite: Vec<(u32, u32)>,
+}
+
+/// Busy times.
+#[derive(Debug, Default)]
+struct Clock {
+    camera: Duration,
+    merge: Duration,
+}
+
+/// What a worker counted since it was last asked.
+#[derive(Debug)]
+pub struct WorkerCounts {
+    /// Busy time of the camera phase.
+    pub camera: Duration,
+    /// Busy time of the merge phase.
+    pub merge: Duration,
+    /// Rays traced.
+    pub rays: u64,
+    /// Pixels whose value was not finite and was left out.
+    pub non_finite: Vec<(u32, u32)>,
+}
+
+impl Worker {
+    /// Adds one iteration of some tiles to their pixels' sums, and to their noise when it is measured.
+    pub fn render(&mut self, job: &Job, tiles: &mut [TileSums]) {
+        self.tiles.clear();
+        self.tiles.extend(tiles.iter().map(|tile| tile.tile));
+        let pixels = self.tiles.iter().map(Tile::len).sum();
+        self.values.clear();
+        self.values.resize(pixels, DVec3::ZERO);
+        self.measured.clear();
+        if job.measure != Measure::Off {
+            self.measured.resize(pixels, PixelMeasurement::default());
+        }
+        let Self { paths, gathered, values, measured, pairs, halves, clock, .. } = self;
+        let width = job.pass.settings.width;
+        let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
+        let per_light_path = f64::from(job.counts.light_paths).recip();
+        let mut image = ImageSums { values, per_light_path, paths: ids.clone() };
+        match job.measure {
+            Measure::Off => trace(job, ids, paths, clock, |paths| {
+                job.merge.gather(paths, gathered);
+                for (direct, gathered) in paths.direct.iter().zip(&gathered.sums) {
+                    image.end_path(*direct, *gathered);
+                }
+            }),
+            Measure::Pairs => {
+                let measuring = Measuring::new(job, image, pairs, measured);
+                measure(job, ids, (paths, gathered), clock, measuring);
+            }
+            Measure::Halves => {
+                let measuring = Measuring::new(job, image, halves, measured);
+                measure(job, ids, (paths, gathered), clock, measuring);
+            }
+        }
+        self.finish(job, tiles);
+    }
+
+    /// Moves the tiles' values to the sums over iterations.
+    fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
+        let mut first = 0;
+        for TileSums { tile, sums, noise, deviation } in tiles {
+            for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
+                let (x, y) = tile.pixel(index as u32);
+                let pixel = (y * job.pass.settings.width + x) as usize;
+                let value = value / f64::from(job.counts.camera_paths.at(pixel));
+                if !value.is_finite() {
+                    self.non_finite.push((x, y));
+                    continue;
+                }
+                *deviation += sums.deviation(value, job.before);
+                sums.add(value);
+                if let Some(noise) = noise {
+                    let value = luminance(value);
+                    let measured = self.measured[first + index];
+                    noise.add(index, &PixelMeasurement { value, ..measured });
+                }
+            }
+            first += tile.len();
+        }
+    }
+
+    /// Hands over the counters.
+    pub fn take_counts(&mut self) -> WorkerCounts {
+        let Clock { camera, merge } = std::mem::take(&mut self.clock);
+        WorkerCounts {
+            camera,
+            merge,
+            rays: std::mem::take(&mut self.paths.rays),
+            non_finite: std::mem::take(&mut self.non_finite),
+        }
+    }
+}
+
+/// Traces camera paths, and hands over as many at once as are merged together.
+fn trace(
+    job: &Job,
+    mut ids: TilePaths,
+    paths: &mut CameraPaths,
+    clock: &mut Clock,
+    mut merge: impl FnMut(&mut CameraPaths),
+) {
+    while !ids.is_done() {
+        let start = Instant::now();
+        paths.clear();
+        while !ids.is_done() {
+            paths.trace(&job.pass, ids.by_ref().take(CameraPaths::BATCH));
+            if paths.direct.len().max(paths.gather_points.lanes()) >= job.together {
+                break;
+            }
+        }
+        let traced = Instant::now();
+        merge(paths);
+        clock.camera += traced - start;
+        clock.merge += traced.elapsed();
+    }
+}
+
+/// Traces camera paths, adds them to the image and estimates the coefficients from their pairs.
+fn measure<E: Estimator>(
+    job: &Job,
+    ids: TilePaths,
+    (paths, gathered): (&mut CameraPaths, &mut Gathered),
+    clock: &mut Clock,
+    mut measuring: Measuring<E>,
+) {
+    trace(job, ids, paths, clock, |paths| {
+        job.merge.gather_pairs(paths, gathered, |gathered, complete| {
+            for path in complete {
+                for (pairs, nested) in gathered.pairs.of_path(path) {
+                    measuring.pairs(pairs, nested);
+                }
+                measuring.end_path(paths.direct[path], gathered.sums[path]);
+            }
+        });
+    });
+}
+
+/// Adds camera paths to the image.
+struct ImageSums<'a> {
+    values: &'a mut [DVec3],
+    /// `1/N_F`.
+    per_light_path: f64,
+    /// At the current camera path.
+    paths: TilePaths<'a>,
+}
+
+impl ImageSums<'_> {
+    #[inline]
+    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
+        let TilePaths { pixel, path, in_image, .. } = self.paths;
+        if path < in_image {
+            let value = direct.as_dvec3() + gathered.as_dvec3() * self.per_light_path;
+            self.values[pixel] += value;
+        }
+        self.paths.advance();
+    }
+}
+
+/// Adds camera paths to the image and estimates the coefficients from their pairs.
+struct Measuring<'a, E> {
+    image: ImageSums<'a>,
+    estimator: &'a mut E,
+    measured: &'a mut [PixelMeasurement],
+    /// `N_F`.
+    n_light: u32,
+    /// `sum_i I_ij` less twice its part in the inner half of the kernel: what the current camera
+    /// path loses at `1/sqrt(2)` of the radius.
+    nested: f64,
+}
+
+impl<'a, E: Estimator> Measuring<'a, E> {
+    fn new(
+        job: &Job,
+        image: ImageSums<'a>,
+        estimator: &'a mut E,
+        measured: &'a mut [PixelMeasurement],
+    ) -> Self {
+        estimator.start_pixel();
+        Self { image, estimator, measured, n_light: job.counts.light_paths, nested: 0.0 }
+    }
+
+    #[inline]
+    fn pairs(&mut self, pairs: &[Pair], nested: f32) {
+        for &Pair { light_path, value } in pairs {
+            self.estimator.pair(light_path, f64::from(value));
+        }
+        self.nested += f64::from(nested);
+    }
+
+    #[inline]
+    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
+        let TilePaths { pixel, path, traced, .. } = self.image.paths;
+        self.image.end_path(direct, gathered);
+        self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
+        let measured = &mut self.measured[pixel];
+        measured.nested_difference +=
+            std::mem::take(&mut self.nested) * self.image.per_light_path / f64::from(traced);
+        if path + 1 == traced {
+            measured.coefficients = self.estimator.finish_pixel(self.n_light, traced);
+            self.estimator.start_pixel();
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Diffuse vertices, sixteen paths at a time: what both kinds of paths do most.
+
+use super::LightSamples;
+use crate::base::math::{Rgb, cosine_hemisphere};
+use crate::lanes::{LANES, Mask, Rngs, Vec3s};
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// Where a path arrived at a Lambertian surface, on the side that it came from.
+#[derive(Clone, Copy, Debug)]
+pub struct DiffusePoint {
+    /// The point that was hit.
+    pub position: Vec3,
+    /// Unit normal of the triangle.
+    pub normal: Vec3,
+    /// The point, moved off the surface: where new rays start.
+    pub off_surface: Vec3,
+    /// Reflected share of the incident flux, in [0, 1].
+    pub albedo: Rgb,
+    /// Emitted radiance, W/(m^2 sr).
+    pub emission: Rgb,
+}
+
+/// Vertices of sixteen paths, as far as these have one; see [`DiffusePoint`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DiffuseVertices {
+    /// Which paths have one; numbers of the others mean nothing.
+    pub active: Mask,
+    /// Whether any has an emission.
+    pub any_emits: bool,
+    /// Which are on the front side.
+    pub front: Mask,
+    /// The points that were hit.
+    pub position: Vec3s,
+    /// Unit normals.
+    pub normal: Vec3s,
+    /// Where new rays start.
+    pub off_surface: Vec3s,
+    /// Reflected shares.
+    pub albedo: Vec3s,
+    /// Radiance that the fronts emit, if `any_emits`.
+    pub emission: Vec3s,
+}
+
+impl DiffuseVertices {
+    /// No path has one.
+    #[inline(always)] // as most of those below: parts of the loops over vertices
+    pub fn clear(&mut self) {
+        self.active = Mask::default();
+        if self.any_emits {
+            self.emission = Vec3s::default();
+            self.any_emits = false;
+        }
+    }
+
+    /// Adds the vertex of a path that has none so far.
+    pub fn set(&mut self, lane: usize, point: &DiffusePoint) {
+        (self.active[lane], self.front[lane]) = (true, true);
+        self.any_emits |= point.emission != Rgb::ZERO;
+        self.position.set(lane, point.position);
+        self.normal.set(lane, point.normal);
+        self.off_surface.set(lane, point.off_surface);
+        self.albedo.set(lane, point.albedo);
+        self.emission.set(lane, point.emission);
+    }
+
+    /// What each path `carried` there times the BSDF, 1/sr.
+    #[inline(always)]
+    pub fn weights(&self, carried: &Vec3s) -> Vec3s {
+        let mut weights = Vec3s::default();
+        for lane in 0..LANES {
+            weights.set(lane, carried.get(lane) * self.albedo.get(lane) * FRAC_1_PI);
+        }
+        weights
+    }
+
+    /// What so much light from these directions contributes to paths of these
+    /// [`weights`](Self::weights).
+    #[inline(always)]
+    pub fn contributions(&self, weights: &Vec3s, light: &LightSamples) -> Vec3s {
+        let mut contributions = Vec3s::default();
+        for lane in 0..LANES {
+            let cos_theta = light.wi.get(lane).dot(self.normal.get(lane)).max(0.0);
+            let weight = weights.get(lane) * cos_theta;
+            contributions.set(lane, weight * light.irradiance.get(lane));
+        }
+        contributions
+    }
+
+    /// Samples where each path goes on, in proportion to the cosine: the weight of each direction is
+    /// the albedo.
+    #[inline(always)]
+    pub fn sample(&self, rngs: &mut Rngs) -> Vec3s {
+        let mut directions = Vec3s::default();
+        let (u, v) = (rngs.next_1d(), rngs.next_1d());
+        for lane in 0..LANES {
+            directions.set(lane, cosine_hemisphere(self.normal.get(lane), [u[lane], v[lane]]));
+        }
+        directions
+    }
+}

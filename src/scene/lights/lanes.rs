@@ -1,0 +1,135 @@
+//! Light paths begun and diffuse vertices connected with lights, sixteen at a time.
+//!
+//! The arithmetic of point lights is done side by side; other lights do their own.
+
+use super::emitter::Emitter;
+use crate::base::math::uniform_sphere;
+use crate::base::rng::unit_f64;
+use crate::lanes::{LANES, Rngs, Vec3s};
+use crate::scene::Lights;
+use crate::scene::diffuse::DiffuseVertices;
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Beginnings of light paths; see [`Emission`](super::Emission).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Emissions {
+    /// Start points.
+    pub origin: Vec3s,
+    /// Unit directions.
+    pub direction: Vec3s,
+    /// Flux that each path carries, W.
+    pub flux: Vec3s,
+}
+
+/// A point on a light for each vertex; see [`LightSample`](super::LightSample).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LightSamples {
+    /// Where to aim the shadow ray.
+    pub target: Vec3s,
+    /// Unit vector from the vertex to the light.
+    pub wi: Vec3s,
+    /// Irradiance on a surface that faces `wi`, W/m^2; black without a connection.
+    pub irradiance: Vec3s,
+}
+
+impl Lights {
+    /// [`Self::emit`] of the first `count` lanes.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    #[inline(always)] // part of the loop over light paths
+    pub fn emit_all(&self, rngs: &mut Rngs, count: usize) -> Emissions {
+        let mut emissions = Emissions::default();
+        let choices = rngs.next_bits();
+        let (u, v) = (rngs.next_1d(), rngs.next_1d());
+        for lane in 0..LANES {
+            emissions.direction.set(lane, uniform_sphere([u[lane], v[lane]]));
+        }
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            emissions.origin = Vec3s::splat(*position);
+            emissions.flux = Vec3s::splat(*intensity * (4.0 * PI));
+            return emissions;
+        }
+        for lane in 0..count {
+            let (index, prob) = self.choose_by_power(unit_f64(choices.map(|bits| bits[lane])));
+            if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
+                emissions.origin.set(lane, *position);
+                emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
+            } else {
+                let mut rng = rngs.get(lane);
+                let emission = self.emit_chosen(index, prob, &mut rng);
+                rngs.set(lane, rng);
+                emissions.origin.set(lane, emission.origin);
+                emissions.direction.set(lane, emission.direction);
+                emissions.flux.set(lane, emission.flux);
+            }
+        }
+        emissions
+    }
+
+    /// [`Self::connect`] of each vertex.
+    #[inline(always)] // part of the loop over vertices
+    pub fn connect_all(&self, at: &DiffuseVertices, rngs: &mut Rngs) -> LightSamples {
+        let choices = rngs.next_bits();
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            let target = Vec3s::splat(*position);
+            let irradiance = Vec3s::splat(*intensity);
+            let mut samples = LightSamples { target, irradiance, ..LightSamples::default() };
+            samples.reach_points(&at.position, &[1.0; LANES]);
+            return samples;
+        }
+        let mut samples = LightSamples::default();
+        // Of point lights: the probability of their choice.
+        let mut probs = [1.0; LANES];
+        // Lanes with other lights: which, and the probability.
+        let mut others = [(0, 0, 0.0); LANES];
+        let mut other_count = 0;
+        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+            let choice = unit_f64(choices.map(|bits| bits[lane]));
+            let chosen = self.by_estimate.choose(position, Some(normal), choice);
+            let Some((index, prob)) = chosen else { continue };
+            if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
+                samples.target.set(lane, *position);
+                samples.irradiance.set(lane, *intensity);
+                probs[lane] = prob;
+            } else {
+                others[other_count] = (lane, index, prob);
+                other_count += 1;
+            }
+        }
+        samples.reach_points(&at.position, &probs);
+        for &(lane, index, prob) in &others[..other_count] {
+            let (position, mut rng) = (at.position.get(lane), rngs.get(lane));
+            if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
+                samples.target.set(lane, light.target);
+                samples.wi.set(lane, light.wi);
+                samples.irradiance.set(lane, light.irradiance);
+            }
+            rngs.set(lane, rng);
+        }
+        samples
+    }
+}
+
+impl LightSamples {
+    /// Directions from vertices at `position` to point lights that were chosen with these
+    /// probabilities, and the irradiance there; so far it is the intensity.
+    #[inline(always)] // as above
+    fn reach_points(&mut self, position: &Vec3s, probs: &[f32; LANES]) {
+        for (lane, &prob) in probs.iter().enumerate() {
+            let to_light = self.target.get(lane) - position.get(lane);
+            // In the very place of a point there is no direction to it, and the cosine becomes 0. (A
+            // choice would be a branch, and keep the compiler from vector instructions.)
+            let distance2 = to_light.length_squared().max(1e-30);
+            self.wi.set(lane, to_light * distance2.sqrt().recip());
+            let irradiance = self.irradiance.get(lane) * (distance2 * prob).recip();
+            self.irradiance.set(lane, irradiance.min(Vec3::splat(f32::MAX)));
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! All lights of a scene: light paths start from them in proportion to their power, and vertices
+//! connect to them by an estimate of what they contribute.
+
+mod choice;
+mod cluster;
+pub mod emitter;
+pub mod environment;
+pub(in crate::scene) mod lanes;
+mod solid_angle;
+mod split;
+pub(in crate::scene) mod textured_emitter;
+mod tree;
+
+use crate::base::math::{Rgb, luminance};
+use crate::base::rng::Rng;
+use choice::ByEstimate;
+use emitter::Emitter;
+use environment::Environment;
+use glam::Vec3;
+
+/// The start of a light path.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Start point, already off its surface.
+    pub origin: Vec3,
+    /// Unit direction.
+    pub direction: Vec3,
+    /// Flux that the path carries, W: emitted radiance (or intensity) times the cosine, divided by
+    /// the path's density. Its mean over paths is the power of all lights.
+    pub flux: Rgb,
+}
+
+/// A point on a light, as seen from a vertex.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Where to aim the shadow ray, already off the light's surface.
+    pub target: Vec3,
+    /// Unit vector from the vertex to the light.
+    pub wi: Vec3,
+    /// Irradiance on a surface that faces `wi` if nothing is in between, divided by the
+    /// sample's density, W/m^2.
+    pub irradiance: Rgb,
+}
+
+/// All emitters of a scene, and light from all around.
+#[derive(Clone, Debug, Default)]
+pub struct Lights {
+    emitters: Vec<Emitter>,
+    environment: Option<Environment>,
+    /// Among the emitters and, after them, the environment.
+    by_power: ByPower,
+    /// Among the same.
+    pub(super) by_estimate: ByEstimate,
+    /// Among those emitters that no ray can hit.
+    delta_by_estimate: ByEstimate,
+}
+
+/// A choice in proportion to the luminance of the power.
+#[derive(Clone, Debug, Default)]
+struct ByPower {
+    /// Probability of choosing each emitter.
+    prob: Vec<f32>,
+    /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
+    cumulative: Vec<f64>,
+}
+
+/// What emitters are chosen by.
+fn chosen_by(emitter: &Emitter) -> f64 {
+    f64::from(luminance(emitter.power()))
+}
+
+impl ByPower {
+    /// In proportion to `weights`.
+    fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
+        let total: f64 = weights.clone().sum();
+        let prob = weights.clone().map(|weight| (weight / total) as f32).collect();
+        let mut sum = 0.0;
+        let cumulative = weights.map(|weight| {
+            sum += weight / total;
+            sum
+        });
+        Self { prob, cumulative: cumulative.collect() }
+    }
+
+    /// The index that holds `u` of [0, 1), and its probability.
+    #[inline]
+    fn choose(&self, u: f64) -> (usize, f32) {
+        let last = self.prob.len() - 1;
+        let index = self.cumulative.partition_point(|&end| end <= u).min(last);
+        (index, self.prob[index])
+    }
+}
+
+impl Lights {
+    /// Emitters without power are left out.
+    pub fn new(mut emitters: Vec<Emitter>) -> Self {
+        emitters.retain(|e| chosen_by(e) > 0.0);
+        let by_power = ByPower::new(emitters.iter().map(chosen_by));
+        let by_estimate = ByEstimate::new(&emitters, |_| true);
+        let delta_by_estimate = ByEstimate::new(&emitters, Emitter::is_delta);
+        Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
+    }
+
+    /// Adds light from all around; none if it is black.
+    pub(super) fn set_environment(&mut self, environment: Environment) {
+        self.environment = Some(environment).filter(|environment| !environment.is_black());
+        let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
+        self.by_power = ByPower::new(self.emitters.iter().map(chosen_by).chain(own));
+        self.by_estimate.set_environment(self.emitters.len(), self.environment.as_ref());
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.emitters.is_empty() && self.environment.is_none()
+    }
+
+    /// Light from all around.
+    pub fn environment(&self) -> Option<&Environment> {
+        self.environment.as_ref()
+    }
+
+    /// Whether any light arrives from where there is nothing.
+    #[inline]
+    pub fn shine_from_beyond(&self) -> bool {
+        self.environment.is_some()
+    }
+
+    /// Radiance that arrives from a unit direction in which there is nothing, W/(m^2 sr).
+    #[inline]
+    pub fn beyond(&self, direction: Vec3) -> Rgb {
+        self.environment.as_ref().map_or(Rgb::ZERO, |map| map.radiance(direction))
+    }
+
+    /// All emitters with power.
+    pub fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// Radiant power of all lights, W.
+    pub fn power(&self) -> Rgb {
+        let emitters: Rgb = self.emitters.iter().map(Emitter::power).sum();
+        emitters + self.environment.as_ref().map_or(Rgb::ZERO, Environment::power)
+    }
+
+    /// Starts a light path.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    pub fn emit(&self, rng: &mut Rng) -> Emission {
+        let (index, prob) = self.choose_by_power(rng.next_f64());
+        self.emit_chosen(index, prob, rng)
+    }
+
+    /// An index for [`Self::emit_chosen`] and its probability.
+    #[inline(always)] // part of the loop over light paths
+    pub(super) fn choose_by_power(&self, u: f64) -> (usize, f32) {
+        self.by_power.choose(u)
+    }
+
+    #[inline(never)] // point lights need it not: see `emit_all`
+    pub(super) fn emit_chosen(&self, index: usize, prob: f32, rng: &mut Rng) -> Emission {
+        match self.emitters.get(index) {
+            Some(emitter) => emitter.emit(prob, rng),
+            None => self.chosen_environment().emit(prob, rng),
+        }
+    }
+
+    /// Chooses a point on a light to connect `position` with, of a surface that is lit from the side
+    /// of this unit normal alone, or from both sides; `None` where that point cannot light it.
+    pub fn connect(
+        &self,
+        position: Vec3,
+        normal: Option<Vec3>,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        let (index, prob) = self.by_estimate.choose(position, normal, rng.next_f64())?;
+        self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
+    #[inline(never)] // rare
+    pub fn connect_delta(
+        &self,
+        position: Vec3,
+        normal: Option<Vec3>,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        let (index, prob) = self.delta_by_estimate.choose(position, normal, rng.next_f64())?;
+        self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// [`Self::connect`] with lights chosen by their power alone: simple, and a check of the other.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    pub fn connect_by_power(&self, position: Vec3, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.by_power.choose(rng.next_f64());
+        self.connect_chosen(index, prob, position, rng)
+    }
+
+    #[inline(never)] // point lights need it not: see `connect_all`
+    pub(super) fn connect_chosen(
+        &self,
+        index: usize,
+        prob: f32,
+        position: Vec3,
+        rng: &mut Rng,
+    ) -> Option<LightSample> {
+        match self.emitters.get(index) {
+            Some(emitter) => emitter.connect(position, prob, rng),
+            None => Some(self.chosen_environment().connect(position, prob, rng)),
+        }
+    }
+
+    fn chosen_environment(&self) -> &Environment {
+        self.environment.as_ref().expect("it was chosen, hence is there")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::rng::{Stream, StreamKey};
+    use crate::scene::Triangle;
+    use std::f32::consts::PI;
+
+    fn point(x: f32, intensity: Rgb) -> Emitter {
+        Emitter::Point { position: Vec3::new(x, 0.0, 0.0), intensity }
+    }
+
+    fn panel() -> Emitter {
+        let shape = Triangle::new([Vec3::ZERO, 2.0 * Vec3::X, 3.0 * Vec3::Y], 0);
+        Emitter::Triangle { shape, radiance: Rgb::new(0.5, 1.5, 1.0) }
+    }
+
+    #[test]
+    fn light_paths_carry_the_power_of_all_lights() {
+        let red = point(1.0, Rgb::new(2.0, 0.1, 0.0));
+        let lights = Lights::new(vec![red, panel(), point(2.0, Rgb::ZERO)]);
+        assert_eq!(lights.emitters().len(), 2, "black lights are left out");
+        // 4 pi I of the point, pi A Le of the triangle.
+        let expected = 4.0 * PI * Rgb::new(2.0, 0.1, 0.0) + PI * 3.0 * Rgb::new(0.5, 1.5, 1.0);
+        assert!((lights.power() - expected).length() < 1e-4);
+        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
+        let n = 200_000;
+        let (mut sum, mut square) = (Rgb::ZERO, Rgb::ZERO);
+        for _ in 0..n {
+            let flux = lights.emit(&mut rng).flux;
+            sum += flux / n as f32;
+            square += flux * flux / n as f32;
+        }
+        let error = ((square - sum * sum) / n as f32).max(Rgb::ZERO).map(f32::sqrt);
+        assert!((sum - expected).abs().cmple(4.0 * error + 1e-3).all(), "{sum} {expected} {error}");
+    }
+
+    #[test]
+    fn connections_to_a_triangle_give_its_form_factor() {
+        // Irradiance from a small triangle far above: Le A cos cos' / d^2, to 1/d^2 of its size.
+        let lights = Lights::new(vec![panel()]);
+        let from = Vec3::new(20.0, 5.0, 60.0);
+        let to_light = Vec3::new(2.0 / 3.0, 1.0, 0.0) - from;
+        let cos_light = 60.0 / to_light.length();
+        let expected = Rgb::new(0.5, 1.5, 1.0) * (3.0 * cos_light / to_light.length_squared());
+        let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
+        let n = 20_000;
+        let mut sum = Rgb::ZERO;
+        for _ in 0..n {
+            sum += lights.connect(from, None, &mut rng).expect("in front").irradiance / n as f32;
+        }
+        assert!((sum / expected - Rgb::ONE).abs().max_element() < 2e-3, "{sum} {expected}");
+        assert!(lights.connect(-from, None, &mut rng).is_none(), "dark from behind");
+    }
+
+    #[test]
+    fn each_of_very_many_emitters_is_chosen_as_often_as_it_says() {
+        // Powers 1, 2, 3, 1, 2, 3, ...: each third of the choices by residue has 1/6, 2/6, 3/6.
+        let count = 300_000;
+        let emitter = |i: usize| point(i as f32, Rgb::splat(1.0 + (i % 3) as f32));
+        let lights = Lights::new((0..count).map(emitter).collect());
+        let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+        let mut chosen = [0.0; 3];
+        let n = 300_000.0;
+        for _ in 0..n as usize {
+            let (index, prob) = lights.by_power.choose(rng.next_f64());
+            let power = chosen_by(&lights.emitters[index]);
+            let class = (power / (4.0 * std::f64::consts::PI)).round() as usize - 1;
+            chosen[class] += 1.0;
+            let share = (class + 1) as f64 / (2.0 * count as f64);
+            assert!((f64::from(prob) / share - 1.0).abs() < 1e-5, "{prob} {share}");
+        }
+        for (class, chosen) in chosen.into_iter().enumerate() {
+            let share = (class + 1) as f64 / 6.0;
+            let error = (share * (1.0 - share) * n).sqrt();
+            assert!((chosen - share * n).abs() < 4.0 * error, "{class}: {chosen}");
+        }
+    }
+}

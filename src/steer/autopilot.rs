@@ -1,0 +1,356 @@
+//! Automatic counts: a pilot that measures noise and times, then the optimum, chosen again at a few
+//! moments from all that is known by then.
+
+use super::Steer;
+use super::goal::{Goal, Standing};
+use crate::base::error::Result;
+use crate::image::counts::{CameraCounts, Counts};
+use crate::image::film::pool;
+use crate::noise::{Coefficients, Measure};
+use crate::optimize::{Bounds, Objective, Problem};
+use crate::render::block;
+use crate::render::block::{Block, Clock};
+use crate::render::{MOST_BLOCKS, Renderer};
+use crate::timing::TimeModel;
+use crate::timing::fit::fit;
+use crate::timing::sample::{Phase, Sample};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// Camera paths per pixel in the two blocks of the pilot: few, but more than the two that measuring
+/// takes, as their sample variance has one degree of freedom less.
+const PILOT_CAMERA_PATHS: [u32; 2] = [3, 6];
+/// Light paths in the second block over those in the first. Times at two sizes of either kind tell
+/// what is paid per path and what is paid anyway.
+const PILOT_RATIO: u32 = 16;
+/// Iterations of each block of the pilot: at the least, at the most, and in haste.
+const PILOT_ITERATIONS: [u64; 3] = [8, 512, 3];
+/// Share of the time that each block of the pilot takes where the time is given, and its bounds in
+/// seconds; the first where no time is given.
+const PILOT_SHARE: f64 = 0.04;
+const PILOT_TIME: [f64; 2] = [1.0, 5.0];
+/// After the pilot, one iteration in so many is measured.
+const MEASURE_EVERY: u64 = 8;
+/// Far more camera paths per pixel than can pay.
+const MOST_CAMERA_PATHS: u32 = 1 << 16;
+/// Iterations at chosen counts before anything is promised or chosen anew.
+const FIRST_ITERATIONS: u64 = 12;
+/// A new block must save this share of the time.
+const WORTHWHILE: f64 = 0.02;
+/// Counts per pixel must save this share. They follow the noise of what they are chosen from, which
+/// makes them look better than they are.
+const WORTHWHILE_PER_PIXEL: f64 = 0.05;
+/// Among counts whose cost is this close to the best, the shortest iteration is taken.
+const SLACK: f64 = 0.01;
+/// Iterations of the chosen kind that fit in the rest at the least, if sensible ones are so short.
+const LEAST_ITERATIONS: f64 = 64.0;
+
+/// Chooses the counts of a renderer while it renders.
+#[derive(Debug)]
+pub struct Autopilot {
+    goal: Goal,
+    threads: usize,
+    /// Whether counts may differ from pixel to pixel.
+    per_pixel: bool,
+    /// Times that are known beforehand.
+    times: Option<TimeModel>,
+    /// Rendering time before this run.
+    earlier: f64,
+    state: State,
+}
+
+/// What an interrupted run needs to go on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    stage: Stage,
+    /// Rendering time when it was saved, seconds.
+    elapsed: f64,
+    /// Rendering time when the block under way began.
+    block_began: f64,
+    /// Rendering time when counts are chosen next.
+    next_choice: f64,
+    /// What is known of the choice that the promise is about.
+    expected: Expected,
+    /// What was promised, once a few iterations at the second choice were rendered.
+    promise: Option<Promise>,
+}
+
+/// Costs, time times variance of an iteration, by model and formula.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Expected {
+    /// Time of an iteration at the chosen counts, seconds.
+    tau: f64,
+    /// Cost of as many light paths as pixels and one camera path per pixel.
+    one_each: f64,
+    /// Cost of the best counts that are equal in all pixels.
+    uniform: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
+enum Stage {
+    #[default]
+    Start,
+    FewLightPaths,
+    ManyLightPaths,
+    /// The first iterations at chosen counts.
+    First,
+    Chosen,
+}
+
+/// What was expected after the first iterations at the second choice of counts: these are new
+/// samples, so that a choice which followed the noise of its data does not look better than it is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Promise {
+    /// Pooled RMS at the end, W/(m^2 sr).
+    pub rms: f64,
+    /// Rendering time to the end, from the very first iteration, seconds.
+    pub seconds: f64,
+    /// Rendering time when this was said.
+    pub said_after: f64,
+    /// Time that as many light paths as pixels and one camera path per pixel would take for the same
+    /// noise, over that of the chosen counts.
+    pub gain_over_one_each: f64,
+    /// The same for the best counts that are equal in all pixels.
+    pub gain_over_uniform: f64,
+}
+
+/// Counts, and what they should lead to.
+struct Choice {
+    counts: Counts,
+    expected: Expected,
+    /// Whether that is worth a new block.
+    saves: bool,
+}
+
+impl Autopilot {
+    /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
+    pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
+        let state = state.unwrap_or_default();
+        Self { goal, threads, per_pixel: true, times: None, earlier: state.elapsed, state }
+    }
+
+    /// Takes the same counts in all pixels.
+    #[must_use]
+    pub fn uniform(self) -> Self {
+        Self { per_pixel: false, ..self }
+    }
+
+    /// Chooses by times that are known beforehand, instead of by those of the iterations.
+    #[must_use]
+    pub fn with_times(self, times: TimeModel) -> Self {
+        Self { times: Some(times), ..self }
+    }
+
+    /// The state after `elapsed` seconds of this run.
+    pub fn state(&self, elapsed: f64) -> State {
+        State { elapsed: self.earlier + elapsed, ..self.state }
+    }
+
+    /// What was promised, if that has been said.
+    pub fn promise(&self) -> Option<&Promise> {
+        self.state.promise.as_ref()
+    }
+
+    fn pilot_is_over(&self, renderer: &Renderer, now: f64) -> bool {
+        let iterations = renderer.film().iterations;
+        let elapsed = now - self.state.block_began;
+        let [least, most, in_haste] = PILOT_ITERATIONS;
+        let [shortest, longest] = PILOT_TIME;
+        let share = self.goal.time.map(|time| PILOT_SHARE * time.as_secs_f64());
+        let time = share.map_or(shortest, |share| share.min(longest));
+        let enough = if share.is_some() { in_haste } else { least };
+        iterations >= most || iterations >= enough && elapsed >= time
+    }
+
+    /// Expectations from the first iterations at the chosen counts.
+    fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
+        let standing = Standing::new(renderer.blocks());
+        let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
+        let forecast = standing.forecast(&self.goal, variance, tau, elapsed)?;
+        let Expected { tau, one_each, uniform } = self.state.expected;
+        let gain = |other: f64| if variance > 0.0 { other / (variance * tau) } else { 1.0 };
+        let said_after = self.earlier + elapsed;
+        Some(Promise {
+            rms: forecast.rms,
+            seconds: said_after + forecast.seconds,
+            said_after,
+            gain_over_one_each: gain(one_each),
+            gain_over_uniform: gain(uniform),
+        })
+    }
+
+    /// The best counts by all that has been measured.
+    fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<Choice> {
+        let standing = Standing::new(renderer.blocks());
+        let blocks = renderer.blocks();
+        let settings = renderer.settings();
+        let model = match self.times {
+            Some(known) => known,
+            None => times(blocks, settings.pixels(), self.threads)?,
+        };
+        let measured = block::coefficients(blocks).expect("the pilot measures");
+        let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
+        let luminance = vec![standing.mean_luminance; smoothed.len()];
+        let problem = |iteration_time| {
+            let bounds = Bounds {
+                light_paths: 2..=renderer.most_light_paths(),
+                camera_paths: 1..=MOST_CAMERA_PATHS,
+                iteration_time,
+            };
+            Problem::new(&smoothed, &luminance, Objective::Pooled, model, &bounds)
+        };
+        // Enough iterations must fit in the rest, whose length depends on the counts where a
+        // target ends it: a few rounds settle that.
+        let mut longest = f64::INFINITY;
+        let least = problem(longest).least_sensible_time();
+        for _ in 0..4 {
+            let best = problem(longest).uniform();
+            let (variance, tau) = (best.variance, best.iteration_time);
+            let rest = standing.forecast(&self.goal, variance, tau, elapsed);
+            let share = rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS);
+            longest = share.max(least);
+        }
+        let problem = problem(longest);
+        let uniform = problem.shortest_uniform(SLACK);
+        let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
+        let mut cost = uniform.cost;
+        if self.per_pixel {
+            let best = problem.shortest_per_pixel(SLACK);
+            if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
+                let camera_paths = CameraCounts::PerPixel(best.camera_paths);
+                counts = Counts { light_paths: best.light_paths, camera_paths };
+                cost = best.cost;
+            }
+        }
+        let tau = |counts: &Counts| {
+            model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
+        };
+        let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
+        let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
+        // The samples of the block tell what its counts cost.
+        let present = standing.per_iteration.unwrap_or(0.0) * tau(&renderer.block().counts);
+        Ok(Choice { saves: cost < present * (1.0 - WORTHWHILE), counts, expected })
+    }
+}
+
+impl Steer for Autopilot {
+    fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+        let (now, entered) = (self.earlier + elapsed, Instant::now());
+        let begin = |state: &mut State, renderer: &mut Renderer, counts| {
+            state.block_began = now + entered.elapsed().as_secs_f64();
+            renderer.begin_block(counts)
+        };
+        match self.state.stage {
+            Stage::Start => {
+                self.state.stage = Stage::FewLightPaths;
+                let counts = pilot_counts(renderer, PILOT_RATIO, PILOT_CAMERA_PATHS[0]);
+                begin(&mut self.state, renderer, counts)?;
+            }
+            Stage::FewLightPaths if self.pilot_is_over(renderer, now) => {
+                self.state.stage = Stage::ManyLightPaths;
+                let counts = pilot_counts(renderer, 1, PILOT_CAMERA_PATHS[1]);
+                begin(&mut self.state, renderer, counts)?;
+            }
+            Stage::ManyLightPaths if self.pilot_is_over(renderer, now) => {
+                self.state.stage = Stage::First;
+                let choice = self.choose(renderer, elapsed)?;
+                self.state.expected = choice.expected;
+                begin(&mut self.state, renderer, choice.counts)?;
+            }
+            Stage::First | Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
+            // The pilot's coefficients are coarse: the first iterations that follow them correct
+            // them, before anything is promised.
+            Stage::First => {
+                self.state.stage = Stage::Chosen;
+                self.state.next_choice = 2.0 * now;
+                let choice = self.choose(renderer, elapsed)?;
+                if choice.saves {
+                    self.state.expected = choice.expected;
+                    begin(&mut self.state, renderer, choice.counts)?;
+                }
+            }
+            Stage::Chosen if self.state.promise.is_none() => {
+                self.state.promise = self.promised(renderer, elapsed);
+            }
+            Stage::Chosen if now >= self.state.next_choice => {
+                self.state.next_choice = 2.0 * now;
+                if renderer.blocks().len() < MOST_BLOCKS {
+                    let choice = self.choose(renderer, elapsed)?;
+                    if choice.saves {
+                        begin(&mut self.state, renderer, choice.counts)?;
+                    }
+                }
+            }
+            _ => {}
+        }
+        // The first iteration of a block is measured, so that its start-up is not in the times.
+        let every = if self.state.stage >= Stage::First { MEASURE_EVERY } else { 2 };
+        let measures = renderer.film().iterations.is_multiple_of(every);
+        Ok(if measures { Measure::Pairs } else { Measure::Off })
+    }
+
+    /// Production and measuring iterations in the shares that they have in the long run.
+    fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
+        let Block { film, clock, .. } = renderer.block();
+        let measured = film.iterations.saturating_sub(clock.iterations);
+        let known = self.state.stage >= Stage::First && film.iterations >= MEASURE_EVERY;
+        let since = self.earlier + elapsed - self.state.block_began;
+        let production = clock.times.wall.as_secs_f64();
+        let share = 1.0 / MEASURE_EVERY as f64;
+        let per_production = production / clock.iterations as f64;
+        let per_measured = (since - production).max(0.0) / measured as f64;
+        known.then_some((1.0 - share) * per_production + share * per_measured)
+    }
+
+    fn autopilot(&self) -> Option<&Autopilot> {
+        Some(self)
+    }
+}
+
+/// Two light paths per pixel, within reason, or a fraction.
+fn pilot_counts(renderer: &Renderer, fraction: u32, camera_paths: u32) -> Counts {
+    let pixels = renderer.settings().pixels() as u32;
+    let light_paths =
+        pixels.saturating_mul(2).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
+    Counts::uniform((light_paths / fraction).max(2), camera_paths)
+}
+
+/// Fits the time model to the production iterations of all blocks.
+fn times(blocks: &[Block], pixels: usize, threads: usize) -> Result<TimeModel> {
+    let mut samples = Vec::new();
+    for block in blocks.iter().filter(|block| block.clock.iterations > 0) {
+        let Clock { iterations, times } = block.clock;
+        for phase in Phase::ALL {
+            samples.push(Sample {
+                phase,
+                light_paths: f64::from(block.counts.light_paths),
+                camera_paths: block.counts.camera_paths.mean(),
+                seconds: phase.time(&times, threads).as_secs_f64() / iterations as f64,
+                error: None,
+            });
+        }
+    }
+    Ok(fit(&samples, pixels as f64)?.model)
+}
+
+/// Degrees of freedom that the mean over a neighborhood counts as beside a pixel's own: estimates
+/// of single pixels come from heavy-tailed values.
+const PRIOR_FREEDOM: f64 = 200.0;
+
+/// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as
+/// long as little is known about the pixel itself, then more and more its own.
+fn smoothed(
+    blocks: &[Block],
+    measured: &[Coefficients],
+    width: u32,
+    height: u32,
+) -> Vec<Coefficients> {
+    let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
+    let pooled = pool(&values, width, height);
+    let freedom = block::degrees_of_freedom(blocks);
+    let mixed = |((&own, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+        let share = freedom / (freedom + PRIOR_FREEDOM);
+        (own * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
+    };
+    measured.iter().zip(pooled).zip(freedom).map(mixed).collect()
+}

@@ -1,0 +1,225 @@
+//! When to stop, how far the image is, and what is to come.
+
+use crate::base::error::{Error, Result};
+use crate::render::block::{Block, Combined, weights};
+use serde::{Deserialize, Serialize};
+use std::str::FromStr;
+use std::time::Duration;
+
+/// Iterations at the least before a target counts as reached.
+pub const LEAST_ITERATIONS: u64 = 32;
+
+/// Standard errors from the estimate up to the upper 90 % bound.
+const UPPER_BOUND: f64 = 1.2816;
+
+/// When to stop: at whatever comes first. Without any of these, never.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Goal {
+    /// At this many iterations, those of a resumed image included.
+    pub iterations: Option<u64>,
+    /// After this much time of rendering.
+    pub time: Option<Duration>,
+    /// At this much noise.
+    pub target: Option<Target>,
+}
+
+/// A pooled RMS, the root of the mean variance over all pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Target {
+    /// Luminance, W/(m^2 sr).
+    Absolute(f64),
+    /// Share of the image's mean luminance, 0.01 for 1 %.
+    Share(f64),
+}
+
+/// Why rendering ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StoppedBy {
+    /// All iterations are done.
+    Iterations,
+    /// The time is over.
+    Time,
+    /// The noise is low enough.
+    Target,
+    /// The user had enough.
+    Interrupt,
+}
+
+impl Target {
+    /// As luminance, for an image of this mean luminance.
+    pub fn absolute(self, mean_luminance: f64) -> f64 {
+        match self {
+            Self::Absolute(rms) => rms,
+            Self::Share(share) => share * mean_luminance,
+        }
+    }
+}
+
+impl FromStr for Target {
+    type Err = Error;
+
+    /// Reads a luminance such as `0.002`, or a share of the mean luminance such as `1%`.
+    fn from_str(text: &str) -> Result<Self> {
+        let text = text.trim();
+        let (number, percent) = match text.strip_suffix('%') {
+            Some(number) => (number.trim_end(), true),
+            None => (text, false),
+        };
+        match number.parse::<f64>() {
+            Ok(value) if value > 0.0 && value.is_finite() => {
+                Ok(if percent { Self::Share(value / 100.0) } else { Self::Absolute(value) })
+            }
+            _ => Err(Error::new(
+                format!("`{text}` is no RMS"),
+                "give a positive luminance, or a share of the mean luminance such as 1%",
+            )),
+        }
+    }
+}
+
+/// How far an image is; luminances, W/(m^2 sr).
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// Weight of an iteration of each block.
+    pub weights: Vec<f64>,
+    /// Iterations of all blocks.
+    pub iterations: u64,
+    /// Mean over the image.
+    pub mean_luminance: f64,
+    /// Pooled variance of the image, and its standard error, once it is known.
+    pub variance: Option<(f64, f64)>,
+    /// Pooled variance of one iteration at the present counts, once it is known.
+    pub per_iteration: Option<f64>,
+}
+
+/// What the rest of the rendering leads to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Forecast {
+    /// Pooled RMS at the end, W/(m^2 sr).
+    pub rms: f64,
+    /// Rendering time from now to the end, seconds.
+    pub seconds: f64,
+}
+
+impl Standing {
+    /// Of an image with the weights that its blocks should have.
+    pub fn new(blocks: &[Block]) -> Self {
+        Self::with_weights(blocks, weights(blocks))
+    }
+
+    /// Of an image with given weights.
+    pub fn with_weights(blocks: &[Block], weights: Vec<f64>) -> Self {
+        let combined = Combined::new(blocks, weights);
+        let film = blocks.last().map(|block| &block.film);
+        Self {
+            iterations: combined.iterations(),
+            mean_luminance: combined.mean_luminance(),
+            variance: combined.pooled_variance(),
+            per_iteration: film.and_then(|film| film.pooled_variance()).map(|(v, _)| v),
+            weights: combined.into_weights(),
+        }
+    }
+
+    /// Pooled RMS, W/(m^2 sr).
+    pub fn rms(&self) -> Option<f64> {
+        self.variance.map(|(variance, _)| variance.sqrt())
+    }
+
+    /// Whether the upper 90 % bound of the pooled RMS lies under the target.
+    pub fn reaches(&self, target: Target) -> bool {
+        let allowed = target.absolute(self.mean_luminance).powi(2);
+        self.iterations >= LEAST_ITERATIONS
+            && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
+    }
+
+    /// What is to come if every further iteration takes `tau` seconds and has the pooled variance
+    /// `variance`, after `elapsed` seconds of rendering; `None` before the noise is known.
+    ///
+    /// Information, the reciprocal of the variance, adds up over iterations.
+    pub fn forecast(&self, goal: &Goal, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
+        let (now, error) = self.variance?;
+        if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
+            return Some(Forecast { rms: now.sqrt(), seconds: 0.0 });
+        }
+        let by_count = goal.iterations.map(|n| n.saturating_sub(self.iterations) as f64);
+        let by_time = goal.time.map(|time| ((time.as_secs_f64() - elapsed) / tau).max(0.0));
+        let by_target = goal.target.map(|target| {
+            let allowed = target.absolute(self.mean_luminance).powi(2);
+            // The upper bound must come down to the target; its relative distance falls as the
+            // root of the iterations.
+            let distance = UPPER_BOUND * if error.is_finite() { error / now } else { 0.0 };
+            let iterations = self.iterations as f64;
+            let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
+            let more = needed(1.0);
+            let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
+            more.max(LEAST_ITERATIONS as f64 - iterations).max(0.0)
+        });
+        let more = [by_count, by_time, by_target].into_iter().flatten().fold(f64::NAN, f64::min);
+        let rms = (1.0 / now + more / variance).recip().sqrt();
+        Some(Forecast { rms, seconds: more * tau })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_are_luminances_or_shares() {
+        assert_eq!("0.25".parse::<Target>().unwrap(), Target::Absolute(0.25));
+        assert_eq!(" 1 %".parse::<Target>().unwrap(), Target::Share(0.01));
+        assert_eq!(Target::Share(0.01).absolute(30.0), 0.3);
+        for bad in ["", "%", "0", "-1%", "nan", "inf", "1e999", "5%%", "x"] {
+            let shown = bad.parse::<Target>().unwrap_err().to_string();
+            assert!(shown.contains("help: give a positive luminance"), "{bad}: {shown}");
+        }
+    }
+
+    fn standing(iterations: u64, variance: f64, error: f64) -> Standing {
+        Standing {
+            weights: vec![1.0],
+            iterations,
+            mean_luminance: 2.0,
+            variance: Some((variance, error)),
+            per_iteration: Some(variance * iterations as f64),
+        }
+    }
+
+    #[test]
+    fn a_target_takes_32_iterations_and_certainty() {
+        let target = Target::Share(0.05); // variance 0.01
+        assert!(standing(32, 0.009, 0.0005).reaches(target));
+        assert!(!standing(31, 0.009, 0.0005).reaches(target));
+        assert!(!standing(32, 0.009, 0.001).reaches(target));
+        assert!(!standing(32, 0.009, f64::INFINITY).reaches(target));
+        let unknown = Standing { variance: None, ..standing(32, 0.0, 0.0) };
+        assert!(!unknown.reaches(target));
+    }
+
+    #[test]
+    fn forecasts_end_at_whatever_comes_first() {
+        let now = standing(100, 0.04, 0.0);
+        let forecast = |goal: Goal| now.forecast(&goal, 4.0, 0.5, 50.0).unwrap();
+        let by_count = forecast(Goal { iterations: Some(400), ..Goal::default() });
+        assert!((by_count.rms - 0.1).abs() < 1e-12 && by_count.seconds == 150.0);
+        let time = Some(Duration::from_secs(150));
+        let by_time = forecast(Goal { time, ..Goal::default() });
+        assert!((by_time.rms.powi(2) - 4.0 / 300.0).abs() < 1e-12 && by_time.seconds == 100.0);
+        let target = Some(Target::Absolute(0.1));
+        let by_target = forecast(Goal { target, ..Goal::default() });
+        assert!((by_target.rms - 0.1).abs() < 1e-12 && (by_target.seconds - 150.0).abs() < 1e-9);
+        let first = forecast(Goal { iterations: Some(400), time, target });
+        assert_eq!(first, by_time);
+    }
+
+    #[test]
+    fn an_uncertain_variance_makes_it_take_longer() {
+        let target = Some(Target::Absolute(0.1));
+        let goal = Goal { target, ..Goal::default() };
+        let certain = standing(100, 0.04, 0.0).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
+        let unsure = standing(100, 0.04, 0.004).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
+        assert!(unsure.seconds > 1.05 * certain.seconds && unsure.seconds < 1.2 * certain.seconds);
+    }
+}

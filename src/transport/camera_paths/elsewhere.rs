@@ -1,0 +1,147 @@
+//! Where camera paths leave the scene or hit what is not plain: one at a time.
+
+use super::walks::{Connections, Walk, Walks};
+use super::{CameraPass, CameraPaths};
+use crate::accel::{Hit, Ray};
+use crate::base::math::Rgb;
+use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
+use crate::lanes::{LANES, Vec3s, lanes_of};
+use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::{LightSample, Surface};
+use crate::settings::{Direct, Roulette, Settings};
+use crate::transport::gather::{GatherPoint, GatherView};
+use glam::Vec3;
+
+impl CameraPaths {
+    /// Adds what the paths that left the scene saw there, if nothing else carries it.
+    #[inline(never)] // keeps the loop over plain vertices short, as the next
+    pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
+        for lane in lanes_of(missed).filter(|&lane| walks.vertices[lane] == 0) {
+            let beyond = pass.scene.lights.beyond(walks.direction.get(lane));
+            self.direct[walks.path[lane] as usize] += walks.throughput.get(lane) * beyond;
+        }
+    }
+
+    /// Where a path hit what is not plain: a diffuse vertex is set, what else there may be is done with.
+    #[inline(never)]
+    pub(super) fn elsewhere(
+        &mut self,
+        pass: &CameraPass,
+        (ray, walk): (Ray, Walk),
+        hit: &Hit,
+        (at, lane): (&mut DiffuseVertices, usize),
+    ) {
+        let surface = pass.scene.surface(&ray, hit);
+        if let Some(point) = surface.diffuse() {
+            at.set(lane, &point);
+        } else if let Some((ray, walk)) = self.scatter_other(pass, &surface, walk) {
+            let mut next = Walks::default();
+            next.set(0, &ray, &walk);
+            self.next.push(&next);
+        }
+    }
+
+    /// At a surface that is not diffuse alone; the next segment unless the path ends.
+    fn scatter_other(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        mut walk: Walk,
+    ) -> Option<(Ray, Walk)> {
+        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
+        // Emission hit later is carried by connections or photons.
+        if walk.vertices == 0 && surface.front {
+            self.direct[walk.path as usize] += walk.throughput * surface.emission();
+        }
+        let vertex = walk.vertices + 1;
+        let merges = self.at_other_vertex(pass, surface, &mut walk);
+        // Cut here, the path still goes on where the surface mirrors besides.
+        let cut = merges && vertex == merge_vertex;
+        let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
+        let at = surface.vertex(Transport::Radiance);
+        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
+        if !surface.agrees(&at, sample.wi) {
+            return None;
+        }
+        walk.throughput *= sample.weight;
+        if sample.lobe.passes_through() {
+            let ray = Ray::new(surface.start(sample.wi), sample.wi);
+            let inverse_weight = self.inverse_weights.get(walk.path as usize).unwrap_or(&1.0);
+            return walk.passes_on(*inverse_weight).then_some((ray, walk));
+        }
+        walk.vertices += 1;
+        if camera_roulette == Roulette::Albedo {
+            let survival = sample.weight.max_element().min(1.0);
+            if walk.rng.next_1d() >= survival {
+                return None;
+            }
+            walk.throughput /= survival;
+        }
+        Some((Ray::new(surface.off_surface, sample.wi), walk))
+    }
+
+    /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
+    fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
+        let lights = &pass.scene.lights;
+        let bsdf = &surface.bsdf;
+        let merges = bsdf.merges();
+        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
+        let at = surface.vertex(Transport::Radiance);
+        if merges && pass.settings.direct == Direct::Connect {
+            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
+        }
+        if bsdf.has_rough() && walk.vertices == 0 {
+            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
+            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
+            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
+        }
+        if merges {
+            self.views.push(GatherView { bsdf: *bsdf, at });
+            let view = self.views.len() as u32 - 1;
+            self.gather(pass, surface, walk, view);
+        }
+        merges
+    }
+
+    /// Connects the lobes of one class with a light, if there is one.
+    fn connect_lobe(
+        &mut self,
+        surface: &Surface,
+        walk: &Walk,
+        at: &Vertex,
+        (lobe, light): (Lobe, Option<LightSample>),
+    ) {
+        if let Some(light) = light
+            && surface.agrees(at, light.wi)
+        {
+            let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
+            let cos_theta = light.wi.dot(at.normal).abs();
+            let contribution = walk.throughput * value * light.irradiance * cos_theta;
+            let start = surface.start(light.wi);
+            self.send_shadow_ray(walk.path, contribution, light.target, start);
+        }
+    }
+
+    /// Leaves a point at which photons are gathered with the BSDF in one of `views`.
+    fn gather(&mut self, pass: &CameraPass, surface: &Surface, walk: &Walk, view: u32) {
+        let vertex = walk.vertices + 1;
+        if vertex < pass.settings.merge_vertex && !pass.gather_early {
+            return;
+        }
+        let Surface { position, normal, .. } = *surface;
+        let (path, weight) = (walk.path, walk.throughput);
+        let point = GatherPoint { position, path, weight, vertex, normal, view };
+        self.gather_points.push(&point);
+    }
+
+    /// [`Self::send_shadow_rays`] for one.
+    fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
+        self.shadow_rays.push(&Connections {
+            origin: Vec3s::splat(target),
+            direction: Vec3s::splat(off_surface - target),
+            path: [path; LANES],
+            contribution: Vec3s::splat(contribution),
+        });
+    }
+}

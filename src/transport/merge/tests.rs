@@ -1,0 +1,155 @@
+//! Sums and pairs by either order of look-ups beside each other and all photons with all points.
+
+use super::*;
+use crate::base::math::{luminance, uniform_sphere};
+use crate::base::rng::{Rng, Stream, StreamKey};
+use crate::bsdf::{Bsdf, Vertex};
+use crate::transport::gather::GatherView;
+use crate::transport::photon::Photon;
+use glam::Vec3;
+
+/// On the floor of a box a unit wide or anywhere in it, with a normal near the vertical.
+fn place(rng: &mut Rng) -> (Vec3, Vec3) {
+    let [x, y] = rng.next_2d();
+    let z = if rng.next_1d() < 0.5 { 0.0 } else { rng.next_1d() };
+    let normal = (Vec3::Z + 1.2 * uniform_sphere(rng.next_2d())).normalize();
+    (Vec3::new(x, y, z), normal)
+}
+
+fn photons(count: u32) -> Vec<Photon> {
+    let photon = |path| {
+        let mut rng = StreamKey::new(1, Stream::Test, 0).rng(u64::from(path));
+        let (position, normal) = place(&mut rng);
+        let late = rng.next_1d() < 0.7;
+        let class = if late { PhotonClass::LastVertex } else { PhotonClass::EveryVertex };
+        let flux = Rgb::new(1.0, rng.next_1d(), rng.next_1d());
+        let from = (normal + 0.9 * uniform_sphere(rng.next_2d())).normalize();
+        Photon::new(position, path, flux, normal, class).coming_from(from)
+    };
+    (0..count).map(photon).collect()
+}
+
+/// Paths with up to three gather points, some of which look at a BSDF that depends on directions.
+fn camera_paths(count: u32) -> CameraPaths {
+    let mut paths = CameraPaths::default();
+    let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
+    for vertex in 1..=3 {
+        for path in (0..count).filter(|path| path % 4 != vertex) {
+            let (position, normal) = place(&mut rng);
+            let weight = Rgb::new(rng.next_1d(), 1.0, rng.next_1d());
+            let view = if rng.next_1d() < 0.2 {
+                let at = Vertex { normal, wo: normal, front: true };
+                paths.views.push(GatherView { bsdf: Bsdf::diffuse(Rgb::splat(0.5)), at });
+                paths.views.len() as u32 - 1
+            } else {
+                GatherPoint::NO_VIEW
+            };
+            let point = GatherPoint { position, path, weight, vertex, normal, view };
+            paths.gather_points.push(&point);
+        }
+    }
+    paths.direct.resize(count as usize, Rgb::ONE);
+    paths
+}
+
+#[test]
+fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
+    assert!(assert_sums(20_000, 0.05) > 5000);
+    // Ranges of one look-up follow each other in the same block.
+    assert!(assert_sums(40, 0.4) > 500);
+}
+
+fn assert_sums(count: u32, radius: f32) -> usize {
+    let photons = photons(count);
+    let paths = camera_paths(500);
+    let mut map = PhotonMap::default();
+    map.build_from(&[&photons], radius);
+    let merge = Merge::new(&map, 3);
+    let orders = [false, true].map(|in_regions| Merge { in_regions, ..merge });
+    let [mut found, mut in_regions] = orders.map(|merge| {
+        let found = find(&merge, &paths);
+        // In the same order if they are too many for all paths, or for one.
+        for most_pairs in [1, 10, 100, 1000] {
+            assert_eq!(find(&Merge { most_pairs, ..merge }, &paths), found);
+        }
+        let mut gathered = Gathered::default();
+        merge.gather(&paths, &mut gathered);
+        assert_eq!(gathered.sums, found.sums);
+        found
+    });
+    found.sort();
+    in_regions.sort();
+    assert_eq!(in_regions, found);
+
+    // Every photon with every point.
+    let mut total = 0;
+    for (path, sum) in found.sums.iter().enumerate() {
+        let (mut pairs, mut nested, mut expected) = (Vec::new(), 0.0, Rgb::ZERO);
+        for point in paths.gather_points.iter().filter(|point| point.path as usize == path) {
+            for photon in &photons {
+                let distance2 = photon.position.distance_squared(point.position);
+                let counts = point.vertex == 3 || photon.class() == PhotonClass::EveryVertex;
+                if distance2 <= radius * radius && counts && photon.faces(point.normal) {
+                    let view = paths.views.get(point.view as usize);
+                    let value = view.map_or(Rgb::ONE, |view| view.value(photon, &point));
+                    let contribution = point.weight * photon.flux * value / disc_area(radius);
+                    let luminance = luminance(contribution);
+                    pairs.push((photon.path, luminance));
+                    let inner = distance2 <= 0.5 * radius * radius;
+                    nested += if inner { -luminance } else { luminance };
+                    expected += contribution;
+                }
+            }
+        }
+        total += pairs.len();
+        let close = |one: f32, other: f32, scale: f32| (one - other).abs() <= 1e-5 * scale;
+        assert!((expected - *sum).abs().max_element() <= 1e-5 * expected.max_element(), "{path}");
+        assert!(close(found.nested[path].iter().sum(), nested, luminance(expected)), "{path}");
+        sort(&mut pairs);
+        assert_eq!(pairs.len(), found.pairs[path].len());
+        for (one, other) in pairs.iter().zip(&found.pairs[path]) {
+            assert!(one.0 == other.0 && close(one.1, other.1, one.1), "{path}: {one:?}, {other:?}");
+        }
+    }
+    total
+}
+
+/// Of each camera path.
+#[derive(Debug, Default, PartialEq)]
+struct Found {
+    sums: Vec<Rgb>,
+    /// Light path and value of each pair.
+    pairs: Vec<Vec<(u32, f32)>>,
+    /// By how much values are larger than at a smaller radius, of each gather point.
+    nested: Vec<Vec<f32>>,
+}
+
+impl Found {
+    /// The pairs of each camera path.
+    fn sort(&mut self) {
+        self.pairs.iter_mut().for_each(|pairs| sort(pairs));
+        self.nested.iter_mut().for_each(|nested| nested.sort_by(f32::total_cmp));
+    }
+}
+
+fn find(merge: &Merge, paths: &CameraPaths) -> Found {
+    let mut found = Found::default();
+    merge.gather_pairs(paths, &mut Gathered::default(), |gathered, complete| {
+        assert_eq!(complete.start, found.sums.len());
+        found.sums.extend(&gathered.sums[complete.clone()]);
+        for path in complete {
+            let (mut pairs, mut nested) = (Vec::new(), Vec::new());
+            for (run, more) in gathered.pairs.of_path(path) {
+                pairs.extend(run.iter().map(|pair| (pair.light_path, pair.value)));
+                nested.push(more);
+            }
+            found.pairs.push(pairs);
+            found.nested.push(nested);
+        }
+    });
+    found
+}
+
+fn sort(pairs: &mut [(u32, f32)]) {
+    pairs.sort_by(|one, other| one.partial_cmp(other).expect("numbers"));
+}

@@ -1,0 +1,12 @@
+//! How light gets from the lights to the camera: light paths, the photons they leave, camera paths, and
+//! the pairs that meet.
+
+pub mod camera_paths;
+mod flight;
+pub mod gather;
+pub mod light_paths;
+pub mod merge;
+pub mod pair_list;
+pub mod photon;
+pub mod photon_map;
+pub mod reference;

@@ -1,0 +1,204 @@
+//! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
+//! the partitions, then each partition by bucket. Few photons are one partition and sorted in one go.
+//!
+//! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
+//! decide the order of additions, depend on the photons but not on the number of threads.
+
+use super::{BLOCK, Block, Grid, PhotonMap};
+use crate::base::math::Rgb;
+use crate::transport::photon::{Extent, Photon, Side};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Photons per chunk, and per partition, about: they stay in the second-level cache.
+const CHUNK: usize = 8192;
+/// Most partitions: so many places are written to in turn.
+const PARTITIONS: usize = 256;
+
+/// Fills places that hold no photon: no look-up finds it.
+const NOTHING: Photon =
+    Photon { position: Vec3::NAN, path: 0, flux: Rgb::ZERO, side: Side(0), from: 0 };
+
+/// Consecutive photons sorted by partition; if there is only one, their buckets alone.
+#[derive(Debug, Default)]
+pub struct Chunk {
+    photons: Vec<Photon>,
+    /// Bucket of each.
+    buckets: Vec<u32>,
+    /// Where each partition ends.
+    ends: Vec<u32>,
+    /// Bucket of each photon in the order they came.
+    unsorted: Vec<u32>,
+}
+
+impl Chunk {
+    /// Finds the bucket of each photon, in the order they come.
+    fn find_buckets(&mut self, slices: &[&[Photon]], grid: &Grid) {
+        // A position that is not finite, which no look-up finds, has any bucket.
+        let last = grid.buckets() - 1;
+        self.unsorted.clear();
+        for photons in slices {
+            let bucket = |photon: &Photon| grid.bucket(grid.cell(photon.position.into())).min(last);
+            self.unsorted.extend(photons.iter().map(bucket));
+        }
+    }
+
+    /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
+    fn sort(&mut self, slices: &[&[Photon]], shift: u32, partitions: usize) {
+        // Places are handed out from where a partition starts, one ahead of its end.
+        let mut next = [0u32; PARTITIONS + 1];
+        for bucket in &self.unsorted {
+            next[(bucket >> shift) as usize + 1] += 1;
+        }
+        for i in 1..=partitions {
+            next[i] += next[i - 1];
+        }
+        self.ends.clear();
+        self.ends.extend_from_slice(&next[1..=partitions]);
+        let count = self.unsorted.len();
+        self.buckets.resize(count, 0);
+        self.photons.resize(count, Photon::default());
+        let (sorted, buckets) = (&mut self.photons[..count], &mut self.buckets[..count]);
+        for (photons, own) in runs(slices, &self.unsorted) {
+            for (photon, &bucket) in photons.iter().zip(own) {
+                let next = &mut next[(bucket >> shift) as usize];
+                let place = *next as usize;
+                *next += 1;
+                sorted[place] = *photon;
+                buckets[place] = bucket;
+            }
+        }
+    }
+
+    /// The photons of one partition and their buckets.
+    fn partition(&self, partition: usize) -> Run<'_> {
+        let start = partition.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
+        let range = start..self.ends[partition] as usize;
+        (&self.photons[range.clone()], &self.buckets[range])
+    }
+}
+
+/// Photons and the bucket of each.
+type Run<'a> = (&'a [Photon], &'a [u32]);
+
+/// The photons of slices, with buckets that are in the same order.
+fn runs<'a>(slices: &[&'a [Photon]], mut buckets: &'a [u32]) -> Vec<Run<'a>> {
+    let own = |photons: &[Photon]| buckets.split_off(..photons.len()).expect("one for each");
+    slices.iter().copied().map(own).zip(slices).map(|(own, photons)| (*photons, own)).collect()
+}
+
+/// The places of one partition in the map.
+struct Partition<'a> {
+    /// Of its first photon.
+    offset: u32,
+    starts: &'a mut [u32],
+    blocks: &'a mut [Block],
+    froms: &'a mut [u32],
+}
+
+impl Partition<'_> {
+    /// Sorts the partition's photons, whose buckets start at `first`, into their places.
+    fn fill(&mut self, runs: &[Run], first: u32) {
+        self.starts.fill(0);
+        for &bucket in runs.iter().flat_map(|(_, buckets)| *buckets) {
+            self.starts[(bucket - first) as usize] += 1;
+        }
+        let mut end = self.offset;
+        let (most, rest) = self.starts.as_chunks_mut::<8>();
+        for eight in most {
+            // Photons lie on surfaces: most cells are empty.
+            if *eight == [0; 8] {
+                *eight = [end; 8];
+            } else {
+                add_up(eight, &mut end);
+            }
+        }
+        add_up(rest, &mut end);
+        // From the last photon to the first, so that ends turn into starts.
+        for (photons, buckets) in runs.iter().rev() {
+            for (photon, bucket) in photons.iter().zip(*buckets).rev() {
+                let start = &mut self.starts[(bucket - first) as usize];
+                *start -= 1;
+                let place = (*start - self.offset) as usize;
+                self.blocks[place / BLOCK].set(place % BLOCK, photon);
+                if let Some(from) = self.froms.get_mut(place) {
+                    *from = photon.from;
+                }
+            }
+        }
+        for place in (end - self.offset) as usize..self.blocks.len() * BLOCK {
+            self.blocks[place / BLOCK].set(place % BLOCK, &NOTHING);
+        }
+    }
+}
+
+/// Where each of these counts ends, and all of them.
+fn add_up(counts: &mut [u32], end: &mut u32) {
+    for count in counts {
+        *end += *count;
+        *count = *end;
+    }
+}
+
+/// Takes the first `count` elements off `rest`.
+fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    rest.split_off_mut(..count).expect("there are as many")
+}
+
+impl PhotonMap {
+    /// Sorts the photons into the buckets of `self.grid`.
+    pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
+        let Extent { count, directions, .. } = *extent;
+        let buckets = self.grid.buckets() as usize;
+        let partitions = (count / CHUNK).next_power_of_two().min(PARTITIONS);
+        let shift = buckets.div_ceil(partitions).next_power_of_two().ilog2();
+        let in_one_go = partitions == 1;
+        let per_chunk = slices.len().div_ceil(if in_one_go { 1 } else { count / CHUNK });
+        self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
+        let grid = &self.grid;
+        self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).for_each(|(chunk, slices)| {
+            chunk.find_buckets(slices, grid);
+            if !in_one_go {
+                chunk.sort(slices, shift, partitions);
+            }
+        });
+        let chunks = &self.chunks[..];
+        let runs = |partition: usize| match chunks {
+            [chunk] if in_one_go => runs(slices, &chunk.unsorted),
+            _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
+        };
+
+        // Partitions begin with a block of their own: they can be filled at the same time.
+        let sizes: Vec<usize> = (0..partitions)
+            .map(|p| runs(p).iter().map(|(photons, _)| photons.len()).sum::<usize>())
+            .map(|photons: usize| photons.next_multiple_of(BLOCK))
+            .collect();
+        let places = sizes.iter().sum();
+        assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
+        self.blocks.resize(places / BLOCK, Block::default());
+        self.froms.resize(if directions { places } else { 0 }, 0);
+        self.starts.resize(buckets + 1, 0);
+        self.starts[buckets] = places as u32;
+
+        let mut starts = &mut self.starts[..buckets];
+        let (mut blocks, mut froms) = (&mut self.blocks[..], &mut self.froms[..]);
+        let mut offset = 0;
+        let all: Vec<Partition> = sizes
+            .iter()
+            .map(|&size| {
+                let own = starts.len().min(1 << shift);
+                let partition = Partition {
+                    offset,
+                    starts: take(&mut starts, own),
+                    blocks: take(&mut blocks, size / BLOCK),
+                    froms: take(&mut froms, if directions { size } else { 0 }),
+                };
+                offset += size as u32;
+                partition
+            })
+            .collect();
+        all.into_par_iter().enumerate().with_max_len(1).for_each(|(index, mut partition)| {
+            partition.fill(&runs(index), (index as u32) << shift);
+        });
+    }
+}
