@@ -15,7 +15,7 @@ use bdpm::image::counts::{CameraCounts, Counts};
 use bdpm::image::film::pool;
 use bdpm::import::load;
 use bdpm::noise::{Coefficients, Measure};
-use bdpm::optimize::{Bounds, Objective, Problem};
+use bdpm::optimize::{CountLimits, Objective, Problem};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::RenderDefaults;
@@ -109,7 +109,7 @@ impl Pilot {
 
     fn problem(&self, camera_paths: RangeInclusive<u32>, iteration_time: f64) -> Problem {
         let light_paths = 2..=self.most_light_paths;
-        let bounds = Bounds { light_paths, camera_paths, iteration_time };
+        let bounds = CountLimits { light_paths, camera_paths, iteration_time };
         let luminance = vec![1.0; self.coefficients.len()];
         Problem::new(&self.coefficients, &luminance, Objective::Pooled, self.time, &bounds)
     }

@@ -13,7 +13,7 @@ use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::pictures::Value;
 use bdpm::settings::Settings;
 use bdpm::steer::Measuring;
@@ -57,7 +57,7 @@ pub struct Report<'a> {
     pub camera_paths: u32,
     pub estimator: Measure,
     pub region: String,
-    pub noise: Summary,
+    pub noise: NoiseSummary,
     pub terms_picture: TermsPicture,
     pub exr: String,
     pub terms_png: String,
@@ -117,7 +117,7 @@ pub fn run(args: &Args) -> Result<String> {
         camera_paths: settings.camera_paths,
         estimator: args.estimator,
         region: region.name,
-        noise: Summary::new(&file.noise, &pixels),
+        noise: NoiseSummary::new(&file.noise, &pixels),
         terms_picture,
         exr: name(exr),
         terms_png: name(&terms_png),

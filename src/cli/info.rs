@@ -4,7 +4,7 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{Loaded, Note, Summary};
+use bdpm::import::{Loaded, Note, SceneSummary};
 use bdpm::scene::backend;
 use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics};
 use bdpm::settings::Settings;
@@ -30,7 +30,7 @@ struct Report<'a> {
     stored_triangles: usize,
     materials: usize,
     /// What was read, by name, and what was skipped or chosen.
-    read: &'a Summary,
+    read: &'a SceneSummary,
     notes: &'a [Note],
     /// Time to read the files, and to make triangles and lights of them.
     read_seconds: f64,

@@ -4,7 +4,7 @@ use super::progress::{Progress, Status, Totals};
 use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
-use bdpm::import::Summary;
+use bdpm::import::SceneSummary;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
@@ -72,7 +72,7 @@ pub struct Seconds {
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
     pub scene: Scene,
-    summary: Summary,
+    summary: SceneSummary,
     pub accel: Box<dyn Intersect>,
     pub origin: Origin,
     load_time: Duration,

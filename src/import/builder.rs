@@ -6,7 +6,7 @@ use super::load::{Loaded, scene_name};
 use super::mtl;
 use super::notes::Note;
 use super::obj::{ObjFile, ObjMesh};
-use super::summary::Summary;
+use super::summary::SceneSummary;
 use super::text::list;
 use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
@@ -230,7 +230,7 @@ impl Builder {
             let problem = "the power of all lights is too large for a number";
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
-        let summary = Summary::new(&scene);
+        let summary = SceneSummary::new(&scene);
         Ok(Loaded { scene, defaults, notes, summary, assembly })
     }
 }

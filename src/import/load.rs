@@ -12,7 +12,7 @@ use super::obj::ObjFile;
 use super::scene_file;
 use super::scene_file::SceneFile;
 use super::scene_file::texture::Pictures;
-use super::summary::Summary;
+use super::summary::SceneSummary;
 use super::text;
 use super::text::list;
 use crate::base::error::{Error, Result};
@@ -33,7 +33,7 @@ pub struct Loaded {
     /// What was skipped or chosen for the user.
     pub notes: Vec<Note>,
     /// What was read.
-    pub summary: Summary,
+    pub summary: SceneSummary,
     /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
     pub assembly: Duration,
 }

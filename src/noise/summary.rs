@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Noise of one iteration at the measured counts over a region; luminances, W/(m^2 sr).
 #[derive(Clone, Debug, Serialize)]
-pub struct Summary {
+pub struct NoiseSummary {
     /// Pixels in the region.
     pub pixels: usize,
     /// Region mean of the root of the C, B and F term of (1); negative terms count as 0.
@@ -79,7 +79,7 @@ impl Compared {
     }
 }
 
-impl Summary {
+impl NoiseSummary {
     /// Of the pixels `region`, at the counts that were measured at.
     pub fn new(noise: &NoiseImage, region: &[usize]) -> Self {
         let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));

@@ -23,7 +23,7 @@ mod whole;
 
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
-use search::Goal;
+use search::Criterion;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -67,7 +67,7 @@ impl Objective {
 
 /// The counts to choose from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bounds {
+pub struct CountLimits {
     /// `N_F`; from 1.
     pub light_paths: RangeInclusive<u32>,
     /// Camera paths per pixel; from 1.
@@ -146,7 +146,7 @@ impl Problem {
         luminance: &[f64],
         objective: Objective,
         time: TimeModel,
-        bounds: &Bounds,
+        bounds: &CountLimits,
     ) -> Self {
         assert_eq!(coefficients.len(), luminance.len(), "each pixel has a luminance");
         let weights = objective.weights(luminance);
@@ -246,11 +246,11 @@ impl Problem {
     /// Even the fewest paths take longer than allowed.
     fn is_infeasible(&self) -> bool {
         let [n_light, n_camera] = [self.light_paths[0], self.camera_paths[0]].map(f64::from);
-        !self.goal().allows(self.time.iteration(n_light, n_camera))
+        !self.criterion().allows(self.time.iteration(n_light, n_camera))
     }
 
-    fn goal(&self) -> Goal {
-        Goal::least_cost(self.iteration_time)
+    fn criterion(&self) -> Criterion {
+        Criterion::least_cost(self.iteration_time)
     }
 }
 
@@ -320,7 +320,7 @@ mod tests {
         };
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds)
         };
         let limit = 10.0 / 64.0;
@@ -335,7 +335,7 @@ mod tests {
         // Without noise of camera paths, light paths would take all time.
         let coefficients = [Coefficients { a: 0.0, b: 0.0, f: 1.0 }; 9];
         let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
-        let bounds = Bounds { light_paths, camera_paths, iteration_time: f64::INFINITY };
+        let bounds = CountLimits { light_paths, camera_paths, iteration_time: f64::INFINITY };
         let dark = Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds);
         assert!((dark.least_sensible_time() / 2.02 - 1.0).abs() < 1e-3);
     }

@@ -1,6 +1,6 @@
 //! Predictions for any counts and for a given time, from measured coefficients.
 
-use super::{Bounds, LEAST_ITERATIONS, Objective, Problem};
+use super::{CountLimits, LEAST_ITERATIONS, Objective, Problem};
 use crate::noise::Coefficients;
 use crate::noise::image::{NoiseImage, NoiseSample, mean};
 use crate::settings::MAX_LIGHT_PATHS;
@@ -129,7 +129,7 @@ impl Source<'_> {
         };
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (1..=MAX_LIGHT_PATHS, 1..=u32::MAX);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&[coefficients], &[1.0], Objective::Pooled, budget.model, &bounds)
         };
         let least = problem(f64::INFINITY).least_sensible_time();

@@ -1,7 +1,7 @@
 //! Measured noise and times as a problem, and what counts lead to by them.
 
 use super::predict::{Predicted, Source};
-use super::{Bounds, LEAST_ITERATIONS, Objective, PerPixel, Problem};
+use super::{CountLimits, LEAST_ITERATIONS, Objective, PerPixel, Problem};
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::pool;
 use crate::noise::Coefficients;
@@ -62,7 +62,7 @@ impl<'a> Subject<'a> {
     pub fn problem(&self, light_paths: RangeInclusive<u32>, end: End) -> Problem {
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (light_paths.clone(), 1..=MOST_CAMERA_PATHS);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&self.smoothed, &self.luminance, self.objective, self.model, &bounds)
         };
         let unlimited = problem(f64::INFINITY);
@@ -79,7 +79,8 @@ impl<'a> Subject<'a> {
 
     /// The best light paths at one camera path in each pixel, unlimited in time.
     pub fn one_camera_path(&self, light_paths: RangeInclusive<u32>) -> Counts {
-        let bounds = Bounds { light_paths, camera_paths: 1..=1, iteration_time: f64::INFINITY };
+        let bounds =
+            CountLimits { light_paths, camera_paths: 1..=1, iteration_time: f64::INFINITY };
         let (pixels, luminance) = (&self.smoothed, &self.luminance);
         let best = Problem::new(pixels, luminance, self.objective, self.model, &bounds).uniform();
         Counts::uniform(best.light_paths, best.camera_paths)

@@ -237,20 +237,20 @@ pub struct Scene {
     /// Index in `triangles` of the first of each placement's mesh.
     first_triangle: Vec<u32>,
     /// Of each material.
-    plain: Vec<Plain>,
+    lambertian: Vec<Lambertian>,
 }
 
 /// What is read of a material that is Lambertian, wherever nothing varies: 16 bytes.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-struct Plain {
+struct Lambertian {
     albedo: Rgb,
-    /// What holds for it, bit by bit; without [`Self::IS_PLAIN`] the rest means nothing.
+    /// What holds for it, bit by bit; without [`Self::IS_LAMBERTIAN`] the rest means nothing.
     flags: u32,
 }
 
-impl Plain {
-    const IS_PLAIN: u32 = 1;
+impl Lambertian {
+    const IS_LAMBERTIAN: u32 = 1;
     const TWO_SIDED: u32 = 2;
     const EMITS: u32 = 4;
 
@@ -259,7 +259,7 @@ impl Plain {
         let emits = material.emission != Rgb::ZERO;
         let flag = |flag: u32, is_set: bool| flag * u32::from(is_set);
         let flags = flag(Self::TWO_SIDED, two_sided) | flag(Self::EMITS, emits);
-        Self { albedo, flags: flags | Self::IS_PLAIN }
+        Self { albedo, flags: flags | Self::IS_LAMBERTIAN }
     }
 }
 
@@ -324,7 +324,7 @@ impl Scene {
             name,
             meshes,
             placements,
-            plain: materials.iter().map(Plain::of).collect(),
+            lambertian: materials.iter().map(Lambertian::of).collect(),
             materials,
             lights,
             camera,

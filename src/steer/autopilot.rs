@@ -7,7 +7,7 @@ use crate::base::error::Result;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::pool;
 use crate::noise::{Coefficients, Measure};
-use crate::optimize::{Bounds, Objective, Problem};
+use crate::optimize::{CountLimits, Objective, Problem};
 use crate::render::block;
 use crate::render::block::{Block, Clock};
 use crate::render::{MOST_BLOCKS, Renderer};
@@ -192,7 +192,7 @@ impl Autopilot {
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let luminance = vec![standing.mean_luminance; smoothed.len()];
         let problem = |iteration_time| {
-            let bounds = Bounds {
+            let bounds = CountLimits {
                 light_paths: 2..=renderer.most_light_paths(),
                 camera_paths: 1..=MOST_CAMERA_PATHS,
                 iteration_time,

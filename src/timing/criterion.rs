@@ -154,8 +154,8 @@ fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
 
 #[cfg(test)]
 mod tests {
-    use crate::timing::setup::tests::setup;
     use super::*;
+    use crate::timing::setup::tests::setup;
     use std::fs::{self, File};
 
     /// Writes exact times of `1 ms + 1 us N_F` and so on, as Criterion does.

@@ -27,7 +27,7 @@ pub struct Merge<'a> {
     map: &'a PhotonMap,
     merge_vertex: u32,
     kernel: f32,
-    in_regions: bool,
+    in_zones: bool,
     most_pairs: usize,
 }
 
@@ -49,13 +49,13 @@ impl<'a> Merge<'a> {
     /// at their diffuse vertex number `merge_vertex`.
     pub fn new(map: &'a PhotonMap, merge_vertex: u32) -> Self {
         let kernel = disc_area(map.radius()).recip();
-        Self { map, merge_vertex, kernel, in_regions: map.is_large(), most_pairs: MOST_PAIRS }
+        Self { map, merge_vertex, kernel, in_zones: map.is_large(), most_pairs: MOST_PAIRS }
     }
 
     /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
     pub fn together(&self, pairs: bool) -> usize {
         let large = if pairs { MEASURED } else { MERGED };
-        if self.in_regions { large } else { CameraPaths::BATCH }
+        if self.in_zones { large } else { CameraPaths::BATCH }
     }
 
     /// Sets `gathered` to what these camera paths gather.
@@ -102,8 +102,8 @@ impl<'a> Merge<'a> {
         vectorized(
             #[inline(always)]
             |simd| {
-                if self.in_regions {
-                    self.find_in_regions::<PAIRS>(simd, paths, part, gathered)
+                if self.in_zones {
+                    self.find_in_zones::<PAIRS>(simd, paths, part, gathered)
                 } else {
                     self.find_in_order::<PAIRS>(simd, paths, part, gathered)
                 }
@@ -143,7 +143,7 @@ impl<'a> Merge<'a> {
 
     /// First all look-ups in one part of the photon map, then in the next: they read the same photons.
     #[inline(always)] // vectorized
-    fn find_in_regions<const PAIRS: bool>(
+    fn find_in_zones<const PAIRS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -272,7 +272,7 @@ impl<'a> Merge<'a> {
         let GatherPoint { position, normal, vertex, view, .. } = *point;
         let last = vertex == self.merge_vertex;
         let view = view != GatherPoint::NO_VIEW;
-        LookUp { position, point: number as u32, normal, last, view, region: 0 }
+        LookUp { position, point: number as u32, normal, last, view, zone: 0 }
     }
 }
 

@@ -117,8 +117,13 @@ impl Side {
     /// The normal, 127 units long.
     #[inline(always)]
     pub fn normal(self) -> Vec3 {
-        let coordinate = |shift: u32| ((self.0 << shift) as i32 >> 24) as f32;
-        Vec3::new(coordinate(24), coordinate(16), coordinate(8))
+        Vec3::new(self.coordinate(0), self.coordinate(1), self.coordinate(2))
+    }
+
+    /// The normal along one axis, in 1/127.
+    #[inline(always)]
+    pub fn coordinate(self, axis: u32) -> f32 {
+        ((self.0 << (24 - 8 * axis)) as i32 >> 24) as f32
     }
 
     /// Whether the photon is merged at every vertex.

@@ -6,7 +6,7 @@ use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Mesh;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
@@ -51,11 +51,11 @@ fn formula_and_sampled_variance_agree_on_the_cornell_box() {
     let all: Vec<usize> = (0..576).collect();
     let one = measure(&scene, Backend::default(), Settings { seed: 1, ..settings.clone() }, 600);
     let two = measure(&scene, Backend::default(), Settings { seed: 2, ..settings }, 600);
-    let noise = Summary::new(&one, &all);
+    let noise = NoiseSummary::new(&one, &all);
     let ratio = noise.mean_rms.ratio;
     println!("formula / sampled {:.5} +- {:.5}", ratio.value, ratio.error);
     assert!((ratio.value - 1.0).abs() < 0.005, "{ratio:?}");
-    let other = Summary::new(&two, &all);
+    let other = NoiseSummary::new(&two, &all);
     let corrected = |s: Statistic| Statistic { value: s.corrected, ..s };
     assert_agree(
         "mean RMS",

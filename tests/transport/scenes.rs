@@ -11,7 +11,7 @@ use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Arrangement;
 use bdpm::settings::{Direct, RenderDefaults};
 use bdpm::{Renderer, Scene, Settings};
@@ -158,7 +158,7 @@ impl Case {
             renderer.iterate(Measure::Pairs);
         }
         let image = NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts);
-        let summary = Summary::new(&image, region);
+        let summary = NoiseSummary::new(&image, region);
         let [pooled, mean] = [&summary.pooled_rms, &summary.mean_rms].map(|compared| {
             // Of the variance.
             (compared.ratio.corrected.powi(2) - 1.0, 2.0 * compared.ratio.error)
