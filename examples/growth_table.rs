@@ -15,7 +15,7 @@ use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Triangle};
-use bdpm::settings::{Length, RenderDefaults};
+use bdpm::settings::{Length, PartialSettings};
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::fit;
 use bdpm::timing::grid;
@@ -95,11 +95,11 @@ fn take_turns(runs: &mut [Run]) {
 }
 
 fn settings(loaded: &Loaded, resolution: [u32; 2], size: Size) -> bdpm::Result<Settings> {
-    let wishes = RenderDefaults {
+    let wishes = PartialSettings {
         resolution: Some(resolution),
         light_paths: Some(size.light_paths),
         camera_paths: Some(size.camera_paths),
-        ..RenderDefaults::default()
+        ..PartialSettings::default()
     };
     Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())
 }
@@ -213,11 +213,11 @@ fn triangles() -> Result<()> {
     println!("| triangles | put together | Embree | bytes of each | light path | camera path |");
     println!("|---|---|---|---|---|---|");
     let rooms: Vec<Room> = GROUNDS.into_iter().map(room).collect::<Result<_>>()?;
-    let wishes = RenderDefaults {
+    let wishes = PartialSettings {
         light_paths: Some(100_000),
         camera_paths: Some(1),
         radius: Some(Length::Units(0.1)),
-        ..RenderDefaults::default()
+        ..PartialSettings::default()
     };
     let run = |room| {
         let Room { scene, accel, .. }: &Room = room;

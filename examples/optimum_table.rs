@@ -18,7 +18,7 @@ use bdpm::noise::{Coefficients, Measure};
 use bdpm::optimize::{CountLimits, Objective, Problem};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::RenderDefaults;
+use bdpm::settings::PartialSettings;
 use bdpm::steer::Steer;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::Goal;
@@ -308,7 +308,7 @@ fn print(scene: &Scene, settings: &Settings, candidates: &[Candidate], costs: &[
 
 fn table(path: &Path, args: &Args) -> Result<()> {
     let loaded = load(path)?;
-    let wishes = RenderDefaults { resolution: Some([args.side; 2]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([args.side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
     let scene = loaded.scene;
     let accel = build(Backend::default(), &scene)?;

@@ -8,7 +8,7 @@ use bdpm::base::math::Rgb;
 use bdpm::bsdf::Bsdf;
 use bdpm::import::load;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Length, RenderDefaults};
+use bdpm::settings::{Length, PartialSettings};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
 use glam::Vec3;
@@ -19,7 +19,10 @@ use std::path::Path;
 pub fn scene() -> (Scene, Settings) {
     let path = std::env::var("BDPM_SCENE").unwrap_or_else(|_| "scenes/cornell-box".into());
     let (scene, defaults) = if path == "ball" {
-        (ball(), RenderDefaults { radius: Some(Length::Units(0.02)), ..RenderDefaults::default() })
+        (
+            ball(),
+            PartialSettings { radius: Some(Length::Units(0.02)), ..PartialSettings::default() },
+        )
     } else {
         let loaded = load(Path::new(&path)).unwrap();
         (loaded.scene, loaded.defaults)

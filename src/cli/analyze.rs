@@ -1,9 +1,9 @@
 //! `bdpm analyze SCENE`.
 
 use super::analyze_text::text;
+use super::json;
 use super::render_report::describe_counts;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
-use super::{choice, json};
 use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::film::Film;
@@ -37,10 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
     /// How coefficients are estimated: from all pairs, or from halves of the paths as published
-    #[arg(long, default_value = "pairs", value_parser = choice(&[
-        ("pairs", Measure::Pairs),
-        ("halves", Measure::Halves),
-    ]))]
+    #[arg(long, default_value = "pairs")]
     estimator: Measure,
     /// The part of the image that the table is about: a name in the scene file, or a rectangle in
     /// fractions of the image, the origin at the top left [default: the whole image]

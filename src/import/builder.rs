@@ -13,7 +13,7 @@ use crate::base::math::Bounds;
 use crate::base::memory::{GIB, available_memory};
 use crate::scene::transform::Transform;
 use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
-use crate::settings::RenderDefaults;
+use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -47,7 +47,7 @@ pub(super) struct Builder {
 pub(super) struct Rest {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
-    pub defaults: RenderDefaults,
+    pub defaults: PartialSettings,
 }
 
 impl Builder {

@@ -18,7 +18,7 @@ use super::text::list;
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Region, Scene};
-use crate::settings::RenderDefaults;
+use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -29,7 +29,7 @@ pub struct Loaded {
     /// The scene.
     pub scene: Scene,
     /// The file's `[render]` table.
-    pub defaults: RenderDefaults,
+    pub defaults: PartialSettings,
     /// What was skipped or chosen for the user.
     pub notes: Vec<Note>,
     /// What was read.

@@ -31,6 +31,7 @@ use std::ops::RangeInclusive;
 /// What is made of the variances of the pixels: the aggregate that counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Objective {
     /// Mean variance, `mean_p V_p`.
     #[default]
@@ -106,10 +107,6 @@ pub struct PerPixel {
     /// `iteration_time * variance`: variance after one second of rendering.
     pub cost: f64,
 }
-
-/// Iterations that should fit in a time of rendering at the least: they average out what a single one
-/// finds by chance, and no coefficient of 0 leads to infinite counts.
-pub const LEAST_ITERATIONS: f64 = 16.0;
 
 /// Pixels that a search looks at; of more, an even selection. A prime number, so that the
 /// selection does not follow the rows of the image.

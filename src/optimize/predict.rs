@@ -1,9 +1,10 @@
 //! Predictions for any counts and for a given time, from measured coefficients.
 
-use super::{CountLimits, LEAST_ITERATIONS, Objective, Problem};
+use super::{CountLimits, Objective, Problem};
 use crate::noise::Coefficients;
 use crate::noise::image::{NoiseImage, NoiseSample, mean};
 use crate::settings::MAX_LIGHT_PATHS;
+use crate::settings::policy::LEAST_ITERATIONS;
 use crate::timing::TimeModel;
 use serde::Serialize;
 

@@ -1,20 +1,15 @@
 //! Measured noise and times as a problem, and what counts lead to by them.
 
 use super::predict::{Predicted, Source};
-use super::{CountLimits, LEAST_ITERATIONS, Objective, PerPixel, Problem};
+use super::{CountLimits, Objective, PerPixel, Problem};
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::pool;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseSample;
+use crate::settings::policy::{LEAST_ITERATIONS, LEAST_ITERATIONS_TO_TARGET, MOST_CAMERA_PATHS};
 use crate::timing::TimeModel;
 use serde::Serialize;
 use std::ops::RangeInclusive;
-
-/// Far more camera paths per pixel than can pay.
-const MOST_CAMERA_PATHS: u32 = 1 << 16;
-
-/// Iterations up to a target at the least, as many as `bdpm render` takes.
-const LEAST_TO_TARGET: f64 = crate::steer::goal::LEAST_ITERATIONS as f64;
 
 /// When rendering ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -72,7 +67,9 @@ impl<'a> Subject<'a> {
             End::Time(time) => problem((time / LEAST_ITERATIONS).max(least)),
             // The time depends on the counts, which depend on the time: a few rounds settle that.
             End::Rms(rms) => (0..4).fold(unlimited, |found, _| {
-                problem((found.uniform().cost / (rms * rms) / LEAST_TO_TARGET).max(least))
+                let longest =
+                    found.uniform().cost / (rms * rms) / LEAST_ITERATIONS_TO_TARGET as f64;
+                problem(longest.max(least))
             }),
         }
     }

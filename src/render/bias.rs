@@ -2,10 +2,9 @@
 
 use super::block::{Block, Combined};
 use crate::noise::film::{BATCHES, BatchGrain};
+use crate::settings::policy::BIAS_CERTAINTY;
 use serde::Serialize;
 
-/// Standard errors by which a bias must stand out to count.
-const CERTAINTY: f64 = 2.0;
 /// Measuring iterations that it takes to tell: two in each batch.
 const LEAST_MEASURED: u64 = 2 * BATCHES as u64;
 
@@ -74,12 +73,12 @@ impl MergeBias {
     }
 }
 
-/// Absolute mean of the batches less [`CERTAINTY`] standard errors, at least 0.
+/// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.
 fn certain_part(means: &[f64; BATCHES]) -> f64 {
     let n = BATCHES as f64;
     let mean = means.iter().sum::<f64>() / n;
     let scatter = means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (mean.abs() - CERTAINTY * (scatter / n).sqrt()).max(0.0)
+    (mean.abs() - BIAS_CERTAINTY * (scatter / n).sqrt()).max(0.0)
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use crate::image::film::{Film, PixelSums, Tile};
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
 use crate::scene::{Scene, View};
+use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
 use crate::transport::camera_paths::CameraPass;
 use crate::transport::light_paths::LightPaths;
@@ -29,15 +30,6 @@ use rayon::prelude::*;
 use std::time::Instant;
 use tiles::{Shares, TileSums};
 use worker::{Job, Worker};
-
-/// Iterations that are measured at the beginning of a render.
-const PILOT: u64 = 8;
-/// Of the others, one in so many is measured: with a million light paths it takes one and a half times as
-/// long as another, with fewer less.
-const MEASURE_EVERY: u64 = 8;
-
-/// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
-pub(crate) const MOST_BLOCKS: usize = 7;
 
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
@@ -132,16 +124,6 @@ impl<'a> Renderer<'a> {
         let for_light = 0.5 * (available - film_bytes(&self.settings, MOST_BLOCKS)).max(0.0);
         let most = for_light / bytes_per_light_path(self.scene);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
-    }
-
-    /// Whether a render with fixed counts measures its next iteration: the pilot and a fixed share
-    /// of the others, where the counts allow it.
-    pub fn scheduled(&self) -> Measure {
-        let next = self.film().iterations;
-        let measures = next < PILOT || next.is_multiple_of(MEASURE_EVERY);
-        let Counts { light_paths, camera_paths } = &self.block().counts;
-        let can = *light_paths >= 2 && camera_paths.least() >= 2;
-        if measures && can { Measure::Pairs } else { Measure::Off }
     }
 
     /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.

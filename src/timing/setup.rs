@@ -140,10 +140,10 @@ fn processor() -> Option<String> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::settings::{RenderDefaults, Settings};
+    use crate::settings::{PartialSettings, Settings};
 
     pub fn setup() -> Setup {
-        let none = RenderDefaults::default();
+        let none = PartialSettings::default();
         let settings = Settings::resolve(&none, &none, 2.0).unwrap();
         let origin = Origin {
             version: "1.2.3".into(),

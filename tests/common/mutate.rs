@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test binary uses its own part
 
 use bdpm::import::load;
-use bdpm::settings::{RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use proptest::prelude::*;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -151,7 +151,7 @@ pub fn load_and_check(path: &Path) {
             }
             // A radius may still be unfit for the scene's size, but must say so.
             if let Err(e) =
-                Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size())
+                Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size())
             {
                 assert!(e.to_string().contains("radius"), "{e}");
             }

@@ -7,7 +7,7 @@ use bdpm::bsdf::{
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
-use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
+use bdpm::settings::{Direct, Length, PartialSettings, Roulette, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -95,7 +95,7 @@ fn the_cornell_box_is_the_paper_s() {
     assert_eq!(scene.camera.position(), Vec3::new(278.0, 273.0, -800.0));
     assert_eq!(scene.camera.direction(), Vec3::Z);
     assert_eq!(scene.camera.optics(), Optics::Pinhole(FieldOfView::X(39.3077)));
-    let expected = RenderDefaults {
+    let expected = PartialSettings {
         resolution: Some([512, 512]),
         light_paths: Some(1000),
         camera_paths: Some(25),
@@ -135,7 +135,7 @@ fn the_classic_cornell_box_has_its_lamp_and_colors() {
     // In the photographs red is on the left, and the camera has +x on its left.
     assert_eq!(color("left-wall"), Vec3::new(0.63, 0.065, 0.05));
     assert_eq!(color("right-wall"), Vec3::new(0.14, 0.45, 0.091));
-    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+    Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn no_lamp_light_shines_straight_through_the_keyhole() {
         assert!(end(direction / direction.x) < 0.0, "{entry}");
         assert!(end(Vec3::X) > 0.0, "{entry}");
     }
-    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+    Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn the_documented_example_loads() {
     let corner = Vec3::new(-0.5 * cos - 0.5 * sin + 0.5, 0.0, 0.5 * sin - 0.5 * cos - 0.5);
     assert!((scene.meshes[1].positions[0] - corner).length() < 1e-6);
     let settings =
-        Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+        Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
     assert_eq!((settings.width, settings.height, settings.light_paths), (640, 480, 50_000));
     // The floor's left side is the scene's, and the turned block's right corner.
     let size = 1.0 + 0.5 + 0.5 * (cos + sin);
@@ -217,7 +217,7 @@ fn the_documented_example_loads() {
 #[test]
 fn the_documented_defaults_are_the_built_in_ones() {
     let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
-    let none = RenderDefaults::default();
+    let none = PartialSettings::default();
     let settings = Settings::resolve(&none, &none, 100.0).unwrap();
     for (key, value) in [
         ("resolution", format!("[{}, {}]", settings.width, settings.height)),

@@ -16,7 +16,7 @@ use bdpm::reproduce::terms::{Terms, share};
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::origin::Origin;
-use bdpm::settings::{RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use bdpm::timing::setup::Setup;
 use std::fs;
 use std::ops::ControlFlow;
@@ -24,7 +24,7 @@ use std::path::Path;
 
 fn loaded(side: u32) -> (Scene, Box<dyn Intersect>, Settings) {
     let Loaded { scene, defaults, .. } = load("scenes/cornell-box".as_ref()).unwrap();
-    let wishes = RenderDefaults { resolution: Some([side, side]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([side, side]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &defaults, scene.size()).unwrap();
     let accel = build(Backend::default(), &scene).unwrap();
     (scene, accel, settings)

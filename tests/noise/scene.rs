@@ -10,7 +10,7 @@ use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Mesh;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
-use bdpm::settings::RenderDefaults;
+use bdpm::settings::PartialSettings;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 
@@ -18,7 +18,7 @@ use glam::Vec3;
 fn cornell_box(side: u32) -> (Scene, Settings) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
     let loaded = load(path.as_ref()).unwrap();
-    let wishes = RenderDefaults { resolution: Some([side; 2]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     (loaded.scene, settings)
 }

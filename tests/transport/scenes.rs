@@ -13,7 +13,7 @@ use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Arrangement;
-use bdpm::settings::{Direct, RenderDefaults};
+use bdpm::settings::{Direct, PartialSettings};
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
 
@@ -70,7 +70,7 @@ impl Case {
         let loaded = load(&path).unwrap();
         let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
         let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
-        let wishes = RenderDefaults { resolution, ..RenderDefaults::default() };
+        let wishes = PartialSettings { resolution, ..PartialSettings::default() };
         let size = loaded.scene.size();
         let settings = Settings::resolve(&wishes, &loaded.defaults, size).unwrap();
         let (radius, light_paths) = (self.radius * size, self.light_paths);

@@ -43,7 +43,7 @@ pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Resu
 
     let mut text = tables::head(origin);
     text += &tables::camera(&scene.camera);
-    text += &tables::render(defaults);
+    text += &tables::render(defaults)?;
     text += &tables::regions(&scene.regions);
     let environment = scene.lights.environment();
     text += &environment.map(tables::environment).unwrap_or_default();
