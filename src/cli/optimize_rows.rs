@@ -94,6 +94,7 @@ impl Candidates {
                     let scale = (iteration_time / time).sqrt();
                     rms_after = Some(scaled(scale, scale));
                 }
+                // theory.md (77)
                 // tau (rms/target)^2, whose relative error is twice that of the RMS.
                 End::Rms(target) => {
                     let scale = iteration_time * rms.value / (target * target);

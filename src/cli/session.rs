@@ -303,6 +303,7 @@ impl<'a> Session<'a> {
         }
         // An iteration that would end past the time by more than half of its own is not begun.
         let elapsed = self.start.elapsed().as_secs_f64();
+        // theory.md (92)
         let half = 0.5 * elapsed / done.max(1) as f64;
         let over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
         over.then_some(StoppedBy::Time)

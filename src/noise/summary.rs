@@ -103,6 +103,7 @@ impl NoiseSummary {
         // Two standard errors, which fall as the root of the number of iterations.
         let Statistic { value, error, .. } = pooled_rms.predicted;
         let iterations_for = |accuracy: f64| {
+            // theory.md (67)
             let needed = noise.iterations as f64 * (2.0 * error / (value * accuracy)).powi(2);
             needed.is_finite().then(|| needed.ceil())
         };
@@ -132,6 +133,7 @@ impl NoiseSummary {
 
 /// The mean of squares holds the noise of the squared values as a term of the order of one over
 /// the number of iterations, which is just what the jackknife's correction removes.
+/// theory.md (70).
 fn rms_of_bias(noise: &NoiseImage, region: &[usize]) -> Statistic {
     let square = noise.statistic(region, |pixels| mean(pixels, |p| p.bias * p.bias));
     let value = root(square.corrected);

@@ -3,9 +3,11 @@
 //! An iteration with `N_F` light paths and `n_p` camera paths in pixel `p` takes the time `tau` of
 //! [`TimeModel`] and leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
 //! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is `tau
+// theory.md (80)
 //! V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`.
 //!
 //! Both `tau` and every `V_p` are sums of products of powers of the counts, with coefficients of at
+// theory.md, section 20
 //! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts,
 //! and so are those of their products, means, maxima and powers: without rounding to whole numbers
 //! there is one minimum, searches along one count inside searches along the other find it, and it
@@ -55,6 +57,7 @@ impl Objective {
     }
 
     /// The aggregate of weighted variances, squared luminance.
+    /// theory.md, section 20 (table of A).
     fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = variances.len().max(1) as f64;
         let root = |variance: f64| variance.max(0.0).sqrt();
@@ -182,6 +185,7 @@ impl Problem {
     ///
     /// Twice is enough for a cost of at most twice the least at these camera paths: at `s N_F = t` it
     /// is `2 (t q + s p)`, and the least is `(sqrt(t q) + sqrt(s p))^2`.
+    /// theory.md (86).
     pub fn least_sensible_time(&self) -> f64 {
         let camera_paths = [self.camera_paths[0]; 2];
         let unlimited = Self { camera_paths, iteration_time: f64::INFINITY, ..self.clone() };
@@ -208,6 +212,7 @@ impl Problem {
 
     /// Seconds per iteration without camera paths in the region, and per camera path in each of
     /// `pixels`.
+    /// theory.md (82), `T_0` and `c.
     fn time_in_camera_paths(&self, n_light: f64) -> [f64; 2] {
         let TimeModel { fixed, light_path, camera_path, look_up, merge_pair, .. } = self.time;
         let per_path = camera_path + look_up + merge_pair * n_light;
@@ -252,6 +257,7 @@ impl Problem {
 }
 
 /// Weights `1/(L^2 + 0.01 mean(L)^2)`, scaled to the mean 1; all 1 for a black image.
+/// theory.md, section 20 (`relative`).
 fn relative_weights(luminance: &[f64]) -> Vec<f64> {
     let count = luminance.len() as f64;
     let floor = 0.01 * (luminance.iter().sum::<f64>() / count).powi(2);

@@ -103,6 +103,7 @@ impl Source<'_> {
         let timed = budget.map(|Budget { model, time }| {
             let tau = model.iteration(n_light, n_camera);
             let iterations = time / tau;
+            // theory.md (77)
             let scale = iterations.sqrt().recip();
             let after = |rms: Predicted| Predicted {
                 value: rms.value * scale,
@@ -146,10 +147,12 @@ fn pooled(pixels: &[NoiseSample]) -> Coefficients {
 }
 
 /// Minimizes `(t + s x) (q + p/x)` over the light paths `x`: at `sqrt(t p / (s q))`, within bounds.
+/// theory.md (81).
 fn best_light_paths(c: Coefficients, n_camera: f64, budget: &Budget) -> f64 {
     let [t, s] = budget.model.in_light_paths(n_camera);
     let (p, q) = (c.a / n_camera + c.f, c.b / n_camera);
     // No shorter than is sensible, as `Problem::least_sensible_time` says.
+    // theory.md (86)
     let longest = (budget.time / LEAST_ITERATIONS).max(2.0 * (t + s));
     let most = ((longest - t) / s).min(f64::from(MAX_LIGHT_PATHS));
     let best = (t * p / (s * q)).sqrt();

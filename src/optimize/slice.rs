@@ -1,5 +1,6 @@
 //! The best camera paths of each pixel at a fixed number of light paths.
 //!
+// theory.md (82)
 //! With `s = b + a/N_F` and `d = f/N_F` the variance of a pixel is `V = d + s/n`. All solutions,
 //! whole or not, belong to a *threshold*: a camera path is spent where it gains more than that.
 
@@ -110,6 +111,7 @@ impl<'a> Slice<'a> {
     ///
     /// The minimum of the product of time and `sum^k` over the total of paths is where
     /// `per_path sum = k time threshold`. Below, at higher thresholds, more paths help.
+    /// theory.md (83).
     pub(super) fn relaxed(&self) -> (Score, Option<[f64; 2]>) {
         let [low, high] = self.thresholds;
         let width = WIDTHS[usize::from(self.pixels.len() > FEW)];
@@ -132,6 +134,7 @@ impl<'a> Slice<'a> {
                 let more_help = |threshold| {
                     let [paths, sum] = self.totals(threshold);
                     let time = self.time(paths);
+                    // theory.md (83)
                     let gain = power * time * threshold;
                     self.criterion.allows(time) && gain > self.per_path * sum * (1.0 + 1e-12)
                 };

@@ -112,6 +112,7 @@ impl Problem {
 /// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`: the cost is convex in
 /// `x`, and the best whole number is beside the best `x`. The other objectives are convex in `ln
 /// x`.
+/// theory.md (81).
 struct Line<'a> {
     problem: &'a Problem,
     criterion: &'a Criterion,

@@ -1,6 +1,7 @@
 //! Whole camera paths at a fixed number of light paths.
 //!
 //! The terms of the aggregate are convex in each count, hence spending path after path where it
+// theory.md (85)
 //! gains most gives the least sum for every total of paths (marginal allocation; Fox 1966). So the
 //! paths are sorted by gain, and the best total is looked for. For the maximum the same holds with
 //! the variance in place of the gain.

@@ -21,7 +21,7 @@ pub struct MergeBias {
 impl MergeBias {
     /// Of the image that `blocks` make; `None` before enough iterations are measured.
     ///
-    /// The bias is `2 (L(r) - L(r/sqrt 2))` (noise-theory 2e), the same at all counts, so that
+    /// The bias is `2 (L(r) - L(r/sqrt 2))` (theory.md (69)), the same at all counts, so that
     /// the blocks' sums add. Its error comes from the batches.
     pub fn new(blocks: &[Block], image: &Combined) -> Option<Self> {
         let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
@@ -54,6 +54,7 @@ impl MergeBias {
         let (mut beyond, mut worst) = (0, 0.0f64);
         for (tile, sums) in film.tiles().zip(&nested) {
             let pixels = tile.len() as f64;
+            // theory.md (69)
             let means = std::array::from_fn(|k| 2.0 * sums[k] / (counts[k] * pixels));
             let own = (0..tile.len() as u32).map(|index| {
                 let (x, y) = tile.pixel(index);
@@ -74,6 +75,7 @@ impl MergeBias {
 }
 
 /// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.
+/// theory.md (71).
 fn certain_part(means: &[f64; BATCHES]) -> f64 {
     let n = BATCHES as f64;
     let mean = means.iter().sum::<f64>() / n;

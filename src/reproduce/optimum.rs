@@ -48,6 +48,7 @@ impl Best {
         let [t, s] = model.in_light_paths(n_camera);
         let (p, q) = (mean.a / n_camera + mean.f, mean.b / n_camera);
         // (t + s x)(q + p/x) = k is a quadratic equation in x; its least k is (sqrt tq + sqrt sp)^2.
+        // theory.md (81)
         let least = ((t * q).sqrt() + (s * p).sqrt()).powi(2);
         let half = 0.5 * (least * (1.0 + NEAR_OPTIMUM).powi(2) - t * q - s * p) / (s * q);
         let distance = (half * half - t * p / (s * q)).max(0.0).sqrt();

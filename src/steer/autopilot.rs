@@ -124,6 +124,7 @@ impl Autopilot {
     }
 
     /// Expectations from the first iterations at the chosen counts.
+    /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = Standing::new(renderer.blocks());
         let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
@@ -169,6 +170,7 @@ impl Autopilot {
             let (variance, tau) = (best.variance, best.iteration_time);
             let rest = standing.forecast(&self.goal, variance, tau, elapsed);
             let share =
+                // theory.md (86), (90)
                 rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS_AFTER_CHOICE);
             longest = share.max(least);
         }
@@ -190,6 +192,7 @@ impl Autopilot {
         let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
         let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
         // The samples of the block tell what its counts cost.
+        // theory.md (88)
         let present = standing.per_iteration.unwrap_or(0.0) * tau(&renderer.block().counts);
         Ok(Choice { saves: cost < present * (1.0 - WORTHWHILE), counts, expected })
     }
@@ -262,6 +265,7 @@ impl Steer for Autopilot {
         let share = 1.0 / MEASURE_EVERY as f64;
         let per_production = production / clock.iterations as f64;
         let per_measured = (since - production).max(0.0) / measured as f64;
+        // theory.md (93)
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
@@ -312,6 +316,7 @@ fn smoothed(
     let pooled = pool(&values, width, height);
     let freedom = block::degrees_of_freedom(blocks);
     let mixed = |((&own, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+        // theory.md (87)
         let share = freedom / (freedom + PRIOR_FREEDOM);
         (own * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
     };

@@ -126,6 +126,7 @@ impl Standing {
     pub fn reaches(&self, target: Target) -> bool {
         let allowed = target.absolute(self.mean_luminance).powi(2);
         self.iterations >= LEAST_ITERATIONS_TO_TARGET
+            // theory.md (91)
             && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
     }
 
@@ -146,12 +147,14 @@ impl Standing {
             // root of the iterations.
             let distance = UPPER_BOUND * if error.is_finite() { error / now } else { 0.0 };
             let iterations = self.iterations as f64;
+            // theory.md (90)
             let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
             let more = needed(1.0);
             let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
             more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0)
         });
         let more = [by_count, by_time, by_target].into_iter().flatten().fold(f64::NAN, f64::min);
+        // theory.md (89)
         let rms = (1.0 / now + more / variance).recip().sqrt();
         Some(Forecast { rms, seconds: more * tau })
     }

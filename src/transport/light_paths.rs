@@ -297,6 +297,7 @@ impl Tracer {
             let (flux, albedo) = (walks.weight.get(lane), at.albedo.get(lane));
             let survival = survival(flux, albedo, walks.inverse_start[lane], roulette);
             goes_on[lane] = at.active[lane] & (ends[lane] < survival);
+            // theory.md (38)
             walks.weight.set(lane, flux * (albedo / survival));
             walks.depth[lane] = walks.depth[lane].scattered();
         }
@@ -325,6 +326,7 @@ impl Tracer {
         if walk.rng.next_1d() >= survival {
             return None;
         }
+        // theory.md (38)
         walk.weight *= sample.weight / survival;
         Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
     }
@@ -332,6 +334,7 @@ impl Tracer {
 
 /// At which vertices the next photon of a path is merged.
 #[inline(always)] // as the next: parts of vector loops
+// theory.md, section 4
 fn class_of(depth: Depth) -> PhotonClass {
     if depth.diffuse() == 0 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
 }
@@ -340,7 +343,9 @@ fn class_of(depth: Depth) -> PhotonClass {
 #[inline(always)]
 fn survival(flux: Rgb, weight: Rgb, inverse_start: f32, roulette: Roulette) -> f32 {
     let share = match roulette {
+        // theory.md (39)
         Roulette::Albedo => weight.max_element(),
+        // theory.md (40)
         Roulette::Weight => (flux * weight).max_element() * inverse_start / WEIGHT_FLOOR,
     };
     share.min(MAX_SURVIVAL)

@@ -134,6 +134,7 @@ impl Side {
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
+/// theory.md, section 4: which path is counted where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PhotonClass {
@@ -159,6 +160,7 @@ impl Photon {
 
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
     /// normal `normal`: what is merged there is the radiance that the surface has here.
+    /// theory.md (46), R.
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
         let own = self.side.normal().normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)

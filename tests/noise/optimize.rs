@@ -225,7 +225,7 @@ fn aggregates_are_the_defined_ones() {
     }
 }
 
-/// One pixel with the paper's coefficients and times: sections 1 and 5 of the noise theory.
+/// One pixel with the paper's coefficients and times: theory.md (94).
 fn paper(camera_paths: RangeInclusive<u32>) -> Problem {
     let time = TimeModel {
         fixed: 0.0,

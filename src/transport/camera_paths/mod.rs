@@ -194,6 +194,7 @@ impl CameraPaths {
         let weights = at.weights(&walks.weight);
         if direct == Direct::Connect {
             let light = pass.scene.lights.connect_all(at, &mut walks.rng);
+            // theory.md (42), third line
             let contributions = at.contributions(&weights, &light);
             self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
         }
@@ -218,8 +219,10 @@ impl CameraPaths {
         let ends = if by_albedo { walks.rng.next_1d() } else { [0.0; LANES] };
         for lane in 0..LANES {
             let albedo = at.albedo.get(lane);
+            // theory.md (43)
             let survival = if by_albedo { albedo.max_element().min(1.0) } else { 1.0 };
             goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
+            // theory.md (41)
             walks.weight.set(lane, walks.weight.get(lane) * (albedo / survival));
         }
         self.next.append(simd, &goes_on, walks);
@@ -231,6 +234,7 @@ impl CameraPaths {
         for lane in 0..LANES {
             if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
                 let emission = at.emission.get(lane);
+                // theory.md (42), first line
                 self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * emission;
             }
         }

@@ -18,6 +18,7 @@ impl CameraPaths {
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
             let beyond = pass.scene.lights.beyond(walks.direction.get(lane));
+            // theory.md (42), second line
             self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
         }
     }
@@ -32,6 +33,7 @@ impl CameraPaths {
         let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         // Emission hit later is carried by connections or photons.
         if walk.depth.diffuse() == 0 && surface.front {
+            // theory.md (42), first line
             self.direct[walk.path as usize] += walk.weight * surface.emission();
         }
         let vertex = walk.depth.diffuse() + 1;
@@ -44,6 +46,7 @@ impl CameraPaths {
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
+        // theory.md (41)
         walk.weight *= sample.weight;
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
@@ -51,6 +54,7 @@ impl CameraPaths {
         }
         walk.depth = walk.depth.scattered();
         if camera_roulette == Roulette::Albedo {
+            // theory.md (43)
             let survival = sample.weight.max_element().min(1.0);
             if walk.rng.next_1d() >= survival {
                 return None;
@@ -97,6 +101,7 @@ impl CameraPaths {
         {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
+            // theory.md (42), third and fourth line
             let contribution = walk.weight * value * light.irradiance * cos_theta;
             let start = surface.start(light.wi);
             self.send_shadow_ray(walk.path, contribution, light.target, start);
@@ -135,6 +140,7 @@ const LONG_CHAIN_END: f32 = 0.1;
 fn passes_on(walk: &mut Walk) -> bool {
     walk.depth = walk.depth.passed_on();
     let share = walk.weight.max_element() * walk.inverse_start;
+    // theory.md (44)
     let mut survival = (share / WEIGHT_FLOOR).min(1.0);
     if walk.depth.passed() >= LONG_CHAIN {
         survival = survival.min(1.0 - LONG_CHAIN_END);

@@ -19,6 +19,7 @@ use grid::Grid;
 use quad::{Counting, Flux, QUAD, Quad, lanes_from};
 use std::array::from_fn;
 use std::ops;
+use std::time::{Duration, Instant};
 use vicinity::Vicinity;
 
 pub(crate) use look_ups::{LookUp, LookUps};
@@ -103,12 +104,14 @@ impl PhotonMap {
 
     /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
     /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
-    /// threads.
+    /// threads. Returns the time that takes of all of them: none has anything else to do meanwhile.
     ///
     /// # Panics
     /// If there are 2^32 photons or nearly as many.
-    pub fn build(&mut self, paths: &LightPaths, radius: f32) {
+    pub fn build(&mut self, paths: &LightPaths, radius: f32) -> Duration {
+        let start = Instant::now();
         self.build_within(&paths.photons().collect::<Vec<_>>(), paths.extent(), radius);
+        start.elapsed() * rayon::current_num_threads() as u32
     }
 
     /// [`Self::build`] from slices of photons.
@@ -272,6 +275,7 @@ impl PhotonMap {
                 quad.add_to(&mut sum, counts);
                 let (light_paths, values) = quad.pairs(weight);
                 let outside = Vec4::select(quad.inner(&counting), -values, values);
+                // theory.md (68)
                 nested += Vec4::select(counts, outside, Vec4::ZERO);
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();

@@ -100,6 +100,7 @@ impl Quad {
         let [x, y, z] = counting.normal;
         let faces = normal(0) * x + normal(1) * y + normal(2) * z;
         let near = self.near(&counting.position, counting.radius2);
+        // theory.md (45)
         let mut counts = near & faces.cmpgt(Vec4::ZERO) & lanes;
         if !counting.last {
             let late = self.side.map(|side| if side.at_every_vertex() { 0.0 } else { 1.0 });
