@@ -201,7 +201,7 @@ fn room(n: usize) -> Result<Room> {
     let (from, direction) = (Vec3::new(0.0, 5.0, -9.0), Vec3::new(0.0, -0.4, 1.0));
     let camera = Camera::look(from, direction, Vec3::Y, FieldOfView::X(80.0))?;
     let start = Instant::now();
-    let scene = Scene::new("room".into(), meshes, vec![gray], vec![light], camera, Vec::new());
+    let scene = Scene::new("room".into(), meshes, vec![gray], vec![light], camera, Vec::new())?;
     let assembly = start.elapsed().as_secs_f64();
     let accel = build(Backend::default(), &scene)?;
     let seconds = [assembly, start.elapsed().as_secs_f64() - assembly];

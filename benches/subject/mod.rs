@@ -44,7 +44,7 @@ fn ball() -> Scene {
     let light = Emitter::Point { position: Vec3::new(-1.0, -1.2, 1.3), intensity: Rgb::splat(1.0) };
     let eye = Vec3::new(-1.4, -1.4, 0.3);
     let camera = Camera::look(eye, -eye, Vec3::Z, FieldOfView::X(70.0)).unwrap();
-    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![])
+    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![]).unwrap()
 }
 
 /// The camera paths of the image, batch after batch.

@@ -94,8 +94,7 @@ pub fn run(args: &Args) -> Result<String> {
         session.progress.note("note: standard errors take at least 32 iterations");
     }
 
-    let measured = renderer.noise().expect("every iteration measured");
-    let noise = NoiseImage::new(film, measured, (settings.light_paths, settings.camera_paths));
+    let noise = renderer.noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
     let mut file = noise_file(&prepared, film, noise, args.estimator);

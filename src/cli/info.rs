@@ -158,21 +158,21 @@ impl<'a> Report<'a> {
         settings: &'a Settings,
     ) -> Self {
         let scene = &loaded.scene;
-        let emitters = scene.lights.emitters();
+        let emitters = scene.lights().emitters();
         let count = |of: fn(&Emitter) -> bool| emitters.iter().filter(|e| of(e)).count();
         Self {
             scene: &scene.name,
             fingerprint: format!("{:016x}", scene.fingerprint()),
-            meshes: scene.placements.len(),
+            meshes: scene.placements().len(),
             triangles: scene.triangle_count(),
-            stored_meshes: scene.meshes.len(),
+            stored_meshes: scene.meshes().len(),
             stored_triangles: scene.stored_triangle_count(),
-            materials: scene.materials.len(),
+            materials: scene.materials().len(),
             read: &loaded.summary,
             notes: &loaded.notes,
             read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
             assembly_seconds: loaded.assembly.as_secs_f64(),
-            bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
+            bounds: [scene.bounds().min.to_array(), scene.bounds().max.to_array()],
             size: scene.size(),
             accel: Accel {
                 name: &accel.name,
@@ -186,8 +186,8 @@ impl<'a> Report<'a> {
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
                 triangles: count(|e| matches!(e, Emitter::Triangle { .. } | Emitter::Textured(_))),
-                environment: scene.lights.environment().is_some(),
-                power: scene.lights.power().to_array(),
+                environment: scene.lights().environment().is_some(),
+                power: scene.lights().power().to_array(),
             },
             camera: Camera {
                 position: scene.camera.position().to_array(),

@@ -11,7 +11,6 @@ use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
-use bdpm::noise::image::NoiseImage;
 use bdpm::pictures;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
@@ -293,11 +292,10 @@ fn save_noise(
     let measured =
         renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
     let most = measured.max_by_key(|(_, noise)| noise.iterations);
-    let Some((block, measured)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
+    let Some((block, _)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
         progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
         return Ok(());
     };
-    let counts = (block.counts.light_paths, block.counts.camera_paths.most());
-    let noise = NoiseImage::new(&block.film, measured, counts);
+    let noise = block.noise_image()?;
     noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -214,19 +214,19 @@ impl Builder {
         let Rest { regions, environment, defaults } = rest;
         let start = Instant::now();
         let mut scene =
-            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions);
+            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
         }
         let assembly = start.elapsed();
-        if scene.lights.is_empty() {
+        if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a `[[light]]` table to the scene file, or give a material an `emission`",
             )
             .at(path));
         }
-        if !scene.lights.power().is_finite() {
+        if !scene.lights().power().is_finite() {
             let problem = "the power of all lights is too large for a number";
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }

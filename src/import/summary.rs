@@ -28,18 +28,18 @@ pub struct SceneSummary {
 
 impl SceneSummary {
     pub(super) fn new(scene: &Scene) -> Self {
-        let materials = scene.materials.iter();
+        let materials = scene.materials().iter();
         let mut pictures: Vec<_> =
             materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
         pictures.sort_unstable();
         pictures.dedup();
-        let environment = usize::from(scene.lights.environment().is_some());
+        let environment = usize::from(scene.lights().environment().is_some());
         Self {
-            meshes: scene.placements.len(),
+            meshes: scene.placements().len(),
             triangles: scene.triangle_count(),
-            materials: scene.materials.iter().map(|material| material.name.clone()).collect(),
+            materials: scene.materials().iter().map(|material| material.name.clone()).collect(),
             textures: pictures.len(),
-            lights: scene.lights.emitters().len() + environment,
+            lights: scene.lights().emitters().len() + environment,
             light_names: Vec::new(),
             cameras: Vec::new(),
             camera: None,

@@ -70,7 +70,11 @@ impl NoiseImage {
     ///
     /// # Panics
     /// If there is no such thing in `noise`, or it belongs to another film.
-    pub fn new(film: &Film, noise: &NoiseFilm, (light_paths, camera_paths): (u32, u32)) -> Self {
+    pub(crate) fn new(
+        film: &Film,
+        noise: &NoiseFilm,
+        (light_paths, camera_paths): (u32, u32),
+    ) -> Self {
         let (width, height) = film.resolution();
         let n = noise.iterations as f64;
         assert!(noise.iterations >= 2, "a variance takes two iterations");

@@ -1,11 +1,13 @@
 //! Blocks: iterations at equal counts, whose sums add; and the image that several of them make.
 
 use super::tiles::TileSums;
+use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image::PhaseTimes;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{Film, luminance, pool};
 use crate::noise::film::{BatchGrain, NoiseFilm};
+use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::settings::Settings;
 use glam::DVec3;
@@ -83,6 +85,23 @@ impl Block {
         if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
             noise.iterations += 1;
         }
+    }
+
+    /// What was measured of each pixel, and statistics of regions.
+    ///
+    /// # Errors
+    /// If fewer than two iterations were measured, or in batches of whole tiles.
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        let measured =
+            self.noise.as_ref().filter(|noise| noise.iterations >= 2).ok_or_else(|| {
+                Error::new("fewer than two iterations were measured", "measure two or more")
+            })?;
+        if measured.grain() == BatchGrain::Tile {
+            let problem = "the noise was measured in batches of whole tiles";
+            return Err(Error::new(problem, "measure with batches of single pixels"));
+        }
+        let counts = (self.counts.light_paths, self.counts.camera_paths.most());
+        Ok(NoiseImage::new(&self.film, measured, counts))
     }
 
     /// Whether all parts fit each other (they may come from a file).

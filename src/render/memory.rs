@@ -12,7 +12,7 @@ use crate::transport::photon::Photon;
 /// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that
 /// only pass it on leave none.
 pub(super) fn bytes_per_light_path(scene: &Scene) -> f64 {
-    let storing = scene.materials.iter().map(|m| m.bsdf).filter(Bsdf::merges);
+    let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
     photons_per_path * BYTES_PER_PHOTON

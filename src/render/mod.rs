@@ -20,6 +20,7 @@ use crate::image::counts::Counts;
 use crate::image::film::Film;
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm};
+use crate::noise::image::NoiseImage;
 use crate::scene::{Scene, View};
 use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
@@ -56,7 +57,7 @@ impl<'a> Renderer<'a> {
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
         settings.validate()?;
         check_memory(scene, &settings, settings.light_paths)?;
-        if scene.lights.is_empty() {
+        if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a [[light]], or give a material some emission",
@@ -140,6 +141,15 @@ impl<'a> Renderer<'a> {
     /// What was measured in the block under way.
     pub fn noise(&self) -> Option<&NoiseFilm> {
         self.block().noise.as_ref()
+    }
+
+    /// What was measured of each pixel in the block under way; takes
+    /// [batches](Self::with_batches) of single pixels.
+    ///
+    /// # Errors
+    /// As [`Block::noise_image`].
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        self.block().noise_image()
     }
 
     /// The image of the block under way.

@@ -3,9 +3,8 @@
 use super::diffuse::DiffuseVertices;
 use super::normal_map::Tangent;
 use super::transform::Transform;
-use super::{
-    Corners, Lambertian, Material, Placement, Scene, Surface, Triangle, interpolate, to_front,
-};
+use super::triangle::{interpolate, to_front};
+use super::{Corners, Lambertian, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::bsdf::Bsdf;
 use crate::lanes::simd::{Simd, side_by_side};
@@ -254,7 +253,8 @@ mod tests {
             let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
             let arrangement = Arrangement { meshes, placements: vec![] };
             let materials = vec![material.clone()];
-            let scene = Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]);
+            let scene =
+                Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]).unwrap();
             let (mut seen, mut at) = <(Seen, DiffuseVertices)>::default();
             let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
             let simd = Simd::default();

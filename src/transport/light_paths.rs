@@ -207,7 +207,7 @@ impl Tracer {
             for lane in 0..count {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = scene.lights.emit_all(&mut walks.rng, count);
+            let emissions = scene.lights().emit_all(&mut walks.rng, count);
             Emissions { origin: walks.origin, direction: walks.direction, flux: walks.weight } =
                 emissions;
             let mut emitted = Mask::default();

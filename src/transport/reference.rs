@@ -81,7 +81,7 @@ impl Tracer<'_> {
             let hit = self.accel.closest_hit(&ray);
             if hit.is_miss() {
                 if unconnected {
-                    radiance += throughput * self.scene.lights.beyond(ray.direction);
+                    radiance += throughput * self.scene.lights().beyond(ray.direction);
                 }
                 break;
             }
@@ -120,7 +120,7 @@ impl Tracer<'_> {
         if bsdf.spread().is_none() {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.lights.connect_by_power(surface.position, rng) else {
+        let Some(light) = self.scene.lights().connect_by_power(surface.position, rng) else {
             return Rgb::ZERO;
         };
         let at = surface.vertex(Transport::Radiance);

@@ -134,18 +134,18 @@ pub fn load_and_check(path: &Path) {
     match load(path) {
         Ok(loaded) => {
             let scene = &loaded.scene;
-            assert!(scene.triangle_count() > 0 && scene.lights.power().is_finite());
-            assert!(!scene.lights.is_empty());
+            assert!(scene.triangle_count() > 0 && scene.lights().power().is_finite());
+            assert!(!scene.lights().is_empty());
             for triangle in scene.triangles() {
                 assert!((triangle.normal.length() - 1.0).abs() < 1e-5, "{triangle:?}");
                 assert!(triangle.area() > 0.0 && triangle.area().is_finite(), "{triangle:?}");
             }
-            for mesh in &scene.meshes {
+            for mesh in scene.meshes() {
                 let count = mesh.positions.len();
                 assert!(mesh.triangles.iter().flatten().all(|i| (*i as usize) < count));
-                assert!((mesh.material as usize) < scene.materials.len());
+                assert!((mesh.material as usize) < scene.materials().len());
             }
-            for material in &scene.materials {
+            for material in scene.materials() {
                 let albedo = material.bsdf.albedo();
                 assert!(albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0);
             }

@@ -132,8 +132,7 @@ fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>
     let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     pool().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
-    let noise =
-        NoiseImage::new(renderer.film(), renderer.noise().unwrap(), (LIGHT_PATHS, n_camera));
+    let noise = renderer.noise_image().unwrap();
     let pixels = region::pixels(&region, &noise).unwrap();
     (noise, pixels)
 }

@@ -25,13 +25,13 @@ fn cornell_box(side: u32) -> (Scene, Settings) {
 
 fn measure(scene: &Scene, backend: Backend, settings: Settings, iterations: usize) -> NoiseImage {
     let accel = backend::build(backend, scene).unwrap();
-    let counts = (settings.light_paths, settings.camera_paths);
+    let _counts = (settings.light_paths, settings.camera_paths);
     let renderer = Renderer::new(scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..iterations {
         renderer.iterate(Measure::Pairs);
     }
-    NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+    renderer.noise_image().unwrap()
 }
 
 /// Asserts that two independent statistics agree within 3.5 standard errors, which are at most
@@ -157,7 +157,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
         samples.push(std::array::from_fn(|i| sums[i] - before[i]));
         before = sums;
     }
-    let noise = NoiseImage::new(wide.film(), wide.noise().unwrap(), (20_000, 4));
+    let noise = wide.noise_image().unwrap();
     // Behind the edge, where the irradiance bends up, and before it, where it bends down.
     for (columns, sign) in [(0..4, 1.0), (4..8, 1.0), (8..12, -1.0), (12..16, -1.0)] {
         let region = noise.select(|x, _, _, _| columns.contains(&x));

@@ -160,7 +160,7 @@ impl CameraPaths {
             let count = segments.load(packet, &mut walks);
             let rest =
                 pass.scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
-            if rest.missed != 0 && pass.scene.lights.shine_from_beyond() {
+            if rest.missed != 0 && pass.scene.lights().shine_from_beyond() {
                 self.add_beyond(pass, &walks, rest.missed);
             }
             for lane in lanes_of(rest.others) {
@@ -193,7 +193,7 @@ impl CameraPaths {
         }
         let weights = at.weights(&walks.weight);
         if direct == Direct::Connect {
-            let light = pass.scene.lights.connect_all(at, &mut walks.rng);
+            let light = pass.scene.lights().connect_all(at, &mut walks.rng);
             // theory.md (42), third line
             let contributions = at.contributions(&weights, &light);
             self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);

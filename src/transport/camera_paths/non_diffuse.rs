@@ -17,7 +17,7 @@ impl CameraPaths {
     #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
-            let beyond = pass.scene.lights.beyond(walks.direction.get(lane));
+            let beyond = pass.scene.lights().beyond(walks.direction.get(lane));
             // theory.md (42), second line
             self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
         }
@@ -66,7 +66,7 @@ impl CameraPaths {
 
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let lights = &pass.scene.lights;
+        let lights = &pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let lit_side = (!bsdf.transmits()).then_some(surface.normal);
