@@ -66,6 +66,7 @@ impl Timings {
         }
         let timings: Self = from_json(text, advice)?;
         timings.model.validate()?;
+        timings.setup.as_ref().map_or(Ok(()), Setup::validate)?;
         Ok(timings)
     }
 
