@@ -144,7 +144,7 @@ fn png_of(colors: png::ColorType, data: &[u8]) -> Vec<u8> {
 fn texture_coordinates_and_normals_of_models_are_kept() {
     let (_folder, path) = model("f 1/1/1 2/2/2 3/3/3\nf 1 2 4", "", b"");
     let scene = load(&path).unwrap_or_else(|e| panic!("{e}")).scene;
-    let [full, bare, _lamp] = &scene.meshes()[..] else { panic!("{:?}", scene.meshes()) };
+    let [full, bare, _lamp] = scene.meshes() else { panic!("{:?}", scene.meshes()) };
     assert_eq!(full.uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.25, 0.75)]);
     assert_eq!(full.normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::ZERO]);
     assert!(bare.uvs.is_empty() && bare.normals.is_empty());
