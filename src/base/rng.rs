@@ -14,6 +14,8 @@ pub enum Stream {
     Test = 3,
     /// One stream per pixel of the reference path tracer.
     Reference = 4,
+    /// One stream per light path that finds out what light reaches.
+    Pilot = 5,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

@@ -23,8 +23,10 @@ use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::scene::{Scene, View};
 use crate::settings::policy::MOST_BLOCKS;
-use crate::settings::{MAX_LIGHT_PATHS, Settings};
+use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
+use crate::transport::area::Areas;
 use crate::transport::camera_paths::CameraPass;
+use crate::transport::kernel;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::merge::Merge;
 use crate::transport::photon_map::PhotonMap;
@@ -44,6 +46,8 @@ pub struct Renderer<'a> {
     /// At least one; the last is under way.
     blocks: Vec<Block>,
     grain: BatchGrain,
+    /// Of the surfaces, if the kernel asks for them.
+    areas: Option<Areas<'a>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
     workers: Pool<Worker>,
@@ -65,6 +69,10 @@ impl<'a> Renderer<'a> {
         }
         let view = scene.camera.view(settings.width, settings.height);
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
+        let areas = match settings.kernel {
+            Kernel::Area => Some(Areas::of_scene(scene, accel, &settings)),
+            Kernel::Disc => None,
+        };
         Ok(Self {
             scene,
             accel,
@@ -72,6 +80,7 @@ impl<'a> Renderer<'a> {
             blocks: vec![Block::new(&settings, counts)],
             settings,
             grain: BatchGrain::Tile,
+            areas,
             light_paths: LightPaths::default(),
             photon_map: PhotonMap::default(),
             workers: Pool::default(),
@@ -176,11 +185,12 @@ impl<'a> Renderer<'a> {
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
         let iteration = self.iterations();
-        let Self { scene, accel, settings, view, grain, light_paths, photon_map, .. } = self;
+        let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
+        let kernel = kernel::Kernel::new(settings, areas.as_ref());
         let block = self.blocks.last_mut().expect("there is one");
 
         light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
-        let build_time = photon_map.build(light_paths, settings.radius);
+        let build_time = photon_map.build(light_paths, kernel.reach());
 
         let pass = CameraPass {
             scene,
@@ -190,7 +200,7 @@ impl<'a> Renderer<'a> {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: photon_map.any_at_every_vertex(),
         };
-        let merge = Merge::new(photon_map, settings.merge_vertex);
+        let merge = Merge::new(photon_map, settings.merge_vertex, kernel);
         let before = block.film.iterations;
         let (counts, mut tiles) = block.begin_iteration(measure, *grain);
         let job = Job::new(pass, merge, counts, measure, before);

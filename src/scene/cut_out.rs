@@ -25,6 +25,13 @@ struct Holes {
     uvs: Arc<[[Vec2; 3]]>,
 }
 
+impl Scene {
+    /// Whether there is nothing at `uv` of a surface that is cut out by `opacity`.
+    pub(crate) fn is_hole(opacity: &Texture, uv: Vec2) -> bool {
+        opacity.opacity(uv) < THRESHOLD
+    }
+}
+
 impl CutOuts {
     /// Cuts the holes of the scene's materials out of `inner`, if there are any.
     pub fn wrap(inner: Box<dyn Intersect>, scene: &Scene) -> Box<dyn Intersect> {
@@ -50,7 +57,7 @@ impl CutOuts {
         self.holes[hit.mesh as usize].as_ref().is_some_and(|holes| {
             let [a, b, c] = holes.uvs[hit.triangle as usize];
             let uv = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-            holes.opacity.opacity(uv) < THRESHOLD
+            Scene::is_hole(&holes.opacity, uv)
         })
     }
 

@@ -6,11 +6,30 @@ use crate::lanes::{LANES, Mask, Rngs, Vec3s};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
+/// A side of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Facet {
+    /// Index of its mesh at its place, as in hits.
+    pub mesh: u32,
+    /// Twice the index of the triangle in its mesh, plus one for the back.
+    pub side: u32,
+}
+
+impl Facet {
+    /// A side of a triangle of such indices in a hit.
+    #[inline(always)] // part of a vector loop
+    pub fn new(mesh: u32, triangle: u32, front: bool) -> Self {
+        Self { mesh, side: triangle << 1 | u32::from(!front) }
+    }
+}
+
 /// Where a path arrived at a Lambertian surface, on the side that it came from.
 #[derive(Clone, Copy, Debug)]
 pub struct DiffusePoint {
     /// The point that was hit.
     pub position: Vec3,
+    /// Where on the surface it is.
+    pub facet: Facet,
     /// Unit normal of the triangle.
     pub normal: Vec3,
     /// The point, moved off the surface: where new rays start.
@@ -32,6 +51,9 @@ pub struct DiffuseVertices {
     pub front: Mask,
     /// The points that were hit.
     pub position: Vec3s,
+    /// Which facets they are on; see [`Facet`].
+    pub mesh: [u32; LANES],
+    pub side: [u32; LANES],
     /// Unit normals.
     pub normal: Vec3s,
     /// Where new rays start.
@@ -56,6 +78,7 @@ impl DiffuseVertices {
     /// Adds the vertex of a path that has none so far.
     pub fn set(&mut self, lane: usize, point: &DiffusePoint) {
         (self.active[lane], self.front[lane]) = (true, true);
+        (self.mesh[lane], self.side[lane]) = (point.facet.mesh, point.facet.side);
         self.any_emits |= point.emission != Rgb::ZERO;
         self.position.set(lane, point.position);
         self.normal.set(lane, point.normal);

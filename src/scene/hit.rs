@@ -1,6 +1,6 @@
 //! From a hit to the surface there.
 
-use super::diffuse::DiffuseVertices;
+use super::diffuse::{DiffuseVertices, Facet};
 use super::normal_map::Tangent;
 use super::transform::Transform;
 use super::triangle::{interpolate, to_front};
@@ -83,6 +83,7 @@ impl Scene {
         let Seen { triangle, material } = seen;
         side_by_side(simd, &triangles, triangle);
         side_by_side(simd, &materials, material);
+        at.mesh = hits.mesh;
         let mut emits = Mask::default();
         for lane in 0..LANES {
             let is_flat = triangle.corners[lane] == Triangle::FLAT;
@@ -96,6 +97,7 @@ impl Scene {
             let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
             let position = triangle.origin.get(lane) + hits.u[lane] * edge1 + hits.v[lane] * edge2;
             at.front[lane] = front;
+            at.side[lane] = Facet::new(0, hits.triangle[lane], front).side;
             at.position.set(lane, position);
             at.normal.set(lane, normal);
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
@@ -149,7 +151,7 @@ impl Scene {
     ) -> Surface<'_> {
         let material = &self.materials[triangle.material as usize];
         let own = material.bsdf;
-        let flat = Surface::flat(ray, triangle, at, material, own);
+        let flat = Surface::flat(ray, hit, triangle, at, material, own);
         let Some(Corners { normals, uvs }) = corners else {
             return flat;
         };
@@ -205,6 +207,7 @@ impl<'a> Surface<'a> {
     /// A triangle at these barycentric weights, if nothing varies over it.
     fn flat(
         ray: &Ray,
+        hit: &Hit,
         triangle: &Triangle,
         at: [f32; 2],
         material: &'a Material,
@@ -212,8 +215,20 @@ impl<'a> Surface<'a> {
     ) -> Self {
         let Incidence { front, position, normal, off_surface } = Incidence::new(ray, triangle, at);
         let wo = -ray.direction;
+        let facet = Facet::new(hit.mesh, hit.triangle, front);
         let (interpolated, uv) = (None, None);
-        Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
+        Surface {
+            position,
+            facet,
+            normal,
+            interpolated,
+            off_surface,
+            wo,
+            front,
+            material,
+            bsdf,
+            uv,
+        }
     }
 }
 

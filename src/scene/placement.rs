@@ -76,6 +76,12 @@ impl Scene {
         &self.meshes[placement.mesh as usize]
     }
 
+    /// A triangle of a placement in the scene's space.
+    pub(crate) fn placed_triangle(&self, place: u32, triangle: u32) -> Triangle {
+        let first = self.first_triangle[place as usize];
+        self.placements[place as usize].triangle(&self.triangles[(first + triangle) as usize])
+    }
+
     /// All triangles in the scene's space, placement after placement.
     pub fn triangles(&self) -> Vec<Triangle> {
         let mut triangles = Vec::with_capacity(self.triangle_count());

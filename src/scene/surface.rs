@@ -1,7 +1,7 @@
 //! The place where a ray hit.
 
 use super::Material;
-use super::diffuse::DiffusePoint;
+use super::diffuse::{DiffusePoint, Facet};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use crate::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
@@ -12,6 +12,8 @@ use glam::{Vec2, Vec3};
 pub struct Surface<'a> {
     /// The point that was hit.
     pub position: Vec3,
+    /// The side of the triangle that the ray hit.
+    pub facet: Facet,
     /// Unit normal of the triangle on the ray's side.
     pub normal: Vec3,
     /// Unit normal interpolated between those of the vertices and bent by a map, on the ray's side,
@@ -58,10 +60,10 @@ impl Surface<'_> {
 
     /// The same as a vertex that scatters by an albedo and the triangle's cosine alone, if it does.
     pub fn diffuse(&self) -> Option<DiffusePoint> {
-        let Self { position, normal, off_surface, .. } = *self;
+        let Self { position, facet, normal, off_surface, .. } = *self;
         let albedo = self.bsdf.diffuse_albedo(self.front)?;
         let emission = if self.front { self.emission() } else { Rgb::ZERO };
-        let point = DiffusePoint { position, normal, off_surface, albedo, emission };
+        let point = DiffusePoint { position, facet, normal, off_surface, albedo, emission };
         self.interpolated.is_none().then_some(point)
     }
 

@@ -25,6 +25,18 @@ pub enum Direct {
     PhotonMap,
 }
 
+/// The area that merged photons are divided by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Kernel {
+    /// That of the surface within the merge radius that could have sent a photon: no bias at edges.
+    #[default]
+    Area,
+    /// That of a disc of the merge radius, as in the paper.
+    Disc,
+}
+
 /// How paths end where they scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -4,7 +4,7 @@ use super::checks::{
     check_camera_paths, check_light_paths, check_merge_vertex, check_radius, check_resolution,
     checked,
 };
-use super::{Direct, Length, Roulette};
+use super::{Direct, Kernel, Length, Roulette};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -32,7 +32,7 @@ macro_rules! as_they_are {
     )+};
 }
 
-as_they_are!(u32, u64, Direct, Roulette);
+as_they_are!(u32, u64, Direct, Kernel, Roulette);
 
 impl Setting for f32 {
     type Wish = Length;
@@ -106,11 +106,9 @@ macro_rules! settings {
             ) -> Result<Self> {
                 let wishes = command_line.clone().or(scene_file);
                 let [width, height] = wishes.resolution.unwrap_or([512, 512]);
-                let settings = Self {
-                    width,
-                    height,
-                    $($name: <$type>::of(wishes.$name.unwrap_or($default), scene_size),)+
-                };
+                // One after the other: defaults may depend on what comes before them.
+                $(let $name = <$type>::of(wishes.$name.unwrap_or($default), scene_size);)+
+                let settings = Self { width, height, $($name,)+ };
                 settings.validate()?;
                 Ok(settings)
             }
@@ -163,6 +161,13 @@ settings! {
     /// Merge radius: scene units, or a share of the scene size such as 0.8%
     #[arg(value_name = "R", allow_negative_numbers = true)]
     radius: f32 as Length = Length::Share(0.005), check_radius;
+
+    /// The same for photons without a diffuse bounce, such as caustics [default: a quarter of --radius]
+    #[arg(value_name = "R", allow_negative_numbers = true)]
+    caustic_radius: f32 as Length = Length::Units(0.25 * radius), check_radius;
+
+    /// What merged photons are divided by
+    kernel: Kernel as Kernel = Kernel::Area, anything;
 
     /// The diffuse vertex at which camera paths are cut and merged
     #[serde(deserialize_with = "read::merge_vertex")]

@@ -4,7 +4,7 @@ use super::photon::Photon;
 use crate::base::math::Rgb;
 use crate::bsdf::{Bsdf, Lobe, Vertex};
 use crate::lanes::{LANES, Mask, Vec3s};
-use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::diffuse::{DiffuseVertices, Facet};
 use glam::Vec3;
 use std::array::from_fn;
 use std::ops::Range;
@@ -24,6 +24,8 @@ pub struct GatherPoint {
     pub vertex: u32,
     /// Unit normal on the side that the camera path sees.
     pub normal: Vec3,
+    /// That side.
+    pub facet: Facet,
     /// Index in [`CameraPaths::views`](crate::transport::camera_paths::CameraPaths::views), or
     /// [`GatherPoint::NO_VIEW`] if the BSDF is the same for all photons.
     pub view: u32,
@@ -52,6 +54,9 @@ pub(crate) struct GatherPacket {
     pub path: [u32; LANES],
     pub vertex: [u32; LANES],
     pub view: [u32; LANES],
+    /// The facets; see [`Facet`].
+    pub mesh: [u32; LANES],
+    pub side: [u32; LANES],
     /// Which lanes gather.
     pub gathers: Mask,
 }
@@ -74,6 +79,7 @@ impl GatherPacket {
             vertex: self.vertex[lane],
             normal: self.normal.get(lane),
             view: self.view[lane],
+            facet: Facet { mesh: self.mesh[lane], side: self.side[lane] },
         }
     }
 }
@@ -120,6 +126,7 @@ impl GatherPoints {
         packet.path[lane] = point.path;
         packet.vertex[lane] = point.vertex;
         packet.view[lane] = point.view;
+        (packet.mesh[lane], packet.side[lane]) = (point.facet.mesh, point.facet.side);
         packet.gathers[lane] = true;
         self.taken += 1;
     }
@@ -152,6 +159,8 @@ impl GatherPoints {
             path: *path,
             vertex: *vertex,
             view: [GatherPoint::NO_VIEW; LANES],
+            mesh: at.mesh,
+            side: at.side,
             gathers: *gathers,
         };
         self.taken += LANES;

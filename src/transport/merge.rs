@@ -2,10 +2,11 @@
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
+use super::kernel::{Admission, Kernel, PointKernel, PointKernels};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges};
-use crate::base::math::{LUMINANCE, Rgb, disc_area};
+use crate::base::math::{LUMINANCE, Rgb};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Vec3s};
 use std::array::from_fn;
@@ -21,12 +22,13 @@ const MEASURED: usize = 16_384;
 /// Pairs found at a time: as many camera paths as find more are merged in parts.
 const MOST_PAIRS: usize = 1 << 22;
 
-/// The constant merge kernel `1/(pi r^2)` over a photon map.
-#[derive(Clone, Copy, Debug)]
+/// A merge kernel over a photon map.
+#[derive(Clone, Copy)]
 pub struct Merge<'a> {
     map: &'a PhotonMap,
     merge_vertex: u32,
-    kernel: f32,
+    kernel: Kernel<'a>,
+    admission: Admission,
     in_zones: bool,
     most_pairs: usize,
 }
@@ -42,15 +44,20 @@ pub struct Gathered {
     ranges: Ranges,
     /// At the gather points, W.
     flux: Vec<Vec3s>,
+    kernels: Vec<PointKernels>,
 }
 
 impl<'a> Merge<'a> {
-    /// Merges with the photons of `map`, at the radius it was built for, camera paths that are cut
-    /// at their diffuse vertex number `merge_vertex`.
-    pub fn new(map: &'a PhotonMap, merge_vertex: u32) -> Self {
-        // theory.md (45)
-        let kernel = disc_area(map.radius()).recip();
-        Self { map, merge_vertex, kernel, in_zones: map.is_large(), most_pairs: MOST_PAIRS }
+    /// Merges with the photons of `map`, built for the kernel's reach, camera paths that are cut at their
+    /// diffuse vertex number `merge_vertex`.
+    pub fn new(map: &'a PhotonMap, merge_vertex: u32, kernel: Kernel<'a>) -> Self {
+        let mut admission = kernel.admission();
+        if !map.any_at_every_vertex() {
+            // Without photons of one class there is one radius.
+            admission.radius2 = [admission.radius2[PhotonClass::LastVertex as usize]; 2];
+        }
+        let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
+        Self { map, merge_vertex, kernel, admission, in_zones, most_pairs }
     }
 
     /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
@@ -125,16 +132,19 @@ impl<'a> Merge<'a> {
         for (packet, first) in paths.gather_points.packets().iter().zip((0..).step_by(LANES)) {
             let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
             self.map.find_ranges(&packet.position, &gathers, ranges);
+            if ranges.is_empty() {
+                continue;
+            }
+            let kernels = self.kernel.at(packet, &ranges.look_ups());
             let mut flux = Vec3s::default();
             for ranges in ranges.by_look_up() {
                 let lane = ranges[0].look_up;
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
-                let weight = self.pair_weight(&point);
-                let to = (weight, &mut *pairs);
+                let to = (&kernels.get(lane), &mut *pairs);
                 flux.set(lane, self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to));
             }
-            self.add(packet, &flux, sums);
+            self.add(packet, &kernels, &flux, sums);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
@@ -151,7 +161,7 @@ impl<'a> Merge<'a> {
         part: ops::Range<usize>,
         gathered: &mut Gathered,
     ) -> bool {
-        let Gathered { sums, pairs, look_ups, ranges, flux } = gathered;
+        let Gathered { sums, pairs, look_ups, ranges, flux, kernels } = gathered;
         let packets = paths.gather_points.packets();
         look_ups.sort(
             self.map,
@@ -163,44 +173,41 @@ impl<'a> Merge<'a> {
         );
         flux.clear();
         flux.resize(packets.len(), Vec3s::default());
+        kernels.clear();
+        kernels.extend(packets.iter().map(|packet| {
+            let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
+            self.kernel.at(packet, &gathers)
+        }));
         for look_ups in look_ups.packets() {
             let mut positions = Vec3s::default();
             for (lane, look_up) in look_ups.iter().enumerate() {
                 positions.set(lane, look_up.position);
             }
             self.map.find_ranges(&positions, &from_fn(|lane| lane < look_ups.len()), ranges);
-            let mut weights = [<(u32, Rgb)>::default(); LANES];
-            if PAIRS {
-                // All at once, so that their waits for memory overlap.
-                for (weight, look_up) in weights.iter_mut().zip(look_ups) {
-                    *weight = self.pair_weight(&paths.gather_points.at(look_up.point as usize));
-                }
-            }
             for ranges in ranges.by_look_up() {
-                let lane = ranges[0].look_up;
-                let look_up = &look_ups[lane];
-                let to = (weights[lane], &mut *pairs);
-                let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
+                let look_up = &look_ups[ranges[0].look_up];
                 let point = look_up.point as usize;
+                let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
+                let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
                 flux[point / LANES].set(point % LANES, found);
             }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
         }
-        for (packet, flux) in packets.iter().zip(flux) {
-            self.add(packet, flux, sums);
+        for ((packet, flux), kernels) in packets.iter().zip(flux).zip(kernels) {
+            self.add(packet, kernels, flux, sums);
         }
         true
     }
 
     /// Adds what photons of so much flux contribute to the camera paths of a packet of points.
     #[inline(always)] // vectorized
-    fn add(&self, packet: &GatherPacket, flux: &Vec3s, sums: &mut [Rgb]) {
+    fn add(&self, packet: &GatherPacket, kernels: &PointKernels, flux: &Vec3s, sums: &mut [Rgb]) {
         let mut contribution = Vec3s::default();
         for lane in 0..LANES {
             // theory.md (45)
-            let weight = packet.weight.get(lane) * self.kernel;
+            let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
             contribution.set(lane, weight * flux.get(lane));
         }
         for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & (flux.get(lane) != Rgb::ZERO))
@@ -218,14 +225,16 @@ impl<'a> Merge<'a> {
         paths: &CameraPaths,
         ranges: &[Range],
         look_up: &LookUp,
-        (weight, pairs): ((u32, Rgb), &mut PairList),
+        (kernel, pairs): (&PointKernel, &mut PairList),
     ) -> Rgb {
         if look_up.view {
-            self.flux_viewed::<PAIRS>(paths, ranges, look_up, pairs)
+            self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
         } else if PAIRS {
-            self.map.pairs_in(simd, ranges, look_up, weight, pairs)
+            let point = paths.gather_points.at(look_up.point as usize);
+            let to = (point.path, pair_weight(&point, kernel), pairs);
+            self.map.pairs_in(simd, ranges, look_up, (&self.admission, kernel), to)
         } else {
-            self.map.flux_in(ranges, look_up)
+            self.map.flux_in(ranges, look_up, (&self.admission, kernel))
         }
     }
 
@@ -236,39 +245,36 @@ impl<'a> Merge<'a> {
         paths: &CameraPaths,
         ranges: &[Range],
         look_up: &LookUp,
-        pairs: &mut PairList,
+        (kernel, pairs): (&PointKernel, &mut PairList),
     ) -> Rgb {
         let point = paths.gather_points.at(look_up.point as usize);
         let view = &paths.views[point.view as usize];
-        let (camera_path, weight) = self.pair_weight(&point);
+        let weight = pair_weight(&point, kernel);
         let (mut sum, mut nested, mut count) = (Rgb::ZERO, 0.0, 0);
+        let Admission { radius2, .. } = self.admission;
         self.map.for_each_in(ranges, point.position, |photon, distance2| {
-            // theory.md (45): [class], and [n_x.n_y > 0] below
-            let counts = look_up.last || photon.class() == PhotonClass::EveryVertex;
-            if counts && photon.faces(point.normal) {
-                let flux = photon.flux * view.value(photon, &point);
+            let class = photon.class();
+            let counts = look_up.last || class == PhotonClass::EveryVertex;
+            if counts && self.admission.admits(photon, distance2, point.normal) {
+                let class = class as usize;
+                // theory.md (46)
+                let flux = photon.flux * kernel.relative()[class] * view.value(photon, &point);
                 sum += flux;
                 if PAIRS {
                     let value = weight.dot(flux);
                     // theory.md (68)
-                    nested += if self.map.is_inner(distance2) { -value } else { value };
+                    // theory.md (68)
+                    let is_inner = distance2 <= 0.5 * radius2[class];
+                    nested += if is_inner { value - kernel.inner[class] * value } else { value };
                     pairs.space(count + 1)[count] = Pair { light_path: photon.path, value };
                     count += 1;
                 }
             }
         });
         if count > 0 {
-            pairs.take(count, camera_path, nested);
+            pairs.take(count, point.path, nested);
         }
         sum
-    }
-
-    /// The camera path of a gather point, and what the flux of a photon is multiplied with to get the
-    /// luminance that it contributes.
-    #[inline(always)] // vectorized
-    fn pair_weight(&self, point: &GatherPoint) -> (u32, Rgb) {
-        // theory.md (45), its luminance (4)
-        (point.path, LUMINANCE * point.weight * self.kernel)
     }
 
     /// Where a gather point of this number looks for photons.
@@ -279,6 +285,12 @@ impl<'a> Merge<'a> {
         let view = view != GatherPoint::NO_VIEW;
         LookUp { position, point: number as u32, normal, last, view, zone: 0 }
     }
+}
+
+/// What the flux of a photon is multiplied with to get the luminance that it contributes at a point.
+#[inline(always)] // vectorized
+fn pair_weight(point: &GatherPoint, kernel: &PointKernel) -> Rgb {
+    LUMINANCE * point.weight * kernel.inverse_area
 }
 
 impl Gathered {

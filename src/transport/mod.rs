@@ -1,9 +1,11 @@
 //! How light gets from the lights to the camera: light paths, the photons they leave, camera paths, and
 //! the pairs that meet.
 
+pub mod area;
 pub mod camera_paths;
 mod flight;
 pub mod gather;
+pub mod kernel;
 pub mod light_paths;
 pub mod merge;
 pub mod pair_list;

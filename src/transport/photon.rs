@@ -166,11 +166,10 @@ impl Photon {
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
     }
 
-    /// Whether it arrived on the side of a surface that `normal` points to: a positive dot product
-    /// of the two normals.
+    /// Dot product of `normal` with the normal on the side that it arrived on, 127 units long.
     #[inline]
-    pub fn faces(&self, normal: Vec3) -> bool {
-        self.side.normal().dot(normal) > 0.0
+    pub fn cosine(&self, normal: Vec3) -> f32 {
+        self.side.normal().dot(normal)
     }
 
     /// Where it is merged.

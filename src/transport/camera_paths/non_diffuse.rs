@@ -114,9 +114,9 @@ impl CameraPaths {
         if vertex < pass.settings.merge_vertex && !pass.gather_early {
             return;
         }
-        let Surface { position, normal, .. } = *surface;
+        let Surface { position, facet, normal, .. } = *surface;
         let (path, weight) = (walk.path, walk.weight);
-        let point = GatherPoint { position, path, weight, vertex, normal, view };
+        let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
         self.gather_points.push(&point);
     }
 

@@ -7,6 +7,7 @@ mod look_ups;
 mod quad;
 mod vicinity;
 
+use super::kernel::{Admission, PointKernel};
 use super::light_paths::LightPaths;
 use super::pair_list::PairList;
 use super::photon::{Extent, Photon};
@@ -90,6 +91,21 @@ impl Default for Ranges {
 }
 
 impl Ranges {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Which lanes have any.
+    #[inline(always)]
+    pub fn look_ups(&self) -> Mask {
+        let mut look_ups = Mask::default();
+        for range in &self.ranges[..self.count] {
+            look_ups[range.look_up] = true;
+        }
+        look_ups
+    }
+
     /// Those of each look-up that has any.
     #[inline(always)]
     pub fn by_look_up(&self) -> impl Iterator<Item = &[Range]> {
@@ -241,13 +257,18 @@ impl PhotonMap {
 
     /// The flux of the photons in the ranges of a look-up that it counts, W, wherever they come from.
     #[inline(always)] // vectorized
-    pub(crate) fn flux_in(&self, ranges: &[Range], look_up: &LookUp) -> Rgb {
-        let counting = Counting::new(look_up, self.radius2);
+    pub(crate) fn flux_in(
+        &self,
+        ranges: &[Range],
+        look_up: &LookUp,
+        (admission, kernel): (&Admission, &PointKernel),
+    ) -> Rgb {
+        let counting = Counting::new(look_up, admission, kernel);
         let mut sum = Flux::default();
         self.for_each_block(
             ranges,
             #[inline(always)]
-            |quad, lanes| quad.add_to(&mut sum, quad.counting(&counting, lanes)),
+            |quad, lanes| quad.add_to(&mut sum, &counting, quad.counting(&counting, lanes)),
         );
         sum.total()
     }
@@ -260,10 +281,10 @@ impl PhotonMap {
         simd: Simd,
         ranges: &[Range],
         look_up: &LookUp,
-        (camera_path, weight): (u32, Rgb),
-        pairs: &mut PairList,
+        (admission, kernel): (&Admission, &PointKernel),
+        (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
     ) -> Rgb {
-        let counting = Counting::new(look_up, self.radius2);
+        let counting = Counting::new(look_up, admission, kernel);
         let (mut sum, mut nested) = (Flux::default(), Vec4::ZERO);
         let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
         let (space, mut found) = (pairs.space(places), 0);
@@ -272,11 +293,9 @@ impl PhotonMap {
             #[inline(always)]
             |quad, lanes| {
                 let counts = quad.counting(&counting, lanes);
-                quad.add_to(&mut sum, counts);
-                let (light_paths, values) = quad.pairs(weight);
-                let outside = Vec4::select(quad.inner(&counting), -values, values);
-                // theory.md (68)
-                nested += Vec4::select(counts, outside, Vec4::ZERO);
+                quad.add_to(&mut sum, &counting, counts);
+                let (light_paths, values) = quad.pairs(&counting, weight);
+                nested += Vec4::select(counts, quad.nested(&counting, values), Vec4::ZERO);
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();
                 let values = values.to_array().map(f32::to_bits);
@@ -321,11 +340,6 @@ impl PhotonMap {
     /// The radius of look-ups, scene units.
     pub fn radius(&self) -> f32 {
         self.radius
-    }
-
-    /// Whether a photon so far away lies in the inner half of the area that photons count in.
-    pub(crate) fn is_inner(&self, distance2: f32) -> bool {
-        distance2 <= 0.5 * self.radius2
     }
 
     /// Number of photons.

@@ -2,6 +2,7 @@
 
 use super::LookUp;
 use crate::base::math::Rgb;
+use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::photon::{Photon, Side};
 use glam::{BVec4A, Vec3, Vec4};
 
@@ -18,13 +19,19 @@ pub struct Quad {
     path: [u32; QUAD],
 }
 
-/// What a look-up compares photons with, in all lanes.
+/// What a look-up compares photons with and multiplies them with, in all lanes.
 #[derive(Clone, Copy, Debug)]
 pub struct Counting {
     position: [Vec4; 3],
-    radius2: Vec4,
+    radius2: ByClass<Vec4>,
     normal: [Vec4; 3],
+    limit: Vec4,
     last: bool,
+    /// Kernels over those of the last vertex, and the inner ones over the outer ones.
+    relative: ByClass<Vec4>,
+    inner: ByClass<Vec4>,
+    /// Whether all of these are the same for both classes.
+    is_uniform: bool,
 }
 
 /// Which lanes of a quad are at this place or after it, counted from its first.
@@ -38,14 +45,18 @@ pub fn lanes_from(place: usize) -> BVec4A {
 pub struct Flux([Vec4; 3]);
 
 impl Counting {
-    /// Photons that this look-up counts within the square root of `radius2`.
+    /// Photons that this look-up counts, with the kernel at its point.
     #[inline(always)] // as those below: parts of the loop over ranges
-    pub fn new(look_up: &LookUp, radius2: f32) -> Self {
+    pub fn new(look_up: &LookUp, admission: &Admission, kernel: &PointKernel) -> Self {
         Self {
             position: look_up.position.to_array().map(Vec4::splat),
-            radius2: Vec4::splat(radius2),
+            radius2: admission.radius2.map(Vec4::splat),
             normal: look_up.normal.to_array().map(Vec4::splat),
+            limit: Vec4::splat(admission.limit),
             last: look_up.last,
+            relative: kernel.relative().map(Vec4::splat),
+            inner: kernel.inner.map(Vec4::splat),
+            is_uniform: admission.is_uniform(),
         }
     }
 }
@@ -88,8 +99,8 @@ impl Quad {
     /// The lanes within a distance of a point, a bit for each.
     #[inline(always)]
     pub fn within(&self, point: Vec3, radius2: f32) -> u64 {
-        let near = self.near(&point.to_array().map(Vec4::splat), Vec4::splat(radius2));
-        near.bitmask().into()
+        let distance2 = self.distance2(&point.to_array().map(Vec4::splat));
+        distance2.cmple(Vec4::splat(radius2)).bitmask().into()
     }
 
     /// Which of some lanes count.
@@ -99,42 +110,63 @@ impl Quad {
         // In the order of `Vec3::dot`.
         let [x, y, z] = counting.normal;
         let faces = normal(0) * x + normal(1) * y + normal(2) * z;
-        let near = self.near(&counting.position, counting.radius2);
-        // theory.md (45)
-        let mut counts = near & faces.cmpgt(Vec4::ZERO) & lanes;
+        let near = self.distance2(&counting.position).cmple(self.of(counting, &counting.radius2));
+        let mut counts = near & faces.cmpgt(counting.limit) & lanes;
         if !counting.last {
-            let late = self.side.map(|side| if side.at_every_vertex() { 0.0 } else { 1.0 });
-            counts &= Vec4::from_array(late).cmpeq(Vec4::ZERO);
+            counts &= self.at_every_vertex();
         }
         counts
     }
 
-    /// Adds the flux of some lanes.
+    /// Of each lane that of its class.
     #[inline(always)]
-    pub fn add_to(&self, sum: &mut Flux, lanes: BVec4A) {
+    fn of(&self, counting: &Counting, [every, last]: &ByClass<Vec4>) -> Vec4 {
+        if counting.is_uniform {
+            return *last;
+        }
+        Vec4::select(self.at_every_vertex(), *every, *last)
+    }
+
+    #[inline(always)]
+    fn at_every_vertex(&self) -> BVec4A {
+        let late = self.side.map(|side| if side.at_every_vertex() { 0.0 } else { 1.0 });
+        Vec4::from_array(late).cmpeq(Vec4::ZERO)
+    }
+
+    /// Adds the flux of some lanes, times the kernel over that of the last vertex.
+    #[inline(always)]
+    pub fn add_to(&self, sum: &mut Flux, counting: &Counting, lanes: BVec4A) {
+        let relative = self.of(counting, &counting.relative);
         for (sum, flux) in sum.0.iter_mut().zip(self.flux) {
-            *sum += Vec4::select(lanes, Vec4::from_array(flux), Vec4::ZERO);
+            let flux = Vec4::from_array(flux);
+            let flux = if counting.is_uniform { flux } else { flux * relative };
+            *sum += Vec4::select(lanes, flux, Vec4::ZERO);
         }
     }
 
-    /// The lanes in the inner half of the area that photons count in.
+    /// What values at the kernel's radius are more than at `1/sqrt(2)` of it: theory.md (68).
     #[inline(always)]
-    pub fn inner(&self, counting: &Counting) -> BVec4A {
-        self.near(&counting.position, 0.5 * counting.radius2)
+    pub fn nested(&self, counting: &Counting, values: Vec4) -> Vec4 {
+        let inner_radius2 = 0.5 * self.of(counting, &counting.radius2);
+        let inner = self.distance2(&counting.position).cmple(inner_radius2);
+        Vec4::select(inner, values - self.of(counting, &counting.inner) * values, values)
     }
 
-    /// The light path of each lane, and its flux times `weight`.
+    /// The light path of each lane, and its flux times `weight` and the kernel over that of the last vertex.
     #[inline(always)]
-    pub fn pairs(&self, weight: Rgb) -> ([u32; QUAD], Vec4) {
+    pub fn pairs(&self, counting: &Counting, weight: Rgb) -> ([u32; QUAD], Vec4) {
         let [r, g, b] = self.flux.map(Vec4::from_array);
-        (self.path, r * weight.x + g * weight.y + b * weight.z)
+        let value = r * weight.x + g * weight.y + b * weight.z;
+        let relative = self.of(counting, &counting.relative);
+        (self.path, if counting.is_uniform { value } else { value * relative })
     }
 
+    /// Squared distances from a point.
     #[inline(always)]
-    fn near(&self, center: &[Vec4; 3], radius2: Vec4) -> BVec4A {
+    fn distance2(&self, center: &[Vec4; 3]) -> Vec4 {
         let [x, y, z] = self.position.map(Vec4::from_array);
         let (dx, dy, dz) = (x - center[0], y - center[1], z - center[2]);
         // In the order of `Vec3::distance_squared`.
-        (dx * dx + dy * dy + dz * dz).cmple(radius2)
+        dx * dx + dy * dy + dz * dz
     }
 }

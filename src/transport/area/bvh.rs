@@ -1,0 +1,119 @@
+//! A tree of boxes that finds what meets another box.
+
+use glam::Vec3A;
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug)]
+pub struct Box3 {
+    /// Smallest coordinates.
+    pub min: Vec3A,
+    /// Largest coordinates.
+    pub max: Vec3A,
+}
+
+impl Box3 {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { min: Vec3A::INFINITY, max: Vec3A::NEG_INFINITY };
+
+    /// The smallest box that also holds `other`.
+    pub fn and(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The smallest box that also holds `point`.
+    pub fn with(self, point: Vec3A) -> Self {
+        self.and(Self { min: point, max: point })
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        !(self.min.cmpgt(other.max) | self.max.cmplt(other.min)).any()
+    }
+}
+
+/// Boxes, found by box.
+#[derive(Clone, Debug, Default)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    /// Of the boxes that it was built of, leaf by leaf.
+    order: Vec<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    around: Box3,
+    /// Of a leaf its first in `order`, else the second child; the first child follows its parent.
+    first: u32,
+    /// Of a leaf; 0 of the others.
+    count: u32,
+}
+
+const LEAF: usize = 4;
+
+impl Bvh {
+    /// Halves the boxes by their middles along the longest side, again and again.
+    pub fn new(boxes: &[Box3]) -> Self {
+        let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
+        let mut nodes = Vec::with_capacity(boxes.len().div_ceil(2));
+        if !boxes.is_empty() {
+            build(boxes, &mut order, 0, &mut nodes);
+        }
+        Self { nodes, order }
+    }
+
+    /// Visits all boxes that meet this one, and some others, until a visit says `false`; says
+    /// whether none did.
+    pub fn find(&self, around: &Box3, mut visit: impl FnMut(u32) -> bool) -> bool {
+        let mut waiting = Vec::with_capacity(64);
+        waiting.extend((!self.nodes.is_empty()).then_some(0));
+        while let Some(index) = waiting.pop() {
+            let node = &self.nodes[index as usize];
+            if !node.around.meets(around) {
+                continue;
+            }
+            if node.count == 0 {
+                waiting.extend([node.first, index + 1]);
+                continue;
+            }
+            let leaf = &self.order[node.first as usize..][..node.count as usize];
+            if !leaf.iter().all(|&index| visit(index)) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The box around all.
+    pub fn bounds(&self) -> Box3 {
+        self.nodes.first().map_or(Box3::EMPTY, |root| root.around)
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.order.capacity() * size_of::<u32>()
+    }
+}
+
+fn build(boxes: &[Box3], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
+    let (mut around, mut middles) = (Box3::EMPTY, Box3::EMPTY);
+    let middle = |index: u32| {
+        let Box3 { min, max } = boxes[index as usize];
+        0.5 * min + 0.5 * max
+    };
+    for &index in order.iter() {
+        around = around.and(boxes[index as usize]);
+        middles = middles.with(middle(index));
+    }
+    let index = nodes.len();
+    nodes.push(Node { around, first, count: order.len() as u32 });
+    if order.len() <= LEAF {
+        return;
+    }
+    let sides = middles.max - middles.min;
+    let axis = (0..3).max_by(|&a, &b| sides[a].total_cmp(&sides[b])).expect("three axes");
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
+    let (low, high) = order.split_at_mut(half);
+    build(boxes, low, first, nodes);
+    (nodes[index].first, nodes[index].count) = (nodes.len() as u32, 0);
+    build(boxes, high, first + half as u32, nodes);
+}

@@ -1,0 +1,311 @@
+//! Areas of all surfaces of a scene, worked out where they are asked for.
+
+use super::cell::{Cell, Maker, Own};
+use super::disc::half_plane;
+use super::list::List;
+use super::patch::{Grid, Patch, Place};
+use super::reach::Reach;
+use super::sides::Sides;
+use super::surfaces::{Surfaces, corners};
+use crate::lanes::simd::vectorized;
+use crate::lanes::{LANES, Mask, Vec3s};
+use glam::Vec3;
+use std::f32::consts::PI;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+/// Less than this share of the disc is taken for so much.
+pub const LEAST: f32 = 0.05;
+
+/// Facets kept together.
+const CHUNK: usize = 64;
+
+/// The area that could have sent photons to a point, for all points of a scene and spheres of up to
+/// one radius.
+pub struct Areas<'a> {
+    surfaces: Box<dyn Surfaces + 'a>,
+    sides: Sides,
+    reach: Reach,
+    radius: f32,
+    /// Number of the first triangle of each place.
+    first: Vec<u32>,
+    /// Of each side of each triangle, some at a time.
+    patches: Box<[OnceLock<Chunk>]>,
+    kept: AtomicUsize,
+    budget: usize,
+}
+
+type Chunk = Box<[OnceLock<Box<Patch>>; CHUNK]>;
+
+/// Sixteen points at which photons are merged.
+#[derive(Clone, Copy, Debug)]
+pub struct Query<'q> {
+    /// Where they are.
+    pub position: &'q Vec3s,
+    /// The sides of triangles that they are on, by [`Areas::facet`].
+    pub facet: &'q [u32; LANES],
+    /// Which of them there are.
+    pub wanted: &'q Mask,
+}
+
+/// Bytes that [`Areas`] take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Memory {
+    /// From the beginning.
+    pub fixed: usize,
+    /// For what was worked out so far.
+    pub kept: usize,
+}
+
+impl<'a> Areas<'a> {
+    /// For spheres of up to `radius`, keeping what takes up to about `budget` bytes; what does not fit is
+    /// worked out each time it is asked for, with the same result.
+    pub fn new(surfaces: Box<dyn Surfaces + 'a>, sides: Sides, radius: f32, budget: usize) -> Self {
+        let (reach, geometry) = (Reach::new(&*surfaces), surfaces.geometry());
+        let mut first = vec![0];
+        for place in &geometry.places {
+            let count = geometry.meshes[place.mesh as usize].triangles.len();
+            first.push(first[first.len() - 1] + count as u32);
+        }
+        let facets = 2 * first[first.len() - 1] as usize;
+        Self {
+            surfaces,
+            sides,
+            reach,
+            radius,
+            first,
+            patches: (0..facets.div_ceil(CHUNK)).map(|_| OnceLock::new()).collect(),
+            kept: AtomicUsize::new(0),
+            budget,
+        }
+    }
+
+    /// Number of the side of a triangle.
+    #[inline]
+    pub fn facet(&self, place: u32, triangle: u32, front: bool) -> u32 {
+        2 * (self.first[place as usize] + triangle) + u32::from(!front)
+    }
+
+    /// The same by the numbers that gather points keep; see [`Facet`](crate::scene::diffuse::Facet).
+    #[inline(always)] // vectorized
+    pub fn number(&self, mesh: u32, side: u32) -> u32 {
+        2 * self.first[mesh as usize] + side
+    }
+
+    /// Largest radius that can be asked for.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// Bytes taken.
+    pub fn memory(&self) -> Memory {
+        let fixed = self.reach.bytes()
+            + self.sides.bytes()
+            + 4 * self.first.capacity()
+            + size_of_val(&*self.patches);
+        Memory { fixed, kept: self.kept.load(Relaxed) }
+    }
+
+    /// Cells that are kept: with at most a line, lists, those split, and segments and facets of lists.
+    pub fn census(&self) -> [usize; 6] {
+        let mut census = [0; 6];
+        for patch in self.patches.iter().filter_map(OnceLock::get).flat_map(|chunk| chunk.iter()) {
+            if let Some(patch) = patch.get() {
+                census[5] += 1;
+                patch.grid().census(&mut census);
+            }
+        }
+        census
+    }
+
+    /// Scratch.
+    pub fn scratch(&self, facet: u32, position: Vec3) -> Option<[usize; 6]> {
+        let patch = self.patch(facet)?;
+        let local = patch.local(position);
+        let mut grid = patch.grid();
+        loop {
+            let place = grid.place(local);
+            match grid.known(place.index).get()? {
+                Cell::Line { .. } => return None,
+                Cell::List(list) => return Some(list.scratch(place.at)),
+                Cell::Split(inner) => grid = inner,
+            }
+        }
+    }
+
+    /// Areas in spheres of these radii around points, scene units squared.
+    pub fn areas<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> [[f32; LANES]; N] {
+        vectorized(
+            #[inline(always)]
+            |_| self.areas_vectorized(query, radii),
+        )
+    }
+
+    #[inline(always)] // vectorized
+    fn areas_vectorized<const N: usize>(
+        &self,
+        query: &Query,
+        radii: &[f32; N],
+    ) -> [[f32; LANES]; N] {
+        let radii2 = radii.map(|radius| (radius / self.radius) * (radius / self.radius));
+        let mut height = [2.0; LANES];
+        let mut lists = 0u32;
+        let mut listed = [[0.0; N]; LANES];
+        for lane in 0..LANES {
+            if !query.wanted[lane] {
+                continue;
+            }
+            let position = query.position.get(lane);
+            match self.patch(query.facet[lane]) {
+                Some(patch) => {
+                    let place = patch.grid().place(patch.local(position));
+                    match patch.grid().known(place.index).get() {
+                        Some(Cell::Line { toward, offset }) => {
+                            height[lane] =
+                                offset + (toward[0] * place.at[0] + toward[1] * place.at[1]);
+                        }
+                        Some(Cell::List(list)) if !list.has_holes() => {
+                            lists |= 1 << lane;
+                            listed[lane] = list.areas(place.at, &radii2);
+                        }
+                        _ => {
+                            lists |= 1 << lane;
+                            listed[lane] = self.elsewhere(query.facet[lane], position, &radii2);
+                        }
+                    }
+                }
+                None => {
+                    lists |= 1 << lane;
+                    listed[lane] = self.elsewhere(query.facet[lane], position, &radii2);
+                }
+            }
+        }
+        let mut areas = [[0.0; LANES]; N];
+        for (areas, (radius, radius2)) in areas.iter_mut().zip(radii.iter().zip(radii2)) {
+            for lane in 0..LANES {
+                // Points are on the surface, however coordinates were rounded.
+                areas[lane] = half_plane(height[lane].max(0.0), radius2);
+            }
+            let _ = radius;
+        }
+        for lane in 0..LANES {
+            if lists >> lane & 1 == 1 {
+                for (areas, listed) in areas.iter_mut().zip(listed[lane]) {
+                    areas[lane] = listed;
+                }
+            }
+        }
+        let unit = self.radius * self.radius;
+        for (areas, radius2) in areas.iter_mut().zip(radii2) {
+            for area in areas {
+                *area = area.max(LEAST * PI * radius2) * unit;
+            }
+        }
+        areas
+    }
+
+    /// A patch that is kept.
+    #[inline(always)] // vectorized
+    fn patch(&self, facet: u32) -> Option<&Patch> {
+        let (chunk, own) = (facet as usize / CHUNK, facet as usize % CHUNK);
+        self.patches[chunk].get()?[own].get().map(|patch| &**patch)
+    }
+
+    /// Where it is not known, or no simple list.
+    #[inline(never)] // keeps the common case short
+    fn elsewhere<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
+        let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
+        let make = || {
+            let geometry = self.surfaces.geometry();
+            let place = &geometry.places[own.place as usize];
+            let corners = corners(geometry, place, own.triangle);
+            Box::new(Patch::new(corners, own.normal, self.radius.into()))
+        };
+        let slot = || {
+            let chunk = self.patches[facet as usize / CHUNK].get_or_init(|| {
+                self.kept.fetch_add(CHUNK * size_of::<OnceLock<Box<Patch>>>(), Relaxed);
+                Box::new([const { OnceLock::new() }; CHUNK])
+            });
+            &chunk[facet as usize % CHUNK]
+        };
+        let made;
+        let patch = match self.patch(facet) {
+            Some(patch) => patch,
+            None if self.has_room() => slot().get_or_init(|| {
+                let patch = make();
+                self.kept.fetch_add(patch.bytes(), Relaxed);
+                patch
+            }),
+            None => {
+                made = make();
+                &made
+            }
+        };
+        self.in_grid(&own, patch.grid(), patch.local(position), radii2)
+    }
+
+    fn in_grid<const N: usize>(
+        &self,
+        own: &Own,
+        grid: &Grid,
+        local: [f32; 2],
+        radii2: &[f32; N],
+    ) -> [f32; N] {
+        let Place { index, at } = grid.place(local);
+        let make = || {
+            let Self { surfaces, sides, reach, radius, .. } = self;
+            let maker = Maker { surfaces: &**surfaces, sides, reach, radius: (*radius).into() };
+            maker.cell(own, grid, index)
+        };
+        let made;
+        let cell = match grid.known(index).get() {
+            Some(cell) => cell,
+            None if self.has_room() => grid.known(index).get_or_init(|| {
+                let cell = make();
+                self.kept.fetch_add(cell.bytes(), Relaxed);
+                cell
+            }),
+            None => {
+                made = make();
+                &made
+            }
+        };
+        match cell {
+            Cell::Line { toward, offset } => {
+                let height = offset + (toward[0] * at[0] + toward[1] * at[1]);
+                radii2.map(|radius2| half_plane(height.max(0.0), radius2))
+            }
+            Cell::List(list) => self.in_list(list, at, radii2),
+            Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
+        }
+    }
+
+    fn in_list<const N: usize>(&self, list: &List, at: [f32; 2], radii2: &[f32; N]) -> [f32; N] {
+        let mut areas = list.areas(at, radii2);
+        if list.has_holes() {
+            let more = list.areas_with_holes(&*self.surfaces, self.radius, at, radii2);
+            for (area, more) in areas.iter_mut().zip(more) {
+                *area += more;
+            }
+        }
+        areas
+    }
+
+    /// Whether more may be kept.
+    fn has_room(&self) -> bool {
+        self.kept.load(Relaxed) < self.budget
+    }
+
+    /// The side of a triangle of this number; `None` if it has no area.
+    fn own(&self, facet: u32) -> Option<Own> {
+        let number = facet / 2;
+        let place = self.first.partition_point(|&first| first <= number) - 1;
+        let (place, triangle) = (place as u32, number - self.first[place]);
+        let normal = self.surfaces.normal(place, triangle);
+        let front = facet % 2 == 0;
+        let side = self.sides.of(place, triangle, front);
+        let holes = self.surfaces.has_holes(place);
+        let normal = if front { normal } else { -normal };
+        (normal != Vec3::ZERO).then_some(Own { place, triangle, normal, side, holes })
+    }
+}

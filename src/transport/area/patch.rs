@@ -1,0 +1,152 @@
+//! A side of a triangle, divided into cells about as large as the sphere.
+
+use super::cell::{Cell, Frame};
+use glam::{DVec2, DVec3, Vec3};
+use std::sync::OnceLock;
+
+/// Sides of cells, in radii, unless a triangle is very large or small.
+const CELL: f64 = 1.5;
+
+/// Cells of a triangle along each axis at most; where that is too coarse, cells are split.
+const MOST: f64 = 64.0;
+
+/// Cells into which a cell is split along each axis.
+pub const SPLIT: usize = 8;
+
+/// A side of a triangle. Coordinates are in its plane, in radii.
+#[derive(Debug)]
+pub struct Patch {
+    origin: Vec3,
+    /// Vectors of coordinates: unit vectors over the radius.
+    axes: [Vec3; 2],
+    grid: Grid,
+}
+
+/// Cells side by side.
+#[derive(Debug)]
+pub struct Grid {
+    low: [f32; 2],
+    /// Cells per radius.
+    density: [f32; 2],
+    counts: [u32; 2],
+    /// Sides of a cell.
+    size: [f32; 2],
+    cells: Box<[OnceLock<Cell>]>,
+}
+
+/// Where in a grid a point is.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Index of its cell.
+    pub index: usize,
+    /// Coordinates from the middle of the cell.
+    pub at: [f32; 2],
+}
+
+impl Patch {
+    /// The side of a triangle with these corners in the scene, where `up` points up.
+    pub fn new(corners: [DVec3; 3], up: Vec3, radius: f64) -> Self {
+        let frame = Frame::new(corners, up, radius);
+        let flat = corners.map(|corner| frame.local(corner).truncate());
+        let (low, high) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
+        let counts = ((high - low) / CELL).ceil().clamp(DVec2::ONE, DVec2::splat(MOST));
+        let axes = frame.axes.map(|axis| (axis / radius).as_vec3());
+        Self {
+            origin: frame.origin.as_vec3(),
+            axes: [axes[0], axes[1]],
+            grid: Grid::new(low, high, counts.as_uvec2().to_array()),
+        }
+    }
+
+    /// Coordinates of a point on it.
+    #[inline(always)] // part of vectorized code
+    pub fn local(&self, position: Vec3) -> [f32; 2] {
+        let from = position - self.origin;
+        self.axes.map(|axis| axis.dot(from))
+    }
+
+    /// All of it.
+    #[inline(always)]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Bytes that it takes without what is in its cells.
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + size_of_val(&*self.grid.cells)
+    }
+}
+
+impl Grid {
+    fn new(low: DVec2, high: DVec2, counts: [u32; 2]) -> Self {
+        let divisions = DVec2::new(counts[0].into(), counts[1].into());
+        let size = (high - low) / divisions;
+        let cells = (0..counts[0] as usize * counts[1] as usize).map(|_| OnceLock::new());
+        Self {
+            low: low.as_vec2().to_array(),
+            density: size.recip().as_vec2().to_array(),
+            counts,
+            size: size.as_vec2().to_array(),
+            cells: cells.collect(),
+        }
+    }
+
+    /// Splits one of its cells.
+    pub fn split(&self, index: usize) -> Self {
+        let (middle, half) = self.cell(index);
+        Self::new(middle - half, middle + half, [SPLIT as u32; 2])
+    }
+
+    /// Where a point is.
+    #[inline(always)] // part of vectorized code
+    pub fn place(&self, local: [f32; 2]) -> Place {
+        let mut at = [0.0; 2];
+        let mut cell = [0; 2];
+        for axis in 0..2 {
+            let from = local[axis] - self.low[axis];
+            // Negative numbers and NaN become 0.
+            cell[axis] = ((from * self.density[axis]) as u32).min(self.counts[axis] - 1);
+            at[axis] = from - (cell[axis] as f32 + 0.5) * self.size[axis];
+        }
+        Place { index: (cell[1] * self.counts[0] + cell[0]) as usize, at }
+    }
+
+    /// Middle and half of the sides of a cell.
+    pub fn cell(&self, index: usize) -> (DVec2, DVec2) {
+        let index = index as u32;
+        let cell = [index % self.counts[0], index / self.counts[0]];
+        let number = |axis: usize| f64::from(cell[axis]) + 0.5;
+        let [low, size] = [self.low, self.size].map(|[x, y]| DVec2::new(x.into(), y.into()));
+        (low + size * DVec2::new(number(0), number(1)), 0.5 * size)
+    }
+
+    /// What is known of a cell.
+    #[inline(always)]
+    pub fn known(&self, index: usize) -> &OnceLock<Cell> {
+        &self.cells[index]
+    }
+
+    /// Bytes that it takes without what is in its cells.
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + size_of_val(&*self.cells)
+    }
+
+    /// Adds up its cells.
+    pub fn census(&self, census: &mut [usize; 6]) {
+        for cell in self.cells.iter().filter_map(OnceLock::get) {
+            match cell {
+                Cell::Line { .. } => census[0] += 1,
+                Cell::List(list) => {
+                    census[1] += 1;
+                    let [segments, facets] = list.lengths();
+                    census[3] += segments;
+                    census[4] += facets;
+                }
+                Cell::Split(grid) => {
+                    census[2] += 1;
+                    grid.census(census);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Light paths that find out which sides of surfaces light reaches.
+
+use super::{Marks, Sides, Surfaces};
+use crate::accel::{Intersect, Ray};
+use crate::base::rng::{Rng, Stream, StreamKey};
+use crate::scene::Scene;
+use rayon::prelude::*;
+
+/// Light paths: each component of a surface that matters to the image is found by some of them.
+const PATHS: u32 = 1 << 15;
+
+/// Vertices of one of them at the most.
+const MOST_VERTICES: u32 = 64;
+
+/// Largest survival probability.
+const MAX_SURVIVAL: f32 = 0.95;
+
+/// Traces them. They are the same whatever the settings, so that all renders of a scene agree.
+pub(super) fn reached(scene: &Scene, accel: &dyn Intersect, surfaces: &dyn Surfaces) -> Sides {
+    let marks = Marks::new(surfaces);
+    if !scene.lights().is_empty() {
+        let key = StreamKey::new(0, Stream::Pilot, 0);
+        (0..PATHS).into_par_iter().with_min_len(256).for_each(|path| {
+            trace(scene, accel, &marks, &mut key.rng(path.into()));
+        });
+    }
+    marks.freeze()
+}
+
+fn trace(scene: &Scene, accel: &dyn Intersect, marks: &Marks, rng: &mut Rng) {
+    let emission = scene.lights().emit(rng);
+    let mut ray = Ray::new(emission.origin, emission.direction);
+    for _ in 0..MOST_VERTICES {
+        let hit = accel.closest_hit(&ray);
+        if hit.is_miss() {
+            return;
+        }
+        let surface = scene.surface(&ray, &hit);
+        marks.add(hit.mesh, hit.triangle, surface.front);
+        let Some(sample) = surface.scatter_flux(rng) else { return };
+        if rng.next_1d() >= sample.weight.max_element().min(MAX_SURVIVAL) {
+            return;
+        }
+        ray = Ray::new(surface.start(sample.wi), sample.wi);
+    }
+}

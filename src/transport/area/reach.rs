@@ -1,0 +1,74 @@
+//! Finds the triangles near a place, in whichever mesh and however often it is placed.
+
+use super::bvh::{Box3, Bvh};
+use super::surfaces::{Surfaces, box_around, corners};
+use crate::accel::Place;
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+/// Trees over each mesh's triangles, in its own space, and over the places.
+#[derive(Debug)]
+pub struct Reach {
+    meshes: Vec<Bvh>,
+    places: Bvh,
+    /// From the scene to the mesh's space, for each place.
+    to_mesh: Vec<Option<DAffine3>>,
+}
+
+impl Reach {
+    /// Of all triangles of a scene.
+    pub fn new(surfaces: &dyn Surfaces) -> Self {
+        let geometry = surfaces.geometry();
+        let tree = |(mesh, _): (usize, _)| {
+            let place = Place { mesh: mesh as u32, to_scene: None };
+            let count = geometry.meshes[mesh].triangles.len() as u32;
+            let around = |triangle| box_around(corners(geometry, &place, triangle).into_iter());
+            Bvh::new(&(0..count).map(around).collect::<Vec<_>>())
+        };
+        let meshes: Vec<_> = geometry.meshes.par_iter().enumerate().map(tree).collect();
+        let around = |place: &Place| {
+            let own = meshes[place.mesh as usize].bounds();
+            place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
+        };
+        let places = Bvh::new(&geometry.places.iter().map(around).collect::<Vec<_>>());
+        let to_mesh = |place: &Place| place.to_scene.map(|to_scene| to_scene.inverse());
+        Self { places, to_mesh: geometry.places.iter().map(to_mesh).collect(), meshes }
+    }
+
+    /// Visits triangles, by place and index, until a visit says `false`: at least those that meet a
+    /// box. Says whether none did.
+    pub fn find(
+        &self,
+        surfaces: &dyn Surfaces,
+        around: &Box3,
+        mut visit: impl FnMut(u32, u32) -> bool,
+    ) -> bool {
+        self.places.find(around, |place| {
+            let mesh = surfaces.geometry().places[place as usize].mesh;
+            let to_mesh = &self.to_mesh[place as usize];
+            let around = to_mesh.map_or(*around, |to_mesh| moved(around, &to_mesh));
+            self.meshes[mesh as usize].find(&around, |triangle| visit(place, triangle))
+        })
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        let meshes: usize = self.meshes.iter().map(Bvh::bytes).sum();
+        meshes + self.places.bytes() + self.to_mesh.capacity() * size_of::<Option<DAffine3>>()
+    }
+}
+
+/// A box that holds another at its place.
+fn moved(own: &Box3, map: &DAffine3) -> Box3 {
+    if own.min.x > own.max.x {
+        return *own;
+    }
+    let [min, max] = [own.min, own.max].map(|corner| corner.as_dvec3());
+    let (middle, half) = (0.5 * (min + max), 0.5 * (max - min));
+    let middle = map.transform_point3(middle);
+    let [x, y, z] = map.matrix3.to_cols_array_2d().map(|axis| DVec3::from_array(axis).abs());
+    let half = x * half.x + y * half.y + z * half.z;
+    // Rounding of coordinates on the way.
+    let half = half + 1e-6 * (half + middle.abs());
+    box_around([middle - half, middle + half].into_iter())
+}

@@ -1,0 +1,92 @@
+//! The surfaces of a scene as areas ask for them.
+
+use super::pilot;
+use super::{Areas, Hole, Surfaces};
+use crate::accel::{Geometry, Intersect};
+use crate::base::math::Frame;
+use crate::scene::{Placement, Scene};
+use crate::settings::Settings;
+use glam::{Vec2, Vec3};
+use std::f32::consts::TAU;
+
+/// Bytes of areas that are kept at the most: some hundred for each patch of a surface about as large as the
+/// merge sphere.
+const BUDGET: usize = 1 << 28;
+
+/// Points of a disc at which the opacity of a cut-out is asked for.
+const SAMPLES: u16 = 64;
+
+/// Turn from one of these points to the next: by the golden ratio, so that they spread evenly.
+const GOLDEN_TURN: f32 = 0.381_966_01;
+
+struct SceneSurfaces<'a> {
+    scene: &'a Scene,
+    geometry: Geometry<'a>,
+}
+
+impl<'a> Areas<'a> {
+    /// Of all surfaces of a scene that light reaches, which light paths of its own find out, the same for any
+    /// settings and number of threads.
+    pub fn of_scene(scene: &'a Scene, accel: &dyn Intersect, settings: &Settings) -> Self {
+        let surfaces = SceneSurfaces { scene, geometry: scene.geometry() };
+        let sides = pilot::reached(scene, accel, &surfaces);
+        let radius = settings.radius.max(settings.caustic_radius);
+        Self::new(Box::new(surfaces), sides, radius, BUDGET)
+    }
+}
+
+impl SceneSurfaces<'_> {
+    fn placement(&self, place: u32) -> &Placement {
+        &self.scene.placements()[place as usize]
+    }
+}
+
+impl Surfaces for SceneSurfaces<'_> {
+    fn geometry(&self) -> &Geometry<'_> {
+        &self.geometry
+    }
+
+    fn normal(&self, place: u32, triangle: u32) -> Vec3 {
+        self.scene.placed_triangle(place, triangle).normal
+    }
+
+    fn merges(&self, place: u32) -> bool {
+        self.scene.materials()[self.placement(place).material as usize].bsdf.merges()
+    }
+
+    fn has_holes(&self, place: u32) -> bool {
+        self.scene.materials()[self.placement(place).material as usize].cut_out().is_some()
+    }
+
+    fn opacity(&self, hole: &Hole) -> f32 {
+        let placement = self.placement(hole.place);
+        let material = &self.scene.materials()[placement.material as usize];
+        let Some(cut_out) = material.cut_out() else { return 1.0 };
+        let triangle = self.scene.placed_triangle(hole.place, hole.triangle);
+        let mesh = self.scene.mesh(placement);
+        let corners = mesh.triangles[hole.triangle as usize];
+        // In the order of the placed triangle's corners, which mirroring turns around.
+        let corners = placement.transform.map_or(corners, |transform| transform.corners(corners));
+        let [a, b, c] =
+            corners.map(|index| mesh.uvs.get(index as usize).copied().unwrap_or_default());
+        let weights = match placement.transform {
+            None => hole.at,
+            Some(transform) => transform.weights(hole.at),
+        };
+        let middle = a + weights[0] * (b - a) + weights[1] * (c - a);
+        // From steps in the triangle's plane to those of the weights, by the dual of its edges.
+        let dual1 = triangle.edge2.cross(triangle.normal);
+        let dual1 = dual1 / dual1.dot(triangle.edge1);
+        let dual2 = triangle.edge1.cross(triangle.normal);
+        let dual2 = dual2 / dual2.dot(triangle.edge2);
+        let plane = Frame::new(triangle.normal);
+        let uv = |step: Vec3| dual1.dot(step) * (b - a) + dual2.dot(step) * (c - a);
+        let [along_x, along_y] = [Vec3::X, Vec3::Y].map(|axis| uv(plane.to_world(axis)));
+        let solid = (0..SAMPLES).filter(|&i| {
+            let distance = hole.radius * ((f32::from(i) + 0.5) / f32::from(SAMPLES)).sqrt();
+            let turn = Vec2::from_angle(TAU * (f32::from(i) * GOLDEN_TURN).fract()) * distance;
+            !Scene::is_hole(cut_out, middle + turn.x * along_x + turn.y * along_y)
+        });
+        solid.count() as f32 / f32::from(SAMPLES)
+    }
+}

@@ -1,0 +1,81 @@
+//! Which sides of surfaces light reaches.
+//!
+//! Only these can have sent a photon, and behind a side that it reaches while it does not reach the
+//! other there is something solid. Neither can be told from a material, since most reflect on both
+//! sides. So light paths tell: [`Marks`] takes the surfaces at which they arrived, in any order, and
+//! freezes what they say of whole components. Of components at which none arrived, the front counts.
+//! The side at which photons are gathered counts in any case.
+
+use super::components::{Components, SideId};
+use super::surfaces::Surfaces;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+/// Takes note of where light arrives; any number of threads may do so in any order.
+#[derive(Debug)]
+pub struct Marks {
+    components: Components,
+    reached: Vec<AtomicBool>,
+}
+
+/// Which sides of surfaces light reaches.
+#[derive(Debug)]
+pub struct Sides {
+    components: Components,
+    reached: Vec<bool>,
+}
+
+impl Marks {
+    /// No light has arrived anywhere.
+    pub fn new(surfaces: &dyn Surfaces) -> Self {
+        let components = Components::new(surfaces);
+        let reached = (0..components.sides()).map(|_| AtomicBool::new(false)).collect();
+        Self { components, reached }
+    }
+
+    /// Light arrived at this side of a triangle. Arrivals at surfaces that do not merge count, too.
+    pub fn add(&self, place: u32, triangle: u32, front: bool) {
+        let SideId(side) = self.components.side(place, triangle, front);
+        self.reached[side as usize].store(true, Relaxed);
+    }
+
+    /// What they say.
+    pub fn freeze(self) -> Sides {
+        let mut reached: Vec<_> = self.reached.into_iter().map(AtomicBool::into_inner).collect();
+        for sides in reached.as_chunks_mut::<2>().0 {
+            sides[0] |= !sides[1];
+        }
+        Sides { components: self.components, reached }
+    }
+}
+
+impl Sides {
+    /// The side of a triangle.
+    pub(super) fn of(&self, place: u32, triangle: u32, front: bool) -> SideId {
+        self.components.side(place, triangle, front)
+    }
+
+    /// Whether a triangle repeats another, which counts for both.
+    pub(super) fn is_double(&self, place: u32, triangle: u32) -> bool {
+        self.components.is_double(place, triangle)
+    }
+
+    /// Whether light reaches it.
+    pub(super) fn reached(&self, side: SideId) -> bool {
+        self.reached[side.0 as usize]
+    }
+
+    /// Whether something solid is behind it.
+    pub(super) fn is_solid_behind(&self, side: SideId) -> bool {
+        self.reached(side) && !self.reached(SideId(side.0 ^ 1))
+    }
+
+    /// Number of sides, and how many of them light reaches.
+    pub fn counts(&self) -> [usize; 2] {
+        [self.reached.len(), self.reached.iter().filter(|&&reached| reached).count()]
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        self.reached.capacity() + self.components.bytes()
+    }
+}

@@ -1,0 +1,150 @@
+//! The merge kernel: which photons count at a point, and what area their flux is divided by.
+
+use super::area::{Areas, Query};
+use super::gather::GatherPacket;
+use super::photon::{Photon, PhotonClass};
+use crate::base::math::disc_area;
+use crate::lanes::{LANES, Mask};
+use crate::settings::{self, Settings};
+use glam::Vec3;
+use std::array::from_fn;
+use std::f32::consts::FRAC_1_SQRT_2;
+
+/// A value for photons of either class, by [`PhotonClass`].
+pub type ByClass<T> = [T; 2];
+
+const EVERY: usize = PhotonClass::EveryVertex as usize;
+const LAST: usize = PhotonClass::LastVertex as usize;
+
+/// Which photons count: those within the radius of their class, on a surface whose normal is nearly that at
+/// the point.
+#[derive(Clone, Copy, Debug)]
+pub struct Admission {
+    /// Squares of the merge radii, scene units squared.
+    pub radius2: ByClass<f32>,
+    /// What the dot product of the point's normal with the photon's, 127 units long, must exceed.
+    pub limit: f32,
+}
+
+impl Admission {
+    /// Whether a photon at this squared distance counts where the surface has the unit normal `normal`.
+    #[inline]
+    pub fn admits(&self, photon: &Photon, distance2: f32, normal: Vec3) -> bool {
+        distance2 <= self.radius2[photon.class() as usize] && photon.cosine(normal) > self.limit
+    }
+
+    /// Whether photons of both classes count within the same radius.
+    pub fn is_uniform(&self) -> bool {
+        self.radius2[EVERY] == self.radius2[LAST]
+    }
+}
+
+/// A constant kernel for either class of photons: theory.md (45).
+#[derive(Clone, Copy)]
+pub struct Kernel<'a> {
+    /// Merge radii, scene units.
+    radii: ByClass<f32>,
+    /// What could have sent the photons; discs if none.
+    areas: Option<&'a Areas<'a>>,
+}
+
+/// The kernel at sixteen points.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PointKernels {
+    inverse_area: [f32; LANES],
+    every: [f32; LANES],
+    inner: ByClass<[f32; LANES]>,
+}
+
+/// The kernel at one point.
+#[derive(Clone, Copy, Debug)]
+pub struct PointKernel {
+    /// Reciprocal of the area for photons of the last vertex, 1/scene units squared.
+    pub inverse_area: f32,
+    /// The kernel for photons of every vertex over that for photons of the last.
+    pub every: f32,
+    /// The kernels at `1/sqrt(2)` of the radii over those at the radii.
+    pub inner: ByClass<f32>,
+}
+
+impl<'a> Kernel<'a> {
+    /// As the settings say, with the areas of the scene's surfaces where they ask for them.
+    ///
+    /// # Panics
+    /// If they do and there are none.
+    pub fn new(settings: &Settings, areas: Option<&'a Areas<'a>>) -> Self {
+        let radii = [settings.caustic_radius, settings.radius];
+        match settings.kernel {
+            settings::Kernel::Disc => Self { radii, areas: None },
+            settings::Kernel::Area => Self { radii, areas: Some(areas.expect("areas")) },
+        }
+    }
+
+    /// A disc of one radius for all photons.
+    pub fn disc(radius: f32) -> Self {
+        Self { radii: [radius; 2], areas: None }
+    }
+
+    /// The radius within which photons are looked up, scene units.
+    pub fn reach(&self) -> f32 {
+        self.radii[EVERY].max(self.radii[LAST])
+    }
+
+    /// Which photons count.
+    pub fn admission(&self) -> Admission {
+        // Photons on a disc count on the same side of the surface; true areas are those of surfaces within
+        // 60 degrees.
+        let limit = if self.areas.is_some() { super::area::admission::LIMIT } else { 0.0 };
+        Admission { radius2: self.radii.map(|radius| radius * radius), limit }
+    }
+
+    /// The kernel at the points of these lanes.
+    #[inline(always)] // vectorized
+    pub(super) fn at(&self, points: &GatherPacket, wanted: &Mask) -> PointKernels {
+        let [every, last] = self.radii;
+        let radii = [every, last, every * FRAC_1_SQRT_2, last * FRAC_1_SQRT_2];
+        let Some(areas) = self.areas else {
+            let [every, last] = self.radii.map(disc_area);
+            return PointKernels {
+                inverse_area: [last.recip(); LANES],
+                every: [last / every; LANES],
+                inner: [[2.0; LANES]; 2],
+            };
+        };
+        let facet = from_fn(|lane| {
+            if wanted[lane] { areas.number(points.mesh[lane], points.side[lane]) } else { 0 }
+        });
+        let query = Query { position: &points.position, facet: &facet, wanted };
+        let [every, last, inner_every, inner_last] = areas.areas(&query, &radii);
+        PointKernels {
+            inverse_area: last.map(f32::recip),
+            every: from_fn(|lane| last[lane] / every[lane]),
+            inner: [
+                from_fn(|lane| every[lane] / inner_every[lane]),
+                from_fn(|lane| last[lane] / inner_last[lane]),
+            ],
+        }
+    }
+}
+
+impl PointKernels {
+    /// That of one lane.
+    #[inline(always)] // part of vectorized code
+    pub fn get(&self, lane: usize) -> PointKernel {
+        PointKernel {
+            inverse_area: self.inverse_area[lane],
+            every: self.every[lane],
+            inner: self.inner.map(|inner| inner[lane]),
+        }
+    }
+}
+
+impl PointKernel {
+    /// The kernel for photons of a class over that for photons of the last vertex.
+    #[inline(always)] // part of vectorized code
+    pub fn relative(&self) -> ByClass<f32> {
+        let mut relative = [1.0; 2];
+        relative[EVERY] = self.every;
+        relative
+    }
+}
