@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const NOT_FOUND: &str = "Embree 4 was not found. Run `make setup` (scripts/setup.sh) in the \
-    checkout, or set EMBREE_DIR to a folder that has include/embree4 and lib in it, or build \
+    checkout, or set EMBREE_DIR to a folder that has include/embree4 and lib in it, or build bdpm \
     without it: --no-default-features";
 
 /// Embree 4.3.0: its hits are larger than those of before, at the same major version.
