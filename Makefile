@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup build demo test bench memcheck check-report
+.PHONY: setup build demo test bench memcheck check-package check-report
 
 setup:
 	@scripts/setup.sh
@@ -34,6 +34,10 @@ bench: setup
 # Embree's layer under valgrind: reads and writes outside of what either side allocated.
 memcheck: setup
 	scripts/valgrind.sh
+
+# The bindings as `cargo package` packs them, unpacked elsewhere: tests, documentation, old headers.
+check-package: setup
+	scripts/check-package.sh
 
 # The paper's experiment in short, and its report in a browser at the widths of phones and desktops.
 check-report: build

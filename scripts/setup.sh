@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs what building bdpm needs beyond Rust itself: a C compiler and libclang (for bindgen) and
-# Intel Embree 4. Does nothing, quickly, when all of it is there.
+# Intel Embree 4.3 or a newer 4. Does nothing, quickly, when all of it is there.
 #
 #   EMBREE_DIR=/prefix   use this Embree 4 (include/embree4 and lib below it); skips its set-up
 #
@@ -71,9 +71,11 @@ prefix_is_current() {
         [ -e "$prefix/include/embree4/rtcore.h" ]
 }
 
-# The distribution's own Embree, if its major version is 4.
+# The distribution's own Embree, if it is a 4 and not older than 4.3.
 apt_has_embree4() {
-    [[ $(apt-cache policy libembree-dev 2>/dev/null | awk '/Candidate:/ { print $2 }') == 4.* ]]
+    local version
+    version=$(apt-cache policy libembree-dev 2>/dev/null | awk '/Candidate:/ { print $2 }')
+    [[ $version == 4.* ]] && printf '%s\n' 4.3 "$version" | sort -V -C
 }
 
 # The first of the machine's own sources for Debian, other vendors' and installation discs aside.
@@ -175,7 +177,7 @@ install_embree() {
         make_prefix
     elif command -v apt-get >/dev/null; then
         apt_has_embree4 || apt_update
-        apt_has_embree4 || die "${PRETTY_NAME:-this system} has no Embree 4 package. $archive_hint"
+        apt_has_embree4 || die "${PRETTY_NAME:-this system} has no package of Embree 4.3 or newer. $archive_hint"
         apt_install libembree-dev
     else
         die "${PRETTY_NAME:-This system} is not one this script can set up. $archive_hint"

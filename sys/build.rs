@@ -5,8 +5,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const NOT_FOUND: &str = "Embree 4 was not found. Run `make setup` (scripts/setup.sh) in the \
-    checkout, or set EMBREE_DIR to a folder that has include/embree4 and lib in it, or build \
+    checkout, or set EMBREE_DIR to a folder that has include/embree4 and lib in it, or build bdpm \
     without it: --no-default-features";
+
+/// Embree 4.3.0: its hits are larger than those of before, at the same major version.
+const OLDEST: u32 = 40_300;
 
 /// An Embree installation.
 struct Install {
@@ -33,11 +36,34 @@ impl Install {
             })?;
         Some(Self { include, lib, is_default: prefix == Path::new("/usr") })
     }
+
+    /// Refuses headers that these bindings do not know.
+    fn check_version(&self) -> Result<(), String> {
+        let path = self.include.join("embree4/rtcore_config.h");
+        println!("cargo::rerun-if-changed={}", path.display());
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let version = text
+            .lines()
+            .find_map(|line| line.trim().strip_prefix("#define RTC_VERSION "))
+            .and_then(|number| number.trim().parse::<u32>().ok())
+            .ok_or_else(|| format!("{}: it has no `#define RTC_VERSION`", path.display()))?;
+        if (OLDEST..50_000).contains(&version) {
+            return Ok(());
+        }
+        let (major, minor, patch) = (version / 10_000, version / 100 % 100, version % 100);
+        Err(format!(
+            "{}: this is Embree {major}.{minor}.{patch}, but 4.3 or a newer 4 is needed; set \
+             EMBREE_DIR to the folder of one",
+            path.display()
+        ))
+    }
 }
 
 fn main() {
     println!("cargo::rerun-if-env-changed=EMBREE_DIR");
+    println!("cargo::rerun-if-env-changed=DOCS_RS");
     println!("cargo::rerun-if-changed=wrapper.h");
+    println!("cargo::rustc-check-cfg=cfg(docs_without_embree)");
 
     let Some(install) = find() else {
         if let Some(dir) = embree_dir() {
@@ -45,11 +71,18 @@ fn main() {
                 "cargo::error=EMBREE_DIR is {}: no include/embree4 and lib there",
                 dir.display()
             );
+        } else if env::var_os("DOCS_RS").is_some() {
+            // No header, no declarations: what is documented is the crate's own text.
+            println!("cargo::rustc-cfg=docs_without_embree");
         } else {
             println!("cargo::error={NOT_FOUND}");
         }
         return;
     };
+    if let Err(error) = install.check_version() {
+        println!("cargo::error={error}");
+        return;
+    }
     generate(&install);
 
     println!("cargo::rustc-link-lib=dylib=embree4");
@@ -79,10 +112,12 @@ fn find() -> Option<Install> {
     }
     // At run time: a moved checkout keeps its compiled build script.
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR")?);
-    let checkout = package.parent()?;
-    [&checkout.join(".embree"), Path::new("/usr/local"), Path::new("/usr")]
-        .into_iter()
-        .find_map(Install::below)
+    let out = PathBuf::from(env::var_os("OUT_DIR")?);
+    // Beside this package in the checkout; or above the target folder, where `cargo package` unpacks
+    // it to verify it, and where a dependent project may have one.
+    let folders = package.parent().into_iter().chain(out.ancestors());
+    let prefixes = folders.map(|folder| folder.join(".embree"));
+    prefixes.chain(["/usr/local".into(), "/usr".into()]).find_map(|prefix| Install::below(&prefix))
 }
 
 fn generate(install: &Install) {

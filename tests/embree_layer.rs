@@ -6,14 +6,34 @@
 mod shapes;
 
 use bdpm::accel::bvh::Bvh;
-use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
+use bdpm::accel::embree::{CommittedScene, Device, DeviceConfig, EmbreeError, Isa};
 use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
-use glam::Vec3;
+use glam::{DAffine3, DVec3, Vec3};
 use shapes::{Mesh, Random, coherent_rays, room};
+use std::num::NonZero;
 
-/// valgrind knows no AVX-512; its script asks for another instruction set here.
+fn under_valgrind() -> bool {
+    std::env::var_os("BDPM_TEST_EMBREE").is_some() // scripts/valgrind.sh
+}
+
+/// valgrind knows no AVX-512, and runs one thread at a time.
 fn device() -> Device {
-    Device::with_config(&std::env::var("BDPM_TEST_EMBREE").unwrap_or_default()).unwrap()
+    if under_valgrind() { device_with(Isa::Avx2).unwrap() } else { Device::new().unwrap() }
+}
+
+fn device_with(isa: Isa) -> Result<Device, EmbreeError> {
+    let threads = NonZero::new(1).filter(|_| under_valgrind());
+    Device::with_config(DeviceConfig { isa: Some(isa), threads })
+}
+
+/// Devices of every packet width that this processor has.
+fn devices() -> Vec<Device> {
+    let widest = if under_valgrind() { Isa::Avx2 } else { Isa::Avx512 };
+    let devices = [Isa::Sse2, Isa::Avx2, widest].map(device_with).into_iter().flatten();
+    let mut devices: Vec<Device> = devices.collect();
+    devices.dedup_by_key(|device| device.native_packet_size());
+    assert_eq!(devices[0].native_packet_size(), 4, "every processor here has SSE2");
+    devices
 }
 
 fn scene(meshes: &[Mesh]) -> CommittedScene {
@@ -84,15 +104,9 @@ fn every_packet_width_gives_the_same_answers() {
         let scene = scene(std::slice::from_ref(&ball));
         rays.iter().map(|ray| scene.closest_hit(ray)).collect()
     };
-    let mut sizes = vec![];
-    for isa in ["sse2", "avx2", "avx512"] {
-        // An instruction set that this processor lacks makes Embree take a lesser one or refuse.
-        let Ok(device) = Device::with_config(&format!("isa={isa}")) else { continue };
-        if std::env::var_os("BDPM_TEST_EMBREE").is_some() && isa == "avx512" {
-            continue;
-        }
+    for device in devices() {
         let scene = CommittedScene::from_meshes(&device, &[ball.view()]).unwrap();
-        sizes.push(scene.describe().packet_size);
+        assert_eq!(scene.describe().packet_size, device.native_packet_size());
         for coherence in BOTH {
             let mut hits = vec![Hit::MISS; rays.len()];
             scene.closest_hits(&rays, &mut hits, coherence);
@@ -104,8 +118,6 @@ fn every_packet_width_gives_the_same_answers() {
             }
         }
     }
-    println!("packet sizes: {sizes:?}");
-    assert_eq!(sizes.first(), Some(&4), "every processor here has SSE2: {sizes:?}");
 }
 
 #[test]
@@ -145,6 +157,50 @@ fn a_scene_outlives_the_device_its_meshes_and_other_scenes() {
     drop(scene);
     // A build after the device's handle went reports memory through the callback still.
     assert!(other.commit().unwrap().closest_hit(&Ray::new(Vec3::ZERO, Vec3::X)).is_miss());
+}
+
+/// A scene of a ball at `places`, by way of one that is shared.
+fn placed(device: &Device, mesh: &Mesh, places: &[DVec3]) -> CommittedScene {
+    let mut builder = device.scene_builder().unwrap();
+    let shared = builder.share(&[mesh.view()]).unwrap();
+    for &at in places {
+        builder.place(shared, DAffine3::from_translation(at)).unwrap();
+    }
+    builder.commit().unwrap()
+}
+
+#[test]
+fn instances_outlive_the_device_and_what_they_show() {
+    let device = device();
+    let mut left = device.scene_builder().unwrap();
+    let shared = left.share(&[Mesh::bumpy_ball(9).view()]).unwrap();
+    left.place(shared, DAffine3::IDENTITY).unwrap();
+    let scene = placed(&device, &Mesh::bumpy_ball(9), &[DVec3::X * 5.0, DVec3::X * 9.0]);
+    drop((left, device)); // a builder that is left with places to come
+    assert_eq!(scene.closest_hit(&Ray::new(Vec3::X * 9.0, Vec3::X)).mesh, 1);
+}
+
+#[test]
+fn scenes_are_built_queried_and_dropped_by_threads_at_once() {
+    let device = device();
+    let mesh = Mesh::bumpy_ball(9);
+    let rays = Random(5).incoherent_rays(200);
+    std::thread::scope(|threads| {
+        for _ in 0..4 {
+            threads.spawn(|| {
+                for _ in 0..10 {
+                    let plain = CommittedScene::from_meshes(&device, &[mesh.view()]).unwrap();
+                    let placed = placed(&device, &mesh, &[DVec3::ZERO]);
+                    let mut hits = [vec![Hit::MISS; 200], vec![Hit::MISS; 200]];
+                    plain.closest_hits(&rays, &mut hits[0], Coherence::Incoherent);
+                    placed.closest_hits(&rays, &mut hits[1], Coherence::Incoherent);
+                    for ((ray, one), other) in rays.iter().zip(&hits[0]).zip(&hits[1]) {
+                        assert_same(ray, one, other);
+                    }
+                }
+            });
+        }
+    });
 }
 
 #[test]
@@ -254,28 +310,89 @@ fn degenerate_triangles_are_harmless() {
     }
 }
 
-/// No promise about the answer, only that it comes.
+/// Ends that leave nothing between them, by number or for want of one.
 #[test]
-fn rays_that_are_not_finite_do_no_harm() {
+fn nothing_lies_in_an_empty_interval() {
     let scene = scene(&room());
-    let mut rays = coherent_rays(48);
-    for (i, ray) in rays.iter_mut().enumerate() {
-        let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i % 3];
-        match i % 5 {
-            0 => ray.origin.x = bad,
-            1 => ray.direction.y = bad,
-            2 => ray.t_far = bad,
-            3 => ray.direction = Vec3::ZERO,
-            _ => {}
-        }
+    let ends = [f32::NEG_INFINITY, f32::MIN, -1.0, 0.0, f32::NAN];
+    let rays: Vec<Ray> =
+        ends.iter().map(|&t_far| Ray { t_far, ..Ray::new(Vec3::ZERO, Vec3::X) }).collect();
+    for ray in &rays {
+        assert!(!scene.is_occluded(ray) && scene.closest_hit(ray).is_miss(), "{ray:?}");
     }
     for coherence in BOTH {
-        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut occluded = [true; 5];
+        scene.occlusions(&rays, &mut occluded, coherence);
+        assert_eq!(occluded, [false; 5]);
+        let mut hits = [Hit { mesh: 0, ..Hit::MISS }; 5];
         scene.closest_hits(&rays, &mut hits, coherence);
-        for hit in &hits {
-            assert!(hit.is_miss() || hit.mesh < 3, "{hit:?}");
+        assert_eq!(hits, [Hit::MISS; 5]);
+    }
+}
+
+/// A ray with bits from anywhere in some of its eight numbers.
+fn mangled(ray: &Ray, random: &mut Random) -> Ray {
+    let special = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, 1e-45, f32::MAX];
+    let mut ray = *ray;
+    for _ in 0..1 + random.bits() % 3 {
+        let (place, kind) = (random.bits() as usize % 8, random.bits() as usize % 14);
+        let bits = f32::from_bits(random.bits() as u32);
+        let number = special.get(kind).copied().unwrap_or(bits);
+        match place {
+            0..3 => ray.origin[place] = number,
+            3..6 => ray.direction[place - 3] = number,
+            6 => ray.t_near = number,
+            _ => ray.t_far = number,
         }
-        scene.occlusions(&rays, &mut vec![false; rays.len()], coherence);
+    }
+    ray
+}
+
+/// No promise about the answers to rays that are no rays, only that they come and name something. Sound
+/// rays beside them are answered as if alone, but for coherent ones, which Embree bounds together.
+#[test]
+fn no_numbers_of_a_ray_do_harm() {
+    let ball = Mesh::bumpy_ball(20);
+    let triangles = ball.triangles.len() as u32;
+    let count = if under_valgrind() { 500 } else { 20_000 };
+    let mut random = Random(6);
+    let sound = random.incoherent_rays(count);
+    let sound: Vec<Ray> = sound.into_iter().chain(coherent_rays(count)).collect();
+    let is_mangled = |i: usize| i.is_multiple_of(3);
+    let mangle = |(i, ray)| if is_mangled(i) { mangled(ray, &mut random) } else { *ray };
+    let rays: Vec<Ray> = sound.iter().enumerate().map(mangle).collect();
+    for (device, watertight) in
+        devices().iter().flat_map(|device| [(device, false), (device, true)])
+    {
+        let mut builder = device.scene_builder().unwrap();
+        builder.set_watertight(watertight).unwrap();
+        builder.add_mesh(Mesh::cuboid(Vec3::ZERO, Vec3::ONE, 0.0).view()).unwrap();
+        let shared = builder.share(&[ball.view()]).unwrap();
+        builder.place(shared, DAffine3::from_scale(DVec3::new(0.5, 0.3, 0.4))).unwrap();
+        let scene = builder.commit().unwrap();
+        let check = |i: usize, hit: &Hit| {
+            let limit = [12, triangles].get(hit.mesh as usize).copied();
+            assert!(hit.is_miss() || hit.triangle < limit.unwrap(), "{:?} {hit:?}", rays[i]);
+        };
+        for coherence in BOTH {
+            let mut hits = vec![Hit::MISS; rays.len()];
+            scene.closest_hits(&rays, &mut hits, coherence);
+            let mut occluded = vec![false; rays.len()];
+            scene.occlusions(&rays, &mut occluded, coherence);
+            for (i, ray) in rays.iter().enumerate() {
+                let one = scene.closest_hit(ray);
+                check(i, &one);
+                check(i, &hits[i]);
+                let alone = scene.is_occluded(ray);
+                if !is_mangled(i) {
+                    assert_eq!(alone, !one.is_miss(), "{ray:?}");
+                }
+                if !is_mangled(i) && coherence == Coherence::Incoherent {
+                    assert_same(ray, &one, &hits[i]);
+                    assert_eq!(occluded[i], alone, "{ray:?}");
+                }
+            }
+        }
     }
 }
 

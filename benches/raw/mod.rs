@@ -39,12 +39,14 @@ impl Valid {
 impl RawScene {
     pub fn new<'a>(meshes: impl IntoIterator<Item = TriangleMesh<'a>>) -> Self {
         // SAFETY: Embree's set-up sequence; buffers are filled to the length that they are made
-        // with, from meshes whose indices are in range.
+        // with, from meshes that are valid, so that no index reaches beyond the vertices.
         unsafe {
             let device = rtcNewDevice(std::ptr::null());
             let scene = rtcNewScene(device);
             rtcSetSceneBuildQuality(scene, RTCBuildQuality::RTC_BUILD_QUALITY_HIGH);
-            for TriangleMesh { positions, triangles } in meshes {
+            for mesh in meshes {
+                mesh.validate().expect("benches trace valid meshes");
+                let TriangleMesh { positions, triangles } = mesh;
                 let geometry = rtcNewGeometry(device, RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE);
                 let (vertex, float3) =
                     (RTCBufferType::RTC_BUFFER_TYPE_VERTEX, RTCFormat::RTC_FORMAT_FLOAT3);

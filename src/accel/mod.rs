@@ -23,7 +23,7 @@ pub use packet::{HitPacket, RayPacket};
 pub struct Ray {
     /// Start point, scene units.
     pub origin: Vec3,
-    /// Hits at or before this distance may be ignored.
+    /// Hits at or before this distance may be ignored; not negative.
     pub t_near: f32,
     /// Direction; any finite, nonzero length.
     pub direction: Vec3,
@@ -74,7 +74,8 @@ impl Hit {
     }
 }
 
-/// What the caller knows about neighboring rays of a batch; a hint that never changes results.
+/// What the caller knows about neighboring rays of a batch; a hint that never changes results (of rays
+/// whose numbers are finite).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coherence {
     /// Neighbors start close together and point the same way (camera rays, shadow rays to one point).

@@ -1,5 +1,6 @@
-//! The raw API as bound here, end to end: a device, a triangle, a ray, and every bound struct's
-//! layout as the linked library sees it.
+//! The raw API as bound here, end to end: a device, a triangle and an instance of it, a ray, and every
+//! bound struct's layout as the linked library sees it.
+#![allow(unsafe_code)] // what is tested
 
 use embree4_sys::*;
 use std::ptr::null_mut;
@@ -8,40 +9,71 @@ use std::ptr::null_mut;
 fn new_device() -> RTCDevice {
     let config = std::env::var("BDPM_TEST_EMBREE").unwrap_or_default();
     let config = std::ffi::CString::new(config).unwrap();
-    unsafe { rtcNewDevice(config.as_ptr()) }
+    // SAFETY: the text ends in a zero byte and outlives the call.
+    let device = unsafe { rtcNewDevice(config.as_ptr()) };
+    // SAFETY: null asks for this thread's error without a device.
+    assert!(!device.is_null(), "no device: {:?}", unsafe { rtcGetDeviceError(null_mut()) });
+    device
 }
 
-/// A scene with the triangle (0,0,0) (1,0,0) (0,1,0), with its device.
-unsafe fn triangle_scene() -> (RTCDevice, RTCScene) {
-    unsafe {
+/// The triangle (0,0,0) (1,0,0) (0,1,0) as geometry 0, and an instance of it as geometry 1, moved by
+/// [`INSTANCE_AT`] along x.
+struct Scene {
+    device: RTCDevice,
+    triangle: RTCScene,
+    handle: RTCScene,
+}
+
+const INSTANCE_AT: f32 = 8.0;
+
+impl Scene {
+    fn new() -> Self {
         let device = new_device();
-        assert!(!device.is_null(), "no device: {:?}", rtcGetDeviceError(null_mut()));
-        let geometry = rtcNewGeometry(device, RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE);
-        let positions = rtcSetNewGeometryBuffer(
-            geometry,
-            RTCBufferType::RTC_BUFFER_TYPE_VERTEX,
-            0,
-            RTCFormat::RTC_FORMAT_FLOAT3,
-            12,
-            3,
-        );
-        positions.cast::<[f32; 9]>().write([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
-        let indices = rtcSetNewGeometryBuffer(
-            geometry,
-            RTCBufferType::RTC_BUFFER_TYPE_INDEX,
-            0,
-            RTCFormat::RTC_FORMAT_UINT3,
-            12,
-            1,
-        );
-        indices.cast::<[u32; 3]>().write([0, 1, 2]);
-        rtcCommitGeometry(geometry);
-        let scene = rtcNewScene(device);
-        assert_eq!(rtcAttachGeometry(scene, geometry), 0);
-        rtcReleaseGeometry(geometry);
-        rtcCommitScene(scene);
-        assert_eq!(rtcGetDeviceError(device), RTCError::RTC_ERROR_NONE);
-        (device, scene)
+        // SAFETY: Embree's set-up sequence on valid handles of one device, used by this thread only;
+        // both buffers are as long as what is written to them, and indices are below three.
+        unsafe {
+            let triangle = rtcNewScene(device);
+            let geometry = rtcNewGeometry(device, RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE);
+            let (vertex, float3) =
+                (RTCBufferType::RTC_BUFFER_TYPE_VERTEX, RTCFormat::RTC_FORMAT_FLOAT3);
+            rtcSetNewGeometryBuffer(geometry, vertex, 0, float3, 12, 3)
+                .cast::<[f32; 9]>()
+                .write([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+            let (index, uint3) =
+                (RTCBufferType::RTC_BUFFER_TYPE_INDEX, RTCFormat::RTC_FORMAT_UINT3);
+            rtcSetNewGeometryBuffer(geometry, index, 0, uint3, 12, 1)
+                .cast::<[u32; 3]>()
+                .write([0, 1, 2]);
+            rtcCommitGeometry(geometry);
+            assert_eq!(rtcAttachGeometry(triangle, geometry), 0);
+            rtcCommitScene(triangle);
+
+            let handle = rtcNewScene(device);
+            assert_eq!(rtcAttachGeometry(handle, geometry), 0);
+            rtcReleaseGeometry(geometry);
+            let instance = rtcNewGeometry(device, RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE);
+            rtcSetGeometryInstancedScene(instance, triangle);
+            let columns: [f32; 12] = [1., 0., 0., 0., 1., 0., 0., 0., 1., INSTANCE_AT, 0., 0.];
+            let format = RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR;
+            rtcSetGeometryTransform(instance, 0, format, columns.as_ptr().cast());
+            rtcCommitGeometry(instance);
+            assert_eq!(rtcAttachGeometry(handle, instance), 1);
+            rtcReleaseGeometry(instance);
+            rtcCommitScene(handle);
+            assert_eq!(rtcGetDeviceError(device), RTCError::RTC_ERROR_NONE);
+            Self { device, triangle, handle }
+        }
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        // SAFETY: released once each, and no query is under way.
+        unsafe {
+            rtcReleaseScene(self.handle);
+            rtcReleaseScene(self.triangle);
+            rtcReleaseDevice(self.device);
+        }
     }
 }
 
@@ -72,18 +104,20 @@ fn assert_close(found: [f32; 3], expected: [f32; 3]) {
 
 #[test]
 fn traces_a_ray() {
-    unsafe {
-        let (device, scene) = triangle_scene();
-        let mut hit = ray_at(0.25, 0.5);
-        rtcIntersect1(scene, &mut hit, null_mut());
-        assert_eq!((hit.hit.geomID, hit.hit.primID), (0, 0));
-        assert_close([hit.ray.tfar, hit.hit.u, hit.hit.v], [2.0, 0.25, 0.5]);
-        let mut miss = ray_at(0.75, 0.75);
-        rtcIntersect1(scene, &mut miss, null_mut());
-        assert_eq!(miss.hit.geomID, RTC_INVALID_ID);
-        rtcReleaseScene(scene);
-        rtcReleaseDevice(device);
-    }
+    let scene = Scene::new();
+    let trace = |x, y| {
+        let mut query = ray_at(x, y);
+        // SAFETY: a committed scene; an aligned local of the header's type; default arguments.
+        unsafe { rtcIntersect1(scene.handle, &mut query, null_mut()) };
+        query
+    };
+    let hit = trace(0.25, 0.5);
+    assert_eq!((hit.hit.geomID, hit.hit.primID, hit.hit.instID[0]), (0, 0, RTC_INVALID_ID));
+    assert_close([hit.ray.tfar, hit.hit.u, hit.hit.v], [2.0, 0.25, 0.5]);
+    let hit = trace(INSTANCE_AT + 0.25, 0.5);
+    assert_eq!((hit.hit.geomID, hit.hit.primID, hit.hit.instID[0]), (0, 0, 1));
+    assert_close([hit.ray.tfar, hit.hit.u, hit.hit.v], [2.0, 0.25, 0.5]);
+    assert_eq!(trace(0.75, 0.75).hit.geomID, RTC_INVALID_ID);
 }
 
 const CANARY: u32 = 0xdead_beef;
@@ -93,16 +127,23 @@ const CANARY: u32 = 0xdead_beef;
 struct Guarded<T> {
     before: [u32; 64],
     inside: T,
-    after: [u32; 64],
+    after: [u32; 1024],
 }
 
 impl<T> Guarded<T> {
     fn new(inside: T) -> Self {
-        Self { before: [CANARY; 64], inside, after: [CANARY; 64] }
+        Self { before: [CANARY; 64], inside, after: [CANARY; 1024] }
+    }
+
+    /// Of the struct, by way of the whole: what is written beside it is still ours.
+    fn pointer(&mut self) -> *mut T {
+        let whole = &raw mut *self;
+        // SAFETY: a field of a live struct.
+        unsafe { &raw mut (*whole).inside }
     }
 
     fn assert_intact(&self) {
-        assert_eq!((self.before, self.after), ([CANARY; 64], [CANARY; 64]));
+        assert_eq!((self.before, self.after), ([CANARY; 64], [CANARY; 1024]));
     }
 }
 
@@ -110,63 +151,67 @@ impl<T> Guarded<T> {
 /// from another version of Embree than the library fails here.
 #[test]
 fn the_library_stays_inside_a_single_ray() {
-    unsafe {
-        let (device, scene) = triangle_scene();
-        let mut guarded = Guarded::new(ray_at(0.25, 0.5));
-        rtcIntersect1(scene, &mut guarded.inside, null_mut());
-        assert_eq!(guarded.inside.hit.geomID, 0);
-        assert_eq!(guarded.inside.hit.instID[0], RTC_INVALID_ID);
+    let scene = Scene::new();
+    for (x, instance) in [(0.25, RTC_INVALID_ID), (INSTANCE_AT + 0.25, 1)] {
+        let mut guarded = Guarded::new(ray_at(x, 0.5));
+        // SAFETY: as in `traces_a_ray`; the struct is aligned within its guards.
+        unsafe { rtcIntersect1(scene.handle, guarded.pointer(), null_mut()) };
+        assert_eq!((guarded.inside.hit.geomID, guarded.inside.hit.instID[0]), (0, instance));
         guarded.assert_intact();
-        let mut guarded = Guarded::new(ray_at(0.25, 0.5).ray);
-        rtcOccluded1(scene, &mut guarded.inside, null_mut());
+        let mut guarded = Guarded::new(ray_at(x, 0.5).ray);
+        // SAFETY: as above.
+        unsafe { rtcOccluded1(scene.handle, guarded.pointer(), null_mut()) };
         assert_eq!(guarded.inside.tfar, f32::NEG_INFINITY);
         guarded.assert_intact();
-        rtcReleaseScene(scene);
-        rtcReleaseDevice(device);
     }
 }
 
 macro_rules! packet_stays_inside {
     ($test:ident, $n:literal, $packet:ident, $intersect:ident, $occluded:ident) => {
-        /// As for single rays; every other lane is masked and must stay as it is.
+        /// As for single rays. Every other lane is masked and must stay as it is; of the others, every
+        /// other sees the instance.
         #[test]
         fn $test() {
             #[repr(align(64))]
             struct Valid([i32; $n]);
-            unsafe {
-                let (device, scene) = triangle_scene();
-                let valid = Valid(std::array::from_fn(|lane| if lane % 2 == 0 { -1 } else { 0 }));
-                let mut packet = $packet::default();
-                packet.ray.org_x = [0.25; $n];
-                packet.ray.org_y = [0.5; $n];
-                packet.ray.org_z = [-2.0; $n];
-                packet.ray.dir_z = [1.0; $n];
-                packet.ray.tfar = [f32::INFINITY; $n];
-                packet.ray.mask = [!0; $n];
-                packet.hit.primID = [RTC_INVALID_ID; $n];
-                packet.hit.geomID = [RTC_INVALID_ID; $n];
-                packet.hit.instID[0] = [RTC_INVALID_ID; $n];
+            let scene = Scene::new();
+            let valid = Valid(std::array::from_fn(|lane| if lane % 2 == 0 { -1 } else { 0 }));
+            let sees_instance = |lane: usize| lane % 4 == 2;
+            let mut packet = $packet::default();
+            let x = |lane| if sees_instance(lane) { INSTANCE_AT + 0.25 } else { 0.25 };
+            packet.ray.org_x = std::array::from_fn(x);
+            packet.ray.org_y = [0.5; $n];
+            packet.ray.org_z = [-2.0; $n];
+            packet.ray.dir_z = [1.0; $n];
+            packet.ray.tfar = [f32::INFINITY; $n];
+            packet.ray.mask = [!0; $n];
+            packet.hit.primID = [RTC_INVALID_ID; $n];
+            packet.hit.geomID = [RTC_INVALID_ID; $n];
+            packet.hit.instID[0] = [RTC_INVALID_ID; $n];
 
-                let mut guarded = Guarded::new(packet);
-                $intersect(valid.0.as_ptr(), scene, &mut guarded.inside, null_mut());
-                guarded.assert_intact();
-                let mut rays = Guarded::new(packet.ray);
-                $occluded(valid.0.as_ptr(), scene, &mut rays.inside, null_mut());
-                rays.assert_intact();
-                for lane in 0..$n {
-                    let (ray, hit) = (&guarded.inside.ray, &guarded.inside.hit);
-                    if lane % 2 == 0 {
-                        assert_eq!((hit.geomID[lane], hit.primID[lane]), (0, 0));
-                        assert_close([ray.tfar[lane], hit.u[lane], hit.v[lane]], [2.0, 0.25, 0.5]);
-                        assert_eq!(rays.inside.tfar[lane], f32::NEG_INFINITY);
-                    } else {
-                        assert_eq!(hit.geomID[lane], RTC_INVALID_ID);
-                        assert_eq!(ray.tfar[lane], f32::INFINITY);
-                        assert_eq!(rays.inside.tfar[lane], f32::INFINITY);
-                    }
+            let (lanes, scene) = (valid.0.as_ptr(), scene.handle);
+            let mut guarded = Guarded::new(packet);
+            // SAFETY: a committed scene; mask and packet have the alignment that Embree asks for and
+            // the header's types; default arguments.
+            unsafe { $intersect(lanes, scene, guarded.pointer(), null_mut()) };
+            guarded.assert_intact();
+            let mut rays = Guarded::new(packet.ray);
+            // SAFETY: as above.
+            unsafe { $occluded(lanes, scene, rays.pointer(), null_mut()) };
+            rays.assert_intact();
+            for lane in 0..$n {
+                let (ray, hit) = (&guarded.inside.ray, &guarded.inside.hit);
+                if lane % 2 == 0 {
+                    assert_eq!((hit.geomID[lane], hit.primID[lane]), (0, 0));
+                    let instance = if sees_instance(lane) { 1 } else { RTC_INVALID_ID };
+                    assert_eq!(hit.instID[0][lane], instance);
+                    assert_close([ray.tfar[lane], hit.u[lane], hit.v[lane]], [2.0, 0.25, 0.5]);
+                    assert_eq!(rays.inside.tfar[lane], f32::NEG_INFINITY);
+                } else {
+                    assert_eq!(hit.geomID[lane], RTC_INVALID_ID);
+                    assert_eq!(ray.tfar[lane], f32::INFINITY);
+                    assert_eq!(rays.inside.tfar[lane], f32::INFINITY);
                 }
-                rtcReleaseScene(scene);
-                rtcReleaseDevice(device);
             }
         }
     };
@@ -196,13 +241,13 @@ packet_stays_inside!(
 
 #[test]
 fn the_library_is_not_older_than_the_header() {
-    unsafe {
-        let device = new_device();
-        let version = |property| rtcGetDeviceProperty(device, property);
-        let library = version(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
-        let major = version(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION_MAJOR);
-        assert_eq!(major, RTC_VERSION_MAJOR as isize);
-        assert!(library >= RTC_VERSION as isize, "library {library}, header {RTC_VERSION}");
-        rtcReleaseDevice(device);
-    }
+    let device = new_device();
+    // SAFETY: the device is valid until it is released, below.
+    let version = |property| unsafe { rtcGetDeviceProperty(device, property) };
+    let library = version(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
+    let major = version(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION_MAJOR);
+    // SAFETY: released once.
+    unsafe { rtcReleaseDevice(device) };
+    assert_eq!(major, RTC_VERSION_MAJOR as isize);
+    assert!(library >= RTC_VERSION as isize, "library {library}, header {RTC_VERSION}");
 }

@@ -7,9 +7,8 @@ use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
 use bdpm::accel::{Coherence, Geometry, Hit, Intersect, MeshError, Place, Ray};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-/// valgrind knows no AVX-512; its script asks for another instruction set here.
 fn device() -> Device {
-    Device::with_config(&std::env::var("BDPM_TEST_EMBREE").unwrap_or_default()).unwrap()
+    Device::new().unwrap()
 }
 
 fn turned(axis: DVec3, angle: f64) -> DMat3 {

@@ -1,9 +1,10 @@
 //! The device: Embree's context, its error reports and its memory count.
 
-use super::EmbreeError;
 use super::scene::SceneBuilder;
+use super::{DeviceConfig, EmbreeError, guard};
 use embree4_sys as sys;
-use std::ffi::{CStr, CString, c_char, c_void};
+use std::ffi::{CStr, c_char, c_void};
+use std::ptr::NonNull;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::ThreadId;
@@ -95,17 +96,18 @@ impl Device {
     /// A device with Embree's defaults: the best instruction set, all cores for builds.
     ///
     /// # Errors
-    /// If Embree does not run on this processor, or the library does not fit the header.
+    /// If Embree does not run on this processor, or the library does not fit the header that this
+    /// program was built with, by its version or by where it writes the hit of a ray.
     pub fn new() -> Result<Self, EmbreeError> {
-        Self::with_config("")
+        Self::with_config(DeviceConfig::default())
     }
 
-    /// A device with Embree's own configuration text, as in `threads=2,isa=avx2`.
+    /// A device with settings.
     ///
     /// # Errors
-    /// As [`Device::new`], and if `config` contains a zero byte.
-    pub fn with_config(config: &str) -> Result<Self, EmbreeError> {
-        let text = CString::new(config).map_err(|_| EmbreeError::Config(config.into()))?;
+    /// As [`Device::new`], and if the processor lacks the instructions that are asked for.
+    pub fn with_config(config: DeviceConfig) -> Result<Self, EmbreeError> {
+        let text = config.text();
         // SAFETY: null asks for this thread's error without a device; reading clears a stale one.
         unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };
         // SAFETY: `text` ends in a zero byte and outlives the call; Embree copies what it needs.
@@ -126,6 +128,8 @@ impl Device {
             sys::rtcSetDeviceMemoryMonitorFunction(handle, Some(on_memory), sink);
         }
         device.check_version()?;
+        device.check_features()?;
+        guard::check(&device)?;
         Ok(device)
     }
 
@@ -177,6 +181,19 @@ impl Device {
         Ok(value)
     }
 
+    /// As [`checked`](Self::checked), for calls that return what they made.
+    pub(super) fn made<T>(
+        &self,
+        doing: &'static str,
+        call: impl FnOnce() -> *mut T,
+    ) -> Result<NonNull<T>, EmbreeError> {
+        let nothing = || {
+            let message = "nothing was returned".into();
+            library_error(doing, sys::RTCError::RTC_ERROR_NONE, message)
+        };
+        NonNull::new(self.checked(doing, call)?).ok_or_else(nothing)
+    }
+
     fn take_error(&self, doing: &'static str) -> Result<(), EmbreeError> {
         // SAFETY: the handle is valid as long as `self`; the code belongs to this thread.
         let code = unsafe { sys::rtcGetDeviceError(self.inner.handle) };
@@ -200,10 +217,22 @@ impl Device {
         }
         Err(EmbreeError::Version { library: version_text(library), header: version_text(header) })
     }
+
+    /// Refuses builds of Embree that would leave out what other backends hit.
+    fn check_features(&self) -> Result<(), EmbreeError> {
+        use sys::RTCDeviceProperty as Property;
+        if self.property(Property::RTC_DEVICE_PROPERTY_TRIANGLE_GEOMETRY_SUPPORTED) == 0 {
+            return Err(EmbreeError::Feature("without triangles"));
+        }
+        if self.property(Property::RTC_DEVICE_PROPERTY_BACKFACE_CULLING_ENABLED) != 0 {
+            return Err(EmbreeError::Feature("to hide the back sides of triangles"));
+        }
+        Ok(())
+    }
 }
 
-/// Structs only grow in newer versions of the same major one, and the library writes all of what
-/// its own version knows only where the header's size allows (the tests guard that with canaries).
+/// An older library lacks what the header declares, and another major version means other things by
+/// it. That a newer one still writes where this header says, no version can tell: `guard` tries it.
 fn fits(library: isize, header: isize) -> bool {
     library / 10_000 == header / 10_000 && library >= header
 }
@@ -290,8 +319,23 @@ mod tests {
     }
 
     #[test]
-    fn a_config_with_a_zero_byte_is_refused() {
-        let error = Device::with_config("threads=1\0").unwrap_err();
-        assert_eq!(error, EmbreeError::Config("threads=1\0".into()));
+    fn what_is_not_made_is_an_error() {
+        let device = Device::new().unwrap();
+        let error = device.made("make nothing", std::ptr::null_mut::<u8>).unwrap_err();
+        let text = "Embree failed to make nothing: no error code (nothing was returned)";
+        assert_eq!(error.to_string(), text);
+    }
+
+    #[test]
+    fn the_instruction_set_is_the_one_asked_for() {
+        use super::super::Isa;
+        let with = |isa| Device::with_config(DeviceConfig { isa: Some(isa), threads: None });
+        assert_eq!(with(Isa::Sse2).unwrap().native_packet_size(), 4);
+        let avx512 = with(Isa::Avx512);
+        if Device::new().unwrap().native_packet_size() == 16 {
+            assert_eq!(avx512.unwrap().native_packet_size(), 16);
+        } else {
+            assert!(avx512.map_or(true, |device| device.native_packet_size() < 16));
+        }
     }
 }

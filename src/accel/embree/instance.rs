@@ -1,11 +1,11 @@
 //! Meshes at several places: a scene of its own for each, and an instance of it for each place.
 
 use super::EmbreeError;
-use super::scene::{GeomId, GeometryHandle, SceneBuilder};
+use super::geometry::GeometryHandle;
+use super::scene::{CommittedScene, GeomId, SceneBuilder};
 use crate::accel::{Geometry, MeshError, Place, TriangleMesh, instance_transform};
 use crate::base::math::Bounds;
-use embree4_sys as sys;
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, Vec3};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 
@@ -16,11 +16,19 @@ pub struct SharedId(usize);
 /// Meshes that may have several places.
 #[derive(Debug)]
 pub(super) struct Shared {
-    /// Of these meshes alone. Instances of it are attached to other scenes while nothing can be
-    /// attached to it any more.
+    /// Of these meshes alone, never of instances.
     pub(super) scene: SceneBuilder,
     bounds: Bounds,
     is_empty: bool,
+}
+
+/// An instance to come.
+#[derive(Debug)]
+pub(super) struct Placed {
+    /// Index of what is shared.
+    shared: usize,
+    to_scene: Affine3A,
+    id: u32,
 }
 
 impl SceneBuilder {
@@ -29,6 +37,9 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// As [`add_mesh`](Self::add_mesh) and [`place`](Self::place).
+    ///
+    /// # Panics
+    /// If a place names a mesh that there is not.
     pub fn add(&mut self, geometry: &Geometry<'_>) -> Result<(), EmbreeError> {
         let mut shared = HashMap::new();
         // Meshes that follow another in the list are parts of one thing; two places of one mesh are not.
@@ -73,11 +84,11 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// [`EmbreeError::Mesh`] if the transform is nothing for numbers, or moves the mesh out of their
-    /// range; [`EmbreeError::Library`] as [`add_mesh`](Self::add_mesh). The scene is then as it was
-    /// before.
+    /// range; [`EmbreeError::TooManyMeshes`] if there are not enough ids left. The scene is then as it
+    /// was before.
     ///
     /// # Panics
-    /// If another builder made the id, and this one has no such mesh.
+    /// If another builder made the id, and this one has no such meshes.
     pub fn place(&mut self, id: SharedId, to_scene: DAffine3) -> Result<GeomId, EmbreeError> {
         let mesh = self.meshes;
         let Shared { scene, bounds, is_empty } = &self.shared[id.0];
@@ -87,36 +98,33 @@ impl SceneBuilder {
                 _ => Ok(transform),
             })
             .map_err(|problem| EmbreeError::Mesh { mesh, problem })?;
+        let meshes = self.meshes_with(scene.meshes)?;
         if !is_empty {
-            let kind = sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE;
-            let instance = self.device.checked("make an instance", || {
-                // SAFETY: the device handle is valid as long as `self.device`.
-                GeometryHandle(unsafe { sys::rtcNewGeometry(self.device.handle(), kind) })
-            })?;
-            let format = sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR;
-            let columns = transform.to_cols_array();
-            self.device.checked("add an instance", || {
-                // SAFETY: all handles are valid, of one device and used by this thread only. The
-                // instanced scene holds triangles and no instance, so there is one level of them;
-                // Embree counts its reference, and copies the twelve numbers. No geometry has this
-                // id yet.
-                unsafe {
-                    sys::rtcSetGeometryInstancedScene(instance.0, scene.handle.0);
-                    sys::rtcSetGeometryTransform(instance.0, 0, format, columns.as_ptr().cast());
-                    sys::rtcCommitGeometry(instance.0);
-                    sys::rtcAttachGeometryByID(self.handle.0, instance.0, mesh);
-                }
-            })?;
+            self.placed.push(Placed { shared: id.0, to_scene: transform, id: mesh });
         }
-        self.meshes += scene.meshes;
+        self.meshes = meshes;
         Ok(GeomId(mesh))
+    }
+
+    /// Builds what is shared, and only then makes the instances of it, as Embree wants.
+    pub(super) fn commit_instances(&mut self) -> Result<(), EmbreeError> {
+        let shared = std::mem::take(&mut self.shared).into_iter();
+        let shared = shared.map(|shared| shared.scene.commit()).collect::<Result<Vec<_>, _>>()?;
+        for Placed { shared: index, to_scene, id } in std::mem::take(&mut self.placed) {
+            // What is shared holds no instances, so there is one level of them.
+            let instance = GeometryHandle::instance(&self.device, &shared[index], &to_scene)?;
+            self.attach(&instance, id)?;
+        }
+        // Dropped here: its instances hold what Embree needs of it.
+        self.triangles += shared.iter().map(CommittedScene::triangles).sum::<usize>();
+        Ok(())
     }
 
     /// An error about a mesh of another scene, if its meshes were added to this one.
     fn about_next(&self, error: EmbreeError) -> EmbreeError {
         match error {
             EmbreeError::Mesh { mesh, problem } => {
-                EmbreeError::Mesh { mesh: self.meshes + mesh, problem }
+                EmbreeError::Mesh { mesh: self.meshes.saturating_add(mesh), problem }
             }
             other => other,
         }

@@ -52,6 +52,20 @@
 //! # Ok(())
 //! # }
 //! ```
+//! A scene that is not committed answers no query, and one that is cannot be placed in another, so there
+//! is one level of instances:
+//! ```compile_fail,E0599
+//! # use bdpm::accel::{embree::*, Intersect, Ray};
+//! # fn misuse(builder: SceneBuilder, ray: Ray) {
+//! builder.closest_hit(&ray);
+//! # }
+//! ```
+//! ```compile_fail,E0308
+//! # use bdpm::accel::embree::*;
+//! # fn misuse(builder: &mut SceneBuilder, other: CommittedScene) {
+//! builder.place(other, Default::default());
+//! # }
+//! ```
 //! A builder may move to another thread, but two threads cannot share it:
 //! ```compile_fail,E0277
 //! # use bdpm::accel::embree::*;
@@ -67,6 +81,10 @@
 //! # use bdpm::accel::embree::*;
 //! let id = GeomId(7);
 //! ```
+//! ```compile_fail,E0423
+//! # use bdpm::accel::embree::*;
+//! let id = SharedId(7);
+//! ```
 //! ```compile_fail,E0451
 //! # use bdpm::accel::embree::*;
 //! # fn misuse(real: CommittedScene) {
@@ -77,11 +95,16 @@
 // The only unsafe code of the package: calls into a C library.
 #![allow(unsafe_code)]
 
+mod config;
 mod device;
+mod geometry;
+mod guard;
 mod instance;
 mod packets;
 mod scene;
+mod single;
 
+pub use config::{DeviceConfig, Isa};
 pub use device::Device;
 pub use instance::SharedId;
 pub use scene::{CommittedScene, GeomId, SceneBuilder};
@@ -100,9 +123,9 @@ pub enum EmbreeError {
         #[source]
         problem: MeshError,
     },
-    /// The configuration text has a zero byte inside.
-    #[error("the device configuration has a zero byte in it: {0:?}")]
-    Config(String),
+    /// There are more meshes and places of shared ones than 32 bits can number.
+    #[error("a scene cannot number more than {} meshes", u32::MAX)]
+    TooManyMeshes,
     /// The library that was loaded does not fit the header that this program was built with.
     #[error(
         "the Embree library is version {library}, but this program was built with the header of \
@@ -114,6 +137,19 @@ pub enum EmbreeError {
         /// Version of the header.
         header: String,
     },
+    /// The library that was loaded has the right version, but other structs than the header that this
+    /// program was built with.
+    #[error(
+        "the Embree library, version {library}, writes hits elsewhere than the header says that this \
+         program was built with; build it again with EMBREE_DIR set to the folder of both"
+    )]
+    Layout {
+        /// Version of the library.
+        library: String,
+    },
+    /// The library that was loaded was built without what this layer needs.
+    #[error("the Embree library was built {0}; use another build of it")]
+    Feature(&'static str),
     /// Embree reported an error.
     #[error("Embree failed to {doing}: {code} ({message})")]
     Library {

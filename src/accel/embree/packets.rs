@@ -6,6 +6,8 @@
 //! (`cargo bench --bench trace`).
 
 use super::Device;
+use super::guard::Guarded;
+use super::single::{closest_hit, far_end, fresh_ray, is_hit, is_occluded, named};
 use crate::accel::packet::used;
 use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
 use crate::lanes::simd::vectorized;
@@ -40,66 +42,22 @@ impl PacketSize {
     }
 }
 
-/// What every ray has in common, whatever its width: visible to all masks, at time 0, no flags.
-macro_rules! fresh_ray {
-    ($ray:ident, $mask:expr) => {
-        sys::$ray { mask: $mask, ..Default::default() }
-    };
-}
-
-fn single_ray(ray: &Ray) -> sys::RTCRay {
-    sys::RTCRay {
-        org_x: ray.origin.x,
-        org_y: ray.origin.y,
-        org_z: ray.origin.z,
-        tnear: ray.t_near,
-        dir_x: ray.direction.x,
-        dir_y: ray.direction.y,
-        dir_z: ray.direction.z,
-        tfar: ray.t_far,
-        ..fresh_ray!(RTCRay, !0)
-    }
-}
-
-/// # Safety
-/// `scene` must be committed, and stay alive and unchanged during the call.
-pub(super) unsafe fn closest_hit(scene: sys::RTCScene, ray: &Ray) -> Hit {
-    let mut query = sys::RTCRayHit { ray: single_ray(ray), ..Default::default() };
-    query.hit.geomID = sys::RTC_INVALID_ID;
-    query.hit.instID[0] = sys::RTC_INVALID_ID;
-    // SAFETY: the scene is as the caller promised. `query` is an aligned local of the type that
-    // the linked library's header describes. Null arguments mean Embree's defaults.
-    unsafe { sys::rtcIntersect1(scene, &mut query, null_mut()) };
-    if query.hit.geomID == sys::RTC_INVALID_ID {
-        return Hit::MISS;
-    }
-    Hit {
-        t: query.ray.tfar,
-        u: query.hit.u,
-        v: query.hit.v,
-        mesh: named(query.hit.instID[0], query.hit.geomID),
-        triangle: query.hit.primID,
-    }
-}
-
-/// The mesh of a hit: instances are named as the first of the meshes that they show.
-#[inline(always)]
-fn named(instance: u32, geometry: u32) -> u32 {
-    if instance == sys::RTC_INVALID_ID { geometry } else { instance + geometry }
-}
-
+/// The closest hit of a ray, found by the last lane of a packet that has it in all; none if Embree
+/// wrote behind what it is given.
+///
 /// # Safety
 /// As [`closest_hit`].
-pub(super) unsafe fn is_occluded(scene: sys::RTCScene, ray: &Ray) -> bool {
-    let mut query = single_ray(ray);
-    // SAFETY: as in `closest_hit`.
-    unsafe { sys::rtcOccluded1(scene, &mut query, null_mut()) };
-    is_hit(query.tfar)
-}
-
-/// Embree marks an occluded ray by the far end minus infinity.
-fn is_hit(t_far: f32) -> bool {
-    t_far == f32::NEG_INFINITY
+pub(super) unsafe fn guarded(scene: sys::RTCScene, size: PacketSize, ray: &Ray) -> Option<Hit> {
+    let rays = RayPacket::of(&[*ray]);
+    // SAFETY: the caller's promise about the scene is handed on.
+    let hits = unsafe {
+        match size {
+            PacketSize::Sixteen => packet16::guarded(scene, &rays),
+            PacketSize::Eight => packet8::guarded(scene, &rays),
+            PacketSize::Four => packet4::guarded(scene, &rays),
+        }
+    };
+    Some(hits?.get(size.rays() - 1))
 }
 
 /// # Safety
@@ -111,14 +69,16 @@ pub(super) unsafe fn intersect(
     hits: &mut [HitPacket],
     coherence: Coherence,
 ) {
-    // SAFETY: the caller's promise about the scene is handed on.
     vectorized(
         #[inline(always)]
-        |_| unsafe {
-            match size {
-                PacketSize::Sixteen => packet16::intersect(scene, rays, hits, coherence),
-                PacketSize::Eight => packet8::intersect(scene, rays, hits, coherence),
-                PacketSize::Four => packet4::intersect(scene, rays, hits, coherence),
+        |_| {
+            // SAFETY: the caller's promise about the scene is handed on.
+            unsafe {
+                match size {
+                    PacketSize::Sixteen => packet16::intersect(scene, rays, hits, coherence),
+                    PacketSize::Eight => packet8::intersect(scene, rays, hits, coherence),
+                    PacketSize::Four => packet4::intersect(scene, rays, hits, coherence),
+                }
             }
         },
     );
@@ -133,14 +93,16 @@ pub(super) unsafe fn occlude(
     occluded: &mut [Mask],
     coherence: Coherence,
 ) {
-    // SAFETY: the caller's promise about the scene is handed on.
     vectorized(
         #[inline(always)]
-        |_| unsafe {
-            match size {
-                PacketSize::Sixteen => packet16::occlude(scene, rays, occluded, coherence),
-                PacketSize::Eight => packet8::occlude(scene, rays, occluded, coherence),
-                PacketSize::Four => packet4::occlude(scene, rays, occluded, coherence),
+        |_| {
+            // SAFETY: the caller's promise about the scene is handed on.
+            unsafe {
+                match size {
+                    PacketSize::Sixteen => packet16::occlude(scene, rays, occluded, coherence),
+                    PacketSize::Eight => packet8::occlude(scene, rays, occluded, coherence),
+                    PacketSize::Four => packet4::occlude(scene, rays, occluded, coherence),
+                }
             }
         },
     );
@@ -192,7 +154,56 @@ macro_rules! packets {
                 packet.dir_x = *part(&rays.direction.x, first);
                 packet.dir_y = *part(&rays.direction.y, first);
                 packet.dir_z = *part(&rays.direction.z, first);
-                packet.tfar = *part(&rays.t_far, first);
+                packet.tfar = part(&rays.t_far, first).map(far_end);
+            }
+
+            #[inline(always)]
+            fn fresh() -> sys::$ray_hit {
+                sys::$ray_hit { ray: fresh_ray!($ray, [!0; $n]), ..Default::default() }
+            }
+
+            /// A lane that hits nothing keeps these: together with its distance, a miss.
+            #[inline(always)]
+            fn clear(query: &mut sys::$ray_hit) {
+                query.hit.geomID = [sys::RTC_INVALID_ID; $n];
+                query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
+                query.hit.primID = [sys::RTC_INVALID_ID; $n];
+                query.hit.u = [0.0; $n];
+                query.hit.v = [0.0; $n];
+            }
+
+            #[inline(always)]
+            fn answer(query: &sys::$ray_hit, hits: &mut HitPacket, first: usize) {
+                let (ray, hit) = (&query.ray, &query.hit);
+                let mesh = part_mut(&mut hits.mesh, first);
+                let t = part_mut(&mut hits.t, first);
+                for lane in 0..$n {
+                    mesh[lane] = named(hit.instID[0][lane], hit.geomID[lane]);
+                    let missed = mesh[lane] == sys::RTC_INVALID_ID;
+                    t[lane] = if missed { f32::INFINITY } else { ray.tfar[lane] };
+                }
+                *part_mut(&mut hits.u, first) = hit.u;
+                *part_mut(&mut hits.v, first) = hit.v;
+                *part_mut(&mut hits.triangle, first) = hit.primID;
+            }
+
+            /// The hits of the first rays of a packet, unless Embree wrote behind it.
+            ///
+            /// # Safety
+            /// As [`super::closest_hit`].
+            pub unsafe fn guarded(scene: sys::RTCScene, rays: &RayPacket) -> Option<HitPacket> {
+                let mut query = fresh();
+                stage(rays, 0, &mut query.ray);
+                clear(&mut query);
+                let mut query = Guarded::new(query);
+                let valid = Valid::first($n);
+                // SAFETY: as in `intersect`, but that the library may stray into the guard.
+                unsafe {
+                    sys::$intersect(valid.0.as_ptr(), scene, query.as_mut_ptr(), null_mut());
+                }
+                let mut hits = HitPacket::default();
+                answer(&query.get()?, &mut hits, 0);
+                Some(hits)
             }
 
             /// # Safety
@@ -209,8 +220,7 @@ macro_rules! packets {
                     feature_mask: sys::RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
                     ..Default::default()
                 };
-                let mut query =
-                    sys::$ray_hit { ray: fresh_ray!($ray, [!0; $n]), ..Default::default() };
+                let mut query = fresh();
                 for ((rays, hits), lanes) in rays.iter().zip(hits).zip(used(count, rays.len())) {
                     for first in lanes.clone().step_by($n) {
                         let active = (lanes.end - first).min($n);
@@ -223,30 +233,15 @@ macro_rules! packets {
                             continue;
                         }
                         stage(rays, first, &mut query.ray);
-                        // A lane that hits nothing keeps these: together with its distance, a miss.
-                        query.hit.geomID = [sys::RTC_INVALID_ID; $n];
-                        query.hit.instID[0] = [sys::RTC_INVALID_ID; $n];
-                        query.hit.primID = [sys::RTC_INVALID_ID; $n];
-                        query.hit.u = [0.0; $n];
-                        query.hit.v = [0.0; $n];
+                        clear(&mut query);
                         let valid = Valid::first(active);
                         // SAFETY: the scene is as the caller promised; `valid` and `query` are
-                        // locals with at least the alignment that Embree asks for, of the types that
-                        // the linked library's header describes.
+                        // locals with at least the alignment that Embree asks for, of the header's
+                        // types, in which the library stays (`guard`).
                         unsafe {
                             sys::$intersect(valid.0.as_ptr(), scene, &mut query, &mut arguments);
                         }
-                        let (ray, hit) = (&query.ray, &query.hit);
-                        let mesh = part_mut(&mut hits.mesh, first);
-                        let t = part_mut(&mut hits.t, first);
-                        for lane in 0..$n {
-                            mesh[lane] = named(hit.instID[0][lane], hit.geomID[lane]);
-                            let missed = mesh[lane] == sys::RTC_INVALID_ID;
-                            t[lane] = if missed { f32::INFINITY } else { ray.tfar[lane] };
-                        }
-                        *part_mut(&mut hits.u, first) = hit.u;
-                        *part_mut(&mut hits.v, first) = hit.v;
-                        *part_mut(&mut hits.triangle, first) = hit.primID;
+                        answer(&query, hits, first);
                     }
                 }
             }

@@ -1,14 +1,15 @@
 //! Scenes: built once, then immutable.
 
-use super::instance::Shared;
-use super::packets;
-use super::packets::PacketSize;
-use super::{Device, EmbreeError};
+use super::geometry::GeometryHandle;
+use super::instance::{Placed, Shared};
+use super::packets::{self, PacketSize};
+use super::{Device, EmbreeError, single};
 use crate::accel::{
     AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh,
 };
 use crate::lanes::Mask;
 use embree4_sys as sys;
+use std::ptr::NonNull;
 use std::time::{Duration, Instant};
 
 /// Names a mesh of a scene.
@@ -25,22 +26,18 @@ impl GeomId {
 
 /// An owned reference to an Embree scene.
 #[derive(Debug)]
-pub(super) struct SceneHandle(pub(super) sys::RTCScene);
+pub(super) struct SceneHandle(NonNull<sys::RTCSceneTy>);
+
+impl SceneHandle {
+    pub(super) fn get(&self) -> sys::RTCScene {
+        self.0.as_ptr()
+    }
+}
 
 impl Drop for SceneHandle {
     fn drop(&mut self) {
         // SAFETY: came from `rtcNewScene`; released once, here.
-        unsafe { sys::rtcReleaseScene(self.0) };
-    }
-}
-
-/// An owned reference to an Embree geometry; a scene that it is attached to holds its own.
-pub(super) struct GeometryHandle(pub(super) sys::RTCGeometry);
-
-impl Drop for GeometryHandle {
-    fn drop(&mut self) {
-        // SAFETY: came from `rtcNewGeometry`; released once, here.
-        unsafe { sys::rtcReleaseGeometry(self.0) };
+        unsafe { sys::rtcReleaseScene(self.get()) };
     }
 }
 
@@ -52,8 +49,9 @@ pub struct SceneBuilder {
     /// Meshes and places of shared ones.
     pub(super) meshes: u32,
     pub(super) shared: Vec<Shared>,
+    pub(super) placed: Vec<Placed>,
     pub(super) watertight: bool,
-    triangles: usize,
+    pub(super) triangles: usize,
     /// What the device held before this scene.
     bytes_before: usize,
     pub(super) device: Device,
@@ -66,14 +64,15 @@ unsafe impl Send for SceneBuilder {}
 impl SceneBuilder {
     pub(super) fn new(device: &Device) -> Result<Self, EmbreeError> {
         let bytes_before = device.bytes();
-        let handle = device.checked("make a scene", || {
+        let handle = SceneHandle(device.made("make a scene", || {
             // SAFETY: the device handle is valid as long as `device`.
-            SceneHandle(unsafe { sys::rtcNewScene(device.handle()) })
-        })?;
+            unsafe { sys::rtcNewScene(device.handle()) }
+        })?);
         let scene = Self {
             handle,
             meshes: 0,
             shared: Vec::new(),
+            placed: Vec::new(),
             watertight: false,
             triangles: 0,
             bytes_before,
@@ -82,7 +81,7 @@ impl SceneBuilder {
         let quality = sys::RTCBuildQuality::RTC_BUILD_QUALITY_HIGH;
         device.checked("set the scene's build quality", || {
             // SAFETY: the scene handle is valid and used by this thread only.
-            unsafe { sys::rtcSetSceneBuildQuality(scene.handle.0, quality) };
+            unsafe { sys::rtcSetSceneBuildQuality(scene.handle.get(), quality) };
         })?;
         Ok(scene)
     }
@@ -105,7 +104,7 @@ impl SceneBuilder {
         };
         self.device.checked("set the scene's flags", || {
             // SAFETY: the scene handle is valid and `&mut self` means that nobody else uses it.
-            unsafe { sys::rtcSetSceneFlags(self.handle.0, flags) };
+            unsafe { sys::rtcSetSceneFlags(self.handle.get(), flags) };
         })?;
         self.watertight = on;
         self.shared.iter_mut().try_for_each(|shared| shared.scene.set_watertight(on))
@@ -114,74 +113,32 @@ impl SceneBuilder {
     /// Copies a mesh into the scene. An empty one takes an id too.
     ///
     /// # Errors
-    /// [`EmbreeError::Mesh`] if [`TriangleMesh::validate`] refuses it; [`EmbreeError::Library`] if
-    /// Embree does, as when memory runs out. The scene is then as it was before.
+    /// [`EmbreeError::Mesh`] if [`TriangleMesh::validate`] refuses it; [`EmbreeError::TooManyMeshes`] if
+    /// there is no id left; [`EmbreeError::Library`] if Embree refuses, as when memory runs out. The
+    /// scene then holds what it held before.
     pub fn add_mesh(&mut self, mesh: TriangleMesh<'_>) -> Result<GeomId, EmbreeError> {
         let id = self.meshes;
-        mesh.validate().map_err(|problem| EmbreeError::Mesh { mesh: id, problem })?;
-        if !mesh.triangles.is_empty() {
-            self.attach(mesh, id)?;
+        let meshes = self.meshes_with(1)?;
+        if let Some(geometry) = GeometryHandle::of_mesh(&self.device, mesh, id)? {
+            self.attach(&geometry, id)?;
         }
-        self.meshes += 1;
+        self.meshes = meshes;
         self.triangles += mesh.triangles.len();
         Ok(GeomId(id))
     }
 
-    fn attach(&mut self, mesh: TriangleMesh<'_>, id: u32) -> Result<(), EmbreeError> {
-        let device = &self.device;
-        let geometry = device.checked("make a geometry", || {
-            let kind = sys::RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE;
-            // SAFETY: the device handle is valid as long as `device`.
-            GeometryHandle(unsafe { sys::rtcNewGeometry(device.handle(), kind) })
-        })?;
-        let (vertex, float3) =
-            (sys::RTCBufferType::RTC_BUFFER_TYPE_VERTEX, sys::RTCFormat::RTC_FORMAT_FLOAT3);
-        let (index, uint3) =
-            (sys::RTCBufferType::RTC_BUFFER_TYPE_INDEX, sys::RTCFormat::RTC_FORMAT_UINT3);
-        self.copy(&geometry, vertex, float3, mesh.positions)?;
-        self.copy(&geometry, index, uint3, mesh.triangles)?;
-        device.checked("add a mesh", || {
-            // SAFETY: both handles are valid and used by this thread only. All indices were
-            // checked against the vertex count, and no geometry has this id yet.
-            unsafe {
-                sys::rtcCommitGeometry(geometry.0);
-                sys::rtcAttachGeometryByID(self.handle.0, geometry.0, id);
-            }
-        })
+    /// The number of meshes with so many more. The largest id stays below the one that means "nothing".
+    pub(super) fn meshes_with(&self, more: u32) -> Result<u32, EmbreeError> {
+        self.meshes.checked_add(more).ok_or(EmbreeError::TooManyMeshes)
     }
 
-    /// Copies `items` into a new buffer of Embree's, which pads it for its own wide reads.
-    fn copy<T: Copy>(
-        &self,
-        geometry: &GeometryHandle,
-        kind: sys::RTCBufferType,
-        format: sys::RTCFormat,
-        items: &[T],
-    ) -> Result<(), EmbreeError> {
-        let buffer = self.device.checked("allocate a mesh", || {
-            // SAFETY: the geometry is valid; stride and count describe a buffer that Embree makes.
-            unsafe {
-                sys::rtcSetNewGeometryBuffer(
-                    geometry.0,
-                    kind,
-                    0,
-                    format,
-                    size_of::<T>(),
-                    items.len(),
-                )
-            }
-        })?;
-        if buffer.is_null() {
-            return Err(EmbreeError::Library {
-                doing: "allocate a mesh",
-                code: "no error code",
-                message: "no memory was returned".into(),
-            });
-        }
-        // SAFETY: the buffer is new, so nothing overlaps, and holds `len` strides of `T`'s size,
-        // aligned to at least 4 as `T` (`Vec3` or `[u32; 3]`) is. Copying bytes needs no more.
-        unsafe { std::ptr::copy_nonoverlapping(items.as_ptr(), buffer.cast::<T>(), items.len()) };
-        Ok(())
+    /// Makes `geometry`, which must be of the same device, part of this scene.
+    pub(super) fn attach(&mut self, geometry: &GeometryHandle, id: u32) -> Result<(), EmbreeError> {
+        self.device.checked("add a geometry to the scene", || {
+            // SAFETY: both handles are valid, and `&mut self` means that nobody else uses the scene.
+            // Embree refuses a geometry of another device and an id that is taken.
+            unsafe { sys::rtcAttachGeometryByID(self.handle.get(), geometry.get(), id) };
+        })
     }
 
     /// Builds the acceleration structure, on all of the device's threads.
@@ -190,13 +147,10 @@ impl SceneBuilder {
     /// If Embree cannot, as when memory runs out.
     pub fn commit(mut self) -> Result<CommittedScene, EmbreeError> {
         let start = Instant::now();
-        for Shared { scene, .. } in std::mem::take(&mut self.shared) {
-            // Its places hold what Embree needs of it.
-            self.triangles += scene.commit()?.triangles;
-        }
+        self.commit_instances()?;
         self.device.checked("build the scene", || {
             // SAFETY: the scene handle is valid, and `self` by value means that nobody else uses it.
-            unsafe { sys::rtcCommitScene(self.handle.0) };
+            unsafe { sys::rtcCommitScene(self.handle.get()) };
         })?;
         let build_time = start.elapsed();
         let bytes = self.device.bytes().saturating_sub(self.bytes_before);
@@ -208,7 +162,8 @@ impl SceneBuilder {
 
 /// An immutable scene that answers ray queries, from any number of threads at once.
 ///
-/// It keeps the device alive. Rays should be finite; one that is not gives some answer, no fault.
+/// It keeps the device alive. Origins and directions should be finite; a ray that is not gets some
+/// answer, no fault, and in a coherent batch so may its neighbors, which Embree bounds together with it.
 #[derive(Debug)]
 pub struct CommittedScene {
     // Dropped in this order: the scene's handle before the device's.
@@ -239,10 +194,22 @@ impl CommittedScene {
     ///
     /// # Errors
     /// As [`SceneBuilder::add`] and [`SceneBuilder::commit`].
+    ///
+    /// # Panics
+    /// If a place names a mesh that there is not.
     pub fn new(device: &Device, geometry: &Geometry<'_>) -> Result<Self, EmbreeError> {
         let mut builder = device.scene_builder()?;
         builder.add(geometry)?;
         builder.commit()
+    }
+
+    /// Committed, never changed, and valid as long as `self`.
+    pub(super) fn handle(&self) -> sys::RTCScene {
+        self.handle.get()
+    }
+
+    pub(super) fn triangles(&self) -> usize {
+        self.triangles
     }
 }
 
@@ -255,8 +222,8 @@ impl Intersect for CommittedScene {
         coherence: Coherence,
     ) {
         assert_eq!(rays.len(), hits.len(), "one packet of hits per packet of rays");
-        let (scene, size) = (self.handle.0, self.packet_size);
-        // SAFETY: a `CommittedScene`'s handle is committed, never changes, and lives as long as it.
+        let (scene, size) = (self.handle(), self.packet_size);
+        // SAFETY: the scene is committed, never changes, and lives as long as `self`.
         unsafe { packets::intersect(scene, size, (rays, count), hits, coherence) };
     }
 
@@ -268,19 +235,19 @@ impl Intersect for CommittedScene {
         coherence: Coherence,
     ) {
         assert_eq!(rays.len(), occluded.len(), "one packet of answers per packet of rays");
-        let (scene, size) = (self.handle.0, self.packet_size);
+        let (scene, size) = (self.handle(), self.packet_size);
         // SAFETY: as in `intersect`.
         unsafe { packets::occlude(scene, size, (rays, count), occluded, coherence) };
     }
 
     fn closest_hit(&self, ray: &Ray) -> Hit {
         // SAFETY: as in `intersect`.
-        unsafe { packets::closest_hit(self.handle.0, ray) }
+        unsafe { single::closest_hit(self.handle(), ray) }
     }
 
     fn is_occluded(&self, ray: &Ray) -> bool {
         // SAFETY: as in `intersect`.
-        unsafe { packets::is_occluded(self.handle.0, ray) }
+        unsafe { single::is_occluded(self.handle(), ray) }
     }
 
     /// `bytes` is Embree's own count for the device, before and after; scenes that other threads
@@ -300,5 +267,33 @@ impl Intersect for CommittedScene {
             bytes: self.bytes,
             build_time: self.build_time,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DAffine3, Vec3};
+
+    /// The last id is one below that of a miss, and what finds none left changes nothing.
+    #[test]
+    fn meshes_beyond_the_last_id_are_refused() {
+        let nothing = TriangleMesh { positions: &[], triangles: &[] };
+        let corner = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        let triangle = TriangleMesh { positions: &corner, triangles: &[[0, 1, 2]] };
+        let mut builder = Device::new().unwrap().scene_builder().unwrap();
+        let first = builder.add_mesh(triangle).unwrap();
+        let two = builder.share(&[nothing, triangle]).unwrap();
+        builder.meshes = u32::MAX - 1; // as if as many without triangles had been added
+        let placed = builder.place(two, DAffine3::IDENTITY);
+        assert_eq!(placed, Err(EmbreeError::TooManyMeshes));
+        assert_eq!(builder.add_mesh(nothing).map(GeomId::index), Ok(u32::MAX - 1));
+        for mesh in [nothing, triangle] {
+            assert_eq!(builder.add_mesh(mesh), Err(EmbreeError::TooManyMeshes));
+        }
+        let scene = builder.commit().unwrap();
+        assert_eq!(scene.triangles, 2);
+        let ray = Ray::new(Vec3::new(0.25, 0.25, 1.0), Vec3::NEG_Z);
+        assert_eq!(scene.closest_hit(&ray).mesh, first.index());
     }
 }
