@@ -17,6 +17,7 @@ use bdpm::base::math::{Rgb, disc_area};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::transport::camera_paths::CameraPaths;
 use bdpm::transport::gather::GatherPoint;
+use bdpm::transport::kernel::Kernel;
 use bdpm::transport::light_paths::LightPaths;
 use bdpm::transport::merge::{Gathered, Merge};
 use bdpm::transport::photon::{Photon, PhotonClass};
@@ -61,7 +62,9 @@ fn merge_by(
         let mut light = Rgb::ZERO;
         look_up(point.position, &mut |index| {
             let photon = &photons[index as usize];
-            if (last || photon.class() == PhotonClass::EveryVertex) && photon.faces(point.normal) {
+            if (last || photon.class() == PhotonClass::EveryVertex)
+                && photon.cosine(point.normal) > 0.0
+            {
                 sum.pairs += 1;
                 light += weight * photon.flux;
             }
@@ -104,7 +107,7 @@ fn merging(criterion: &mut Criterion) {
 
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
-        let merge = Merge::new(&map, settings.merge_vertex);
+        let merge = Merge::new(&map, settings.merge_vertex, Kernel::disc(settings.radius));
         let squares = Squares::new(&scene, &*accel, &settings, merge.together(false));
         let subject = (&photons[..], &settings);
         let (mut look_ups, mut expected) = (0, Sum::default());

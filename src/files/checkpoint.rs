@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use crate::image::counts::{CameraCounts, Counts};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
-    use crate::settings::{Direct, Roulette, Settings};
+    use crate::settings::{Direct, Kernel, Roulette, Settings};
     use glam::DVec3;
     use std::fs;
 
@@ -141,6 +141,8 @@ mod tests {
             light_paths: 100,
             camera_paths: 2,
             radius: 0.1,
+            caustic_radius: 0.1,
+            kernel: Kernel::Area,
             merge_vertex: 2,
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,

@@ -53,6 +53,7 @@ pub struct DiffuseVertices {
     pub position: Vec3s,
     /// Which facets they are on; see [`Facet`].
     pub mesh: [u32; LANES],
+    /// Their sides.
     pub side: [u32; LANES],
     /// Unit normals.
     pub normal: Vec3s,

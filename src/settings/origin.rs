@@ -126,7 +126,7 @@ impl Origin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Direct, Roulette};
+    use crate::settings::{Direct, Kernel, Roulette};
 
     fn origin() -> Origin {
         let settings = Settings {
@@ -135,6 +135,8 @@ mod tests {
             light_paths: 100,
             camera_paths: 2,
             radius: 0.1,
+            caustic_radius: 0.1,
+            kernel: Kernel::Area,
             merge_vertex: 2,
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,

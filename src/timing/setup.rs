@@ -163,34 +163,24 @@ pub(super) mod tests {
     use super::*;
     use crate::settings::PartialSettings;
 
-    pub fn setup() -> Setup {
+    fn origin() -> Origin {
         let none = PartialSettings::default();
-        let settings = Settings::resolve(&none, &none, 2.0).unwrap();
-        let origin = Origin {
+        Origin {
             version: "1.2.3".into(),
             scene: "box".into(),
             fingerprint: 0xabc,
             backend: "bvh".into(),
-            settings,
-        };
-        Setup::new(&origin, 3)
+            settings: Settings::resolve(&none, &none, 2.0).unwrap(),
+        }
+    }
+
+    pub fn setup() -> Setup {
+        Setup::new(&origin(), 3)
     }
 
     /// As `bdpm analyze` writes them.
     pub fn facts() -> Metadata {
-        let text = |text: &str| Value::Text(text.into());
-        Metadata::from([
-            ("scene".into(), text("box")),
-            ("fingerprint".into(), text("0000000000000abc")),
-            ("backend".into(), text("bvh")),
-            ("width".into(), Value::Number(512.0)),
-            ("height".into(), Value::Number(512.0)),
-            ("merge_vertex".into(), Value::Number(2.0)),
-            ("direct".into(), text("connect")),
-            ("light_roulette".into(), text("albedo")),
-            ("camera_roulette".into(), text("weight")),
-            ("radius".into(), Value::Number(0.01)),
-        ])
+        origin().to_metadata()
     }
 
     #[test]
@@ -206,6 +196,7 @@ pub(super) mod tests {
             ("light_roulette", text("weight"), "light-roulette is albedo, not weight"),
             ("camera_roulette", text("albedo"), "camera-roulette is weight, not albedo"),
             ("radius", Value::Number(0.5), "radius is 0.01, not 0.5"),
+            ("kernel", text("disc"), "kernel is area, not disc"),
         ] {
             let mut other = facts();
             other.insert(key.into(), value);
@@ -214,7 +205,8 @@ pub(super) mod tests {
         }
         let shown = setup().check_fits(&Metadata::new()).unwrap_err().to_string();
         assert!(shown.contains("scene is `box`, not `unknown`; their resolution"), "{shown}");
-        assert_eq!(shown.matches("; their ").count(), 7, "{shown}");
+        // The scene, the resolution, the backend and all other settings that times depend on.
+        assert_eq!(shown.matches("their ").count(), 3 + dependent().count() - 2, "{shown}");
     }
 
     #[test]

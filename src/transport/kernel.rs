@@ -82,7 +82,12 @@ impl<'a> Kernel<'a> {
 
     /// A disc of one radius for all photons.
     pub fn disc(radius: f32) -> Self {
-        Self { radii: [radius; 2], areas: None }
+        Self::discs([radius; 2])
+    }
+
+    /// Discs of these radii.
+    pub fn discs(radii: ByClass<f32>) -> Self {
+        Self { radii, areas: None }
     }
 
     /// The radius within which photons are looked up, scene units.

@@ -8,7 +8,7 @@ use bdpm::bsdf::Bsdf;
 use bdpm::image::film::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Direct, Roulette};
+use bdpm::settings::{Direct, Kernel, Roulette};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -139,6 +139,8 @@ pub fn settings(width: u32, height: u32) -> Settings {
         light_paths: 1000,
         camera_paths: 4,
         radius: 0.1,
+        caustic_radius: 0.1,
+        kernel: Kernel::Disc,
         merge_vertex: 1,
         direct: Direct::Connect,
         light_roulette: Roulette::Albedo,

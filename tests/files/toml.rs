@@ -100,6 +100,8 @@ fn the_cornell_box_is_the_paper_s() {
         light_paths: Some(1000),
         camera_paths: Some(25),
         radius: Some(Length::Units(4.633_333)),
+        caustic_radius: None,
+        kernel: None,
         merge_vertex: Some(2),
         direct: Some(Direct::Connect),
         light_roulette: Some(Roulette::Albedo),

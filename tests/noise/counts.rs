@@ -31,6 +31,7 @@ fn scene() -> (Scene, Settings) {
         light_paths: 2000,
         camera_paths: 3,
         radius: 4.0 * settings.radius,
+        caustic_radius: 4.0 * settings.radius,
         ..settings
     };
     (loaded.scene, settings)

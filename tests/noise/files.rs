@@ -16,7 +16,13 @@ use bdpm::{Renderer, Settings};
 fn measured() -> NoiseFile {
     let scene = furnished_box();
     let accel = accel(&scene);
-    let settings = Settings { light_paths: 300, camera_paths: 4, radius: 0.3, ..settings(19, 11) };
+    let settings = Settings {
+        light_paths: 300,
+        camera_paths: 4,
+        radius: 0.3,
+        caustic_radius: 0.3,
+        ..settings(19, 11)
+    };
     let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..70 {

@@ -53,6 +53,7 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
                 camera_paths,
                 seed,
                 radius: 0.2,
+                caustic_radius: 0.2,
                 ..settings(12, 12)
             };
             let poor = measure(&scene, &*accel, at(300, 4, 1), 2500, Measure::Pairs);
@@ -80,6 +81,7 @@ fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
         camera_paths: 10,
         light_paths: 500,
         radius: 0.2,
+        caustic_radius: 0.2,
         ..settings(12, 12)
     };
     for estimator in [Measure::Pairs, Measure::Halves] {
@@ -112,6 +114,7 @@ fn coefficients_do_not_depend_on_the_backend_the_counts_or_the_estimator() {
         camera_paths,
         seed,
         radius: 0.2,
+        caustic_radius: 0.2,
         ..settings(8, 8)
     };
     let default = accel(&scene);

@@ -78,6 +78,7 @@ fn coefficients_depend_neither_on_the_backend_nor_on_the_counts() {
         camera_paths,
         seed,
         radius: 20.0,
+        caustic_radius: 20.0,
         ..settings.clone()
     };
     let first = measure(&scene, Backend::Bvh, at(1000, 25, 1), 500);
@@ -138,7 +139,12 @@ fn penumbra() -> Scene {
 fn the_bias_layer_is_the_difference_to_a_small_radius() {
     let scene = penumbra();
     let accel = accel(&scene);
-    let at = |radius| Settings { light_paths: 20_000, radius, ..settings(16, 16) };
+    let at = |radius| Settings {
+        light_paths: 20_000,
+        radius,
+        caustic_radius: radius,
+        ..settings(16, 16)
+    };
     let radius = 0.1;
     let renderer = Renderer::new(&scene, &*accel, at(radius)).unwrap();
     let mut wide = renderer.with_batches(BatchGrain::Pixel);

@@ -35,6 +35,7 @@ fn point_light_over_a_plane() {
             // The kernel's bias is r^2/8 times the Laplacian of the irradiance over its value, which
             // is at most 9/h^2 here (h = 2): 0.03 % at this radius.
             radius: 0.03,
+            caustic_radius: 0.03,
             ..settings(4, 4)
         };
         let iterations = if direct == Direct::Connect { 50 } else { 600 };
@@ -78,6 +79,7 @@ fn integrating_sphere_with_all_bounces() {
                     light_paths: 2000,
                     camera_paths: 2,
                     radius: 0.2,
+                    caustic_radius: 0.2,
                     ..settings(16, 16)
                 };
                 let mean = mean_luminance(&scene, &*accel(&scene), settings, 100);
@@ -175,6 +177,7 @@ fn furnace_with_a_white_ball() {
                 camera_paths: 12,
                 // On a sphere the kernel has no bias at any radius.
                 radius: 0.3,
+                caustic_radius: 0.3,
                 ..settings(4, 4)
             };
             for samples in pixel_samples(&scene, &*accel, settings, 400) {
@@ -197,8 +200,14 @@ fn spherical_light_seen_from_outside() {
     for direct in BOTH {
         let (iterations, camera_paths) =
             if direct == Direct::Connect { (200, 32) } else { (700, 4) };
-        let settings =
-            Settings { direct, camera_paths, light_paths: 10_000, radius: 0.08, ..settings(4, 4) };
+        let settings = Settings {
+            direct,
+            camera_paths,
+            light_paths: 10_000,
+            radius: 0.08,
+            caustic_radius: 0.08,
+            ..settings(4, 4)
+        };
         let mean = mean_luminance(&scene, &*accel, settings, iterations);
         mean.assert_is(expected, 2e-3);
     }

@@ -55,7 +55,7 @@ fn batches_that_are_merged_together_are_as_one() {
         assert_eq!(!one.views.is_empty(), views, "{name}");
         let points = |paths: &CameraPaths| -> Vec<_> {
             let told = |point: GatherPoint| {
-                let GatherPoint { position, path, weight, vertex, normal, view } = point;
+                let GatherPoint { position, path, weight, vertex, normal, view, .. } = point;
                 let view = paths.views.get(view as usize).map(|view| view.at.wo);
                 (position, path, weight, vertex, normal, view)
             };

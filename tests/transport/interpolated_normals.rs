@@ -28,7 +28,13 @@ fn direct_light_goes_by_the_interpolated_normal() {
     let cos = f64::from(TILTED.dot(to_light.normalize()));
     let expected = 10.0 * cos / f64::from(to_light.length_squared()) * 0.6 / PI;
     for direct in BOTH {
-        let settings = Settings { direct, light_paths: 20_000, radius: 0.04, ..settings(4, 4) };
+        let settings = Settings {
+            direct,
+            light_paths: 20_000,
+            radius: 0.04,
+            caustic_radius: 0.04,
+            ..settings(4, 4)
+        };
         let iterations = if direct == Direct::Connect { 50 } else { 400 };
         mean_luminance(&scene, &*accel(&scene), settings, iterations).assert_is(expected, 3e-3);
     }
@@ -58,6 +64,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
                 light_paths: 10_000,
                 camera_paths: 8,
                 radius: 0.1,
+                caustic_radius: 0.1,
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
             };

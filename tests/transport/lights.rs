@@ -106,6 +106,7 @@ fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
                 light_paths: 40_000,
                 camera_paths: 16,
                 radius: 0.02,
+                caustic_radius: 0.02,
                 ..settings(12, 12)
             };
             let found = mean_luminance(scene, &*accel, settings, iterations);
@@ -169,6 +170,7 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
                 light_paths: 20_000,
                 camera_paths: 8,
                 radius: 0.08,
+                caustic_radius: 0.08,
                 ..settings(6, 6)
             };
             let all = pixel_samples(&scene, &*accel, settings, 120);

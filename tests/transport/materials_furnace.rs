@@ -66,6 +66,7 @@ fn assert_invisible(scene: &Scene, loss: f64, iterations: usize) {
                 light_paths: 5000,
                 camera_paths: 12,
                 radius: 0.15,
+                caustic_radius: 0.15,
                 seed: 2,
                 ..settings(6, 6)
             };

@@ -182,6 +182,7 @@ fn the_noise_of_each_material_is_predicted() {
                 light_paths,
                 camera_paths,
                 radius: 0.25,
+                caustic_radius: 0.25,
                 seed,
                 ..settings(8, 8)
             };

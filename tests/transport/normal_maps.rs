@@ -163,6 +163,7 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
                 light_paths: 10_000,
                 camera_paths: 8,
                 radius: 0.05,
+                caustic_radius: 0.05,
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
             };

@@ -26,6 +26,7 @@ fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
             light_paths: 40_000,
             camera_paths: 16,
             radius: 0.04,
+            caustic_radius: 0.04,
             seed: 3,
             ..base.clone()
         };

@@ -12,7 +12,7 @@ use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Arrangement;
-use bdpm::settings::{Direct, PartialSettings};
+use bdpm::settings::{Direct, Kernel, PartialSettings};
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
 
@@ -73,7 +73,14 @@ impl Case {
         let size = loaded.scene.size();
         let settings = Settings::resolve(&wishes, &loaded.defaults, size).unwrap();
         let (radius, light_paths) = (self.radius * size, self.light_paths);
-        let settings = Settings { radius, light_paths, camera_paths: 64, ..settings };
+        let settings = Settings {
+            radius,
+            caustic_radius: radius,
+            kernel: Kernel::Disc,
+            light_paths,
+            camera_paths: 64,
+            ..settings
+        };
         (loaded.scene, settings)
     }
 

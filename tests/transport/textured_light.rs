@@ -122,7 +122,13 @@ fn photons_and_connections_light_the_floor_alike() {
     scene.camera = camera(Vec3::new(2.0, -0.3, 0.9), Vec3::new(x, y, 0.0), 1.5);
     let expected = 0.5 / PI * irradiance(f64::from(x), f64::from(y));
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        let settings = Settings { direct, light_paths: 40_000, radius: 0.05, ..settings(4, 4) };
+        let settings = Settings {
+            direct,
+            light_paths: 40_000,
+            radius: 0.05,
+            caustic_radius: 0.05,
+            ..settings(4, 4)
+        };
         mean_luminance(&scene, &*accel(&scene), settings, 200).assert_is(expected, 6e-3);
     }
 }

@@ -87,6 +87,7 @@ fn light_and_sight_pass_through_holes() {
                     light_paths: 100_000,
                     camera_paths: 32,
                     radius: 0.1,
+                    caustic_radius: 0.1,
                     ..settings(16, 1)
                 };
                 let render =

@@ -25,7 +25,8 @@ impl Box3 {
         self.and(Self { min: point, max: point })
     }
 
-    fn meets(&self, other: &Self) -> bool {
+    /// Whether they have a point in common.
+    pub fn meets(&self, other: &Self) -> bool {
         !(self.min.cmpgt(other.max) | self.max.cmplt(other.min)).any()
     }
 }
@@ -63,15 +64,19 @@ impl Bvh {
     /// Visits all boxes that meet this one, and some others, until a visit says `false`; says
     /// whether none did.
     pub fn find(&self, around: &Box3, mut visit: impl FnMut(u32) -> bool) -> bool {
-        let mut waiting = Vec::with_capacity(64);
-        waiting.extend((!self.nodes.is_empty()).then_some(0));
-        while let Some(index) = waiting.pop() {
+        // Halves of 32 bits' worth of boxes are no deeper than this.
+        let mut waiting = [0; 64];
+        let mut count = usize::from(!self.nodes.is_empty());
+        while count > 0 {
+            count -= 1;
+            let index = waiting[count];
             let node = &self.nodes[index as usize];
             if !node.around.meets(around) {
                 continue;
             }
             if node.count == 0 {
-                waiting.extend([node.first, index + 1]);
+                waiting[count..count + 2].copy_from_slice(&[node.first, index + 1]);
+                count += 2;
                 continue;
             }
             let leaf = &self.order[node.first as usize..][..node.count as usize];

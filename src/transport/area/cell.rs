@@ -3,8 +3,8 @@
 use super::admission::{admits, packed};
 use super::boundary::boundary;
 use super::components::SideId;
-use super::covered::{LIFT, Plane, Wall, depth, split};
-use super::list::{Facet, Holed, List};
+use super::covered::{LIFT, Plane, Wall, Walls};
+use super::list::{Facet, Holed, HoledList, List};
 use super::patch::Grid;
 use super::polygon::{Line, Polygon, area, clip, edges, middle, subtract};
 use super::reach::Reach;
@@ -27,8 +27,10 @@ pub enum Cell {
         /// Of the middle of the cell.
         offset: f32,
     },
+    /// Anything else without holes.
+    List(List),
     /// Anything else.
-    List(Box<List>),
+    Holed(Box<HoledList>),
     /// Too much to go through.
     Split(Box<Grid>),
 }
@@ -41,6 +43,7 @@ impl Cell {
         match self {
             Self::Line { .. } => 0,
             Self::List(list) => list.bytes(),
+            Self::Holed(list) => list.bytes(),
             Self::Split(grid) => grid.bytes(),
         }
     }
@@ -54,6 +57,7 @@ pub struct Frame {
     /// Unit vectors; the last points up.
     pub axes: [DVec3; 3],
     radius: f64,
+    per_radius: f64,
 }
 
 impl Frame {
@@ -67,12 +71,17 @@ impl Frame {
         let normal = if normal.dot(up) < 0.0 { -normal } else { normal };
         // The first corner as positions have it.
         let origin = corners[0].as_vec3().as_dvec3();
-        Self { origin, axes: [along, normal.cross(along), normal], radius }
+        Self {
+            origin,
+            axes: [along, normal.cross(along), normal],
+            radius,
+            per_radius: radius.recip(),
+        }
     }
 
     /// Coordinates of a point.
     pub fn local(&self, point: DVec3) -> DVec3 {
-        let from = (point - self.origin) / self.radius;
+        let from = (point - self.origin) * self.per_radius;
         DVec3::from_array(self.axes.map(|axis| axis.dot(from)))
     }
 
@@ -125,12 +134,11 @@ pub struct Maker<'a> {
 }
 
 /// All that matters to a cell.
-#[derive(Default)]
 struct Surroundings {
     /// That may send photons.
     near: Vec<Near>,
     /// In front of something solid.
-    walls: Vec<Wall>,
+    walls: Walls,
 }
 
 /// Where points are.
@@ -141,6 +149,9 @@ struct Spot {
     polygon: Polygon,
     /// Distance of its farthest point from the origin.
     extent: f64,
+    /// Smallest and largest coordinates of its points.
+    low: DVec3,
+    high: DVec3,
     /// Of coordinates, in radii: points that are closer are one.
     tolerance: f64,
 }
@@ -168,9 +179,14 @@ impl Maker<'_> {
             polygon = rectangle(half).to_vec();
         }
         let extent = polygon.iter().fold(0.0, |far: f64, corner| far.max(corner.length()));
+        let (low, high) =
+            polygon.iter().fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &corner| {
+                (low.min(corner), high.max(corner))
+            });
         let largest = corners.iter().fold(0.0, |far: f64, c| far.max(c.abs().max_element()));
         let tolerance = 1e-5 + 4.0 * largest * f64::from(f32::EPSILON) / self.radius;
-        Spot { half, polygon, extent, tolerance: tolerance.min(1e-2) }
+        let [low, high] = [low, high].map(|corner| corner.extend(0.0));
+        Spot { half, polygon, extent, low, high, tolerance: tolerance.min(1e-2) }
     }
 
     /// All in reach; `None` if these are more than `limit` triangles.
@@ -182,17 +198,24 @@ impl Maker<'_> {
         limit: usize,
     ) -> Option<Surroundings> {
         let Frame { origin, axes: [u, v, up], .. } = *frame;
-        let reach = 1.0 + spot.extent + spot.tolerance;
+        let radius = 1.0 + spot.tolerance;
+        let reach = radius + spot.extent;
         let outer = spot.polygon.iter().map(|p| origin + (u * p.x + v * p.y) * self.radius);
         let margin = DVec3::splat(self.radius * (1.0 + spot.tolerance));
         let around = box_around(outer.flat_map(|p| [p - margin, p + margin]));
         let geometry = self.surfaces.geometry();
-        let mut found = Surroundings::default();
+        let (mut near, mut walls) = (Vec::new(), Vec::new());
         let mut count = 0;
         let complete = self.reach.find(self.surfaces, &around, |place, triangle| {
             let in_scene = corners(geometry, &geometry.places[place as usize], triangle);
             let corners = in_scene.map(|corner| frame.local(corner));
-            if distance2(corners) >= reach * reach {
+            let (low, high) = corners
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &corner| {
+                    (low.min(corner), high.max(corner))
+                });
+            let gap = (low - spot.high).max(spot.low - high).max(DVec3::ZERO);
+            if gap.length_squared() >= radius * radius || distance2(corners) >= reach * reach {
                 return true;
             }
             if self.sides.is_double(place, triangle) {
@@ -200,27 +223,40 @@ impl Maker<'_> {
             }
             let front = self.sides.of(place, triangle, true);
             let front_normal = self.surfaces.normal(place, triangle);
-            let around = (in_scene[1] - in_scene[0]).cross(in_scene[2] - in_scene[0]);
-            let Some(normal) = around.try_normalize() else { return true };
-            let normal = if normal.dot(front_normal.as_dvec3()) < 0.0 { -normal } else { normal };
-            let normal = DVec3::new(u.dot(normal), v.dot(normal), up.dot(normal));
+            let sides = [(front, front_normal), (SideId(front.0 ^ 1), -front_normal)];
+            let may_send = |&(side, normal): &(SideId, Vec3)| {
+                let counts = self.sides.reached(side) || side == own.side;
+                counts && admits(packed(normal), own.normal) && self.surfaces.merges(place)
+            };
+            let [sends, is_solid] = [
+                sides.iter().position(may_send),
+                sides.iter().position(|&(side, _)| self.sides.is_solid_behind(side)),
+            ];
+            if sends.is_none() && is_solid.is_none() {
+                return true;
+            }
+            let Some(around) =
+                (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize()
+            else {
+                return true;
+            };
+            // The front's in these coordinates.
+            let front_normal = front_normal.as_dvec3();
+            let given = DVec3::new(u.dot(front_normal), v.dot(front_normal), up.dot(front_normal));
+            let normal = if around.dot(given) < 0.0 { -around } else { around };
+            let of_side = [normal, -normal];
             count += 1;
             let component = front.component();
-            for (side, normal, in_scene) in
-                [(front, normal, front_normal), (SideId(front.0 ^ 1), -normal, -front_normal)]
-            {
-                if self.sides.is_solid_behind(side) {
-                    found.walls.push(Wall { corners, outward: normal, component });
-                }
-                let counts = self.sides.reached(side) || side == own.side;
-                if counts && admits(packed(in_scene), own.normal) && self.surfaces.merges(place) {
-                    let holes = self.surfaces.has_holes(place);
-                    found.near.push(Near { place, triangle, corners, normal, component, holes });
-                }
+            if let Some(side) = is_solid {
+                walls.push(Wall::new(corners, of_side[side], component));
+            }
+            if let Some(side) = sends {
+                let (normal, holes) = (of_side[side], self.surfaces.has_holes(place));
+                near.push(Near { place, triangle, corners, normal, component, holes });
             }
             count <= limit
         });
-        complete.then_some(found)
+        complete.then(|| Surroundings { near, walls: Walls::new(walls) })
     }
 }
 
@@ -239,8 +275,9 @@ impl Surroundings {
         let base = self.base(own.side.component(), spot);
         let mut all = Vec::new();
         for (polygon, component) in ground {
-            let exposed = self.exposed(&Plane::GROUND, vec![polygon], component, base, spot);
-            all.extend(exposed.iter().flat_map(|polygon| edges(polygon).collect::<Vec<_>>()));
+            for polygon in self.exposed(&Plane::GROUND, vec![polygon], component, base, spot) {
+                all.extend(edges(&polygon));
+            }
         }
         let mut segments = boundary(all, spot.tolerance);
         segments.retain(|segment| spot.reaches(segment, outer));
@@ -259,17 +296,25 @@ impl Surroundings {
                 _ => {}
             }
         }
-        Cell::List(Box::new(List::new(solid, &segments, &facets, holes)))
+        let list = List::new(solid, &segments, &facets);
+        if holes.is_empty() {
+            Cell::List(list)
+        } else {
+            Cell::Holed(Box::new(HoledList { list, holes }))
+        }
     }
 
     /// A point just above the patch that is in as few solids as any: there light can be.
     fn base(&self, component: u32, spot: &Spot) -> DVec3 {
         let mut pieces = vec![spot.polygon.clone()];
-        split(&Plane::GROUND, &mut pieces, component, &self.walls, spot.tolerance);
+        if self.walls.are_all_of(component) {
+            return Plane::GROUND.above(middle(&pieces[0]));
+        }
+        self.walls.split(&Plane::GROUND, &mut pieces, component, spot.tolerance);
         let points: Vec<_> =
             pieces.iter().map(|piece| Plane::GROUND.above(middle(piece))).collect();
         let first = points[0];
-        let depth = |point: &&DVec3| depth(first, **point, component, &self.walls);
+        let depth = |point: &&DVec3| self.walls.depth(first, **point, component);
         *points.iter().min_by_key(depth).expect("a cell has some surface")
     }
 
@@ -282,11 +327,11 @@ impl Surroundings {
         base: DVec3,
         spot: &Spot,
     ) -> Vec<Polygon> {
-        if self.walls.iter().all(|wall| wall.component == component) {
+        if self.walls.are_all_of(component) {
             return pieces;
         }
-        split(plane, &mut pieces, component, &self.walls, spot.tolerance);
-        pieces.retain(|piece| depth(base, plane.above(middle(piece)), component, &self.walls) <= 0);
+        self.walls.split(plane, &mut pieces, component, spot.tolerance);
+        pieces.retain(|piece| self.walls.depth(base, plane.above(middle(piece)), component) <= 0);
         pieces
     }
 

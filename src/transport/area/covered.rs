@@ -9,6 +9,7 @@
 
 use super::polygon::{Line, Polygon, clip, meets};
 use glam::{DVec2, DVec3};
+use std::ops::Range;
 
 /// How far above a surface a solid must reach to cover it, and how far apart layers of the same
 /// surface may be, in radii.
@@ -23,6 +24,20 @@ pub struct Wall {
     pub outward: DVec3,
     /// Of which it is part.
     pub component: u32,
+    /// A sphere that holds it.
+    middle: DVec3,
+    reach: f64,
+}
+
+impl Wall {
+    /// Of a component, solid on the side away from the unit normal `outward`.
+    pub fn new(corners: [DVec3; 3], outward: DVec3, component: u32) -> Self {
+        let [a, b, c] = corners;
+        let middle = 0.5 * (a.min(b).min(c) + a.max(b).max(c));
+        let far = |far: f64, corner: &DVec3| far.max(corner.distance_squared(middle));
+        let reach = corners.iter().fold(0.0, far).sqrt();
+        Self { corners, outward, component, middle, reach }
+    }
 }
 
 /// A plane with coordinates in it and above it.
@@ -68,6 +83,9 @@ impl Plane {
 
     /// Where a wall stands on it, if it does.
     fn cut(&self, wall: &Wall) -> Option<(DVec2, DVec2)> {
+        if self.height(wall.middle).abs() > wall.reach + LIFT {
+            return None;
+        }
         let heights = wall.corners.map(|corner| self.height(corner));
         let is_above = heights.map(|height| height > LIFT);
         if is_above[0] == is_above[1] && is_above[1] == is_above[2] {
@@ -89,40 +107,97 @@ impl Plane {
     }
 }
 
-/// Splits convex `pieces` of a component's surface in a plane along the `walls` of other components
-/// that stand on it: then each is covered either all over or nowhere.
-pub fn split(
-    plane: &Plane,
-    pieces: &mut Vec<Polygon>,
+/// All walls around a cell.
+#[derive(Clone, Debug, Default)]
+pub struct Walls {
+    /// Component after component.
+    walls: Vec<Wall>,
+    blocks: Vec<Block>,
+}
+
+/// The walls of a component.
+#[derive(Clone, Debug)]
+struct Block {
     component: u32,
-    walls: &[Wall],
-    tolerance: f64,
-) {
-    for wall in walls.iter().filter(|wall| wall.component != component) {
-        let Some(cut) = plane.cut(wall) else { continue };
-        let Some(line) = Line::through(cut.0, cut.1) else { continue };
-        for index in 0..pieces.len() {
-            if meets(&pieces[index], cut, tolerance) {
-                let right = clip(&pieces[index], line.reversed());
-                let left = clip(&pieces[index], line);
-                if !(left.is_empty() || right.is_empty()) {
-                    pieces[index] = left;
-                    pieces.push(right);
+    range: Range<usize>,
+    /// The box around them.
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Walls {
+    /// Sorts walls.
+    pub fn new(mut walls: Vec<Wall>) -> Self {
+        walls.sort_by_key(|wall| wall.component);
+        let (mut blocks, mut first) = (Vec::new(), 0);
+        for own in walls.chunk_by(|a, b| a.component == b.component) {
+            let corners = own.iter().flat_map(|wall| wall.corners);
+            let (low, high) = around(corners);
+            let range = first..first + own.len();
+            first = range.end;
+            blocks.push(Block { component: own[0].component, range, low, high });
+        }
+        Self { walls, blocks }
+    }
+
+    /// Whether none are of other components.
+    pub fn are_all_of(&self, component: u32) -> bool {
+        self.blocks.iter().all(|block| block.component == component)
+    }
+
+    /// Those of other components that may be near a box.
+    fn near(&self, component: u32, (low, high): (DVec3, DVec3)) -> impl Iterator<Item = &Wall> {
+        let is_near = move |block: &&Block| {
+            let apart = low.cmpgt(block.high) | high.cmplt(block.low);
+            block.component != component && !apart.any()
+        };
+        self.blocks.iter().filter(is_near).flat_map(|block| &self.walls[block.range.clone()])
+    }
+
+    /// Splits convex `pieces` of a component's surface in a plane along the walls that stand on it: then
+    /// each is covered either all over or nowhere.
+    pub fn split(&self, plane: &Plane, pieces: &mut Vec<Polygon>, component: u32, tolerance: f64) {
+        let corners = pieces.iter().flatten();
+        let (low, high) = around(corners.map(|&corner| plane.above(corner)));
+        let margin = DVec3::splat(2.0 * LIFT);
+        for wall in self.near(component, (low - margin, high + margin)) {
+            let Some(cut) = plane.cut(wall) else { continue };
+            let Some(line) = Line::through(cut.0, cut.1) else { continue };
+            for index in 0..pieces.len() {
+                if meets(&pieces[index], cut, tolerance) {
+                    let right = clip(&pieces[index], line.reversed());
+                    let left = clip(&pieces[index], line);
+                    if !(left.is_empty() || right.is_empty()) {
+                        pieces[index] = left;
+                        pieces.push(right);
+                    }
                 }
             }
         }
     }
+
+    /// How much deeper `to` is in solids of other components than `from` is.
+    pub fn depth(&self, from: DVec3, to: DVec3, component: u32) -> i32 {
+        let walls = self.near(component, (from.min(to), from.max(to)));
+        walls.map(|wall| wall.crossed(from, to)).sum()
+    }
 }
 
-/// How much deeper `to` is in solids of other components than `from` is.
-pub fn depth(from: DVec3, to: DVec3, component: u32, walls: &[Wall]) -> i32 {
-    let along = to - from;
-    let way = |wall: &Wall| {
-        let [start, end] = [from, to].map(|point| wall.outward.dot(point - wall.corners[0]));
-        if (start > 0.0) == (end > 0.0) {
+/// The box around points.
+fn around(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.fold(none, |(low, high), point| (low.min(point), high.max(point)))
+}
+
+impl Wall {
+    /// 1 for a way into the solid, -1 for one out of it, 0 for one that does not meet the wall.
+    fn crossed(&self, from: DVec3, to: DVec3) -> i32 {
+        let [start, end] = [from, to].map(|point| self.outward.dot(point - self.corners[0]) > 0.0);
+        if start == end {
             return 0;
         }
-        let [a, b, c] = wall.corners.map(|corner| corner - from);
+        let along = to - from;
+        let [a, b, c] = self.corners.map(|corner| corner - from);
         // Each edge from its lower to its higher end, so that both its triangles agree.
         let side = |p: DVec3, q: DVec3| {
             let swap = (p.x, p.y, p.z) > (q.x, q.y, q.z);
@@ -131,10 +206,9 @@ pub fn depth(from: DVec3, to: DVec3, component: u32, walls: &[Wall]) -> i32 {
         };
         let [ab, bc, ca] = [side(a, b), side(b, c), side(c, a)];
         match ab == bc && bc == ca {
-            true if start > 0.0 => 1,
+            true if start => 1,
             true => -1,
             false => 0,
         }
-    };
-    walls.iter().filter(|wall| wall.component != component).map(way).sum()
+    }
 }

@@ -2,13 +2,12 @@
 
 use super::cell::{Cell, Maker, Own};
 use super::disc::half_plane;
-use super::list::List;
 use super::patch::{Grid, Patch, Place};
 use super::reach::Reach;
 use super::sides::Sides;
 use super::surfaces::{Surfaces, corners};
+use crate::lanes::{LANES, Mask, Vec3s, lanes_of};
 use crate::lanes::simd::vectorized;
-use crate::lanes::{LANES, Mask, Vec3s};
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::sync::OnceLock;
@@ -118,21 +117,6 @@ impl<'a> Areas<'a> {
         census
     }
 
-    /// Scratch.
-    pub fn scratch(&self, facet: u32, position: Vec3) -> Option<[usize; 6]> {
-        let patch = self.patch(facet)?;
-        let local = patch.local(position);
-        let mut grid = patch.grid();
-        loop {
-            let place = grid.place(local);
-            match grid.known(place.index).get()? {
-                Cell::Line { .. } => return None,
-                Cell::List(list) => return Some(list.scratch(place.at)),
-                Cell::Split(inner) => grid = inner,
-            }
-        }
-    }
-
     /// Areas in spheres of these radii around points, scene units squared.
     pub fn areas<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> [[f32; LANES]; N] {
         vectorized(
@@ -149,50 +133,55 @@ impl<'a> Areas<'a> {
     ) -> [[f32; LANES]; N] {
         let radii2 = radii.map(|radius| (radius / self.radius) * (radius / self.radius));
         let mut height = [2.0; LANES];
-        let mut lists = 0u32;
-        let mut listed = [[0.0; N]; LANES];
+        // Step by step for all points, so that their waits for memory overlap.
+        let mut patches = [None; LANES];
         for lane in 0..LANES {
-            if !query.wanted[lane] {
-                continue;
-            }
-            let position = query.position.get(lane);
-            match self.patch(query.facet[lane]) {
-                Some(patch) => {
-                    let place = patch.grid().place(patch.local(position));
-                    match patch.grid().known(place.index).get() {
-                        Some(Cell::Line { toward, offset }) => {
-                            height[lane] =
-                                offset + (toward[0] * place.at[0] + toward[1] * place.at[1]);
-                        }
-                        Some(Cell::List(list)) if !list.has_holes() => {
-                            lists |= 1 << lane;
-                            listed[lane] = list.areas(place.at, &radii2);
-                        }
-                        _ => {
-                            lists |= 1 << lane;
-                            listed[lane] = self.elsewhere(query.facet[lane], position, &radii2);
-                        }
-                    }
-                }
-                None => {
-                    lists |= 1 << lane;
-                    listed[lane] = self.elsewhere(query.facet[lane], position, &radii2);
-                }
+            if query.wanted[lane] {
+                patches[lane] = self.patch(query.facet[lane]);
             }
         }
+        let (mut at, mut cells) = ([[0.0; 2]; LANES], [None; LANES]);
+        for lane in 0..LANES {
+            if let Some(patch) = patches[lane] {
+                let place = patch.grid().place(patch.local(query.position.get(lane)));
+                at[lane] = place.at;
+                cells[lane] = patch.grid().known(place.index).get();
+            }
+        }
+        let (mut lists, mut others, mut touched) = (0, 0, 0.0);
+        for lane in 0..LANES {
+            match cells[lane] {
+                Some(Cell::Line { toward, offset }) => {
+                    let [x, y] = at[lane];
+                    height[lane] = offset + (toward[0] * x + toward[1] * y);
+                }
+                Some(Cell::List(list)) => {
+                    lists |= 1 << lane;
+                    touched += list.touch();
+                }
+                _ => others |= u32::from(query.wanted[lane]) << lane,
+            }
+        }
+        std::hint::black_box(touched);
+        let mut listed = [[0.0; N]; LANES];
+        for lane in lanes_of(lists) {
+            if let Some(Cell::List(list)) = cells[lane] {
+                listed[lane] = list.areas(at[lane], &radii2);
+            }
+        }
+        for lane in lanes_of(others) {
+            listed[lane] = self.elsewhere(query.facet[lane], query.position.get(lane), &radii2);
+        }
         let mut areas = [[0.0; LANES]; N];
-        for (areas, (radius, radius2)) in areas.iter_mut().zip(radii.iter().zip(radii2)) {
+        for (areas, radius2) in areas.iter_mut().zip(radii2) {
             for lane in 0..LANES {
                 // Points are on the surface, however coordinates were rounded.
                 areas[lane] = half_plane(height[lane].max(0.0), radius2);
             }
-            let _ = radius;
         }
-        for lane in 0..LANES {
-            if lists >> lane & 1 == 1 {
-                for (areas, listed) in areas.iter_mut().zip(listed[lane]) {
-                    areas[lane] = listed;
-                }
+        for lane in lanes_of(lists | others) {
+            for (areas, listed) in areas.iter_mut().zip(listed[lane]) {
+                areas[lane] = listed;
             }
         }
         let unit = self.radius * self.radius;
@@ -275,20 +264,10 @@ impl<'a> Areas<'a> {
                 let height = offset + (toward[0] * at[0] + toward[1] * at[1]);
                 radii2.map(|radius2| half_plane(height.max(0.0), radius2))
             }
-            Cell::List(list) => self.in_list(list, at, radii2),
+            Cell::List(list) => list.areas(at, radii2),
+            Cell::Holed(list) => list.areas(&*self.surfaces, self.radius, at, radii2),
             Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
         }
-    }
-
-    fn in_list<const N: usize>(&self, list: &List, at: [f32; 2], radii2: &[f32; N]) -> [f32; N] {
-        let mut areas = list.areas(at, radii2);
-        if list.has_holes() {
-            let more = list.areas_with_holes(&*self.surfaces, self.radius, at, radii2);
-            for (area, more) in areas.iter_mut().zip(more) {
-                *area += more;
-            }
-        }
-        areas
     }
 
     /// Whether more may be kept.

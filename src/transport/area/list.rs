@@ -17,35 +17,38 @@ type Lane = [f32; WIDTH];
 /// All that is not in the plane of the patch, and the boundary of what is.
 #[derive(Clone, Debug, Default)]
 pub struct List {
-    /// How often the surface in the plane winds around points of the patch: 1, or 0 if it has holes.
-    inside: f32,
-    segments: Box<[Segments]>,
-    facets: Box<[Facets]>,
-    holes: Box<[Holed]>,
+    /// Segments, then facets: numbers of each pack in turn.
+    rows: Box<[Row]>,
+    /// Packs of segments.
+    segments: u16,
+    /// Whether points of the patch are inside of the surface in its plane: not if that has holes.
+    inside: bool,
 }
 
-/// Edges in the plane of the patch.
-#[derive(Clone, Copy, Debug)]
-#[repr(C, align(32))]
-struct Segments {
-    /// Height of a point above the line: coefficients of 1, x and y.
-    height: [Lane; 3],
-    /// Place of the start, counted from the foot of a point: coefficients of 1, x and y.
-    start: [Lane; 3],
-    length: Lane,
+/// The same beside surfaces with holes.
+#[derive(Clone, Debug)]
+pub struct HoledList {
+    /// What has none.
+    pub list: List,
+    /// What has some.
+    pub holes: Vec<Holed>,
 }
 
-/// Triangles in other planes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
-struct Facets {
-    /// Height of their plane above a point: coefficients of 1, x and y.
-    height: [Lane; 3],
-    /// Coordinates in their plane of the foot of a point: coefficients of x and y each.
-    foot: [[Lane; 2]; 2],
-    /// Counterclockwise, x and y of each.
-    corners: [[Lane; 2]; 3],
-}
+struct Row(Lane);
+
+/// Edges in the plane of the patch: rows of
+/// - height of a point above the line: coefficients of 1, x and y;
+/// - place of the start, counted from the foot of a point: coefficients of 1, x and y;
+/// - length.
+struct Segments;
+
+/// Triangles in other planes: rows of
+/// - height of their plane above a point: coefficients of 1, x and y;
+/// - coordinates in their plane of the foot of a point: coefficients of x and y each;
+/// - corners, counterclockwise, x and y of each.
+struct Facets;
 
 /// A triangle in the space of a patch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -73,52 +76,67 @@ pub struct Holed {
 
 impl List {
     /// Of boundary segments with the surface on their left, and of other triangles.
-    pub fn new(
-        inside: bool,
-        segments: &[(DVec2, DVec2)],
-        facets: &[Facet],
-        holes: Vec<Holed>,
-    ) -> Self {
-        Self {
-            inside: if inside { 1.0 } else { 0.0 },
-            segments: segments.chunks(WIDTH).map(Segments::new).collect(),
-            facets: facets.chunks(WIDTH).map(Facets::new).collect(),
-            holes: holes.into(),
+    pub fn new(inside: bool, segments: &[(DVec2, DVec2)], facets: &[Facet]) -> Self {
+        let packs = |count: usize| count.div_ceil(WIDTH);
+        let own = Segments::ROWS * packs(segments.len());
+        let mut rows = vec![Row::default(); own + Facets::ROWS * packs(facets.len())];
+        for (rows, segments) in rows.chunks_mut(Segments::ROWS).zip(segments.chunks(WIDTH)) {
+            Segments::fill(rows, segments);
         }
+        for (rows, facets) in rows[own..].chunks_mut(Facets::ROWS).zip(facets.chunks(WIDTH)) {
+            Facets::fill(rows, facets);
+        }
+        let segments = u16::try_from(packs(segments.len())).expect("fewer edges than that");
+        Self { rows: rows.into(), segments, inside }
     }
 
     /// Area within spheres of these squared radii around a point, in squares of the unit.
     #[inline(always)] // part of vectorized code
     pub fn areas<const N: usize>(&self, at: [f32; 2], radii2: &[f32; N]) -> [f32; N] {
         let mut edges = Edges::new(radii2);
-        for segments in &self.segments {
-            segments.add(at, &mut edges);
+        let (segments, facets) = self.rows.split_at(Segments::ROWS * usize::from(self.segments));
+        for rows in segments.as_chunks().0 {
+            Segments::add(rows, at, &mut edges);
         }
-        for facets in &self.facets {
-            facets.add(at, &mut edges);
+        for rows in facets.as_chunks().0 {
+            Facets::add(rows, at, &mut edges);
         }
         let sums = edges.finish();
-        from_fn(|i| self.inside * PI * radii2[i] + sums[i])
+        let inside = if self.inside { PI } else { 0.0 };
+        from_fn(|i| inside * radii2[i] + sums[i])
     }
 
-    /// Whether any of it has holes.
+    /// Packs of segments and of facets.
+    pub fn lengths(&self) -> [usize; 2] {
+        let segments = usize::from(self.segments);
+        [segments, (self.rows.len() - segments * Segments::ROWS) / Facets::ROWS]
+    }
+
+    /// Reads a little of it, so that the rest is near when it is asked for.
     #[inline(always)]
-    pub fn has_holes(&self) -> bool {
-        !self.holes.is_empty()
+    pub fn touch(&self) -> f32 {
+        self.rows.iter().step_by(4).take(8).map(|row| row.0[0]).sum()
     }
 
-    /// What is added by surfaces with holes; `unit` is that of the coordinates, in scene units.
-    #[inline(never)]
-    pub fn areas_with_holes<const N: usize>(
+    /// Bytes that it takes besides itself.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.rows)
+    }
+}
+
+impl HoledList {
+    /// Area within spheres of these squared radii around a point, in squares of the unit, which is
+    /// `unit` in the scene's.
+    pub fn areas<const N: usize>(
         &self,
         surfaces: &dyn Surfaces,
         unit: f32,
         at: [f32; 2],
         radii2: &[f32; N],
     ) -> [f32; N] {
-        let mut areas = [0.0; N];
+        let mut areas = self.list.areas(at, radii2);
         for holed in &self.holes {
-            let own = List::new(false, &[], &[holed.facet], vec![]).areas(at, radii2);
+            let own = List::new(false, &[], &[holed.facet]).areas(at, radii2);
             for ((area, own), radius2) in areas.iter_mut().zip(own).zip(radii2) {
                 if own > 0.0 {
                     *area += own * surfaces.opacity(&holed.hole(at, unit * radius2.sqrt()));
@@ -128,111 +146,49 @@ impl List {
         areas
     }
 
-    /// Packs of segments and of facets.
-    pub fn lengths(&self) -> [usize; 2] {
-        [self.segments.len(), self.facets.len()]
-    }
-
-    /// Scratch: real segments, facets, those that cross, all inside, all outside at a point.
-    pub fn scratch(&self, [x, y]: [f32; 2]) -> [usize; 6] {
-        let mut n = [0; 6];
-        for s in &self.segments {
-            for lane in 0..WIDTH {
-                if s.height[0][lane] == 4.0 && s.length[lane] == 0.0 {
-                    continue;
-                }
-                n[0] += 1;
-                let h = s.height[0][lane] + s.height[1][lane] * x + s.height[2][lane] * y;
-                let a = s.start[0][lane] + s.start[1][lane] * x + s.start[2][lane] * y;
-                let l = (1.0 - h * h).max(0.0).sqrt();
-                n[1] += usize::from(h.abs() < 1.0 && a < l && a + s.length[lane] > -l);
-            }
-        }
-        for f in &self.facets {
-            for lane in 0..WIDTH {
-                if f.height[0][lane] == 4.0 && f.corners[0][0][lane] == f.corners[1][0][lane] {
-                    continue;
-                }
-                n[2] += 1;
-                let h = f.height[0][lane] + f.height[1][lane] * x + f.height[2][lane] * y;
-                let rho2 = 1.0 - h * h;
-                if rho2 <= 0.0 {
-                    n[5] += 1;
-                    continue;
-                }
-                let foot = [0, 1].map(|a| f.foot[a][0][lane] * x + f.foot[a][1][lane] * y);
-                let c = [0, 1, 2]
-                    .map(|c| [f.corners[c][0][lane] - foot[0], f.corners[c][1][lane] - foot[1]]);
-                if c.iter().all(|c| c[0] * c[0] + c[1] * c[1] <= rho2) {
-                    n[4] += 1;
-                    continue;
-                }
-                let mut any = 0;
-                for i in 0..3 {
-                    let (p, q) = (c[i], c[(i + 1) % 3]);
-                    let d = [q[0] - p[0], q[1] - p[1]];
-                    let t = (-(p[0] * d[0] + p[1] * d[1]) / (d[0] * d[0] + d[1] * d[1]))
-                        .clamp(0.0, 1.0);
-                    let e = [p[0] + t * d[0], p[1] + t * d[1]];
-                    if e[0] * e[0] + e[1] * e[1] < rho2 {
-                        any += 1;
-                    }
-                }
-                n[3] += any;
-                n[5] += usize::from(any == 0);
-            }
-        }
-        n
-    }
-
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
-        size_of::<Self>()
-            + size_of_val(&*self.segments)
-            + size_of_val(&*self.facets)
-            + size_of_val(&*self.holes)
+        size_of::<Self>() + self.list.bytes() + size_of_val(&*self.holes)
     }
 }
 
 impl Segments {
-    fn new(segments: &[(DVec2, DVec2)]) -> Self {
+    const ROWS: usize = 7;
+
+    fn fill(rows: &mut [Row], segments: &[(DVec2, DVec2)]) {
         // Those that fill up are far away.
-        let mut all =
-            Self { height: [[0.0; WIDTH]; 3], start: [[0.0; WIDTH]; 3], length: [0.0; WIDTH] };
-        all.height[0] = [4.0; WIDTH];
+        rows[0] = Row([4.0; WIDTH]);
         for (lane, &(p, q)) in segments.iter().enumerate() {
             let (along, length) = (q - p).normalize_and_length();
             let up = along.perp();
-            let set = |to: &mut [Lane; 3], numbers: [f64; 3]| {
-                for (to, number) in to.iter_mut().zip(numbers) {
-                    to[lane] = number as f32;
-                }
-            };
-            set(&mut all.height, [-up.dot(p), up.x, up.y]);
-            set(&mut all.start, [along.dot(p), -along.x, -along.y]);
-            all.length[lane] = length as f32;
+            let numbers = [-up.dot(p), up.x, up.y, along.dot(p), -along.x, -along.y, length];
+            for (row, number) in rows.iter_mut().zip(numbers) {
+                row.0[lane] = number as f32;
+            }
         }
-        all
     }
 
     #[inline(always)] // part of vectorized code
-    fn add<const N: usize>(&self, [x, y]: [f32; 2], edges: &mut Edges<N>) {
-        let affine = |k: &[Lane; 3], lane: usize| k[0][lane] + (k[1][lane] * x + k[2][lane] * y);
-        let (mut heights, mut starts, mut cross) = <(Lane, Lane, [u32; WIDTH])>::default();
+    fn add<const N: usize>(rows: &[Row; Self::ROWS], [x, y]: [f32; 2], edges: &mut Edges<N>) {
+        let affine = |k: usize, lane: usize| {
+            rows[k].0[lane] + (rows[k + 1].0[lane] * x + rows[k + 2].0[lane] * y)
+        };
+        let (mut heights, mut starts, mut ends, mut cross) =
+            <(Lane, Lane, Lane, [u32; WIDTH])>::default();
         for lane in 0..WIDTH {
-            let height = affine(&self.height, lane);
+            let height = affine(0, lane);
             // Points of the patch are on the surface, however coordinates were rounded.
             heights[lane] = if height.abs() < 1e-5 { height.abs() } else { height };
-            starts[lane] = affine(&self.start, lane);
-            let (start, end) = (starts[lane], starts[lane] + self.length[lane]);
+            starts[lane] = affine(3, lane);
+            ends[lane] = starts[lane] + rows[6].0[lane];
+            let (start, end) = (starts[lane], ends[lane]);
             let half2 = edges.largest2 - height * height;
             let is_past = (start > 0.0) & (start * start >= half2);
             let is_before = (end < 0.0) & (end * end >= half2);
             cross[lane] = u32::from((half2 > 0.0) & !is_past & !is_before) << lane;
         }
         for lane in lanes_of(any_of(&cross)) {
-            let (start, end) = (starts[lane], starts[lane] + self.length[lane]);
-            edges.push([heights[lane], start, end, 1.0, 0.0]);
+            edges.push([heights[lane], starts[lane], ends[lane], 1.0, 0.0]);
         }
     }
 }
@@ -307,45 +263,34 @@ impl<'a, const N: usize> Edges<'a, N> {
 }
 
 impl Facets {
-    fn new(facets: &[Facet]) -> Self {
-        let mut all = Self {
-            height: [[0.0; WIDTH]; 3],
-            foot: [[[0.0; WIDTH]; 2]; 2],
-            corners: [[[0.0; WIDTH]; 2]; 3],
-        };
+    const ROWS: usize = 13;
+
+    fn fill(rows: &mut [Row], facets: &[Facet]) {
         // Those that fill up are far away.
-        all.height[0] = [4.0; WIDTH];
+        rows[0] = Row([4.0; WIDTH]);
         for (lane, facet) in facets.iter().enumerate() {
-            for (to, number) in all.height.iter_mut().zip(facet.height) {
-                to[lane] = number as f32;
-            }
-            for (to, number) in all.foot.iter_mut().flatten().zip(facet.foot.iter().flatten()) {
-                to[lane] = *number as f32;
-            }
             let corners = facet.corners.iter().flat_map(|corner| corner.to_array());
-            for (to, number) in all.corners.iter_mut().flatten().zip(corners) {
-                to[lane] = number as f32;
+            let numbers = facet.height.into_iter().chain(facet.foot.into_iter().flatten());
+            for (row, number) in rows.iter_mut().zip(numbers.chain(corners)) {
+                row.0[lane] = number as f32;
             }
         }
-        all
     }
 
     #[inline(always)] // part of vectorized code
-    fn add<const N: usize>(&self, [x, y]: [f32; 2], edges: &mut Edges<N>) {
+    fn add<const N: usize>(rows: &[Row; Self::ROWS], [x, y]: [f32; 2], edges: &mut Edges<N>) {
         let mut height2 = [0.0; WIDTH];
         let (mut crosses, mut from, mut to, mut length2) = <[[Lane; 3]; 4]>::default().into();
         let mut meet = [[0; WIDTH]; 3];
         let mut inside = [0.0; WIDTH];
         let mut whole = [0.0; WIDTH];
         for lane in 0..WIDTH {
-            let height =
-                self.height[0][lane] + (self.height[1][lane] * x + self.height[2][lane] * y);
+            let row = |row: usize| rows[row].0[lane];
+            let height = row(0) + (row(1) * x + row(2) * y);
             height2[lane] = height * height;
-            let foot = |axis: usize| self.foot[axis][0][lane] * x + self.foot[axis][1][lane] * y;
-            let (foot_x, foot_y) = (foot(0), foot(1));
-            let corners = [0, 1, 2].map(|corner| {
-                (self.corners[corner][0][lane] - foot_x, self.corners[corner][1][lane] - foot_y)
-            });
+            let foot = [3, 5].map(|axis| row(axis) * x + row(axis + 1) * y);
+            let corners =
+                [7, 9, 11].map(|corner| (row(corner) - foot[0], row(corner + 1) - foot[1]));
             let distances2 = corners.map(|(x, y)| x * x + y * y);
             let rho2 = edges.largest2 - height2[lane];
             let mut is_inside = true;

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 use std::sync::OnceLock;
 
 /// Sides of cells, in radii, unless a triangle is very large or small.
-const CELL: f64 = 1.5;
+const CELL: f64 = 2.5;
 
 /// Cells of a triangle along each axis at most; where that is too coarse, cells are split.
 const MOST: f64 = 64.0;
@@ -28,7 +28,9 @@ pub struct Grid {
     low: [f32; 2],
     /// Cells per radius.
     density: [f32; 2],
-    counts: [u32; 2],
+    /// Numbers of the last cells.
+    last: [f32; 2],
+    columns: u32,
     /// Sides of a cell.
     size: [f32; 2],
     cells: Box<[OnceLock<Cell>]>,
@@ -85,7 +87,8 @@ impl Grid {
         Self {
             low: low.as_vec2().to_array(),
             density: size.recip().as_vec2().to_array(),
-            counts,
+            last: counts.map(|count| count as f32 - 1.0),
+            columns: counts[0],
             size: size.as_vec2().to_array(),
             cells: cells.collect(),
         }
@@ -100,21 +103,24 @@ impl Grid {
     /// Where a point is.
     #[inline(always)] // part of vectorized code
     pub fn place(&self, local: [f32; 2]) -> Place {
+        // Adding 1.5 * 2^23 rounds to the nearest integer and leaves it in the lowest bits.
+        const ROUND: f32 = 12_582_912.0;
         let mut at = [0.0; 2];
         let mut cell = [0; 2];
         for axis in 0..2 {
             let from = local[axis] - self.low[axis];
-            // Negative numbers and NaN become 0.
-            cell[axis] = ((from * self.density[axis]) as u32).min(self.counts[axis] - 1);
-            at[axis] = from - (cell[axis] as f32 + 0.5) * self.size[axis];
+            // Numbers of cells from their middles.
+            let rounded = (from * self.density[axis] - 0.5).min(self.last[axis]).max(0.0) + ROUND;
+            cell[axis] = rounded.to_bits() & 0xffff;
+            at[axis] = from - ((rounded - ROUND) + 0.5) * self.size[axis];
         }
-        Place { index: (cell[1] * self.counts[0] + cell[0]) as usize, at }
+        Place { index: (cell[1] * self.columns + cell[0]) as usize, at }
     }
 
     /// Middle and half of the sides of a cell.
     pub fn cell(&self, index: usize) -> (DVec2, DVec2) {
         let index = index as u32;
-        let cell = [index % self.counts[0], index / self.counts[0]];
+        let cell = [index % self.columns, index / self.columns];
         let number = |axis: usize| f64::from(cell[axis]) + 0.5;
         let [low, size] = [self.low, self.size].map(|[x, y]| DVec2::new(x.into(), y.into()));
         (low + size * DVec2::new(number(0), number(1)), 0.5 * size)
@@ -142,6 +148,7 @@ impl Grid {
                     census[3] += segments;
                     census[4] += facets;
                 }
+                Cell::Holed(_) => census[1] += 1,
                 Cell::Split(grid) => {
                     census[2] += 1;
                     grid.census(census);

@@ -36,8 +36,9 @@ fn trace(scene: &Scene, accel: &dyn Intersect, marks: &Marks, rng: &mut Rng) {
             return;
         }
         let surface = scene.surface(&ray, &hit);
-        marks.add(hit.mesh, hit.triangle, surface.front);
+        // Light that ends at black backs tells nothing of what is behind them.
         let Some(sample) = surface.scatter_flux(rng) else { return };
+        marks.add(hit.mesh, hit.triangle, surface.front);
         if rng.next_1d() >= sample.weight.max_element().min(MAX_SURVIVAL) {
             return;
         }

@@ -2,7 +2,7 @@
 
 use super::bvh::{Box3, Bvh};
 use super::surfaces::{Surfaces, box_around, corners};
-use crate::accel::Place;
+use crate::accel::{Place, TriangleMesh};
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
@@ -47,7 +47,12 @@ impl Reach {
             let mesh = surfaces.geometry().places[place as usize].mesh;
             let to_mesh = &self.to_mesh[place as usize];
             let around = to_mesh.map_or(*around, |to_mesh| moved(around, &to_mesh));
-            self.meshes[mesh as usize].find(&around, |triangle| visit(place, triangle))
+            let TriangleMesh { positions, triangles } = &surfaces.geometry().meshes[mesh as usize];
+            self.meshes[mesh as usize].find(&around, |triangle| {
+                let corners = triangles[triangle as usize].map(|index| positions[index as usize]);
+                let own = corners.into_iter().fold(Box3::EMPTY, |own, p| own.with(p.into()));
+                !own.meets(&around) || visit(place, triangle)
+            })
         })
     }
 

@@ -1,10 +1,12 @@
 //! Sums and pairs by either order of look-ups beside each other and all photons with all points.
 
 use super::*;
-use crate::base::math::{luminance, uniform_sphere};
+use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::bsdf::{Bsdf, Vertex};
+use crate::scene::diffuse::Facet;
 use crate::transport::gather::GatherView;
+use crate::transport::kernel::ByClass;
 use crate::transport::photon::Photon;
 use glam::Vec3;
 
@@ -44,7 +46,15 @@ fn camera_paths(count: u32) -> CameraPaths {
             } else {
                 GatherPoint::NO_VIEW
             };
-            let point = GatherPoint { position, path, weight, vertex, normal, view };
+            let point = GatherPoint {
+                position,
+                path,
+                weight,
+                vertex,
+                normal,
+                view,
+                facet: Facet::default(),
+            };
             paths.gather_points.push(&point);
         }
     }
@@ -54,17 +64,21 @@ fn camera_paths(count: u32) -> CameraPaths {
 
 #[test]
 fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
-    assert!(assert_sums(20_000, 0.05) > 5000);
-    // Ranges of one look-up follow each other in the same block.
-    assert!(assert_sums(40, 0.4) > 500);
+    assert!(assert_sums(20_000, [0.05; 2]) > 5000);
+    // Ranges of one look-up follow each other in the same quad.
+    assert!(assert_sums(40, [0.4; 2]) > 500);
+    for radii in [[0.02, 0.05], [0.06, 0.03]] {
+        assert!(assert_sums(20_000, radii) > 1000);
+    }
 }
 
-fn assert_sums(count: u32, radius: f32) -> usize {
+fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
     let photons = photons(count);
     let paths = camera_paths(500);
     let mut map = PhotonMap::default();
-    map.build_from(&[&photons], radius);
-    let merge = Merge::new(&map, 3);
+    let kernel = Kernel::discs(radii);
+    map.build_from(&[&photons], kernel.reach());
+    let merge = Merge::new(&map, 3, kernel);
     let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
     let [mut found, mut in_zones] = orders.map(|merge| {
         let found = find(&merge, &paths);
@@ -89,7 +103,8 @@ fn assert_sums(count: u32, radius: f32) -> usize {
             for photon in &photons {
                 let distance2 = photon.position.distance_squared(point.position);
                 let counts = point.vertex == 3 || photon.class() == PhotonClass::EveryVertex;
-                if distance2 <= radius * radius && counts && photon.faces(point.normal) {
+                let radius = radii[photon.class() as usize];
+                if distance2 <= radius * radius && counts && photon.cosine(point.normal) > 0.0 {
                     let view = paths.views.get(point.view as usize);
                     let value = view.map_or(Rgb::ONE, |view| view.value(photon, &point));
                     let contribution = point.weight * photon.flux * value / disc_area(radius);
