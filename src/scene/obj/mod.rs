@@ -5,6 +5,8 @@
 //! do the same on one thread, but its errors have neither file nor line, it lets through numbers
 //! that are not finite, and it takes several times as long (`examples/load_table.rs`).
 
+#[cfg(test)]
+mod beside_tobj;
 mod libraries;
 mod model;
 mod numbers;
@@ -180,17 +182,5 @@ mod tests {
                 assert!(told.contains("a.obj:41: ") && told.contains(problem), "{told}");
             }
         }
-    }
-
-    #[test]
-    fn many_corners_at_one_position_take_little_time() {
-        let count = 300_000;
-        let uvs: String = (0..count).map(|i| format!("vt {i}\n")).collect();
-        let faces: String = (1..count).map(|i| format!("f 1/{i} 2/1 3/1\n")).collect();
-        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{uvs}{faces}");
-        let start = std::time::Instant::now();
-        let (meshes, _) = read(Path::new("a.obj"), text.as_bytes(), PIECE).unwrap().meshes();
-        assert_eq!(meshes[0].mesh.positions.len(), count + 1);
-        assert!(start.elapsed().as_secs() < 20, "took {:?}", start.elapsed());
     }
 }
