@@ -1,9 +1,15 @@
 //! Wavefront OBJ: positions, faces, groups and the names of materials.
 //!
 //! The file is cut into pieces that are read side by side (`records`), and put together in their
-//! order (`model`): what comes out does not depend on the number of threads. The crate `tobj` would
-//! do the same on one thread, but its errors have neither file nor line, it lets through numbers
-//! that are not finite, and it takes several times as long (`examples/load_table.rs`).
+//! order (`model`): what comes out does not depend on the number of threads.
+//!
+//! Generated files hold this reader against the crate `tobj` (`beside_tobj`), which is not the reader
+//! itself for what it makes of other files, even behind a layer that joins, cleans and counts lines: it
+//! makes up normals and texture coordinates of faces that have none, finds wrong references when their
+//! lines are past or not at all, forgets the names of materials that are defined later or elsewhere, and
+//! refuses comments after numbers. To put that right, the layer would have to read the faces itself.
+//! Alone, without that layer, `tobj` takes half as long again as this reader on one thread, and more
+//! than twice as long as on two (`cargo run --release --example load_table`).
 
 #[cfg(test)]
 mod beside_tobj;
