@@ -1,4 +1,4 @@
-//! No picture makes the loader panic, take long or take much memory: textures (PNG, JPEG) and maps of the
+//! No picture makes the loader panic or take much memory: textures (PNG, JPEG) and maps of the
 //! environment (EXR, HDR) with bytes replaced, deleted and doubled. `PROPTEST_CASES=100000` tries far
 //! more.
 

@@ -200,6 +200,14 @@ fn what_is_missing_is_noted_once_by_name() {
     assert_eq!(notes.matches("`early`, `m` undefined; took grey of albedo 0.5").count(), 1);
     assert_eq!(loaded.scene.triangle_count(), 3);
 
+    // Of several libraries in one line those that exist are read.
+    let content = format!("mtllib no.mtl a.mtl gone.mtl\nusemtl m\n{SQUARE}");
+    let loaded = load_files(&[("a.mtl", b"newmtl m\n"), ("a.obj", content.as_bytes())]).unwrap();
+    let notes = loaded.notes_text();
+    assert!(notes.contains("a.obj:1: the material library `no.mtl` does not exist"), "{notes}");
+    assert!(notes.contains("a.obj:1: the material library `gone.mtl` does not exist"), "{notes}");
+    assert!(!notes.contains("undefined"), "{notes}");
+
     let mtl =
         "newmtl a\nmap_Kd gone.png\nmap_Ks other.png\nnewmtl b\nmap_Kd gone.png\nnorm my map.png\n";
     let content = format!("usemtl a\n{SQUARE}usemtl b\nf 1 2 4\nmtllib a.mtl\n");

@@ -14,9 +14,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Textures that are read.
-const MAPS: [&str; 4] = ["map_Kd", "map_d", "map_Ke", "norm"];
-
 /// Reflected share of light where nothing else is said.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 
@@ -80,26 +77,24 @@ pub(super) fn load(
             "d" => material.opacity = Some(number(&lines, rest, 0.0, 1.0)?),
             "Tr" => material.opacity = Some(1.0 - number(&lines, rest, 0.0, 1.0)?),
             "illum" => material.model = Some(number(&lines, rest, 0.0, 10.0)? as u8),
-            "map_Kd" => material.albedo_texture = texture(path, rest)?,
-            "map_d" => material.opacity_texture = texture(path, rest)?,
-            "map_Ke" => material.emission_texture = texture(path, rest)?,
-            "norm" => material.normal_texture = texture(path, rest)?,
             _ => {}
         }
-        let read = match keyword {
-            "map_Kd" => material.albedo_texture.is_some(),
-            "map_d" => material.opacity_texture.is_some(),
-            "map_Ke" => material.emission_texture.is_some(),
-            "norm" => material.normal_texture.is_some(),
-            _ => false,
+        let map = match keyword {
+            "map_Kd" => Some(&mut material.albedo_texture),
+            "map_d" => Some(&mut material.opacity_texture),
+            "map_Ke" => Some(&mut material.emission_texture),
+            "norm" => Some(&mut material.normal_texture),
+            _ => None,
         };
-        if is_map && !read {
-            let is_missing = MAPS.contains(&keyword) && !rest.is_empty() && !rest.starts_with('-');
-            if is_missing {
-                ignored.missing.insert(rest.to_owned());
-            } else {
-                ignored.textures.insert(material.name.clone());
+        match map {
+            Some(map) if !rest.is_empty() && !rest.starts_with('-') => {
+                *map = texture(path, rest)?;
+                if map.is_none() {
+                    ignored.missing.insert(rest.to_owned());
+                }
             }
+            _ if is_map => drop(ignored.textures.insert(material.name.clone())),
+            _ => {}
         }
     }
     if let Some(done) = current {
@@ -143,11 +138,8 @@ impl Notes {
     }
 }
 
-/// The texture of this file name; `None` if it does not exist or has options before it.
+/// The texture of this file name, `None` if it does not exist.
 fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
-    if name.is_empty() || name.starts_with('-') {
-        return Ok(None);
-    }
     let folder = library.parent().unwrap_or(Path::new(""));
     let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
     let found = candidates.into_iter().find(|path| path.exists());

@@ -32,22 +32,22 @@ impl Library {
             return mtl::load(&path, materials, notes);
         }
         let mut missing = Vec::new();
-        let several: Vec<_> =
-            self.names.split_whitespace().map(|name| (name, find(name))).collect();
-        if several.iter().all(|(_, path)| path.is_none()) {
-            missing.push(self.names.as_str());
-        }
-        for (name, path) in &several {
-            match path {
-                Some(path) => mtl::load(path, materials, notes)?,
-                None if missing.is_empty() => missing.push(name),
-                None => {}
+        let mut is_any = false;
+        for name in self.names.split_whitespace() {
+            match find(name) {
+                Some(path) => {
+                    mtl::load(&path, materials, notes)?;
+                    is_any = true;
+                }
+                None => missing.push(name),
             }
         }
-        if !missing.is_empty() {
-            let names = list(missing);
-            let (path, line) = (obj.display(), self.line);
-            let note = format!("{path}:{line}: the material library {names} does not exist");
+        if !is_any {
+            missing = vec![self.names.as_str()];
+        }
+        for name in missing {
+            let (path, line, name) = (obj.display(), self.line, list([name]));
+            let note = format!("{path}:{line}: the material library {name} does not exist");
             notes.push(Note::skipped(note));
         }
         Ok(())

@@ -1,10 +1,18 @@
 //! Wavefront OBJ: positions, faces, groups and the names of materials.
 //!
 //! The file is cut into pieces that are read side by side (`records`), and put together in their
-//! order (`model`): what comes out does not depend on the number of threads. The crate `tobj` would
-//! do the same on one thread, but its errors have neither file nor line, it lets through numbers
-//! that are not finite, and it takes several times as long (`examples/load_table.rs`).
+//! order (`model`): what comes out does not depend on the number of threads.
+//!
+//! Generated files hold this reader against the crate `tobj` (`beside_tobj`), which is not the reader
+//! itself for what it makes of other files, even behind a layer that joins, cleans and counts lines: it
+//! makes up normals and texture coordinates of faces that have none, finds wrong references when their
+//! lines are past or not at all, forgets the names of materials that are defined later or elsewhere, and
+//! refuses comments after numbers. To put that right, the layer would have to read the faces itself.
+//! Alone, without that layer, `tobj` takes half as long again as this reader on one thread, and more
+//! than twice as long as on two (`cargo run --release --example load_table`).
 
+#[cfg(test)]
+mod beside_tobj;
 mod libraries;
 mod model;
 mod numbers;
@@ -180,17 +188,5 @@ mod tests {
                 assert!(told.contains("a.obj:41: ") && told.contains(problem), "{told}");
             }
         }
-    }
-
-    #[test]
-    fn many_corners_at_one_position_take_little_time() {
-        let count = 300_000;
-        let uvs: String = (0..count).map(|i| format!("vt {i}\n")).collect();
-        let faces: String = (1..count).map(|i| format!("f 1/{i} 2/1 3/1\n")).collect();
-        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{uvs}{faces}");
-        let start = std::time::Instant::now();
-        let (meshes, _) = read(Path::new("a.obj"), text.as_bytes(), PIECE).unwrap().meshes();
-        assert_eq!(meshes[0].mesh.positions.len(), count + 1);
-        assert!(start.elapsed().as_secs() < 20, "took {:?}", start.elapsed());
     }
 }

@@ -19,6 +19,10 @@ const MAX_LIBRARIES: usize = 1000;
 /// Most unknown keywords that are told.
 pub(super) const MAX_UNKNOWN: usize = 8;
 
+/// Records that say nothing about triangles, besides the frequent ones.
+const PASSED_OVER: &str = "vp mg cstype deg bmat step parm trim hole scrv sp end con bevel c_interp \
+    d_interp lod usemap maplib shadow_obj trace_obj ctech stech";
+
 /// What a face's corners refer to, in this order: positions, texture coordinates, normals.
 const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
@@ -161,41 +165,16 @@ impl Parser<'_> {
             }
             b"mtllib" => self.library()?,
             b"p" | b"l" | b"curv" | b"curv2" | b"surf" => chunk.ignored_elements += 1,
-            b""
-            | b"vp"
-            | b"s"
-            | b"mg"
-            | b"cstype"
-            | b"deg"
-            | b"bmat"
-            | b"step"
-            | b"parm"
-            | b"trim"
-            | b"hole"
-            | b"scrv"
-            | b"sp"
-            | b"end"
-            | b"con"
-            | b"bevel"
-            | b"c_interp"
-            | b"d_interp"
-            | b"lod"
-            | b"usemap"
-            | b"maplib"
-            | b"shadow_obj"
-            | b"trace_obj"
-            | b"ctech"
-            | b"stech"
-            | [b'#', ..] => {}
-            unknown => {
-                // A note is for people: the first few will do.
-                if chunk.unknown.len() < MAX_UNKNOWN {
-                    let word: String = text(unknown).chars().take(20).collect();
-                    if chunk.unknown.iter().all(|(known, _)| *known != word) {
-                        chunk.unknown.push((word, lines.number() - self.before.lines));
-                    }
+            b"" | b"s" | [b'#', ..] => {}
+            known if PASSED_OVER.split(' ').any(|word| word.as_bytes() == known) => {}
+            // A note is for people: the first few will do.
+            unknown if chunk.unknown.len() < MAX_UNKNOWN => {
+                let word: String = text(unknown).chars().take(20).collect();
+                if chunk.unknown.iter().all(|(known, _)| *known != word) {
+                    chunk.unknown.push((word, lines.number() - self.before.lines));
                 }
             }
+            _ => {}
         }
         Ok(())
     }
@@ -330,4 +309,18 @@ fn index(
         1.. => Index::Absolute((number - 1) as u32),
         _ => Index::Relative((here + number) as u32),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_many_unknown_words_few_are_kept() {
+        let words: String = (0..1000).map(|i| format!("x{i} 1\n")).collect();
+        let unknown =
+            parse(Path::new("a.obj"), words.as_bytes(), &Before::enough()).unwrap().unknown;
+        let first = (0..MAX_UNKNOWN).map(|i| (format!("x{i}"), i + 1));
+        assert!(unknown.iter().cloned().eq(first), "{unknown:?}");
+    }
 }

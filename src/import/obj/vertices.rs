@@ -97,3 +97,21 @@ impl<'a> Vertices<'a> {
         self.cutter.rough
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_vertices_of_a_position_are_compared_and_no_more() {
+        for (count, is_found) in [(COMPARED, true), (COMPARED + 1, false), (300_000, false)] {
+            let uvs = vec![Vec2::ZERO; count];
+            let mut vertices = Vertices::new(&[Vec3::ZERO], &uvs, &[]);
+            let made: Vec<u32> = (0..count as u32).map(|uv| vertices.vertex([0, uv, 0])).collect();
+            assert!(made.iter().copied().eq(0..count as u32));
+            // The oldest is compared last.
+            let again = vertices.vertex([0, 0, 0]);
+            assert_eq!(again, if is_found { 0 } else { count as u32 });
+        }
+    }
+}
