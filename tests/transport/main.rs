@@ -8,6 +8,7 @@ mod shapes;
 mod accel_agree;
 mod accel_instances;
 mod analytic_radiance;
+mod area_furnace;
 mod backends_render;
 mod bsdf;
 mod camera_batches;

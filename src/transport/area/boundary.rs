@@ -1,69 +1,145 @@
 //! The boundary of many polygons together: edges that two have in common drop out.
 
 use glam::DVec2;
+use std::collections::HashMap;
 
 /// A directed segment with what counts on its left.
 pub type Segment = (DVec2, DVec2);
 
 /// What of the edges of polygons that do not overlap is an edge of them all together. Edges that are
 /// less than `tolerance` apart are one.
+///
+/// Around a point inside, all of them must still turn once: so ends stay where they are.
 pub fn boundary(mut edges: Vec<Segment>, tolerance: f64) -> Vec<Segment> {
     cancel_pairs(&mut edges);
     let mut kept = Vec::new();
     while let Some(first) = edges.pop() {
-        let along = first.1 - first.0;
-        let length = along.length();
-        if length <= tolerance {
+        let line = Along::new(first, tolerance);
+        let is_against = |&edge: &Segment| line.is_against(edge);
+        if !edges.iter().any(is_against) {
+            kept.push(first);
             continue;
         }
-        let along = along / length;
-        let height = |p: DVec2| along.perp_dot(p - first.0);
-        let place = |p: DVec2| along.dot(p - first.0);
-        let mut events = vec![(0.0, 1), (length, -1)];
-        edges.retain(|&(p, q)| {
-            let is_on_line = height(p).abs() <= tolerance && height(q).abs() <= tolerance;
+        let mut events = vec![(0.0, 1, first.0), (line.length, -1, first.1)];
+        edges.retain(|&edge| {
+            let is_on_line = line.holds(edge);
             if is_on_line {
-                let (start, end) = (place(p), place(q));
                 // A segment of the other direction counts against it.
-                events.extend([(start, 1), (end, -1)]);
+                events.push((line.place(edge.0), 1, edge.0));
+                events.push((line.place(edge.1), -1, edge.1));
             }
             !is_on_line
         });
-        if events.len() == 2 {
-            kept.push(first);
-        } else {
-            keep_net(&mut events, tolerance, |start, end| {
-                kept.push((first.0 + along * start, first.0 + along * end));
-            });
+        keep_net(&mut events, tolerance, &mut kept);
+    }
+    join(kept, tolerance)
+}
+
+/// The line of a segment.
+struct Along {
+    start: DVec2,
+    direction: DVec2,
+    length: f64,
+    tolerance: f64,
+}
+
+impl Along {
+    fn new((p, q): Segment, tolerance: f64) -> Self {
+        let (direction, length) = (q - p).normalize_and_length();
+        Self { start: p, direction, length, tolerance }
+    }
+
+    fn place(&self, point: DVec2) -> f64 {
+        self.direction.dot(point - self.start)
+    }
+
+    fn holds(&self, (p, q): Segment) -> bool {
+        [p, q]
+            .iter()
+            .all(|point| self.direction.perp_dot(point - self.start).abs() <= self.tolerance)
+    }
+
+    /// Whether a segment leads back over some of this one.
+    fn is_against(&self, edge: Segment) -> bool {
+        let (start, end) = (self.place(edge.0), self.place(edge.1));
+        start.min(self.length) - end.max(0.0) > self.tolerance && self.holds(edge)
+    }
+}
+
+/// Makes one segment of those that go on straight from each other.
+fn join(segments: Vec<Segment>, tolerance: f64) -> Vec<Segment> {
+    let key = |point: DVec2| point.to_array().map(f64::to_bits);
+    let starts: HashMap<_, _> =
+        segments.iter().enumerate().map(|(index, (start, _))| (key(*start), index)).collect();
+    let next = |(p, q): Segment| {
+        let index = *starts.get(&key(q))?;
+        let (_, end) = segments[index];
+        let whole = Along::new((p, end), tolerance);
+        let is_straight = whole.holds((p, q)) && (0.0..whole.length).contains(&whole.place(q));
+        is_straight.then_some(index)
+    };
+    let mut follows = vec![false; segments.len()];
+    for &segment in &segments {
+        if let Some(index) = next(segment) {
+            follows[index] = true;
         }
     }
-    kept
+    let heads = segments.iter().zip(&follows).filter(|&(_, &follows)| !follows);
+    let mut joined: Vec<_> = Vec::new();
+    let mut is_used: Vec<_> = follows.iter().map(|&follows| !follows).collect();
+    for (&head, _) in heads {
+        let mut whole = head;
+        let mut last = head;
+        while let Some(index) = next(last).filter(|&index| !is_used[index]) {
+            is_used[index] = true;
+            last = segments[index];
+            let longer = (whole.0, last.1);
+            if !Along::new(longer, tolerance).holds(whole) {
+                joined.push(whole);
+                whole = last;
+            } else {
+                whole = longer;
+            }
+        }
+        joined.push(whole);
+    }
+    joined.extend(segments.iter().zip(&is_used).filter(|&(_, &used)| !used).map(|(s, _)| *s));
+    joined
 }
 
 /// Drops segments whose reverse is there as well.
 fn cancel_pairs(edges: &mut Vec<Segment>) {
-    let mut index = 0;
-    while index < edges.len() {
-        let (p, q) = edges[index];
-        if let Some(other) = edges[index + 1..].iter().position(|&(a, b)| (a, b) == (q, p)) {
-            edges.swap_remove(index + 1 + other);
-            edges.swap_remove(index);
-        } else {
-            index += 1;
-        }
+    let order = |a: DVec2, b: DVec2| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y));
+    // From the lower end to the higher, and whether that is the other way around.
+    let upward = |&(p, q): &Segment| match order(p, q).is_gt() {
+        true => ((q, p), true),
+        false => ((p, q), false),
+    };
+    edges.sort_unstable_by(|a, b| {
+        let ((a, back_a), (b, back_b)) = (upward(a), upward(b));
+        order(a.0, b.0).then(order(a.1, b.1)).then(back_a.cmp(&back_b))
+    });
+    let same = |a: &Segment, b: &Segment| upward(a).0 == upward(b).0;
+    let mut kept = Vec::new();
+    for edges in edges.chunk_by(same) {
+        let back = edges.iter().filter(|edge| upward(edge).1).count();
+        let forth = edges.len() - back;
+        // Those of one direction come first.
+        kept.extend(&edges[back.min(forth)..edges.len() - back.min(forth)]);
     }
+    *edges = kept;
 }
 
 /// Intervals of a line where segments do not cancel, in the direction of most of them. A segment
 /// adds 1 from its start on and takes 1 from its end on, so that one of the other direction, whose end
 /// comes first, takes 1 between its ends.
-fn keep_net(events: &mut [(f64, i32)], tolerance: f64, mut keep: impl FnMut(f64, f64)) {
-    events.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut net, mut open) = (0, None::<f64>);
+fn keep_net(events: &mut [(f64, i32, DVec2)], tolerance: f64, kept: &mut Vec<Segment>) {
+    events.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut net, mut open) = (0, None::<DVec2>);
     let mut index = 0;
     while index < events.len() {
-        let at = events[index].0;
-        let before = net;
+        let (at, _, point) = events[index];
+        let before: i32 = net;
         // All that are at the same place together.
         while index < events.len() && events[index].0 <= at + tolerance {
             net += events[index].1;
@@ -71,9 +147,9 @@ fn keep_net(events: &mut [(f64, i32)], tolerance: f64, mut keep: impl FnMut(f64,
         }
         if before.signum() != net.signum() {
             if let Some(start) = open.take() {
-                if before > 0 { keep(start, at) } else { keep(at, start) }
+                kept.push(if before > 0 { (start, point) } else { (point, start) });
             }
-            open = (net != 0).then_some(at);
+            open = (net != 0).then_some(point);
         }
     }
 }

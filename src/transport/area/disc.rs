@@ -38,13 +38,13 @@ pub fn angle(x: f32, y: f32) -> f32 {
     let t = low / high.max(f32::MIN_POSITIVE);
     let t2 = t * t;
     let mut p = 0.002_866_225_7;
-    p = p * t2 - 0.016_165_736_7;
-    p = p * t2 + 0.042_909_613_8;
-    p = p * t2 - 0.075_289_640_0;
-    p = p * t2 + 0.106_562_639_3;
-    p = p * t2 - 0.142_088_994_4;
-    p = p * t2 + 0.199_935_508_5;
-    p = p * t2 - 0.333_331_452_8;
+    p = p * t2 - 0.016_165_737;
+    p = p * t2 + 0.042_909_614;
+    p = p * t2 - 0.075_289_64;
+    p = p * t2 + 0.106_562_64;
+    p = p * t2 - 0.142_089;
+    p = p * t2 + 0.199_935_51;
+    p = p * t2 - 0.333_331_46;
     let mut angle = t + t * t2 * p;
     angle = if y > x.abs() { FRAC_PI_2 - angle } else { angle };
     if x < 0.0 { PI - angle } else { angle }

@@ -1,13 +1,14 @@
 //! Areas of all surfaces of a scene, worked out where they are asked for.
 
-use super::cell::{Cell, Maker, Own};
+use super::cell::Cell;
 use super::disc::half_plane;
+use super::near::{Maker, Own};
 use super::patch::{Grid, Patch, Place};
 use super::reach::Reach;
 use super::sides::Sides;
 use super::surfaces::{Surfaces, corners};
-use crate::lanes::{LANES, Mask, Vec3s, lanes_of};
 use crate::lanes::simd::vectorized;
+use crate::lanes::{LANES, Mask, Vec3s, lanes_of};
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::sync::OnceLock;
@@ -135,9 +136,9 @@ impl<'a> Areas<'a> {
         let mut height = [2.0; LANES];
         // Step by step for all points, so that their waits for memory overlap.
         let mut patches = [None; LANES];
-        for lane in 0..LANES {
+        for (lane, patch) in patches.iter_mut().enumerate() {
             if query.wanted[lane] {
-                patches[lane] = self.patch(query.facet[lane]);
+                *patch = self.patch(query.facet[lane]);
             }
         }
         let (mut at, mut cells) = ([[0.0; 2]; LANES], [None; LANES]);
@@ -281,7 +282,7 @@ impl<'a> Areas<'a> {
         let place = self.first.partition_point(|&first| first <= number) - 1;
         let (place, triangle) = (place as u32, number - self.first[place]);
         let normal = self.surfaces.normal(place, triangle);
-        let front = facet % 2 == 0;
+        let front = facet.is_multiple_of(2);
         let side = self.sides.of(place, triangle, front);
         let holes = self.surfaces.has_holes(place);
         let normal = if front { normal } else { -normal };

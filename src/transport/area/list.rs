@@ -20,7 +20,7 @@ pub struct List {
     /// Segments, then facets: numbers of each pack in turn.
     rows: Box<[Row]>,
     /// Packs of segments.
-    segments: u16,
+    segments: u32,
     /// Whether points of the patch are inside of the surface in its plane: not if that has holes.
     inside: bool,
 }
@@ -86,7 +86,7 @@ impl List {
         for (rows, facets) in rows[own..].chunks_mut(Facets::ROWS).zip(facets.chunks(WIDTH)) {
             Facets::fill(rows, facets);
         }
-        let segments = u16::try_from(packs(segments.len())).expect("fewer edges than that");
+        let segments = packs(segments.len()) as u32;
         Self { rows: rows.into(), segments, inside }
     }
 
@@ -94,7 +94,7 @@ impl List {
     #[inline(always)] // part of vectorized code
     pub fn areas<const N: usize>(&self, at: [f32; 2], radii2: &[f32; N]) -> [f32; N] {
         let mut edges = Edges::new(radii2);
-        let (segments, facets) = self.rows.split_at(Segments::ROWS * usize::from(self.segments));
+        let (segments, facets) = self.rows.split_at(Segments::ROWS * self.segments as usize);
         for rows in segments.as_chunks().0 {
             Segments::add(rows, at, &mut edges);
         }
@@ -108,7 +108,7 @@ impl List {
 
     /// Packs of segments and of facets.
     pub fn lengths(&self) -> [usize; 2] {
-        let segments = usize::from(self.segments);
+        let segments = self.segments as usize;
         [segments, (self.rows.len() - segments * Segments::ROWS) / Facets::ROWS]
     }
 
@@ -233,7 +233,7 @@ impl<'a, const N: usize> Edges<'a, N> {
             column[place] = number;
         }
         self.count += 1;
-        if self.count % EDGES == 0 {
+        if self.count.is_multiple_of(EDGES) {
             self.add(EDGES);
         }
     }
@@ -255,7 +255,7 @@ impl<'a, const N: usize> Edges<'a, N> {
 
     #[inline(always)] // part of vectorized code
     fn finish(mut self) -> [f32; N] {
-        if self.count % EDGES > 0 {
+        if !self.count.is_multiple_of(EDGES) {
             self.add(self.count % EDGES);
         }
         from_fn(|i| self.more[i] + self.sums[i].iter().sum::<f32>())

@@ -22,6 +22,7 @@ mod covered;
 pub mod disc;
 mod index;
 mod list;
+mod near;
 mod patch;
 mod pilot;
 mod polygon;

@@ -1,6 +1,7 @@
 //! A side of a triangle, divided into cells about as large as the sphere.
 
-use super::cell::{Cell, Frame};
+use super::cell::Cell;
+use super::near::Frame;
 use glam::{DVec2, DVec3, Vec3};
 use std::sync::OnceLock;
 

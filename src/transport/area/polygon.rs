@@ -117,3 +117,26 @@ pub fn meets(polygon: &[DVec2], (p, q): (DVec2, DVec2), tolerance: f64) -> bool 
     }
     (last - first) * p.distance(q) > tolerance
 }
+
+/// The corners of a rectangle around the origin, given by half of its sides.
+pub fn rectangle(half: DVec2) -> [DVec2; 4] {
+    let DVec2 { x, y } = half;
+    [DVec2::new(-x, -y), DVec2::new(x, -y), DVec2::new(x, y), DVec2::new(-x, y)]
+}
+
+/// The part of a polygon in a rectangle around the origin, given by half of its sides.
+pub fn clip_to(polygon: &[DVec2], half: DVec2) -> Polygon {
+    let mut part = polygon.to_vec();
+    if polygon.iter().all(|corner| corner.abs().cmple(half).all()) {
+        return part;
+    }
+    let corners = rectangle(half);
+    for (a, b) in edges(&corners) {
+        let Some(line) = Line::through(a, b) else { continue };
+        part = clip(&part, line);
+        if part.is_empty() {
+            break;
+        }
+    }
+    part
+}

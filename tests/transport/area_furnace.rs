@@ -1,0 +1,165 @@
+//! Where everything emits 1 and reflects half, radiance is 2 everywhere, and merging has no excuse: the
+//! kernel by true area is exact at edges, steps, gaps and thin walls, on floors under blocks and on doubled
+//! faces, at every radius; the disc is not.
+
+use crate::common::*;
+use bdpm::bsdf::Bsdf;
+use bdpm::noise::Measure;
+use bdpm::scene::{Material, Mesh, Scene};
+use bdpm::settings::{Direct, Kernel};
+use bdpm::{Renderer, Settings};
+use glam::Vec3;
+
+const RADIANCE: f64 = 2.0;
+
+/// Independent images per answer.
+const IMAGES: usize = 8;
+
+/// Pixels across and down, and of a tile.
+const SIDE: u32 = 32;
+const TILE: u32 = 4;
+
+/// Largest standardized deviation of 64 tiles from 8 images (Student's t of 7 degrees of freedom): one in
+/// some hundred sets of seeds exceeds it.
+const MOST: f64 = 9.0;
+
+/// Everything emits 1 from its front and reflects half, on the back as well or not at all.
+fn glowing(two_sided: bool) -> Material {
+    let bsdf = Bsdf::Lambertian { albedo: Vec3::splat(0.5), two_sided };
+    Material { emission: Vec3::ONE, ..Material::new("glowing", bsdf) }
+}
+
+/// An axis-aligned box, its fronts outside or inside; faces of `cuts` by `cuts` squares.
+fn cuboid(min: Vec3, max: Vec3, inward: bool, cuts: u32) -> Mesh {
+    let mut mesh = Mesh { name: "box".into(), ..Mesh::default() };
+    for axis in 0..3 {
+        for high in [false, true] {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            let first = mesh.positions.len() as u32;
+            for (i, j) in (0..=cuts).flat_map(|i| (0..=cuts).map(move |j| (i, j))) {
+                let mut corner = if high { max } else { min };
+                let at = |axis: usize, i: u32| {
+                    min[axis] + (max[axis] - min[axis]) * (i as f32 / cuts as f32)
+                };
+                (corner[u], corner[v]) = (at(u, i), at(v, j));
+                mesh.positions.push(corner);
+            }
+            for (i, j) in (0..cuts).flat_map(|i| (0..cuts).map(move |j| (i, j))) {
+                let a = first + i * (cuts + 1) + j;
+                let [a, b, c, d] = [a, a + cuts + 1, a + cuts + 2, a + 1];
+                let quad = if high == inward { [a, d, c, b] } else { [a, b, c, d] };
+                mesh.triangles.extend([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]);
+            }
+        }
+    }
+    mesh
+}
+
+/// It emits nothing and reflects all, which is as bright: two of them in one place emit no more than one.
+fn white(mesh: Mesh) -> Mesh {
+    Mesh { material: 1, ..mesh }
+}
+
+fn solid(min: [f32; 3], max: [f32; 3]) -> Mesh {
+    cuboid(min.into(), max.into(), false, 1)
+}
+
+/// In a room two units wide, seen from a corner.
+fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Scene {
+    let mut meshes = vec![cuboid(Vec3::NEG_ONE, Vec3::ONE, true, cuts)];
+    meshes.extend(things);
+    let camera = camera(Vec3::new(-0.9, -0.95, 0.75), Vec3::new(0.2, 0.1, -0.6), 75.0);
+    scene(meshes, vec![glowing(two_sided), gray(1.0, 0.0)], vec![], camera)
+}
+
+/// Largest deviation of a tile from the answer in standard errors, and the image's mean with its own.
+fn deviation(scene: &Scene, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
+    let accel = accel(scene);
+    let render = |seed: usize| {
+        let settings = Settings {
+            kernel,
+            radius,
+            // Photons of both classes meet at the same edges.
+            caustic_radius: 0.5 * radius,
+            direct: Direct::PhotonMap,
+            light_paths: 30_000,
+            seed: seed as u64,
+            ..settings(SIDE, SIDE)
+        };
+        let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+        (0..3).for_each(|_| drop(renderer.iterate(Measure::Off)));
+        let tiles = (SIDE / TILE) as usize;
+        let mut means = vec![0.0; tiles * tiles];
+        for (pixel, value) in renderer.film().mean().into_iter().enumerate() {
+            let (x, y) = (pixel as u32 % SIDE / TILE, pixel as u32 / SIDE / TILE);
+            means[y as usize * tiles + x as usize] += f64::from(value.x) / f64::from(TILE * TILE);
+        }
+        means
+    };
+    let images: Vec<Vec<f64>> = (0..IMAGES).map(render).collect();
+    let statistic = |values: Vec<f64>| {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let scatter = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        [mean, (scatter / n).sqrt()]
+    };
+    let worst = (0..images[0].len()).map(|tile| {
+        let [mean, error] = statistic(images.iter().map(|image| image[tile]).collect());
+        (mean - RADIANCE).abs() / error
+    });
+    let whole = |image: &Vec<f64>| image.iter().sum::<f64>() / image.len() as f64;
+    (worst.fold(0.0, f64::max), statistic(images.iter().map(whole).collect()))
+}
+
+fn assert_exact(name: &str, scene: &Scene, radii: &[f32]) {
+    for &radius in radii {
+        let (worst, [mean, error]) = deviation(scene, Kernel::Area, radius);
+        println!("{name}, radius {radius}: {worst:.1}, {mean:.4} +- {error:.4}");
+        assert!(worst < MOST, "{name}, radius {radius}: {worst}");
+        assert!((mean - RADIANCE).abs() < 5.0 * error, "{name}, {radius}: {mean} +- {error}");
+        assert!(error < 2e-3 * RADIANCE, "{name}, {radius}: {error}");
+    }
+    let (worst, [mean, error]) = deviation(scene, Kernel::Disc, radii[radii.len() - 1]);
+    assert!(worst > 2.0 * MOST, "{name}: the disc is as good, {worst}, {mean} +- {error}");
+}
+
+#[test]
+fn edges_and_corners_of_rooms() {
+    for cuts in [1, 7] {
+        assert_exact("a room", &furnace(vec![], true, cuts), &[0.05, 0.3]);
+    }
+}
+
+#[test]
+fn thin_walls_steps_and_gaps_smaller_than_the_radius() {
+    let things = vec![
+        solid([-0.3, -0.2, -0.6], [0.3, -0.18, 0.1]),
+        solid([-0.3, 0.2, -0.8], [0.2, 0.5, -0.7]),
+        solid([-0.3, 0.2, -0.65], [0.2, 0.5, -0.5]),
+    ];
+    for two_sided in [true, false] {
+        assert_exact("in the air", &furnace(things.clone(), two_sided, 1), &[0.1, 0.25]);
+    }
+}
+
+#[test]
+fn blocks_on_and_in_the_floor_sheets_and_doubled_faces() {
+    let things = vec![
+        // On the floor, and sunk in it.
+        solid([-0.5, -0.3, -1.0], [0.0, 0.1, -0.6]),
+        solid([0.3, -0.4, -1.2], [0.7, 0.0, -0.9]),
+        // A sheet a ten thousandth of the radius above the floor.
+        square(Vec3::new(-0.35, 0.5, -1.0 + 2e-5), Vec3::Z, 0.25, 0),
+        // The same block twice.
+        white(solid([0.2, 0.3, -1.0], [0.6, 0.7, -0.8])),
+        white(solid([0.2, 0.3, -1.0], [0.6, 0.7, -0.8])),
+    ];
+    assert_exact("on the floor", &furnace(things, false, 1), &[0.2]);
+}
+
+#[test]
+fn balls_of_fine_and_coarse_facets() {
+    let ball = |x: f32, levels| sphere(Vec3::new(x, 0.1, -0.5), 0.3, levels, false, 0);
+    let scene = furnace(vec![ball(-0.4, 4), ball(0.35, 1)], true, 1);
+    assert_exact("balls", &scene, &[0.05, 0.2]);
+}
