@@ -189,7 +189,13 @@ fn building(
     group.throughput(Throughput::Elements(photons.len() as u64));
     group.bench_function("1 thread", |bencher| {
         bencher.iter_custom(|times| {
-            one.install(|| timed(|| (0..times).for_each(|_| map.build(light, radius))))
+            one.install(|| {
+                timed(|| {
+                    (0..times).for_each(|_| {
+                        map.build(light, radius);
+                    })
+                })
+            })
         });
     });
     group.finish();
@@ -217,7 +223,13 @@ fn building(
     // Each for milliseconds at a time, on its thread: waking one up takes longer than a small map.
     let times = 1_000_000u32.div_ceil(light_paths);
     let mut build = |pool: &rayon::ThreadPool| {
-        pool.install(|| timed(|| (0..times).for_each(|_| map.build(light, radius))))
+        pool.install(|| {
+            timed(|| {
+                (0..times).for_each(|_| {
+                    map.build(light, radius);
+                })
+            })
+        })
     };
     let sort = || timed(|| (0..times).for_each(|_| copy_and_sort()));
     let over_sort = Ratio::of(TURNS, || build(&one), sort);

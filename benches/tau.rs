@@ -12,7 +12,7 @@ use bdpm::accel::Intersect;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::RenderDefaults;
+use bdpm::settings::PartialSettings;
 use bdpm::settings::origin::Origin;
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};
 use bdpm::timing::grid::{Size, sizes_of};
@@ -46,7 +46,7 @@ impl Subject {
         let threads = variable("BDPM_THREADS")
             .map_or(0, |text| text.parse().expect("BDPM_THREADS is a number"));
         let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let wishes = RenderDefaults { resolution, ..RenderDefaults::default() };
+        let wishes = PartialSettings { resolution, ..PartialSettings::default() };
         let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
         let scene = loaded.scene;
         let accel = threads.install(|| build(Backend::default(), &scene))?;

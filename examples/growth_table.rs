@@ -15,7 +15,7 @@ use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Triangle};
-use bdpm::settings::{Length, RenderDefaults};
+use bdpm::settings::{Length, PartialSettings};
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::fit;
 use bdpm::timing::grid;
@@ -95,11 +95,11 @@ fn take_turns(runs: &mut [Run]) {
 }
 
 fn settings(loaded: &Loaded, resolution: [u32; 2], size: Size) -> bdpm::Result<Settings> {
-    let wishes = RenderDefaults {
+    let wishes = PartialSettings {
         resolution: Some(resolution),
         light_paths: Some(size.light_paths),
         camera_paths: Some(size.camera_paths),
-        ..RenderDefaults::default()
+        ..PartialSettings::default()
     };
     Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())
 }
@@ -201,7 +201,7 @@ fn room(n: usize) -> Result<Room> {
     let (from, direction) = (Vec3::new(0.0, 5.0, -9.0), Vec3::new(0.0, -0.4, 1.0));
     let camera = Camera::look(from, direction, Vec3::Y, FieldOfView::X(80.0))?;
     let start = Instant::now();
-    let scene = Scene::new("room".into(), meshes, vec![gray], vec![light], camera, Vec::new());
+    let scene = Scene::new("room".into(), meshes, vec![gray], vec![light], camera, Vec::new())?;
     let assembly = start.elapsed().as_secs_f64();
     let accel = build(Backend::default(), &scene)?;
     let seconds = [assembly, start.elapsed().as_secs_f64() - assembly];
@@ -213,11 +213,11 @@ fn triangles() -> Result<()> {
     println!("| triangles | put together | Embree | bytes of each | light path | camera path |");
     println!("|---|---|---|---|---|---|");
     let rooms: Vec<Room> = GROUNDS.into_iter().map(room).collect::<Result<_>>()?;
-    let wishes = RenderDefaults {
+    let wishes = PartialSettings {
         light_paths: Some(100_000),
         camera_paths: Some(1),
         radius: Some(Length::Units(0.1)),
-        ..RenderDefaults::default()
+        ..PartialSettings::default()
     };
     let run = |room| {
         let Room { scene, accel, .. }: &Room = room;

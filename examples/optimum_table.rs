@@ -15,10 +15,10 @@ use bdpm::image::counts::{CameraCounts, Counts};
 use bdpm::image::film::pool;
 use bdpm::import::load;
 use bdpm::noise::{Coefficients, Measure};
-use bdpm::optimize::{Bounds, Objective, Problem};
+use bdpm::optimize::{CountLimits, Objective, Problem};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::RenderDefaults;
+use bdpm::settings::PartialSettings;
 use bdpm::steer::Steer;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::Goal;
@@ -109,7 +109,7 @@ impl Pilot {
 
     fn problem(&self, camera_paths: RangeInclusive<u32>, iteration_time: f64) -> Problem {
         let light_paths = 2..=self.most_light_paths;
-        let bounds = Bounds { light_paths, camera_paths, iteration_time };
+        let bounds = CountLimits { light_paths, camera_paths, iteration_time };
         let luminance = vec![1.0; self.coefficients.len()];
         Problem::new(&self.coefficients, &luminance, Objective::Pooled, self.time, &bounds)
     }
@@ -308,7 +308,7 @@ fn print(scene: &Scene, settings: &Settings, candidates: &[Candidate], costs: &[
 
 fn table(path: &Path, args: &Args) -> Result<()> {
     let loaded = load(path)?;
-    let wishes = RenderDefaults { resolution: Some([args.side; 2]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([args.side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
     let scene = loaded.scene;
     let accel = build(Backend::default(), &scene)?;

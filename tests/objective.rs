@@ -19,7 +19,7 @@ mod shapes;
 use bdpm::Settings;
 use bdpm::bsdf::{Bsdf, Dielectric};
 use bdpm::import::load;
-use bdpm::scene::{Camera, FieldOfView, Material, Optics, Scene};
+use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Optics};
 use common::*;
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
 use lens::{DOUBLE_GAUSS, Surface};
@@ -137,18 +137,19 @@ fn one_element_is_a_thin_lens() {
 const FOCUS: f64 = 500.0;
 
 /// The double Gauss as the scene has it: its meshes and materials, and the camera.
-fn committed() -> Scene {
+fn committed() -> (Vec<Mesh>, Vec<Material>, Camera) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/objective");
-    let mut scene = load(&path).unwrap().scene;
-    scene.meshes.retain(|mesh| mesh.name.starts_with("lens"));
-    assert_eq!(scene.meshes.len(), 11);
-    scene
+    let scene = load(&path).unwrap().scene;
+    let mut meshes = scene.meshes().to_vec();
+    meshes.retain(|mesh| mesh.name.starts_with("lens"));
+    assert_eq!(meshes.len(), 11);
+    (meshes, scene.materials().to_vec(), scene.camera)
 }
 
 /// Depth of the scene's sensor and the radius of its disc, millimeters.
-fn sensor(scene: &Scene) -> [f64; 2] {
-    let Optics::Sensor { disc_radius, .. } = scene.camera.optics() else { panic!("no sensor") };
-    [scene.camera.position().z, disc_radius].map(|meters| 1e3 * f64::from(meters))
+fn sensor(camera: &Camera) -> [f64; 2] {
+    let Optics::Sensor { disc_radius, .. } = camera.optics() else { panic!("no sensor") };
+    [camera.position().z, disc_radius].map(|meters| 1e3 * f64::from(meters))
 }
 
 #[test]
@@ -185,7 +186,7 @@ fn the_prescription_is_that_of_a_50_mm_f_2() {
 
     // A point's light is within 1/1000 of the picture's height where the scene's sensor is, and
     // nowhere near as narrow a little before and behind it.
-    let [sensor, disc] = sensor(&committed());
+    let [sensor, disc] = sensor(&committed().2);
     let [behind, magnification] = image(lens, FOCUS);
     assert!((sensor - last - behind).abs() < 1e-3 && magnification < 0.0, "{sensor} {behind}");
     let blur = |off: f64| arrival(lens, dvec3(0.0, 0.0, -FOCUS), sensor + off).spread.sqrt();
@@ -196,7 +197,7 @@ fn the_prescription_is_that_of_a_50_mm_f_2() {
 #[test]
 fn the_rendered_objective_images_as_exact_rays_do() {
     let lens = &DOUBLE_GAUSS;
-    let [sensor, disc] = sensor(&committed());
+    let [sensor, disc] = sensor(&committed().2);
     let rear = lens::depths(lens)[lens.len() - 1] + lens[lens.len() - 1].sag();
     // Of a small emitter: where it is, half its side, and half the width of what is looked at.
     for (from, half, reach) in [
@@ -208,8 +209,7 @@ fn the_rendered_objective_images_as_exact_rays_do() {
         let expected = arrival(lens, from, sensor);
         let aside = arrival(lens, from + DVec3::X, sensor);
         let size = 2.0 * half * (aside.place - expected.place).length();
-        let mut meshes = committed().meshes;
-        let mut materials = committed().materials;
+        let (mut meshes, mut materials, _) = committed();
         let emitter = materials.len() as u32;
         materials.push(gray(0.0, RADIANCE as f32));
         let side = 32;
@@ -247,15 +247,15 @@ fn the_rendered_objective_images_as_exact_rays_do() {
 #[test]
 fn all_light_comes_through_the_lens() {
     let light = |capped: bool| {
-        let mut lens = committed();
-        let material = lens.materials.len() as u32;
-        lens.materials.extend([gray(0.0, RADIANCE as f32), gray(0.0, 0.0)]);
-        lens.meshes.push(sphere(Vec3::ZERO, 1.0, 2, true, material));
+        let (mut meshes, mut materials, camera) = committed();
+        let material = materials.len() as u32;
+        materials.extend([gray(0.0, RADIANCE as f32), gray(0.0, 0.0)]);
+        meshes.push(sphere(Vec3::ZERO, 1.0, 2, true, material));
         if capped {
             // Around the front as far as behind the first element.
-            lens.meshes.push(sphere(Vec3::ZERO, 0.016, 4, false, material + 1));
+            meshes.push(sphere(Vec3::ZERO, 0.016, 4, false, material + 1));
         }
-        let scene = scene(lens.meshes, lens.materials, vec![], lens.camera);
+        let scene = scene(meshes, materials, vec![], camera);
         let settings = Settings { camera_paths: 16, light_paths: 2, ..settings(24, 16) };
         pixel_means(&scene, settings, 20).iter().map(|[mean, _]| mean).sum::<f64>()
     };

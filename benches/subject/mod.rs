@@ -8,7 +8,7 @@ use bdpm::base::math::Rgb;
 use bdpm::bsdf::Bsdf;
 use bdpm::import::load;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Length, RenderDefaults};
+use bdpm::settings::{Length, PartialSettings};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
 use glam::Vec3;
@@ -19,7 +19,10 @@ use std::path::Path;
 pub fn scene() -> (Scene, Settings) {
     let path = std::env::var("BDPM_SCENE").unwrap_or_else(|_| "scenes/cornell-box".into());
     let (scene, defaults) = if path == "ball" {
-        (ball(), RenderDefaults { radius: Some(Length::Units(0.02)), ..RenderDefaults::default() })
+        (
+            ball(),
+            PartialSettings { radius: Some(Length::Units(0.02)), ..PartialSettings::default() },
+        )
     } else {
         let loaded = load(Path::new(&path)).unwrap();
         (loaded.scene, loaded.defaults)
@@ -41,7 +44,7 @@ fn ball() -> Scene {
     let light = Emitter::Point { position: Vec3::new(-1.0, -1.2, 1.3), intensity: Rgb::splat(1.0) };
     let eye = Vec3::new(-1.4, -1.4, 0.3);
     let camera = Camera::look(eye, -eye, Vec3::Z, FieldOfView::X(70.0)).unwrap();
-    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![])
+    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![]).unwrap()
 }
 
 /// The camera paths of the image, batch after batch.

@@ -111,9 +111,9 @@ fn flames_shine_outward() {
     let loaded = load(&scenes().join("hall")).unwrap();
     let scene = &loaded.scene;
     let lamps = scene
-        .placements
+        .placements()
         .iter()
-        .filter(|placement| scene.materials[placement.material as usize].emission != Vec3::ZERO)
+        .filter(|placement| scene.materials()[placement.material as usize].emission != Vec3::ZERO)
         .map(|placement| scene.mesh(placement));
     let mut count = 0;
     for mesh in lamps {

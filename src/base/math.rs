@@ -7,6 +7,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
 pub type Rgb = Vec3;
 
 /// What each channel of a linear Rec. 709 color adds to its luminance.
+/// theory.md (4).
 pub const LUMINANCE: Rgb = Rgb::new(0.2126, 0.7152, 0.0722);
 
 /// Luminance Y of a linear Rec. 709 color; the scalar of all noise statistics.
@@ -129,6 +130,7 @@ pub fn sin_cos_turns(turns: f32) -> (f32, f32) {
 }
 
 /// Uniform direction on the unit sphere; pdf in solid angle `1/(4 pi)`.
+/// theory.md (8).
 #[inline(always)] // part of vector loops
 pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u;
@@ -138,6 +140,7 @@ pub fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
 }
 
 /// Direction around the unit normal `n` with pdf in solid angle `cos(theta)/pi`.
+/// theory.md (9).
 #[inline(always)] // part of vector loops
 pub fn cosine_hemisphere(n: Vec3, [u, v]: [f32; 2]) -> Vec3 {
     let (tangent, bitangent) = n.any_orthonormal_pair();
@@ -170,6 +173,7 @@ pub fn uniform_disc(u: [f32; 2]) -> [f32; 2] {
 }
 
 /// Barycentric weights of the second and third vertex, uniform over a triangle's area.
+/// theory.md (10).
 #[inline]
 pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
     let s = u.sqrt();

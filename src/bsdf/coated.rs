@@ -59,6 +59,7 @@ impl Coated {
     }
 
     /// Probability of the mirror lobe among both.
+    /// theory.md (31).
     fn mirror_prob(&self, wo: Vec3) -> f32 {
         let mirrored = self.reflected(wo.z);
         mirrored / (mirrored + self.diffuse_albedo(wo.z).max_element())
@@ -68,6 +69,7 @@ impl Coated {
         if wi.z <= 0.0 {
             return Rgb::ZERO;
         }
+        // theory.md (31)
         self.base * ((1.0 - self.reflected(wo.z)) * (1.0 - self.reflected(wi.z)))
     }
 

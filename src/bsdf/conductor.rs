@@ -62,6 +62,7 @@ impl Reflectance {
 
 /// What comes back of the light that leaves facets of the mean reflectance `mean` after more than one
 /// reflection, over the two directions' losses, 1/sr (Kulla and Conty 2017).
+/// theory.md (26), `M/(pi (1 - e_m))`.
 pub(super) fn multiple_scattering(facets: &Ggx, mean: Rgb) -> Rgb {
     let once = facets.mean_single_albedo();
     // Of the light that does not get away at once, the share `once` does each time.
@@ -112,6 +113,7 @@ impl Conductor {
         (1.0 - self.facets.single_albedo(cos)).max(0.0)
     }
 
+    /// theory.md (26), (28).
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if wi.z <= 0.0 || self.spread().is_none() {
             return Rgb::ZERO;
@@ -121,6 +123,7 @@ impl Conductor {
         self.reflectance.at(wo.dot(m)) * once + self.multiple * (self.loss(wo.z) * self.loss(wi.z))
     }
 
+    /// theory.md (25), (28).
     pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wi.z <= 0.0 || self.spread().is_none() {
             return 0.0;

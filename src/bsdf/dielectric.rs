@@ -39,6 +39,7 @@ pub(super) fn relative(eta: f32, front: bool) -> f32 {
 
 /// What the carried quantity is multiplied with across an interface: radiance spreads over a solid
 /// angle that changes as `1/n^2`, and the camera's side is that of `wo`.
+/// theory.md (21).
 #[inline]
 pub(super) fn transmission_scale(transport: Transport, eta: f32) -> f32 {
     match transport {
@@ -59,6 +60,7 @@ impl ThinDielectric {
     pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> BsdfSample {
         let (once, _) = fresnel::dielectric(wo.z, self.eta);
         // R + T R T + T R^3 T + ... = 2 R / (1 + R)
+        // theory.md (30)
         let reflected = 2.0 * once / (1.0 + once);
         if rng.next_1d() < reflected {
             return mirrored(wo, Rgb::ONE);

@@ -5,6 +5,7 @@ use crate::base::math::Rgb;
 /// Reflectance of an interface between dielectrics, and the cosine of the refracted direction
 /// (0 beyond the critical angle). `cos_i` in [0, 1]; `eta` is the index behind over the index
 /// before the interface.
+/// theory.md (22).
 #[inline]
 pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
     let cos_t2 = 1.0 - (1.0 - cos_i * cos_i) / (eta * eta);
@@ -18,6 +19,7 @@ pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
 }
 
 /// Reflectance of a metal with the complex index `eta - i k`, relative to the medium before it.
+/// theory.md (23).
 pub fn conductor(cos_i: f32, eta: Rgb, k: Rgb) -> Rgb {
     let cos2 = cos_i * cos_i;
     let sin2 = (1.0 - cos2).max(0.0);
@@ -32,12 +34,14 @@ pub fn conductor(cos_i: f32, eta: Rgb, k: Rgb) -> Rgb {
 }
 
 /// Schlick's approximation (1994) from the reflectance at normal incidence, 1 at grazing.
+/// theory.md (24).
 #[inline]
 pub fn schlick(cos_i: f32, normal: Rgb) -> Rgb {
     normal + (Rgb::ONE - normal) * (1.0 - cos_i).max(0.0).powi(5)
 }
 
 /// The mean of [`schlick`] over a diffuse illumination.
+/// theory.md (24).
 #[inline]
 pub fn schlick_mean(normal: Rgb) -> Rgb {
     normal + (Rgb::ONE - normal) / 21.0

@@ -18,6 +18,7 @@ pub struct Ggx {
 
 impl Ggx {
     /// Density of normals `m` over the surface, 1/sr.
+    /// theory.md (25), as the next four.
     #[inline]
     pub fn d(&self, m: Vec3) -> f32 {
         let alpha2 = self.alpha * self.alpha;

@@ -94,6 +94,7 @@ impl Glossy {
     }
 
     /// Reflectance of both parts at normal incidence: Schlick's formula is linear in it.
+    /// theory.md (32).
     #[inline]
     fn mixed_normal(&self) -> Rgb {
         Rgb::splat(self.normal).lerp(self.albedo, self.metallic)
@@ -130,10 +131,12 @@ impl Glossy {
         facets + base
     }
 
+    /// theory.md (32).
     fn eval_base(&self, wo: Vec3, wi: Vec3) -> Rgb {
         self.albedo * (self.base * self.enters(wo.z) * self.enters(wi.z))
     }
 
+    /// theory.md (26), (32).
     fn eval_facets(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if self.facets_lobe() == Lobe::Delta {
             return Rgb::ZERO;

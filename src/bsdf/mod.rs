@@ -76,6 +76,7 @@ pub struct BsdfSample {
     /// Sampled direction.
     pub wi: Vec3,
     /// `f |cos(theta)| / pdf_w`, of a delta lobe its limit.
+    /// theory.md (20).
     pub weight: Rgb,
     /// The lobe that it was sampled from.
     pub lobe: Lobe,

@@ -49,9 +49,11 @@ impl RoughDielectric {
         let (reflected, _) = fresnel::dielectric(wo.dot(m), eta);
         let visible = self.facets.d(m) * self.facets.g2(wo, wi) / (wo.z * wi.z.abs());
         if wi.z > 0.0 {
+            // theory.md (26)
             return Rgb::splat(0.25 * reflected * visible);
         }
         let scale = transmission_scale(Transport::Radiance, eta);
+        // theory.md (29)
         Rgb::splat((1.0 - reflected) * visible * wo.dot(m) * refraction(wo, wi, m, eta) * scale)
     }
 
@@ -88,6 +90,7 @@ impl RoughDielectric {
         if wi.z == 0.0 || (wi.z > 0.0) != mirrored {
             return None;
         }
+        // theory.md (29)
         let visible = self.facets.g2(wo, wi) / self.facets.g1(wo);
         Some(BsdfSample { wi, weight: Rgb::splat(visible * scale), lobe: Lobe::Rough })
     }

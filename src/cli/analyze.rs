@@ -1,9 +1,9 @@
 //! `bdpm analyze SCENE`.
 
 use super::analyze_text::text;
+use super::json;
 use super::render_report::describe_counts;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
-use super::{choice, json};
 use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::film::Film;
@@ -13,7 +13,7 @@ use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::pictures::Value;
 use bdpm::settings::Settings;
 use bdpm::steer::Measuring;
@@ -37,10 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
     /// How coefficients are estimated: from all pairs, or from halves of the paths as published
-    #[arg(long, default_value = "pairs", value_parser = choice(&[
-        ("pairs", Measure::Pairs),
-        ("halves", Measure::Halves),
-    ]))]
+    #[arg(long, default_value = "pairs")]
     estimator: Measure,
     /// The part of the image that the table is about: a name in the scene file, or a rectangle in
     /// fractions of the image, the origin at the top left [default: the whole image]
@@ -57,7 +54,7 @@ pub struct Report<'a> {
     pub camera_paths: u32,
     pub estimator: Measure,
     pub region: String,
-    pub noise: Summary,
+    pub noise: NoiseSummary,
     pub terms_picture: TermsPicture,
     pub exr: String,
     pub terms_png: String,
@@ -97,8 +94,7 @@ pub fn run(args: &Args) -> Result<String> {
         session.progress.note("note: standard errors take at least 32 iterations");
     }
 
-    let measured = renderer.noise().expect("every iteration measured");
-    let noise = NoiseImage::new(film, measured, (settings.light_paths, settings.camera_paths));
+    let noise = renderer.noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
     let mut file = noise_file(&prepared, film, noise, args.estimator);
@@ -117,7 +113,7 @@ pub fn run(args: &Args) -> Result<String> {
         camera_paths: settings.camera_paths,
         estimator: args.estimator,
         region: region.name,
-        noise: Summary::new(&file.noise, &pixels),
+        noise: NoiseSummary::new(&file.noise, &pixels),
         terms_picture,
         exr: name(exr),
         terms_png: name(&terms_png),

@@ -3,7 +3,7 @@
 use super::analyze::Report;
 use super::human_time;
 use bdpm::noise::image::Statistic;
-use bdpm::noise::summary::{Compared, Summary};
+use bdpm::noise::summary::{Compared, NoiseSummary};
 use bdpm::pictures::digits;
 use std::fmt::Write;
 
@@ -48,7 +48,7 @@ pub fn text(report: &Report) -> String {
             noise.negative_terms[k]
         ));
     }
-    let Summary { mean_rms, pooled_rms, .. } = noise;
+    let NoiseSummary { mean_rms, pooled_rms, .. } = noise;
     let mut row = |name: &str, of: fn(&Compared) -> Statistic, negative: String| {
         line(&format!(
             "{name:<22} {} {} {negative:>8}",

@@ -60,7 +60,7 @@ struct Report {
 
 pub fn run(args: &Args) -> Result<String> {
     let SessionArgs { scene, quiet, .. } = &args.session;
-    if scene.light_paths.is_some() || scene.camera_paths.is_some() {
+    if scene.wishes.light_paths.is_some() || scene.wishes.camera_paths.is_some() {
         return Err(Error::new(
             "calibrate chooses the numbers of paths itself",
             "leave out --light-paths and --camera-paths; its result is for all of them",

@@ -3,7 +3,7 @@
 use super::{json, say};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{LoadOptions, Note, Summary, load, load_with, save};
+use bdpm::import::{LoadOptions, Note, SceneSummary, load, load_with, save};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -33,7 +33,7 @@ struct Report<'a> {
     files: usize,
     /// Of the scene, and of what was written as it is read again.
     fingerprints: [String; 2],
-    read: &'a Summary,
+    read: &'a SceneSummary,
     notes: Vec<Note>,
 }
 

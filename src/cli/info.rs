@@ -4,7 +4,7 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{Loaded, Note, Summary};
+use bdpm::import::{Loaded, Note, SceneSummary};
 use bdpm::scene::backend;
 use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics};
 use bdpm::settings::Settings;
@@ -30,7 +30,7 @@ struct Report<'a> {
     stored_triangles: usize,
     materials: usize,
     /// What was read, by name, and what was skipped or chosen.
-    read: &'a Summary,
+    read: &'a SceneSummary,
     notes: &'a [Note],
     /// Time to read the files, and to make triangles and lights of them.
     read_seconds: f64,
@@ -144,7 +144,7 @@ pub fn run(args: &Args) -> Result<String> {
     let loading = start.elapsed();
     loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let scene = &loaded.scene;
-    let settings = Settings::resolve(&args.scene.wishes(), &loaded.defaults, scene.size())?;
+    let settings = Settings::resolve(&args.scene.wishes, &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
     let report = Report::new(&loaded, loading, &accel, &settings);
     Ok(if args.scene.json { json(&report) } else { text(&report) })
@@ -158,21 +158,21 @@ impl<'a> Report<'a> {
         settings: &'a Settings,
     ) -> Self {
         let scene = &loaded.scene;
-        let emitters = scene.lights.emitters();
+        let emitters = scene.lights().emitters();
         let count = |of: fn(&Emitter) -> bool| emitters.iter().filter(|e| of(e)).count();
         Self {
             scene: &scene.name,
             fingerprint: format!("{:016x}", scene.fingerprint()),
-            meshes: scene.placements.len(),
+            meshes: scene.placements().len(),
             triangles: scene.triangle_count(),
-            stored_meshes: scene.meshes.len(),
+            stored_meshes: scene.meshes().len(),
             stored_triangles: scene.stored_triangle_count(),
-            materials: scene.materials.len(),
+            materials: scene.materials().len(),
             read: &loaded.summary,
             notes: &loaded.notes,
             read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
             assembly_seconds: loaded.assembly.as_secs_f64(),
-            bounds: [scene.bounds.min.to_array(), scene.bounds.max.to_array()],
+            bounds: [scene.bounds().min.to_array(), scene.bounds().max.to_array()],
             size: scene.size(),
             accel: Accel {
                 name: &accel.name,
@@ -186,8 +186,8 @@ impl<'a> Report<'a> {
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
                 triangles: count(|e| matches!(e, Emitter::Triangle { .. } | Emitter::Textured(_))),
-                environment: scene.lights.environment().is_some(),
-                power: scene.lights.power().to_array(),
+                environment: scene.lights().environment().is_some(),
+                power: scene.lights().power().to_array(),
             },
             camera: Camera {
                 position: scene.camera.position().to_array(),

@@ -23,8 +23,7 @@ mod session;
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
-use bdpm::settings::{Direct, Length, RenderDefaults, Roulette};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use bdpm::settings::PartialSettings;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -115,41 +114,10 @@ struct SceneArgs {
     /// Refuse scenes of which anything is skipped
     #[arg(long)]
     strict: bool,
-    /// Image size in pixels
-    #[arg(long, value_name = "WxH", value_parser = resolution)]
-    resolution: Option<[u32; 2]>,
-    /// Light paths per iteration
-    #[arg(long, value_name = "NF")]
-    light_paths: Option<u32>,
-    /// Camera paths per pixel and iteration
-    #[arg(long, value_name = "NB")]
-    camera_paths: Option<u32>,
-    /// Merge radius: scene units, or a share of the scene size such as 0.8%
-    #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    radius: Option<Length>,
-    /// The diffuse vertex at which camera paths are cut and merged
-    #[arg(long, value_name = "K")]
-    merge_vertex: Option<u32>,
-    /// How light that comes straight from a light source is found
-    #[arg(long, value_parser = choice(&[
-        ("connect", Direct::Connect),
-        ("photon-map", Direct::PhotonMap),
-    ]))]
-    direct: Option<Direct>,
-    /// How light paths end
-    #[arg(long, value_parser = roulette())]
-    light_roulette: Option<Roulette>,
-    /// How camera paths may end before their cut
-    #[arg(long, value_parser = roulette())]
-    camera_roulette: Option<Roulette>,
-    /// Seed of all random numbers
-    #[arg(long, value_name = "S")]
-    seed: Option<u64>,
+    #[command(flatten)]
+    wishes: PartialSettings,
     /// What finds intersections [default: embree if built with it, else bvh]
-    #[arg(long, value_parser = choice(&[
-        ("embree", Backend::Embree),
-        ("bvh", Backend::Bvh),
-    ]))]
+    #[arg(long)]
     accel: Option<Backend>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]
@@ -162,43 +130,6 @@ impl SceneArgs {
         let options = LoadOptions { camera: self.camera.as_deref(), strict: self.strict };
         load_with(&self.scene, &options)
     }
-
-    /// The settings that were asked for.
-    fn wishes(&self) -> RenderDefaults {
-        RenderDefaults {
-            resolution: self.resolution,
-            light_paths: self.light_paths,
-            camera_paths: self.camera_paths,
-            radius: self.radius,
-            merge_vertex: self.merge_vertex,
-            direct: self.direct,
-            light_roulette: self.light_roulette,
-            camera_roulette: self.camera_roulette,
-            seed: self.seed,
-        }
-    }
-}
-
-/// Accepts the given names only.
-fn choice<T: Copy + Send + Sync + 'static>(
-    choices: &'static [(&'static str, T)],
-) -> impl TypedValueParser<Value = T> {
-    PossibleValuesParser::new(choices.iter().map(|&(name, _)| name)).map(move |name| {
-        let found = choices.iter().find(|(known, _)| *known == name);
-        found.expect("the parser lets only known names through").1
-    })
-}
-
-fn roulette() -> impl TypedValueParser<Value = Roulette> {
-    choice(&[("albedo", Roulette::Albedo), ("weight", Roulette::Weight)])
-}
-
-/// Reads a resolution such as 512x384.
-fn resolution(text: &str) -> std::result::Result<[u32; 2], &'static str> {
-    let pixels = text.split_once(['x', 'X']).and_then(|(width, height)| {
-        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
-    });
-    pixels.ok_or("give a width and a height, such as 512x384")
 }
 
 /// A length of time for people, such as `1m 5s`.
@@ -217,14 +148,6 @@ mod tests {
     #[test]
     fn the_argument_definitions_are_consistent() {
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn resolutions_are_two_numbers() {
-        assert_eq!(resolution("640x480"), Ok([640, 480]));
-        for bad in ["", "640", "x", "640x", "640x-1", "640x480x3", "axb", "99999999999x1"] {
-            assert!(resolution(bad).is_err(), "{bad}");
-        }
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! `bdpm optimize NOISE.exr`.
 
+use super::json;
 use super::optimize_plot::plot;
-use super::optimize_rows::{Candidates, Row, SLACK};
+use super::optimize_rows::{Candidates, Row};
 use super::optimize_text::text;
 use super::predict::{Times, coefficients};
-use super::{choice, json};
 use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;
@@ -18,6 +18,7 @@ use bdpm::pictures::{Image, Layer, Metadata, Value};
 use bdpm::render::light_paths_in;
 use bdpm::settings::MAX_LIGHT_PATHS;
 use bdpm::settings::origin::Origin;
+use bdpm::settings::policy::NEAR_OPTIMUM;
 use bdpm::steer::goal::Target;
 use bdpm::steer::plan::Plan;
 use bdpm::timing::Timings;
@@ -42,12 +43,7 @@ pub struct Args {
     timings: Option<PathBuf>,
     /// What is to be least: the mean variance, the same relative to the squared luminance, the mean
     /// RMS, or the RMS that 99.5 % of the pixels stay below
-    #[arg(long, default_value = "pooled", value_parser = choice(&[
-        ("pooled", Objective::Pooled),
-        ("relative", Objective::Relative),
-        ("mean-rms", Objective::MeanRms),
-        ("max-rms", Objective::MaxRms),
-    ]))]
+    #[arg(long, default_value = "pooled")]
     objective: Objective,
     /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
     /// the origin at the top left [default: the whole image]
@@ -116,7 +112,7 @@ pub fn run(args: &Args) -> Result<String> {
     let subject = Subject::new(source, args.objective, timings.model);
     let problem = subject.problem(light_paths.clone(), end);
     let best = problem.uniform();
-    let flat = problem.flat_range(best.camera_paths, SLACK);
+    let flat = problem.flat_range(best.camera_paths, NEAR_OPTIMUM);
     let pixels = timings.model.pixels as u32;
     let candidates = Candidates::new(&subject, &problem, &light_paths, pixels, args.per_pixel);
 

@@ -4,11 +4,9 @@ use bdpm::image::counts::Counts;
 use bdpm::optimize::Problem;
 use bdpm::optimize::predict::Predicted;
 use bdpm::optimize::subject::{End, Subject};
+use bdpm::settings::policy::NEAR_OPTIMUM;
 use serde::Serialize;
 use std::ops::RangeInclusive;
-
-/// Costs that exceed the least by this fraction are as good.
-pub const SLACK: f64 = 0.01;
 
 /// What some counts lead to.
 #[derive(Serialize)]
@@ -61,13 +59,13 @@ impl Candidates {
         pixels: u32,
         per_pixel: bool,
     ) -> Self {
-        let (best, shortest) = (problem.uniform(), problem.shortest_uniform(SLACK));
+        let (best, shortest) = (problem.uniform(), problem.shortest_uniform(NEAR_OPTIMUM));
         let mut all = vec![
             (Name::BestUniform, Counts::uniform(best.light_paths, best.camera_paths)),
             (Name::Uniform, Counts::uniform(shortest.light_paths, shortest.camera_paths)),
         ];
         if per_pixel {
-            let found = problem.shortest_per_pixel(SLACK);
+            let found = problem.shortest_per_pixel(NEAR_OPTIMUM);
             all.push((Name::PerPixel, subject.whole_image(found)));
         }
         let recommended = all.len() - 1;
@@ -96,6 +94,7 @@ impl Candidates {
                     let scale = (iteration_time / time).sqrt();
                     rms_after = Some(scaled(scale, scale));
                 }
+                // theory.md (77)
                 // tau (rms/target)^2, whose relative error is twice that of the RMS.
                 End::Rms(target) => {
                     let scale = iteration_time * rms.value / (target * target);

@@ -11,7 +11,6 @@ use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
-use bdpm::noise::image::NoiseImage;
 use bdpm::pictures;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
@@ -104,7 +103,8 @@ pub fn run(args: &Args) -> Result<String> {
         state = checkpoint.autopilot;
         renderer.resume(checkpoint.blocks.into_owned())?;
     }
-    let task = Task { args, prepared: &prepared, goal, outputs };
+    let automatic = matches!(counting, Counting::Automatic);
+    let task = Task { args, prepared: &prepared, goal, outputs, automatic };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
@@ -126,7 +126,9 @@ impl Args {
     /// Whether nothing on the command line says how many paths to take.
     fn counts_are_open(&self) -> bool {
         let scene = &self.session.scene;
-        scene.light_paths.is_none() && scene.camera_paths.is_none() && self.iterations.is_none()
+        scene.wishes.light_paths.is_none()
+            && scene.wishes.camera_paths.is_none()
+            && self.iterations.is_none()
     }
 
     fn goal(&self, counting: &Counting) -> Goal {
@@ -159,7 +161,7 @@ fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
     }
     if plan.iterations().is_none() {
         origin.version = env!("CARGO_PKG_VERSION").into();
-        origin.settings.seed = args.session.scene.seed.unwrap_or(origin.settings.seed);
+        origin.settings.seed = args.session.scene.wishes.seed.unwrap_or(origin.settings.seed);
     } else if args.checkpoint.is_some() {
         return Err(Error::new(
             "an image is replayed in one go, without checkpoints",
@@ -185,16 +187,19 @@ struct Task<'a> {
     prepared: &'a Prepared,
     goal: Goal,
     outputs: Outputs,
+    /// Whether counts are chosen on the way.
+    automatic: bool,
 }
 
 impl Task<'_> {
     /// Renders to the goal, writes the files and tells of it.
     fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
-        let Self { args, prepared, goal, outputs } = self;
+        let Self { args, prepared, goal, outputs, automatic } = self;
         let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
-        let announced = match steer.autopilot() {
-            Some(_) => "numbers of paths chosen automatically".to_owned(),
-            None => describe_counts(renderer.block()),
+        let announced = if automatic {
+            "numbers of paths chosen automatically".to_owned()
+        } else {
+            describe_counts(renderer.block())
         };
         let quiet = args.session.quiet;
         let mut session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
@@ -202,7 +207,7 @@ impl Task<'_> {
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
                 let save = |writer: &mut Writer| {
-                    writer.save_checkpoint(renderer, steer.autopilot(), session.elapsed())
+                    writer.save_checkpoint(renderer, steer, session.elapsed())
                 };
                 schedule.write_when_due(&mut writer, session, save, |writer| {
                     writer.save_image(&combined(renderer, steer))
@@ -210,9 +215,8 @@ impl Task<'_> {
             })?;
         session.progress.finish();
         let half_way = session.half_way();
-        let pilot = steer.autopilot();
         // The checkpoint first: with it, a full disk costs no work.
-        writer.save_checkpoint(&renderer, pilot, session.elapsed())?;
+        writer.save_checkpoint(&renderer, &steer, session.elapsed())?;
         let image = combined(&renderer, &steer);
         writer.save_image(&image)?;
         if let Some(path) = &args.noise {
@@ -225,12 +229,12 @@ impl Task<'_> {
         let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
         let report = Report {
             run: session.report((image.iterations(), luminance), stopped_by, writer.time),
-            automatic: pilot.is_some(),
+            automatic,
             blocks: block_reports(&image, renderer.blocks()),
             rms,
             rms_error: error.filter(|error| error.is_finite()),
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
-            promise: pilot.and_then(|pilot| pilot.promise().copied()),
+            promise: steer.promise().copied(),
             half_way,
             merge_bias: MergeBias::new(renderer.blocks(), &image),
             exr: name(&writer.outputs.exr),
@@ -288,11 +292,10 @@ fn save_noise(
     let measured =
         renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
     let most = measured.max_by_key(|(_, noise)| noise.iterations);
-    let Some((block, measured)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
+    let Some((block, _)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
         progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
         return Ok(());
     };
-    let counts = (block.counts.light_paths, block.counts.camera_paths.most());
-    let noise = NoiseImage::new(&block.film, measured, counts);
+    let noise = block.noise_image()?;
     noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -11,7 +11,7 @@ use bdpm::pictures::{Image, Layer, Value};
 use bdpm::render::Renderer;
 use bdpm::render::block::Combined;
 use bdpm::settings::origin::Origin;
-use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::Steer;
 use bdpm::steer::plan::Plan;
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -117,7 +117,7 @@ impl Writer<'_> {
     pub fn save_checkpoint(
         &mut self,
         renderer: &Renderer,
-        pilot: Option<&Autopilot>,
+        steer: &impl Steer,
         elapsed: Duration,
     ) -> Result<()> {
         let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
@@ -125,7 +125,7 @@ impl Writer<'_> {
         let checkpoint = Checkpoint {
             origin: self.origin.clone(),
             blocks: Cow::Borrowed(renderer.blocks()),
-            autopilot: pilot.map(|pilot| pilot.state(elapsed.as_secs_f64())),
+            autopilot: steer.state(elapsed.as_secs_f64()),
         };
         let saved = checkpoint.save(path);
         self.time += start.elapsed();

@@ -98,7 +98,7 @@ pub fn text(report: &Report) -> String {
     {
         text += &format!(
             "warning: the merge bias exceeds the noise in {:.0} % of the image, up to {:.1} times\n\
-             help: lower --radius; the bias falls as its square\n",
+             help: lower --radius; the bias falls with it\n",
             100.0 * bias.share_beyond_noise,
             bias.worst_over_noise
         );

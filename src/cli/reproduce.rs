@@ -69,7 +69,10 @@ struct Report<'a> {
 
 pub fn run(args: &Args) -> Result<String> {
     let scene = &args.session.scene;
-    if scene.light_paths.is_some() || scene.camera_paths.is_some() || args.session.time.is_some() {
+    if scene.wishes.light_paths.is_some()
+        || scene.wishes.camera_paths.is_some()
+        || args.session.time.is_some()
+    {
         return Err(Error::new(
             "reproduce takes the numbers of paths from the paper",
             "leave out --light-paths, --camera-paths and --time; --time-budget is for all of them",

@@ -4,13 +4,13 @@ use super::progress::{Progress, Status, Totals};
 use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
-use bdpm::import::Summary;
+use bdpm::import::SceneSummary;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
 use bdpm::settings::origin::Origin;
-use bdpm::settings::{Length, RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy};
 use serde::Serialize;
@@ -72,7 +72,7 @@ pub struct Seconds {
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
     pub scene: Scene,
-    summary: Summary,
+    summary: SceneSummary,
     pub accel: Box<dyn Intersect>,
     pub origin: Origin,
     load_time: Duration,
@@ -83,20 +83,20 @@ impl Prepared {
     /// Loads the scene and builds its hierarchy; `begun` is what the image to go on with was made
     /// of, and its file.
     pub fn new(args: &SessionArgs, begun: Option<(&Origin, &Path)>) -> Result<Self> {
-        Self::with_wishes(args, args.scene.wishes(), begun)
+        Self::with_wishes(args, args.scene.wishes.clone(), begun)
     }
 
     /// The same for the first time, at `resolution` unless the arguments say otherwise: that of the
     /// scene file does not count.
     pub fn with_resolution(args: &SessionArgs, resolution: [u32; 2]) -> Result<Self> {
-        let mut wishes = args.scene.wishes();
+        let mut wishes = args.scene.wishes.clone();
         wishes.resolution.get_or_insert(resolution);
         Self::with_wishes(args, wishes, None)
     }
 
     fn with_wishes(
         args: &SessionArgs,
-        asked: RenderDefaults,
+        asked: PartialSettings,
         begun: Option<(&Origin, &Path)>,
     ) -> Result<Self> {
         let threads = rayon::ThreadPoolBuilder::new()
@@ -111,7 +111,7 @@ impl Prepared {
         }
         let (scene, summary) = (loaded.scene, loaded.summary);
         // A resumed image has its own settings; arguments that agree with them do no harm.
-        let defaults = begun.map_or(loaded.defaults, |(origin, _)| wishes(&origin.settings));
+        let defaults = begun.map_or(loaded.defaults, |(origin, _)| (&origin.settings).into());
         let settings = Settings::resolve(&asked, &defaults, scene.size())?;
         let begun_backend = begun.and_then(|(origin, _)| {
             Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
@@ -136,21 +136,6 @@ impl Prepared {
     /// A renderer from the first iteration.
     pub fn renderer(&self) -> Result<Renderer<'_>> {
         Renderer::new(&self.scene, &*self.accel, self.origin.settings.clone())
-    }
-}
-
-/// Settings as wishes that leave nothing open.
-fn wishes(settings: &Settings) -> RenderDefaults {
-    RenderDefaults {
-        resolution: Some([settings.width, settings.height]),
-        light_paths: Some(settings.light_paths),
-        camera_paths: Some(settings.camera_paths),
-        radius: Some(Length::Units(settings.radius)),
-        merge_vertex: Some(settings.merge_vertex),
-        direct: Some(settings.direct),
-        light_roulette: Some(settings.light_roulette),
-        camera_roulette: Some(settings.camera_roulette),
-        seed: Some(settings.seed),
     }
 }
 
@@ -318,6 +303,7 @@ impl<'a> Session<'a> {
         }
         // An iteration that would end past the time by more than half of its own is not begun.
         let elapsed = self.start.elapsed().as_secs_f64();
+        // theory.md (92)
         let half = 0.5 * elapsed / done.max(1) as f64;
         let over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
         over.then_some(StoppedBy::Time)

@@ -15,6 +15,7 @@ pub struct Comparison {
     /// Mean luminance of `a` over that of `b`; `None` if `b` is black.
     pub mean_ratio: Option<f64>,
     /// Root of the mean squared difference of luminance, W/(m^2 sr).
+    /// theory.md (95).
     pub rmse: f64,
     /// Mean over pixels of `(a - b)^2 / (b^2 + 0.01 mean(b)^2)` on luminance: noise in dark parts
     /// counts as much as in bright ones, down to a tenth of the mean. `None` if `b` is black.
@@ -66,6 +67,7 @@ pub fn compare(
     for (index, a, b) in both() {
         let difference2 = luminance(a - b).powi(2);
         squared += difference2;
+        // theory.md (95)
         relative += difference2 / (luminance(b).powi(2) + 0.01 * mean_b * mean_b);
         let largest = (a - b).abs().max_element();
         if largest > max_difference {

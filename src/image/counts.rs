@@ -28,6 +28,11 @@ impl Counts {
         Self { light_paths, camera_paths: CameraCounts::Uniform(camera_paths) }
     }
 
+    /// Whether noise coefficients can be measured: that takes two paths of each kind in each pixel.
+    pub fn can_measure(&self) -> bool {
+        self.light_paths >= 2 && self.camera_paths.least() >= 2
+    }
+
     /// Refuses counts that cannot be rendered.
     ///
     /// # Errors

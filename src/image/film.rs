@@ -64,6 +64,7 @@ impl PixelSums {
     /// `(x - mean before)^2 t/(t + 1)` (Welford 1962). All of these are uncorrelated, have the
     /// variance as their expectation except for the first, which is 0, and add up to the sum of
     /// squared deviations from the final mean.
+    /// theory.md (62).
     #[inline]
     pub fn deviation(&self, radiance: DVec3, before: u64) -> f64 {
         match before {
@@ -96,6 +97,7 @@ impl Deviations {
     }
 
     /// Mean, and its standard error: infinite for a single one, `None` without any.
+    /// theory.md (63).
     pub fn mean(&self) -> Option<(f64, f64)> {
         let n = self.count as f64;
         (self.count > 0).then(|| {
@@ -109,6 +111,7 @@ impl Deviations {
 /// Luminance Y in f64.
 #[inline]
 pub fn luminance(radiance: DVec3) -> f64 {
+    // theory.md (4)
     radiance.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
@@ -212,6 +215,7 @@ impl Film {
 
     /// Pooled variance of one iteration, `mean_p V_p`, and its standard error (infinite before the
     /// third iteration); `None` before the second.
+    /// theory.md (63).
     pub fn pooled_variance(&self) -> Option<(f64, f64)> {
         let pixels = self.sums.len() as f64;
         self.deviations.mean().map(|(sum, error)| (sum / pixels, error / pixels))
@@ -219,6 +223,7 @@ impl Film {
 
     /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`
     /// before the second iteration.
+    /// theory.md (62).
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
         let n = self.iterations as f64;
         (self.iterations >= 2).then(|| {

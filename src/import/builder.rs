@@ -6,14 +6,14 @@ use super::load::{Loaded, scene_name};
 use super::mtl;
 use super::notes::Note;
 use super::obj::{ObjFile, ObjMesh};
-use super::summary::Summary;
+use super::summary::SceneSummary;
 use super::text::list;
 use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
 use crate::base::memory::{GIB, available_memory};
 use crate::scene::transform::Transform;
 use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
-use crate::settings::RenderDefaults;
+use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -47,7 +47,7 @@ pub(super) struct Builder {
 pub(super) struct Rest {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
-    pub defaults: RenderDefaults,
+    pub defaults: PartialSettings,
 }
 
 impl Builder {
@@ -214,23 +214,23 @@ impl Builder {
         let Rest { regions, environment, defaults } = rest;
         let start = Instant::now();
         let mut scene =
-            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions);
+            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
         }
         let assembly = start.elapsed();
-        if scene.lights.is_empty() {
+        if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a `[[light]]` table to the scene file, or give a material an `emission`",
             )
             .at(path));
         }
-        if !scene.lights.power().is_finite() {
+        if !scene.lights().power().is_finite() {
             let problem = "the power of all lights is too large for a number";
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
-        let summary = Summary::new(&scene);
+        let summary = SceneSummary::new(&scene);
         Ok(Loaded { scene, defaults, notes, summary, assembly })
     }
 }

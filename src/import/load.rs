@@ -12,13 +12,13 @@ use super::obj::ObjFile;
 use super::scene_file;
 use super::scene_file::SceneFile;
 use super::scene_file::texture::Pictures;
-use super::summary::Summary;
+use super::summary::SceneSummary;
 use super::text;
 use super::text::list;
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Region, Scene};
-use crate::settings::RenderDefaults;
+use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -29,11 +29,11 @@ pub struct Loaded {
     /// The scene.
     pub scene: Scene,
     /// The file's `[render]` table.
-    pub defaults: RenderDefaults,
+    pub defaults: PartialSettings,
     /// What was skipped or chosen for the user.
     pub notes: Vec<Note>,
     /// What was read.
-    pub summary: Summary,
+    pub summary: SceneSummary,
     /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
     pub assembly: Duration,
 }

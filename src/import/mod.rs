@@ -20,4 +20,4 @@ mod texture_file;
 pub use load::{LoadOptions, Loaded, load, load_with};
 pub use notes::{Note, NoteKind};
 pub use save::{Saved, save};
-pub use summary::{Summary, counted};
+pub use summary::{SceneSummary, counted};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 /// What was read.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Summary {
+pub struct SceneSummary {
     /// Meshes, one for each place, material and part of a mesh in the file.
     pub meshes: usize,
     /// Triangles that have an area.
@@ -26,20 +26,20 @@ pub struct Summary {
     pub camera: Option<String>,
 }
 
-impl Summary {
+impl SceneSummary {
     pub(super) fn new(scene: &Scene) -> Self {
-        let materials = scene.materials.iter();
+        let materials = scene.materials().iter();
         let mut pictures: Vec<_> =
             materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
         pictures.sort_unstable();
         pictures.dedup();
-        let environment = usize::from(scene.lights.environment().is_some());
+        let environment = usize::from(scene.lights().environment().is_some());
         Self {
-            meshes: scene.placements.len(),
+            meshes: scene.placements().len(),
             triangles: scene.triangle_count(),
-            materials: scene.materials.iter().map(|material| material.name.clone()).collect(),
+            materials: scene.materials().iter().map(|material| material.name.clone()).collect(),
             textures: pictures.len(),
-            lights: scene.lights.emitters().len() + environment,
+            lights: scene.lights().emitters().len() + environment,
             light_names: Vec::new(),
             cameras: Vec::new(),
             camera: None,
@@ -48,7 +48,7 @@ impl Summary {
 }
 
 /// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of 3)`.
-impl fmt::Display for Summary {
+impl fmt::Display for SceneSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,

@@ -48,6 +48,7 @@ impl PixelNoise {
     /// That part, `(x - mean before)^2 t/(t + 1)` at the `t + 1`-st iteration (Welford 1962), has the
     /// variance as its expectation at every iteration but the first, and the sum of all parts is the
     /// sum of squared deviations from the final mean.
+    /// theory.md (62).
     pub fn add(&mut self, measured: &PixelMeasurement, before: u64) -> f64 {
         let PixelMeasurement { coefficients, value, nested_difference } = *measured;
         let part = match before {

@@ -58,7 +58,9 @@ impl Estimator for Halves {
         let n_f = half_sizes(n_light);
         let half = (self.camera_path & 1) as usize;
         let [even, odd] = self.i_j;
+        // theory.md (58)
         self.c += self.q_j + 2.0 * (even + odd) * direct;
+        // theory.md (56), (59)
         // B_k(j) = D_j + 1/N_Fk sum_i I_ij
         self.b += (direct + even / n_f[0]) * (direct + odd / n_f[1]);
         self.i[0][half] += even;
@@ -74,6 +76,7 @@ impl Estimator for Halves {
         let (n_fk, n_bk) = (half_sizes(n_light), half_sizes(n_camera));
         let c2 = self.c / (n_f * n_b) + self.d2 / n_b;
         let b = self.b / n_b;
+        // theory.md (57), (60)
         // F_k(i) = F_k^(I)(i) + F_k^(0); the products of its parts, summed over i.
         let f0 = [self.d[0] / n_bk[0], self.d[1] / n_bk[1]];
         let products: f64 = self
@@ -85,6 +88,7 @@ impl Estimator for Halves {
             })
             .sum();
         let f = products / n_f + f0[0] * f0[1];
+        // theory.md (61)
         // L^2 from the same iteration, so that the first-order noise of F - L^2 cancels: means over
         // [half of i][half of j], of which opposite ones are independent.
         let mean = |i: usize, j: usize| self.i[i][j] / (n_fk[i] * n_bk[j]) + f0[j];

@@ -70,7 +70,11 @@ impl NoiseImage {
     ///
     /// # Panics
     /// If there is no such thing in `noise`, or it belongs to another film.
-    pub fn new(film: &Film, noise: &NoiseFilm, (light_paths, camera_paths): (u32, u32)) -> Self {
+    pub(crate) fn new(
+        film: &Film,
+        noise: &NoiseFilm,
+        (light_paths, camera_paths): (u32, u32),
+    ) -> Self {
         let (width, height) = film.resolution();
         let n = noise.iterations as f64;
         assert!(noise.iterations >= 2, "a variance takes two iterations");
@@ -92,6 +96,7 @@ impl NoiseImage {
                     noise: NoiseSample {
                         coefficients: sums.coefficients * n.recip(),
                         sampled: sums.deviations2 / (n - 1.0),
+                        // theory.md (69)
                         bias: 2.0 * mean,
                     },
                     bias_error: 2.0 * scatter.sqrt(),
@@ -125,6 +130,7 @@ impl NoiseImage {
     ///
     /// The jackknife leaves out one batch of iterations after the other. It sees that the
     /// coefficients are correlated with each other, and pixels by their common light paths.
+    /// theory.md (66).
     pub fn statistic(&self, region: &[usize], of: impl Fn(&[NoiseSample]) -> f64) -> Statistic {
         let all: Vec<_> = region.iter().map(|&i| self.pixels[i].noise).collect();
         let value = of(&all);
@@ -158,6 +164,7 @@ impl NoiseImage {
     }
 
     /// Pooled RMS `sqrt(mean_p V_p)` of one iteration at any counts, by the formula.
+    /// theory.md (64).
     pub fn pooled_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
         self.statistic(region, |pixels| {
             mean(pixels, |p| p.coefficients.variance(n_light, n_camera)).max(0.0).sqrt()
@@ -166,6 +173,7 @@ impl NoiseImage {
 
     /// The paper's mean RMS `mean_p sqrt(V_p)` of one iteration at any counts, by the formula.
     /// Negative variances count as 0; the mean of roots is low at few iterations.
+    /// theory.md (65).
     pub fn mean_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
         self.statistic(region, |pixels| {
             mean(pixels, |p| p.coefficients.variance(n_light, n_camera).max(0.0).sqrt())

@@ -1,7 +1,7 @@
 //! The noise model: `V(N_F, N_B) = a/(N_F N_B) + b/N_B + f/N_F`, and its three coefficients.
 //!
 //! `N_F` light paths and `N_B` camera paths meet in pairs that contribute `C_ij = I_ij + D_j` to a
-//! pixel. Equation (1) of the paper is the two-way random-effects decomposition of the variance of
+//! pixel. Equation (1) of the paper and of docs/theory.md, proved there in section 13, is the two-way random-effects decomposition of the variance of
 //! their mean, with
 //!
 //! ```text
@@ -41,6 +41,7 @@ pub struct Coefficients {
 
 impl Coefficients {
     /// Variance of one iteration's value at `n_light` light and `n_camera` camera paths: (1).
+    /// theory.md (2).
     pub fn variance(&self, n_light: f64, n_camera: f64) -> f64 {
         let [interaction, camera, light] = self.terms(n_light, n_camera);
         interaction + camera + light
@@ -53,12 +54,14 @@ impl Coefficients {
     }
 
     /// The three summands of [`Self::variance`].
+    /// theory.md (2).
     pub fn terms(&self, n_light: f64, n_camera: f64) -> [f64; 3] {
         [self.a / (n_light * n_camera), self.b / n_camera, self.f / n_light]
     }
 
     /// The three summands as the paper writes (1), from `C2 - L^2`, `B - L^2`, `F - L^2`; their sum
     /// is the same.
+    /// theory.md (1).
     pub fn paper_terms(&self, n_light: f64, n_camera: f64) -> [f64; 3] {
         let Self { a, b, f } = *self;
         [
@@ -108,9 +111,11 @@ impl std::iter::Sum for Coefficients {
 /// Whether an iteration measures the coefficients, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Measure {
     /// Production: the image only.
     #[default]
+    #[cfg_attr(feature = "cli", value(skip))]
     Off,
     /// All pairs ([`pairs`]).
     Pairs,

@@ -7,6 +7,7 @@ use super::{Coefficients, Estimator};
 ///
 /// Squares grow as their terms do, `(x + v)^2 = x^2 + v (2x + v)`, so that neither `T_i` nor the
 /// pairs need a second pass.
+/// theory.md (51).
 #[derive(Debug, Default)]
 pub struct AllPairs {
     light_paths: PairTable<LightPathSums>,
@@ -66,18 +67,21 @@ impl Estimator for AllPairs {
         self.camera_path += 1;
     }
 
-    /// noise-theory 2a: `a` and `f` from the merged light alone, so that they keep none of the
+    /// theory.md (51) to (54): `a` and `f` from the merged light alone, so that they keep none of the
     /// noise of the direct light.
     fn finish_pixel(&mut self, n_light: u32, n_camera: u32) -> Coefficients {
         let (n_f, n_b) = (f64::from(n_light), f64::from(n_camera));
         let Self { s, s_j2, t_i2, q, x, x2, .. } = *self;
+        // theory.md (52)
         let c2_i = q / (n_f * n_b);
         let b_i = (s_j2 - q) / (n_b * n_f * (n_f - 1.0));
         let f_i = (t_i2 - q) / (n_f * n_b * (n_b - 1.0));
         let l2_i = (s * s - s_j2 - t_i2 + q) / (n_f * (n_f - 1.0) * n_b * (n_b - 1.0));
+        // theory.md (53)
         let a = c2_i - b_i - f_i + l2_i;
         let f = f_i - l2_i;
         let sample_variance = (x2 - x * x / n_b) / (n_b - 1.0);
+        // theory.md (54)
         Coefficients { a, b: sample_variance - a / n_f, f }
     }
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 /// Noise of one iteration at the measured counts over a region; luminances, W/(m^2 sr).
 #[derive(Clone, Debug, Serialize)]
-pub struct Summary {
+pub struct NoiseSummary {
     /// Pixels in the region.
     pub pixels: usize,
     /// Region mean of the root of the C, B and F term of (1); negative terms count as 0.
@@ -79,7 +79,7 @@ impl Compared {
     }
 }
 
-impl Summary {
+impl NoiseSummary {
     /// Of the pixels `region`, at the counts that were measured at.
     pub fn new(noise: &NoiseImage, region: &[usize]) -> Self {
         let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
@@ -103,6 +103,7 @@ impl Summary {
         // Two standard errors, which fall as the root of the number of iterations.
         let Statistic { value, error, .. } = pooled_rms.predicted;
         let iterations_for = |accuracy: f64| {
+            // theory.md (67)
             let needed = noise.iterations as f64 * (2.0 * error / (value * accuracy)).powi(2);
             needed.is_finite().then(|| needed.ceil())
         };
@@ -132,6 +133,7 @@ impl Summary {
 
 /// The mean of squares holds the noise of the squared values as a term of the order of one over
 /// the number of iterations, which is just what the jackknife's correction removes.
+/// theory.md (70).
 fn rms_of_bias(noise: &NoiseImage, region: &[usize]) -> Statistic {
     let square = noise.statistic(region, |pixels| mean(pixels, |p| p.bias * p.bias));
     let value = root(square.corrected);

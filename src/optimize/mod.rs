@@ -3,9 +3,11 @@
 //! An iteration with `N_F` light paths and `n_p` camera paths in pixel `p` takes the time `tau` of
 //! [`TimeModel`] and leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
 //! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is `tau
+// theory.md (80)
 //! V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`.
 //!
 //! Both `tau` and every `V_p` are sums of products of powers of the counts, with coefficients of at
+// theory.md, section 20
 //! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts,
 //! and so are those of their products, means, maxima and powers: without rounding to whole numbers
 //! there is one minimum, searches along one count inside searches along the other find it, and it
@@ -23,7 +25,7 @@ mod whole;
 
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
-use search::Goal;
+use search::Criterion;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -31,6 +33,7 @@ use std::ops::RangeInclusive;
 /// What is made of the variances of the pixels: the aggregate that counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Objective {
     /// Mean variance, `mean_p V_p`.
     #[default]
@@ -54,6 +57,7 @@ impl Objective {
     }
 
     /// The aggregate of weighted variances, squared luminance.
+    /// theory.md, section 20 (table of A).
     fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = variances.len().max(1) as f64;
         let root = |variance: f64| variance.max(0.0).sqrt();
@@ -67,7 +71,7 @@ impl Objective {
 
 /// The counts to choose from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bounds {
+pub struct CountLimits {
     /// `N_F`; from 1.
     pub light_paths: RangeInclusive<u32>,
     /// Camera paths per pixel; from 1.
@@ -107,10 +111,6 @@ pub struct PerPixel {
     pub cost: f64,
 }
 
-/// Iterations that should fit in a time of rendering at the least: they average out what a single one
-/// finds by chance, and no coefficient of 0 leads to infinite counts.
-pub const LEAST_ITERATIONS: f64 = 16.0;
-
 /// Pixels that a search looks at; of more, an even selection. A prime number, so that the
 /// selection does not follow the rows of the image.
 const MOST_PIXELS: usize = 4093;
@@ -146,7 +146,7 @@ impl Problem {
         luminance: &[f64],
         objective: Objective,
         time: TimeModel,
-        bounds: &Bounds,
+        bounds: &CountLimits,
     ) -> Self {
         assert_eq!(coefficients.len(), luminance.len(), "each pixel has a luminance");
         let weights = objective.weights(luminance);
@@ -185,6 +185,7 @@ impl Problem {
     ///
     /// Twice is enough for a cost of at most twice the least at these camera paths: at `s N_F = t` it
     /// is `2 (t q + s p)`, and the least is `(sqrt(t q) + sqrt(s p))^2`.
+    /// theory.md (86).
     pub fn least_sensible_time(&self) -> f64 {
         let camera_paths = [self.camera_paths[0]; 2];
         let unlimited = Self { camera_paths, iteration_time: f64::INFINITY, ..self.clone() };
@@ -211,6 +212,7 @@ impl Problem {
 
     /// Seconds per iteration without camera paths in the region, and per camera path in each of
     /// `pixels`.
+    /// theory.md (82), `T_0` and `c.
     fn time_in_camera_paths(&self, n_light: f64) -> [f64; 2] {
         let TimeModel { fixed, light_path, camera_path, look_up, merge_pair, .. } = self.time;
         let per_path = camera_path + look_up + merge_pair * n_light;
@@ -246,15 +248,16 @@ impl Problem {
     /// Even the fewest paths take longer than allowed.
     fn is_infeasible(&self) -> bool {
         let [n_light, n_camera] = [self.light_paths[0], self.camera_paths[0]].map(f64::from);
-        !self.goal().allows(self.time.iteration(n_light, n_camera))
+        !self.criterion().allows(self.time.iteration(n_light, n_camera))
     }
 
-    fn goal(&self) -> Goal {
-        Goal::least_cost(self.iteration_time)
+    fn criterion(&self) -> Criterion {
+        Criterion::least_cost(self.iteration_time)
     }
 }
 
 /// Weights `1/(L^2 + 0.01 mean(L)^2)`, scaled to the mean 1; all 1 for a black image.
+/// theory.md, section 20 (`relative`).
 fn relative_weights(luminance: &[f64]) -> Vec<f64> {
     let count = luminance.len() as f64;
     let floor = 0.01 * (luminance.iter().sum::<f64>() / count).powi(2);
@@ -320,7 +323,7 @@ mod tests {
         };
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds)
         };
         let limit = 10.0 / 64.0;
@@ -335,7 +338,7 @@ mod tests {
         // Without noise of camera paths, light paths would take all time.
         let coefficients = [Coefficients { a: 0.0, b: 0.0, f: 1.0 }; 9];
         let (light_paths, camera_paths) = (2..=1 << 20, 1..=1 << 10);
-        let bounds = Bounds { light_paths, camera_paths, iteration_time: f64::INFINITY };
+        let bounds = CountLimits { light_paths, camera_paths, iteration_time: f64::INFINITY };
         let dark = Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds);
         assert!((dark.least_sensible_time() / 2.02 - 1.0).abs() < 1e-3);
     }

@@ -1,6 +1,6 @@
 //! A number of camera paths for each pixel.
 
-use super::search::{Goal, Score, minimize, scan};
+use super::search::{Criterion, Score, minimize, scan};
 use super::slice::Slice;
 use super::whole::Allocation;
 use super::{PerPixel, Problem, Uniform};
@@ -43,12 +43,12 @@ impl Problem {
             return self.evaluate(self.light_paths[0], fewest());
         }
         let sampled = self.sampled();
-        let goal = sampled.goal();
-        let mut found = sampled.search_per_pixel(&goal, None);
+        let criterion = sampled.criterion();
+        let mut found = sampled.search_per_pixel(&criterion, None);
         if let (Some(slack), Some((score, allocation))) = (slack, &found) {
-            let goal = goal.least_time(score.cost, slack);
-            let incumbent = (score.with_goal(&goal), allocation.clone());
-            found = sampled.search_per_pixel(&goal, Some(incumbent));
+            let criterion = criterion.least_time(score.cost, slack);
+            let incumbent = (score.with_criterion(&criterion), allocation.clone());
+            found = sampled.search_per_pixel(&criterion, Some(incumbent));
         }
         let Some((_, mut allocation)) = found else {
             return self.evaluate(self.light_paths[0], fewest());
@@ -56,12 +56,12 @@ impl Problem {
         if sampled.pixels.len() < self.pixels.len() {
             allocation.extra.clear();
         }
-        let slice = Slice::new(self, &goal, f64::from(allocation.light_paths));
+        let slice = Slice::new(self, &criterion, f64::from(allocation.light_paths));
         self.evaluate(allocation.light_paths, slice.allocate(&allocation))
     }
 
-    fn search_per_pixel(&self, goal: &Goal, incumbent: Option<Found>) -> Option<Found> {
-        let slice = |n_light| Slice::new(self, goal, n_light);
+    fn search_per_pixel(&self, criterion: &Criterion, incumbent: Option<Found>) -> Option<Found> {
+        let slice = |n_light| Slice::new(self, criterion, n_light);
         let bounds = self.light_paths.map(f64::from);
         let center = minimize(bounds, CENTER_WIDTH, self.is_convex(), |n| slice(n).relaxed().0);
         let dense = (DENSE / self.pixels.len().max(1)).max(2) as u32;
@@ -74,9 +74,9 @@ impl Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optimize::{Bounds, Objective};
     use crate::base::rng::{Stream, StreamKey};
     use crate::noise::Coefficients;
+    use crate::optimize::{CountLimits, Objective};
     use crate::timing::TimeModel;
 
     #[test]
@@ -98,21 +98,21 @@ mod tests {
             let objectives = [Objective::Pooled, Objective::MeanRms, Objective::MaxRms];
             let objective = objectives[index as usize % 3];
             let iteration_time = f64::INFINITY;
-            let bounds = Bounds { light_paths: 1..=30, camera_paths: 1..=20, iteration_time };
+            let bounds = CountLimits { light_paths: 1..=30, camera_paths: 1..=20, iteration_time };
             let problem = Problem::new(&coefficients, &[1.0; 4], objective, time, &bounds);
-            let goal = problem.goal();
+            let criterion = problem.criterion();
             for n_light in [1, 5, 30] {
-                let bound = Slice::new(&problem, &goal, f64::from(n_light)).relaxed().0.cost;
+                let bound = Slice::new(&problem, &criterion, f64::from(n_light)).relaxed().0.cost;
                 for _ in 0..50 {
                     let counts: Vec<_> = (0..4).map(|_| 1 + value(20.0) as u32).collect();
                     let cost = problem.evaluate(n_light, counts).cost;
                     assert!(cost >= bound * (1.0 - 1e-10), "{index} {objective:?} {cost} {bound}");
                 }
                 // With so many paths that rounding does not matter, whole numbers reach the bound.
-                let bounds = Bounds { camera_paths: 1..=1_000_000, ..bounds.clone() };
+                let bounds = CountLimits { camera_paths: 1..=1_000_000, ..bounds.clone() };
                 let fixed = TimeModel { fixed: 1e6, ..time };
                 let large = Problem::new(&coefficients, &[1.0; 4], objective, fixed, &bounds);
-                let slice = Slice::new(&large, &goal, f64::from(n_light));
+                let slice = Slice::new(&large, &criterion, f64::from(n_light));
                 if let (bound, Some((score, _))) = slice.best(n_light, None) {
                     let ratio = score.cost / bound.cost;
                     assert!((1.0 - 1e-10..1.001).contains(&ratio), "{index} {objective:?} {ratio}");

@@ -25,6 +25,7 @@ impl Pixel {
     /// What camera path `n + 1` gains: the decrease of [`Self::term`], without its cancellation.
     /// For `max-rms` the variance before it, as only a pixel above the threshold needs another
     /// path.
+    /// theory.md (85).
     pub(super) fn gain(&self, objective: Objective, n: f64) -> f64 {
         let decrease = self.scaled / (n * (n + 1.0));
         match objective {
@@ -38,6 +39,7 @@ impl Pixel {
     }
 
     /// The same without whole numbers: minus the derivative of [`Self::term`].
+    /// theory.md (83).
     pub(super) fn rate(&self, objective: Objective, n: f64) -> f64 {
         match objective {
             Objective::Pooled | Objective::Relative => self.scaled / (n * n),
@@ -48,6 +50,7 @@ impl Pixel {
     }
 
     /// The `n` from 0 to `most` at which [`Self::rate`] is `threshold`.
+    /// theory.md (84).
     pub(super) fn demand(&self, objective: Objective, threshold: f64, most: f64) -> f64 {
         let Self { rest, scaled } = *self;
         if scaled == 0.0 || threshold == f64::INFINITY {

@@ -1,9 +1,10 @@
 //! Predictions for any counts and for a given time, from measured coefficients.
 
-use super::{Bounds, LEAST_ITERATIONS, Objective, Problem};
+use super::{CountLimits, Objective, Problem};
 use crate::noise::Coefficients;
 use crate::noise::image::{NoiseImage, NoiseSample, mean};
 use crate::settings::MAX_LIGHT_PATHS;
+use crate::settings::policy::LEAST_ITERATIONS;
 use crate::timing::TimeModel;
 use serde::Serialize;
 
@@ -102,6 +103,7 @@ impl Source<'_> {
         let timed = budget.map(|Budget { model, time }| {
             let tau = model.iteration(n_light, n_camera);
             let iterations = time / tau;
+            // theory.md (77)
             let scale = iterations.sqrt().recip();
             let after = |rms: Predicted| Predicted {
                 value: rms.value * scale,
@@ -129,7 +131,7 @@ impl Source<'_> {
         };
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (1..=MAX_LIGHT_PATHS, 1..=u32::MAX);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&[coefficients], &[1.0], Objective::Pooled, budget.model, &bounds)
         };
         let least = problem(f64::INFINITY).least_sensible_time();
@@ -145,10 +147,12 @@ fn pooled(pixels: &[NoiseSample]) -> Coefficients {
 }
 
 /// Minimizes `(t + s x) (q + p/x)` over the light paths `x`: at `sqrt(t p / (s q))`, within bounds.
+/// theory.md (81).
 fn best_light_paths(c: Coefficients, n_camera: f64, budget: &Budget) -> f64 {
     let [t, s] = budget.model.in_light_paths(n_camera);
     let (p, q) = (c.a / n_camera + c.f, c.b / n_camera);
     // No shorter than is sensible, as `Problem::least_sensible_time` says.
+    // theory.md (86)
     let longest = (budget.time / LEAST_ITERATIONS).max(2.0 * (t + s));
     let most = ((longest - t) / s).min(f64::from(MAX_LIGHT_PATHS));
     let best = (t * p / (s * q)).sqrt();

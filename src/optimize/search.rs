@@ -5,14 +5,14 @@ const EQUAL: f64 = 1e-13;
 
 /// What is minimized, within which limits.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Goal {
+pub(super) struct Criterion {
     /// Longest iteration, seconds.
     most_time: f64,
     /// Highest cost; the shortest iteration is looked for up to it, the least cost without it.
     most_cost: Option<f64>,
 }
 
-impl Goal {
+impl Criterion {
     pub(super) fn least_cost(most_time: f64) -> Self {
         Self { most_time, most_cost: None }
     }
@@ -66,9 +66,9 @@ impl Score {
         self.excess == [0.0; 2]
     }
 
-    /// The same counts by another goal.
-    pub(super) fn with_goal(&self, goal: &Goal) -> Self {
-        goal.score_cost(self.time, self.cost)
+    /// The same counts by another criterion.
+    pub(super) fn with_criterion(&self, criterion: &Criterion) -> Self {
+        criterion.score_cost(self.time, self.cost)
     }
 
     /// Strictly better; among equals the shorter iteration is.

@@ -1,10 +1,11 @@
 //! The best camera paths of each pixel at a fixed number of light paths.
 //!
+// theory.md (82)
 //! With `s = b + a/N_F` and `d = f/N_F` the variance of a pixel is `V = d + s/n`. All solutions,
 //! whole or not, belong to a *threshold*: a camera path is spent where it gains more than that.
 
 use super::pixel::Pixel;
-use super::search::{Goal, Score, minimize, turn};
+use super::search::{Criterion, Score, minimize, turn};
 use super::{Objective, Problem, excluded};
 use rayon::prelude::*;
 
@@ -21,7 +22,7 @@ const FEW: usize = 256;
 /// A problem at a fixed number of light paths.
 pub(super) struct Slice<'a> {
     pub(super) problem: &'a Problem,
-    pub(super) goal: &'a Goal,
+    pub(super) criterion: &'a Criterion,
     pub(super) pixels: Vec<Pixel>,
     /// Seconds per iteration without camera paths in the region.
     base: f64,
@@ -34,7 +35,7 @@ pub(super) struct Slice<'a> {
 }
 
 impl<'a> Slice<'a> {
-    pub(super) fn new(problem: &'a Problem, goal: &'a Goal, n_light: f64) -> Self {
+    pub(super) fn new(problem: &'a Problem, criterion: &'a Criterion, n_light: f64) -> Self {
         let pixel = |c: &crate::noise::Coefficients| Pixel {
             rest: c.f / n_light,
             scaled: c.b + c.a / n_light,
@@ -52,7 +53,7 @@ impl<'a> Slice<'a> {
                 rates(bounds[0]).fold(0.0, f64::max),
             ],
         };
-        Self { problem, goal, pixels, base, per_path, bounds, thresholds }
+        Self { problem, criterion, pixels, base, per_path, bounds, thresholds }
     }
 
     pub(super) fn objective(&self) -> Objective {
@@ -102,28 +103,29 @@ impl<'a> Slice<'a> {
 
     pub(super) fn score(&self, threshold: f64) -> Score {
         let [paths, sum] = self.totals(threshold);
-        self.goal.score(self.time(paths), self.variance(sum))
+        self.criterion.score(self.time(paths), self.variance(sum))
     }
 
-    /// The score that no whole numbers beat, with the thresholds of the least cost and of the goal;
+    /// The score that no whole numbers beat, with the thresholds of the least cost and of the criterion;
     /// `None` for these where the fewest paths are best, or not even they are allowed.
     ///
     /// The minimum of the product of time and `sum^k` over the total of paths is where
     /// `per_path sum = k time threshold`. Below, at higher thresholds, more paths help.
+    /// theory.md (83).
     pub(super) fn relaxed(&self) -> (Score, Option<[f64; 2]>) {
         let [low, high] = self.thresholds;
         let width = WIDTHS[usize::from(self.pixels.len() > FEW)];
         let fewest = self.fewest();
         // Written so that a NaN ends here too.
-        if !(low > 0.0 && low < high && self.goal.allows(fewest.time)) {
+        if !(low > 0.0 && low < high && self.criterion.allows(fewest.time)) {
             return (fewest, None);
         }
         let best = match self.objective() {
             Objective::MaxRms => {
-                let goal = self.goal.without_cost_limit();
+                let criterion = self.criterion.without_cost_limit();
                 let score = |v| {
                     let [paths, variance] = self.totals(v);
-                    goal.score(self.time(paths), variance)
+                    criterion.score(self.time(paths), variance)
                 };
                 minimize([low, high], width, self.problem.is_convex(), score)
             }
@@ -132,14 +134,15 @@ impl<'a> Slice<'a> {
                 let more_help = |threshold| {
                     let [paths, sum] = self.totals(threshold);
                     let time = self.time(paths);
+                    // theory.md (83)
                     let gain = power * time * threshold;
-                    self.goal.allows(time) && gain > self.per_path * sum * (1.0 + 1e-12)
+                    self.criterion.allows(time) && gain > self.per_path * sum * (1.0 + 1e-12)
                 };
                 turn([low, high], width, more_help)[1]
             }
         };
         // The shortest iteration has the highest threshold that the cost allows.
-        let chosen = match self.goal.most_cost() {
+        let chosen = match self.criterion.most_cost() {
             Some(most) if self.score(best).cost <= most => {
                 turn([best, high], width, |threshold| self.score(threshold).cost > most)[0]
             }
@@ -152,7 +155,7 @@ impl<'a> Slice<'a> {
         let [least, _] = self.bounds;
         let variance =
             self.problem.objective.aggregate(self.pixels.iter().map(|p| p.variance(least)));
-        self.goal.score(self.time(least * self.pixels.len() as f64), variance)
+        self.criterion.score(self.time(least * self.pixels.len() as f64), variance)
     }
 }
 

@@ -1,20 +1,15 @@
 //! Measured noise and times as a problem, and what counts lead to by them.
 
 use super::predict::{Predicted, Source};
-use super::{Bounds, LEAST_ITERATIONS, Objective, PerPixel, Problem};
+use super::{CountLimits, Objective, PerPixel, Problem};
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::pool;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseSample;
+use crate::settings::policy::{LEAST_ITERATIONS, LEAST_ITERATIONS_TO_TARGET, MOST_CAMERA_PATHS};
 use crate::timing::TimeModel;
 use serde::Serialize;
 use std::ops::RangeInclusive;
-
-/// Far more camera paths per pixel than can pay.
-const MOST_CAMERA_PATHS: u32 = 1 << 16;
-
-/// Iterations up to a target at the least, as many as `bdpm render` takes.
-const LEAST_TO_TARGET: f64 = crate::steer::goal::LEAST_ITERATIONS as f64;
 
 /// When rendering ends.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -62,7 +57,7 @@ impl<'a> Subject<'a> {
     pub fn problem(&self, light_paths: RangeInclusive<u32>, end: End) -> Problem {
         let problem = |iteration_time| {
             let (light_paths, camera_paths) = (light_paths.clone(), 1..=MOST_CAMERA_PATHS);
-            let bounds = Bounds { light_paths, camera_paths, iteration_time };
+            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
             Problem::new(&self.smoothed, &self.luminance, self.objective, self.model, &bounds)
         };
         let unlimited = problem(f64::INFINITY);
@@ -72,14 +67,17 @@ impl<'a> Subject<'a> {
             End::Time(time) => problem((time / LEAST_ITERATIONS).max(least)),
             // The time depends on the counts, which depend on the time: a few rounds settle that.
             End::Rms(rms) => (0..4).fold(unlimited, |found, _| {
-                problem((found.uniform().cost / (rms * rms) / LEAST_TO_TARGET).max(least))
+                let longest =
+                    found.uniform().cost / (rms * rms) / LEAST_ITERATIONS_TO_TARGET as f64;
+                problem(longest.max(least))
             }),
         }
     }
 
     /// The best light paths at one camera path in each pixel, unlimited in time.
     pub fn one_camera_path(&self, light_paths: RangeInclusive<u32>) -> Counts {
-        let bounds = Bounds { light_paths, camera_paths: 1..=1, iteration_time: f64::INFINITY };
+        let bounds =
+            CountLimits { light_paths, camera_paths: 1..=1, iteration_time: f64::INFINITY };
         let (pixels, luminance) = (&self.smoothed, &self.luminance);
         let best = Problem::new(pixels, luminance, self.objective, self.model, &bounds).uniform();
         Counts::uniform(best.light_paths, best.camera_paths)

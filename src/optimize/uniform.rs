@@ -1,6 +1,6 @@
 //! The same counts in all pixels.
 
-use super::search::{Goal, Scanned, Score, minimize, scan};
+use super::search::{Criterion, Scanned, Score, minimize, scan};
 use super::{Problem, Uniform};
 use std::ops::RangeInclusive;
 
@@ -42,9 +42,9 @@ impl Problem {
     /// the least cost at that number by at most the fraction `slack`.
     pub fn flat_range(&self, camera_paths: u32, slack: f64) -> RangeInclusive<u32> {
         let sampled = self.sampled();
-        let goal = sampled.goal();
-        let score = |n| sampled.score(&goal, f64::from(n), f64::from(camera_paths));
-        let line = Line { problem: &sampled, goal: &goal, axis: Axis::CameraPaths };
+        let criterion = sampled.criterion();
+        let score = |n| sampled.score(&criterion, f64::from(n), f64::from(camera_paths));
+        let line = Line { problem: &sampled, criterion: &criterion, axis: Axis::CameraPaths };
         let (_, best) = line.rounded(line.relaxed(f64::from(camera_paths)).1, camera_paths);
         let least = score(best[0]);
         let flat = |n| {
@@ -71,25 +71,25 @@ impl Problem {
             [self.light_paths[0], self.camera_paths[0]]
         } else {
             let sampled = self.sampled();
-            let goal = sampled.goal();
-            let mut found = sampled.search_uniform(&goal, None);
+            let criterion = sampled.criterion();
+            let mut found = sampled.search_uniform(&criterion, None);
             if let Some(slack) = slack {
-                let goal = goal.least_time(found.0.cost, slack);
-                let incumbent = (found.0.with_goal(&goal), found.1);
-                found = sampled.search_uniform(&goal, Some(incumbent));
+                let criterion = criterion.least_time(found.0.cost, slack);
+                let incumbent = (found.0.with_criterion(&criterion), found.1);
+                found = sampled.search_uniform(&criterion, Some(incumbent));
             }
             found.1
         };
         self.evaluate_uniform(n_light, n_camera)
     }
 
-    fn score(&self, goal: &Goal, n_light: f64, n_camera: f64) -> Score {
+    fn score(&self, criterion: &Criterion, n_light: f64, n_camera: f64) -> Score {
         let variance = self.uniform_variance(n_light, n_camera);
-        goal.score(self.time.iteration(n_light, n_camera), variance)
+        criterion.score(self.time.iteration(n_light, n_camera), variance)
     }
 
-    fn search_uniform(&self, goal: &Goal, incumbent: Option<Found>) -> Found {
-        let line = |axis| Line { problem: self, goal, axis };
+    fn search_uniform(&self, criterion: &Criterion, incumbent: Option<Found>) -> Found {
+        let line = |axis| Line { problem: self, criterion, axis };
         let across = line(Axis::LightPaths);
         let bounds = self.light_paths.map(f64::from);
         let convex = self.is_convex();
@@ -112,9 +112,10 @@ impl Problem {
 /// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`: the cost is convex in
 /// `x`, and the best whole number is beside the best `x`. The other objectives are convex in `ln
 /// x`.
+/// theory.md (81).
 struct Line<'a> {
     problem: &'a Problem,
-    goal: &'a Goal,
+    criterion: &'a Criterion,
     axis: Axis,
 }
 
@@ -129,7 +130,7 @@ impl Line<'_> {
 
     fn score(&self, constant: f64, other: f64) -> Score {
         let [n_light, n_camera] = self.point(constant, other);
-        self.problem.score(self.goal, n_light, n_camera)
+        self.problem.score(self.criterion, n_light, n_camera)
     }
 
     /// Bounds of the other count.

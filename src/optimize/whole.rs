@@ -1,6 +1,7 @@
 //! Whole camera paths at a fixed number of light paths.
 //!
 //! The terms of the aggregate are convex in each count, hence spending path after path where it
+// theory.md (85)
 //! gains most gives the least sum for every total of paths (marginal allocation; Fox 1966). So the
 //! paths are sorted by gain, and the best total is looked for. For the maximum the same holds with
 //! the variance in place of the gain.
@@ -96,7 +97,7 @@ impl Slice<'_> {
         let mut threshold = allocation.threshold;
         let mut counts = self.counts(threshold);
         let mut factor = 1.0 + STEP_OUT;
-        while !self.goal.allows(self.time(total(&counts))) && threshold < self.thresholds[1] {
+        while !self.criterion.allows(self.time(total(&counts))) && threshold < self.thresholds[1] {
             threshold = (threshold * factor).min(self.thresholds[1]);
             factor *= factor;
             counts = self.counts(threshold);
@@ -107,14 +108,14 @@ impl Slice<'_> {
 
     fn score_counts(&self, counts: &[u32]) -> Score {
         let variances = self.pixels.iter().zip(counts).map(|(p, &n)| p.variance(f64::from(n)));
-        self.goal.score(self.time(total(counts)), self.problem.objective.aggregate(variances))
+        self.criterion.score(self.time(total(counts)), self.problem.objective.aggregate(variances))
     }
 
     /// Thresholds `[from, to]`, falling, between which the best whole numbers lie: totals of paths
     /// outside are excluded by what they reach without rounding.
     fn window(&self, relaxed: f64, incumbent: Option<&Score>) -> [f64; 2] {
         let [low, high] = self.thresholds;
-        let level = self.goal.most_cost().unwrap_or_else(|| {
+        let level = self.criterion.most_cost().unwrap_or_else(|| {
             let rounded = self.score_counts(&self.counts(relaxed));
             let rounded = rounded.is_valid().then_some(rounded.cost);
             // Rounding down is always short enough.
@@ -125,7 +126,7 @@ impl Slice<'_> {
         let cannot_win = |threshold| self.score(threshold).cost > level;
         let can_win = |threshold| {
             let score = self.score(threshold);
-            self.goal.allows(score.time) && score.cost <= level
+            self.criterion.allows(score.time) && score.cost <= level
         };
         let mut from = turn([relaxed, high], WINDOW_WIDTH, cannot_win)[1];
         let mut to = turn([low, relaxed], WINDOW_WIDTH, can_win)[0];
@@ -174,7 +175,7 @@ impl Slice<'_> {
             let next = steps.get(spent).map_or(0.0, |step| step.gain);
             let aggregate =
                 if objective == Objective::MaxRms { next.max(least_maximum) } else { sum };
-            let score = self.goal.score(self.time(paths), self.variance(aggregate));
+            let score = self.criterion.score(self.time(paths), self.variance(aggregate));
             if best.is_none_or(|(old, _)| score.beats(&old)) {
                 best = Some((score, spent));
             }

@@ -2,10 +2,9 @@
 
 use super::block::{Block, Combined};
 use crate::noise::film::{BATCHES, BatchGrain};
+use crate::settings::policy::BIAS_CERTAINTY;
 use serde::Serialize;
 
-/// Standard errors by which a bias must stand out to count.
-const CERTAINTY: f64 = 2.0;
 /// Measuring iterations that it takes to tell: two in each batch.
 const LEAST_MEASURED: u64 = 2 * BATCHES as u64;
 
@@ -22,7 +21,7 @@ pub struct MergeBias {
 impl MergeBias {
     /// Of the image that `blocks` make; `None` before enough iterations are measured.
     ///
-    /// The bias is `2 (L(r) - L(r/sqrt 2))` (noise-theory 2e), the same at all counts, so that
+    /// The bias is `2 (L(r) - L(r/sqrt 2))` (theory.md (69)), the same at all counts, so that
     /// the blocks' sums add. Its error comes from the batches.
     pub fn new(blocks: &[Block], image: &Combined) -> Option<Self> {
         let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
@@ -55,6 +54,7 @@ impl MergeBias {
         let (mut beyond, mut worst) = (0, 0.0f64);
         for (tile, sums) in film.tiles().zip(&nested) {
             let pixels = tile.len() as f64;
+            // theory.md (69)
             let means = std::array::from_fn(|k| 2.0 * sums[k] / (counts[k] * pixels));
             let own = (0..tile.len() as u32).map(|index| {
                 let (x, y) = tile.pixel(index);
@@ -74,12 +74,13 @@ impl MergeBias {
     }
 }
 
-/// Absolute mean of the batches less [`CERTAINTY`] standard errors, at least 0.
+/// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.
+/// theory.md (71).
 fn certain_part(means: &[f64; BATCHES]) -> f64 {
     let n = BATCHES as f64;
     let mean = means.iter().sum::<f64>() / n;
     let scatter = means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (mean.abs() - CERTAINTY * (scatter / n).sqrt()).max(0.0)
+    (mean.abs() - BIAS_CERTAINTY * (scatter / n).sqrt()).max(0.0)
 }
 
 #[cfg(test)]

@@ -1,11 +1,14 @@
 //! Blocks: iterations at equal counts, whose sums add; and the image that several of them make.
 
+use super::tiles::TileSums;
+use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image::PhaseTimes;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{Film, luminance, pool};
-use crate::noise::Coefficients;
-use crate::noise::film::NoiseFilm;
+use crate::noise::film::{BatchGrain, NoiseFilm};
+use crate::noise::image::NoiseImage;
+use crate::noise::{Coefficients, Measure};
 use crate::settings::Settings;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -32,11 +35,73 @@ pub struct Clock {
     pub times: PhaseTimes,
 }
 
+impl Clock {
+    /// Adds an iteration unless it measures.
+    pub(super) fn add(&mut self, measure: Measure, times: &PhaseTimes) {
+        if measure == Measure::Off {
+            self.iterations += 1;
+            self.times += *times;
+        }
+    }
+}
+
 impl Block {
     /// No iteration yet.
     pub fn new(settings: &Settings, counts: Counts) -> Self {
         let film = Film::new(settings.width, settings.height);
         Self { counts, film, noise: None, clock: Clock::default() }
+    }
+
+    /// The counts, and all tiles to add another iteration to.
+    ///
+    /// # Panics
+    /// If it is to measure with fewer than two light paths.
+    pub(super) fn begin_iteration(
+        &mut self,
+        measure: Measure,
+        grain: BatchGrain,
+    ) -> (&Counts, Vec<TileSums<'_>>) {
+        let Self { counts, film, noise, .. } = self;
+        let mut noise_tiles = Vec::new();
+        if measure != Measure::Off {
+            assert!(counts.light_paths >= 2, "measuring takes pairs");
+            let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), grain));
+            noise_tiles = noise.tiles_mut(film.tiles());
+        }
+        let mut noise_tiles = noise_tiles.into_iter();
+        let tiles = film.tiles_mut().into_iter().map(|(tile, sums)| TileSums {
+            tile,
+            sums,
+            noise: noise_tiles.next(),
+            deviation: 0.0,
+        });
+        (counts, tiles.collect())
+    }
+
+    /// Takes note that all tiles have it; `deviations` are those of all their pixels.
+    pub(super) fn end_iteration(&mut self, measure: Measure, deviations: f64) {
+        self.film.deviations.add(deviations, self.film.iterations);
+        self.film.iterations += 1;
+        if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
+            noise.iterations += 1;
+        }
+    }
+
+    /// What was measured of each pixel, and statistics of regions.
+    ///
+    /// # Errors
+    /// If fewer than two iterations were measured, or in batches of whole tiles.
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        let measured =
+            self.noise.as_ref().filter(|noise| noise.iterations >= 2).ok_or_else(|| {
+                Error::new("fewer than two iterations were measured", "measure two or more")
+            })?;
+        if measured.grain() == BatchGrain::Tile {
+            let problem = "the noise was measured in batches of whole tiles";
+            return Err(Error::new(problem, "measure with batches of single pixels"));
+        }
+        let counts = (self.counts.light_paths, self.counts.camera_paths.most());
+        Ok(NoiseImage::new(&self.film, measured, counts))
     }
 
     /// Whether all parts fit each other (they may come from a file).
@@ -65,6 +130,7 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
     for (block, noise) in measured(blocks) {
         let n_light = f64::from(block.counts.light_paths);
         let n_camera = block.counts.camera_paths.mean().max(2.0);
+        // theory.md (72)
         let per_iteration = Coefficients { a: n_light * n_camera, b: n_camera - 1.0, f: n_light };
         weights += per_iteration * noise.iterations as f64;
         let mut sums = noise.pixels().iter();
@@ -84,6 +150,7 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
 
 /// Degrees of freedom of the measured `b` of each pixel, row by row: camera paths less one in each
 /// measuring iteration.
+/// theory.md (87), `nu.
 pub fn degrees_of_freedom(blocks: &[Block]) -> Vec<f64> {
     let mut all = vec![0.0; blocks.first().map_or(0, |block| block.film.pixels())];
     for (block, noise) in measured(blocks) {
@@ -100,6 +167,7 @@ fn measured(blocks: &[Block]) -> impl Iterator<Item = (&Block, &NoiseFilm)> {
 }
 
 /// Pooled variance of one iteration at `counts`, by formula (1).
+/// theory.md (2), pooled.
 pub fn pooled_variance(coefficients: &[Coefficients], counts: &Counts) -> f64 {
     let n_light = f64::from(counts.light_paths);
     let variance = |(pixel, c): (usize, &Coefficients)| {
@@ -113,6 +181,7 @@ pub fn pooled_variance(coefficients: &[Coefficients], counts: &Counts) -> f64 {
 /// One number for the whole image, and by formula (1) from the coefficients that all blocks share:
 /// weights per pixel, or from a block's own samples, would favor blocks that happened to miss rare
 /// bright paths, and the image would be too dark.
+/// theory.md (73).
 pub fn weights(blocks: &[Block]) -> Vec<f64> {
     let equal = vec![1.0; blocks.len()];
     if blocks.len() == 1 {
@@ -182,6 +251,7 @@ impl<'a> Combined<'a> {
     }
 
     /// Weighted mean over iterations, row by row; black before the first.
+    /// theory.md (74).
     pub fn mean(&self) -> Vec<Rgb> {
         let mut sums = vec![DVec3::ZERO; self.blocks[0].film.pixels()];
         for (block, weight) in self.pairs() {
@@ -208,6 +278,7 @@ impl<'a> Combined<'a> {
     /// Block `k` of `N` iterations of weight `w` adds `w^2 N V_k` over the squared total weight. A
     /// single iteration has no sample variance; since the weights are reciprocals of variances, the
     /// mean of the other blocks' `w V` stands for its own.
+    /// theory.md (75).
     fn shares(&self) -> Option<Vec<(&'a Block, f64)>> {
         let total2 = self.total().powi(2);
         let added = |block: &Block, w: f64| w * w * block.film.iterations as f64 / total2;

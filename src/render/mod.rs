@@ -2,42 +2,38 @@
 
 pub mod bias;
 pub mod block;
+mod memory;
+mod report;
 mod tile_paths;
 mod tiles;
 mod worker;
 
+pub use memory::light_paths_in;
+pub use report::IterationReport;
+
 use crate::accel::Intersect;
 use crate::base::error::{Error, Result};
-use crate::base::memory::{GIB, available_memory};
+use crate::base::memory::available_memory;
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
-use crate::bsdf::Bsdf;
-use crate::image::PhaseTimes;
 use crate::image::counts::Counts;
-use crate::image::film::{Film, PixelSums, Tile};
+use crate::image::film::Film;
 use crate::noise::Measure;
-use crate::noise::film::{BatchGrain, NoiseFilm, NoiseTile};
+use crate::noise::film::{BatchGrain, NoiseFilm};
+use crate::noise::image::NoiseImage;
 use crate::scene::{Scene, View};
+use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{MAX_LIGHT_PATHS, Settings};
 use crate::transport::camera_paths::CameraPass;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::merge::Merge;
-use crate::transport::photon::Photon;
 use crate::transport::photon_map::PhotonMap;
 use block::Block;
+use memory::{bytes_per_light_path, check_memory, film_bytes};
 use rayon::prelude::*;
 use std::time::Instant;
-use tiles::{Shares, TileSums};
+use tiles::Shares;
 use worker::{Job, Worker};
-
-/// Iterations that are measured at the beginning of a render.
-const PILOT: u64 = 8;
-/// Of the others, one in so many is measured: with a million light paths it takes one and a half times as
-/// long as another, with fewer less.
-const MEASURE_EVERY: u64 = 8;
-
-/// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
-pub(crate) const MOST_BLOCKS: usize = 7;
 
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
@@ -53,19 +49,6 @@ pub struct Renderer<'a> {
     workers: Pool<Worker>,
 }
 
-/// What one iteration did.
-#[derive(Clone, Debug, Default)]
-pub struct IterationReport {
-    /// Time of each phase.
-    pub times: PhaseTimes,
-    /// Rays traced in the light and camera phases.
-    pub rays: u64,
-    /// Photons in the map.
-    pub photons: usize,
-    /// Pixels whose value was not finite and was left out: column and row, in image order.
-    pub non_finite: Vec<(u32, u32)>,
-}
-
 impl<'a> Renderer<'a> {
     /// Prepares to render from the first iteration.
     ///
@@ -74,7 +57,7 @@ impl<'a> Renderer<'a> {
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
         settings.validate()?;
         check_memory(scene, &settings, settings.light_paths)?;
-        if scene.lights.is_empty() {
+        if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
                 "add a [[light]], or give a material some emission",
@@ -134,16 +117,6 @@ impl<'a> Renderer<'a> {
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
-    /// Whether a render with fixed counts measures its next iteration: the pilot and a fixed share
-    /// of the others, where the counts allow it.
-    pub fn scheduled(&self) -> Measure {
-        let next = self.film().iterations;
-        let measures = next < PILOT || next.is_multiple_of(MEASURE_EVERY);
-        let Counts { light_paths, camera_paths } = &self.block().counts;
-        let can = *light_paths >= 2 && camera_paths.least() >= 2;
-        if measures && can { Measure::Pairs } else { Measure::Off }
-    }
-
     /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.
     ///
     /// # Panics
@@ -170,6 +143,15 @@ impl<'a> Renderer<'a> {
         self.block().noise.as_ref()
     }
 
+    /// What was measured of each pixel in the block under way; takes
+    /// [batches](Self::with_batches) of single pixels.
+    ///
+    /// # Errors
+    /// As [`Block::noise_image`].
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        self.block().noise_image()
+    }
+
     /// The image of the block under way.
     pub fn film(&self) -> &Film {
         &self.block().film
@@ -194,121 +176,35 @@ impl<'a> Renderer<'a> {
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
         let iteration = self.iterations();
-        let Self { scene, accel, settings, blocks, grain, .. } = self;
-        let Block { counts, film, noise, clock } = blocks.last_mut().expect("there is one");
-        assert!(measure == Measure::Off || counts.light_paths >= 2, "measuring takes pairs");
+        let Self { scene, accel, settings, view, grain, light_paths, photon_map, .. } = self;
+        let block = self.blocks.last_mut().expect("there is one");
 
-        self.light_paths.trace(scene, *accel, settings, counts.light_paths, iteration);
-        let build = Instant::now();
-        self.photon_map.build(&self.light_paths, settings.radius);
-        // No thread has anything else to do meanwhile.
-        let build_time = build.elapsed() * rayon::current_num_threads() as u32;
+        light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
+        let build_time = photon_map.build(light_paths, settings.radius);
 
         let pass = CameraPass {
             scene,
-            view: self.view,
+            view: *view,
             accel: *accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: self.photon_map.any_at_every_vertex(),
+            gather_early: photon_map.any_at_every_vertex(),
         };
-        let merge = Merge::new(&self.photon_map, settings.merge_vertex);
-        let together = merge.together(measure != Measure::Off);
-        let job = Job { pass, merge, counts, measure, together, before: film.iterations };
-        // A measuring iteration gives each tile its part of the noise sums as well.
-        let noise_tiles: Vec<Option<NoiseTile>> = if measure == Measure::Off {
-            film.tiles().map(|_| None).collect()
-        } else {
-            let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), *grain));
-            noise.tiles_mut(film.tiles()).into_iter().map(Some).collect()
-        };
-        let with_noise = film.tiles_mut().into_iter().zip(noise_tiles);
-        let tile = |((tile, sums), noise)| TileSums { tile, sums, noise, deviation: 0.0 };
-        let mut tiles: Vec<TileSums> = with_noise.map(tile).collect();
+        let merge = Merge::new(photon_map, settings.merge_vertex);
+        let before = block.film.iterations;
+        let (counts, mut tiles) = block.begin_iteration(measure, *grain);
+        let job = Job::new(pass, merge, counts, measure, before);
         // Results do not depend on which tiles one thread takes together.
-        let per_tile = counts.camera_paths.mean().max(f64::from(job.least())) * Tile::PIXELS;
-        let most = (together as f64 / per_tile) as usize;
-        Shares::new(&mut tiles, most)
+        Shares::new(&mut tiles, job.tiles_together())
             .par_bridge()
             .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
+
         // Summed in the order of the tiles, whoever rendered them.
         let deviations = tiles.iter().map(|tile| tile.deviation).sum();
-        film.deviations.add(deviations, film.iterations);
-        film.iterations += 1;
-        if let (Some(noise), true) = (noise, measure != Measure::Off) {
-            noise.iterations += 1;
-        }
-
-        let mut report = IterationReport {
-            rays: self.light_paths.rays(),
-            photons: self.photon_map.len(),
-            ..IterationReport::default()
-        };
-        report.times.light = self.light_paths.busy_time() + build_time;
-        for worker in self.workers.free_mut() {
-            let counts = worker.take_counts();
-            report.times.camera += counts.camera;
-            report.times.merge += counts.merge;
-            report.rays += counts.rays;
-            report.non_finite.extend(counts.non_finite);
-        }
-        report.non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
-        report.times.wall = start.elapsed();
-        if measure == Measure::Off {
-            clock.iterations += 1;
-            clock.times += report.times;
-        }
+        block.end_iteration(measure, deviations);
+        let report =
+            IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start);
+        block.clock.add(measure, &report.times);
         report
-    }
-}
-
-/// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that
-/// only pass it on leave none.
-fn bytes_per_light_path(scene: &Scene) -> f64 {
-    let storing = scene.materials.iter().map(|m| m.bsdf).filter(Bsdf::merges);
-    let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
-    let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    photons_per_path * BYTES_PER_PHOTON
-}
-
-/// As traced, while sorting with its bucket in two orders, and in the map with up to eight buckets.
-const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 2 * 4 + 8 * 4) as f64;
-
-/// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
-/// the image; below 1 where not even one fits.
-pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
-    (memory - film_bytes(settings, 1)) / (photons_per_path * BYTES_PER_PHOTON)
-}
-
-/// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
-/// and what is being written.
-fn film_bytes(settings: &Settings, blocks: usize) -> f64 {
-    let written = 2 * size_of::<PixelSums>();
-    let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
-    let per_pixel = written + blocks * (block + size_of::<u32>());
-    settings.pixels() as f64 * per_pixel as f64
-}
-
-/// Refuses counts that cannot fit, before anything is allocated.
-fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<()> {
-    let light = f64::from(light_paths) * bytes_per_light_path(scene);
-    // Those of earlier blocks are no longer available.
-    let film = film_bytes(settings, 1);
-    let needed = light + film;
-    match available_memory() {
-        Some(available) if needed > available => Err(Error::new(
-            format!(
-                "about {:.1} GiB of memory are needed, {:.1} GiB for {light_paths} light paths and \
-                 {:.1} GiB for {}x{} pixels, but {:.1} GiB are available",
-                needed / GIB,
-                light / GIB,
-                film / GIB,
-                settings.width,
-                settings.height,
-                available / GIB,
-            ),
-            "lower --light-paths or --resolution; more iterations make up for fewer light paths",
-        )),
-        _ => Ok(()),
     }
 }

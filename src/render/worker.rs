@@ -33,10 +33,28 @@ pub struct Job<'a> {
     pub before: u64,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// Of an iteration that is added to `before` others.
+    pub fn new(
+        pass: CameraPass<'a>,
+        merge: Merge<'a>,
+        counts: &'a Counts,
+        measure: Measure,
+        before: u64,
+    ) -> Self {
+        let together = merge.together(measure != Measure::Off);
+        Self { pass, merge, counts, measure, together, before }
+    }
+
     /// Camera paths that each pixel takes at least.
-    pub fn least(&self) -> u32 {
+    fn least(&self) -> u32 {
         if self.measure == Measure::Off { 1 } else { 2 }
+    }
+
+    /// Tiles that have as many camera paths as are merged together.
+    pub fn tiles_together(&self) -> usize {
+        let per_pixel = self.counts.camera_paths.mean().max(f64::from(self.least()));
+        (self.together as f64 / (per_pixel * Tile::PIXELS)) as usize
     }
 }
 
@@ -119,6 +137,7 @@ impl Worker {
             for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
+                // theory.md (7)
                 let value = value / f64::from(job.counts.camera_paths.at(pixel));
                 if !value.is_finite() {
                     self.non_finite.push((x, y));
@@ -206,6 +225,7 @@ impl ImageSums<'_> {
     fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
         let TilePaths { pixel, path, in_image, .. } = self.paths;
         if path < in_image {
+            // theory.md (7), of one camera path
             let value = direct.as_dvec3() + gathered.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
         }
@@ -250,9 +270,11 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         self.image.end_path(direct, gathered);
         self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
         let measured = &mut self.measured[pixel];
+        // theory.md (68)
         measured.nested_difference +=
             std::mem::take(&mut self.nested) * self.image.per_light_path / f64::from(traced);
         if path + 1 == traced {
+            // theory.md (51) to (61)
             measured.coefficients = self.estimator.finish_pixel(self.n_light, traced);
             self.estimator.start_pixel();
         }

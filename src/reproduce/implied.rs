@@ -12,6 +12,7 @@ use serde::Serialize;
 
 /// The coefficients that Figure 3a implies, as if its region were one pixel: the inverse of
 /// [`Coefficients::paper_terms`].
+/// theory.md (94).
 pub fn coefficients() -> Coefficients {
     let (n_light, n_camera) = (f64::from(LIGHT_PATHS), f64::from(CAMERA_PATHS[0]));
     let [c, b, f] = FIGURE_3[0].roots.map(|root| root * root);
@@ -40,6 +41,7 @@ pub fn times() -> Vec<Sample> {
 ///
 /// # Panics
 /// Never: the table is fixed.
+/// theory.md (94).
 pub fn time_model() -> TimeModel {
     fit(&times(), 1.0).expect("the table has times of all phases").model
 }
@@ -144,7 +146,7 @@ mod tests {
 
     #[test]
     fn figure_3_fixes_the_coefficients() {
-        // Section 5 of the notes on the theory.
+        // theory.md (94).
         let c = coefficients();
         for (found, expected) in [(c.a, 3595.0), (c.b, 37.18), (c.f, 0.3788)] {
             assert!((found / expected - 1.0).abs() < 3e-4, "{found} {expected}");

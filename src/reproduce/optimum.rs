@@ -6,18 +6,16 @@ use super::terms::pooled_rms;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseImage;
 use crate::optimize::predict::{Budget, Optimum, Predicted, Source};
+use crate::settings::policy::NEAR_OPTIMUM;
 use crate::timing::TimeModel;
 use serde::Serialize;
-
-/// An RMS that exceeds the least by this fraction is as good.
-pub const FLAT: f64 = 0.01;
 
 /// The best number of light paths at `N_B = 25`, and its surroundings.
 #[derive(Clone, Debug, Serialize)]
 pub struct Best {
     /// `N_F` with the least pooled RMS; the error is that of the noise alone.
     pub light_paths: Predicted,
-    /// The numbers of light paths whose RMS is at most [`FLAT`] over the least.
+    /// The numbers of light paths whose RMS is at most [`NEAR_OPTIMUM`] over the least.
     pub flat: [f64; 2],
     /// `sqrt(t/s)` and `sqrt(p/q)`, whose product is the best number: an iteration of `N_F` light
     /// paths takes the time `t + s N_F` and leaves the variance `q + p/N_F`.
@@ -50,8 +48,9 @@ impl Best {
         let [t, s] = model.in_light_paths(n_camera);
         let (p, q) = (mean.a / n_camera + mean.f, mean.b / n_camera);
         // (t + s x)(q + p/x) = k is a quadratic equation in x; its least k is (sqrt tq + sqrt sp)^2.
+        // theory.md (81)
         let least = ((t * q).sqrt() + (s * p).sqrt()).powi(2);
-        let half = 0.5 * (least * (1.0 + FLAT).powi(2) - t * q - s * p) / (s * q);
+        let half = 0.5 * (least * (1.0 + NEAR_OPTIMUM).powi(2) - t * q - s * p) / (s * q);
         let distance = (half * half - t * p / (s * q)).max(0.0).sqrt();
         Self {
             light_paths,
@@ -122,7 +121,7 @@ mod tests {
         assert!((best.factors[0] * best.factors[1] / x - 1.0).abs() < 1e-12);
         for end in best.flat {
             let over = implied_over_least(end);
-            assert!((over - 1.0 - FLAT).abs() < 1e-9, "{over}");
+            assert!((over - 1.0 - NEAR_OPTIMUM).abs() < 1e-9, "{over}");
         }
         assert!(best.flat[0] < x && x < best.flat[1]);
     }

@@ -8,7 +8,6 @@ use crate::files::checkpoint::Checkpoint;
 use crate::noise::Measure;
 use crate::noise::file::NoiseFile;
 use crate::noise::film::{BATCHES, BatchGrain};
-use crate::noise::image::NoiseImage;
 use crate::noise::region;
 use crate::pictures::Value;
 use crate::render::{IterationReport, Renderer};
@@ -186,8 +185,7 @@ impl<'a> Run<'a> {
         renderer: &Renderer,
         recorder: &Recorder,
     ) -> Result<()> {
-        let (film, measured) = (renderer.film(), renderer.noise().expect("it was measured"));
-        let noise = NoiseImage::new(film, measured, (part.light_paths, part.camera_paths));
+        let (film, noise) = (renderer.film(), renderer.noise_image()?);
         let pixels = region::pixels(&self.experiment.identity.region, &noise)?;
         self.experiment.done.push(Measured {
             part,

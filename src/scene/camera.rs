@@ -185,6 +185,7 @@ impl Camera {
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 let [x, y] = disc(disc_radius);
                 let center = disc_distance * self.forward;
+                // theory.md (6), with the next use of `weight
                 let weight = exposure * disc_area(disc_radius) * disc_distance * disc_distance;
                 (0.0, -width / w, Some(Aperture::Disc { center, x, y, weight }))
             }
@@ -230,6 +231,7 @@ impl View {
     /// The ray of unit direction for the point `(x, y)`, in pixels from the image's top left corner,
     /// through the point of the aperture that `lens` in [0, 1)^2 selects; with the weight of the
     /// radiance along it in the pixel's value.
+    /// theory.md (5).
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
         let to_pixel = self.corner + x * self.dx + y * self.dy;
         match self.aperture {

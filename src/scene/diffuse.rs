@@ -69,6 +69,7 @@ impl DiffuseVertices {
     pub fn weights(&self, carried: &Vec3s) -> Vec3s {
         let mut weights = Vec3s::default();
         for lane in 0..LANES {
+            // theory.md (27)
             weights.set(lane, carried.get(lane) * self.albedo.get(lane) * FRAC_1_PI);
         }
         weights
@@ -82,6 +83,7 @@ impl DiffuseVertices {
         for lane in 0..LANES {
             let cos_theta = light.wi.get(lane).dot(self.normal.get(lane)).max(0.0);
             let weight = weights.get(lane) * cos_theta;
+            // theory.md (42), third line
             contributions.set(lane, weight * light.irradiance.get(lane));
         }
         contributions

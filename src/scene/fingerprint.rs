@@ -285,6 +285,7 @@ mod tests {
             let camera = Camera::with_optics(self.eye, Vec3::Z, self.up, self.optics).unwrap();
             let (meshes, materials) = (vec![self.mesh], vec![self.material]);
             Scene::new(self.name.into(), meshes, materials, self.lights, camera, self.regions)
+                .unwrap()
                 .fingerprint()
         }
     }

@@ -3,7 +3,8 @@
 use super::diffuse::DiffuseVertices;
 use super::normal_map::Tangent;
 use super::transform::Transform;
-use super::{Corners, Material, Placement, Plain, Scene, Surface, Triangle, interpolate, to_front};
+use super::triangle::{interpolate, to_front};
+use super::{Corners, Lambertian, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::bsdf::Bsdf;
 use crate::lanes::simd::{Simd, side_by_side};
@@ -12,9 +13,9 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
 use std::array::from_fn;
 
-/// Rays that hit no plain surface, a bit for each.
+/// Rays that hit no uniformly Lambertian surface, a bit for each.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Elsewhere {
+pub struct NotLambertian {
     /// Those that hit nothing.
     pub missed: u32,
     /// Those that hit something else.
@@ -25,7 +26,7 @@ pub struct Elsewhere {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seen {
     triangle: Triangles,
-    material: Plains,
+    material: Lambertians,
 }
 
 /// Sixteen [`Triangle`]s.
@@ -42,10 +43,10 @@ struct Triangles {
     corners: [u32; LANES],
 }
 
-/// Sixteen [`Plain`] materials.
+/// Sixteen [`Lambertian`] materials.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
-struct Plains {
+struct Lambertians {
     albedo: Vec3s,
     flags: [u32; LANES],
 }
@@ -54,7 +55,7 @@ impl Scene {
     /// Sets `at` to where the first `count` rays of these directions hit surfaces that are Lambertian
     /// and the same all over the triangle, and tells which rays hit nothing or something else.
     #[inline(always)] // a call costs a tenth of the light phase
-    pub fn plain(
+    pub fn lambertian(
         &self,
         simd: Simd,
         directions: &Vec3s,
@@ -62,22 +63,22 @@ impl Scene {
         count: usize,
         seen: &mut Seen,
         at: &mut DiffuseVertices,
-    ) -> Elsewhere {
+    ) -> NotLambertian {
         at.clear();
         let (Some(first_of_all), Some(last_mesh)) =
             (self.triangles.first(), self.first_triangle.len().checked_sub(1))
         else {
-            return Elsewhere { missed: (1 << count) - 1, others: 0 };
+            return NotLambertian { missed: (1 << count) - 1, others: 0 };
         };
         let is_hit: Mask = from_fn(|lane| (lane < count) & (hits.mesh[lane] as usize <= last_mesh));
         // What is hit is chance: instead of branches, rays that miss read the first triangle.
         let mut triangles = [first_of_all; LANES];
-        let mut materials = [&self.plain[0]; LANES];
+        let mut materials = [&self.lambertian[0]; LANES];
         for lane in 0..LANES {
             let first = self.first_triangle[(hits.mesh[lane] as usize).min(last_mesh)];
             let index = first.wrapping_add(hits.triangle[lane]) * u32::from(is_hit[lane]);
             triangles[lane] = &self.triangles[index as usize];
-            materials[lane] = &self.plain[triangles[lane].material as usize];
+            materials[lane] = &self.lambertian[triangles[lane].material as usize];
         }
         let Seen { triangle, material } = seen;
         side_by_side(simd, &triangles, triangle);
@@ -86,10 +87,10 @@ impl Scene {
         for lane in 0..LANES {
             let is_flat = triangle.corners[lane] == Triangle::FLAT;
             let flags = material.flags[lane];
-            let is_plain = is_hit[lane] & is_flat & (flags & Plain::IS_PLAIN != 0);
-            at.active[lane] = is_plain;
-            emits[lane] = is_plain & (flags & Plain::EMITS != 0);
-            // As `Triangle::point` and `Side::new`.
+            let is_lambertian = is_hit[lane] & is_flat & (flags & Lambertian::IS_LAMBERTIAN != 0);
+            at.active[lane] = is_lambertian;
+            emits[lane] = is_lambertian & (flags & Lambertian::EMITS != 0);
+            // As `Triangle::point` and `Incidence::new`.
             let front = triangle.normal.get(lane).dot(directions.get(lane)) <= 0.0;
             let normal = triangle.normal.get(lane) * if front { 1.0 } else { -1.0 };
             let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
@@ -98,14 +99,14 @@ impl Scene {
             at.position.set(lane, position);
             at.normal.set(lane, normal);
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
-            let reflects = if front | (flags & Plain::TWO_SIDED != 0) { 1.0 } else { 0.0 };
+            let reflects = if front | (flags & Lambertian::TWO_SIDED != 0) { 1.0 } else { 0.0 };
             at.albedo.set(lane, material.albedo.get(lane) * reflects);
         }
         if any(&emits) {
             self.set_emission(&triangles, &emits, at);
         }
-        let (is_hit, plain) = (bits(&is_hit), bits(&at.active));
-        Elsewhere { missed: !is_hit & ((1 << count) - 1), others: is_hit & !plain }
+        let (is_hit, lambertian) = (bits(&is_hit), bits(&at.active));
+        NotLambertian { missed: !is_hit & ((1 << count) - 1), others: is_hit & !lambertian }
     }
 
     /// Sets the emission of these lanes.
@@ -148,23 +149,23 @@ impl Scene {
     ) -> Surface<'_> {
         let material = &self.materials[triangle.material as usize];
         let own = material.bsdf;
-        let plain = Surface::flat(ray, triangle, at, material, own);
+        let flat = Surface::flat(ray, triangle, at, material, own);
         let Some(Corners { normals, uvs }) = corners else {
-            return plain;
+            return flat;
         };
         let interpolated = (*normals != [triangle.normal; 3])
             .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
         if !material.varies() {
-            return Surface { interpolated: interpolated.map(|n| plain.to_side(n)), ..plain };
+            return Surface { interpolated: interpolated.map(|n| flat.to_side(n)), ..flat };
         }
         let uv = interpolate(*uvs, at);
         let bent = material.normal_map.as_ref().and_then(|map| {
             let tangent = self.tangent(hit, triangle, *uvs)?;
             map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
         });
-        let interpolated = bent.or(interpolated).map(|normal| plain.to_side(normal));
+        let interpolated = bent.or(interpolated).map(|normal| flat.to_side(normal));
         let bsdf = material.bsdf_at(uv).unwrap_or(own);
-        Surface { interpolated, bsdf, uv: Some(uv), ..plain }
+        Surface { interpolated, bsdf, uv: Some(uv), ..flat }
     }
 
     /// Where growing texture coordinates lead at a hit: as the mesh says, else as `uvs` do.
@@ -209,7 +210,7 @@ impl<'a> Surface<'a> {
         material: &'a Material,
         bsdf: Bsdf,
     ) -> Self {
-        let Side { front, position, normal, off_surface } = Side::new(ray, triangle, at);
+        let Incidence { front, position, normal, off_surface } = Incidence::new(ray, triangle, at);
         let wo = -ray.direction;
         let (interpolated, uv) = (None, None);
         Surface { position, normal, interpolated, off_surface, wo, front, material, bsdf, uv }
@@ -217,14 +218,14 @@ impl<'a> Surface<'a> {
 }
 
 /// The side of a triangle that a ray comes from.
-struct Side {
+struct Incidence {
     front: bool,
     position: Vec3,
     normal: Vec3,
     off_surface: Vec3,
 }
 
-impl Side {
+impl Incidence {
     /// At these barycentric weights.
     fn new(ray: &Ray, triangle: &Triangle, at: [f32; 2]) -> Self {
         let front = triangle.normal.dot(ray.direction) <= 0.0;
@@ -252,12 +253,13 @@ mod tests {
             let camera = Camera::look(Vec3::Z, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
             let arrangement = Arrangement { meshes, placements: vec![] };
             let materials = vec![material.clone()];
-            let scene = Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]);
+            let scene =
+                Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]).unwrap();
             let (mut seen, mut at) = <(Seen, DiffuseVertices)>::default();
             let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
             let simd = Simd::default();
-            let elsewhere = scene.plain(simd, &directions, &hits, 5, &mut seen, &mut at);
-            assert_eq!((elsewhere.missed, elsewhere.others), (0b1_1111, 0));
+            let rest = scene.lambertian(simd, &directions, &hits, 5, &mut seen, &mut at);
+            assert_eq!((rest.missed, rest.others), (0b1_1111, 0));
             assert!(!any(&at.active));
         }
     }

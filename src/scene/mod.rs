@@ -6,14 +6,19 @@ mod cut_out;
 pub mod diffuse;
 mod fingerprint;
 mod hit;
+mod lambertian;
 pub mod lights;
 pub mod material;
+mod mesh;
 mod normal_map;
 mod placement;
+mod region;
 mod shading;
 mod surface;
 mod texture;
 pub(crate) mod transform;
+mod triangle;
+mod validate;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
 pub use hit::Seen;
@@ -23,213 +28,36 @@ pub use lights::lanes::{Emissions, LightSamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights};
 pub use material::Material;
+pub use mesh::Mesh;
 pub use normal_map::NormalMap;
 pub use placement::{Arrangement, Placement};
+pub use region::{Region, check_rectangles};
 pub use surface::Surface;
 pub use texture::{Sampling, Texture, Wrap};
 pub use transform::Transform;
+pub use triangle::Triangle;
+pub(crate) use triangle::triangle_area;
 
-use crate::accel::TriangleMesh;
-use crate::base::error::{Error, Result};
-use crate::base::math::{Bounds, Rgb};
-use crate::bsdf::Bsdf;
-use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec2, Vec3};
-use serde::{Deserialize, Serialize};
-use std::ops::{Add, Mul};
-
-/// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
-#[derive(Clone, Debug, Default)]
-pub struct Mesh {
-    /// Name as in its file.
-    pub name: String,
-    /// Vertex positions, scene units.
-    pub positions: Vec<Vec3>,
-    /// Unit normals to interpolate, one per position, or none. They are turned to the front of their
-    /// triangle; those of length zero, and those in its plane, are replaced by its own.
-    pub normals: Vec<Vec3>,
-    /// Texture coordinates, one per position, or none; `v` points up in the picture.
-    pub uvs: Vec<Vec2>,
-    /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
-    /// triangle's texture coordinates. Which way `v` grows, these tell.
-    pub tangents: Vec<Vec3>,
-    /// Three vertex indices per triangle, counterclockwise seen from the front.
-    pub triangles: Vec<[u32; 3]>,
-    /// Index into [`Scene::materials`].
-    pub material: u32,
-}
-
-impl Mesh {
-    /// The geometry alone.
-    pub fn as_triangles(&self) -> TriangleMesh<'_> {
-        TriangleMesh { positions: &self.positions, triangles: &self.triangles }
-    }
-
-    /// What varies over the triangle of these corners and this normal.
-    fn corners(&self, indices: [usize; 3], normal: Vec3) -> Corners {
-        let own =
-            |index: usize| to_front(self.normals.get(index).copied().unwrap_or_default(), normal);
-        let uv = |index: usize| self.uvs.get(index).copied().unwrap_or_default();
-        Corners { normals: indices.map(own), uvs: indices.map(uv) }
-    }
-}
-
-/// A triangle as shading needs it: one cache line.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C, align(64))]
-pub struct Triangle {
-    /// First vertex.
-    pub origin: Vec3,
-    /// From the first vertex to the second.
-    pub edge1: Vec3,
-    /// From the first vertex to the third.
-    pub edge2: Vec3,
-    /// Unit normal of the front side.
-    pub normal: Vec3,
-    /// Distance off the surface at which rays start, past the rounding of points on it.
-    pub offset: f32,
-    /// Index into [`Scene::materials`].
-    pub material: u32,
-    area: f32,
-    /// Index into [`Scene::corners`], or [`Triangle::FLAT`].
-    corners: u32,
-}
-
-/// What varies over a triangle.
-#[derive(Clone, Copy, Debug, Default)]
-struct Corners {
-    /// Unit normals on the front side.
-    normals: [Vec3; 3],
-    uvs: [Vec2; 3],
-}
-
-/// A vertex's normal, turned to the front of its triangle of this `normal`, and never in its plane.
-fn to_front(given: Vec3, normal: Vec3) -> Vec3 {
-    match given.dot(normal) {
-        0.0 => normal,
-        cos => given * cos.signum(),
-    }
-}
-
-/// The mean of the corners' values with barycentric weights `u`, `v` of the second and third.
-#[inline]
-fn interpolate<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(
-    [a, b, c]: [T; 3],
-    [u, v]: [f32; 2],
-) -> T {
-    a * (1.0 - u - v) + b * u + c * v
-}
-
-/// Normal of a triangle, twice its area long. In f64 neither overflow nor underflow is possible for
-/// f32 corners of up to 1e15.
-fn long_normal([a, b, c]: [Vec3; 3]) -> DVec3 {
-    (b - a).as_dvec3().cross((c - a).as_dvec3())
-}
-
-/// Area of a triangle, scene units squared; 0 where it is too small for a normal number.
-pub(crate) fn triangle_area(corners: [Vec3; 3]) -> f32 {
-    let area = (0.5 * long_normal(corners).length()) as f32;
-    if area < f32::MIN_POSITIVE { 0.0 } else { area }
-}
-
-impl Triangle {
-    /// Nothing varies over it.
-    const FLAT: u32 = u32::MAX;
-    /// The same, but it has several places.
-    const PLACED: u32 = u32::MAX - 1;
-
-    fn new(corners: [Vec3; 3], material: u32) -> Self {
-        let [a, b, c] = corners;
-        let (edge1, edge2) = (b - a, c - a);
-        let normal = long_normal(corners).normalize_or_zero().as_vec3();
-        let offset = Self::offset(Self::largest(corners));
-        let area = triangle_area(corners);
-        let corners = Self::FLAT;
-        Self { origin: a, edge1, edge2, normal, offset, material, area, corners }
-    }
-
-    /// The largest coordinate of its corners.
-    fn largest([a, b, c]: [Vec3; 3]) -> f32 {
-        a.abs().max(b.abs()).max(c.abs()).max_element()
-    }
-
-    /// An interpolated point is off its plane by a few units in the last place of the largest vertex
-    /// coordinate.
-    fn offset(largest: f32) -> f32 {
-        largest * (32.0 * f32::EPSILON) + f32::MIN_POSITIVE
-    }
-
-    /// Area, scene units squared.
-    pub fn area(&self) -> f32 {
-        self.area
-    }
-
-    /// The point with barycentric weights `u`, `v` of the second and third vertex.
-    #[inline]
-    pub fn point(&self, [u, v]: [f32; 2]) -> Vec3 {
-        self.origin + u * self.edge1 + v * self.edge2
-    }
-}
-
-/// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
-/// image's width and height, origin top left, so that it survives another resolution.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Region {
-    /// Name on the command line.
-    pub name: String,
-    /// `[x0, y0, x1, y1]` each.
-    pub rectangles: Vec<[f64; 4]>,
-}
-
-impl Region {
-    /// Whether the center of pixel `(x, y)` lies in it.
-    pub fn contains(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
-        let u = (f64::from(x) + 0.5) / f64::from(width);
-        let v = (f64::from(y) + 0.5) / f64::from(height);
-        self.rectangles.iter().any(|&[x0, y0, x1, y1]| x0 <= u && u < x1 && y0 <= v && v < y1)
-    }
-}
-
-/// Refuses rectangles that no region can have.
-///
-/// # Errors
-/// If there is none, or one is empty or not within the image.
-pub fn check_rectangles(rectangles: &[[f64; 4]]) -> Result<()> {
-    let advice = "give [[x0, y0, x1, y1], ...] in fractions of the image with x0 < x1 and \
-                  y0 < y1, the origin at the top left";
-    if rectangles.is_empty() {
-        return Err(Error::new("the region has no rectangle", advice));
-    }
-    for [x0, y0, x1, y1] in rectangles {
-        // Written so that NaN fails.
-        if !(0.0 <= *x0 && x0 < x1 && *x1 <= 1.0 && 0.0 <= *y0 && y0 < y1 && *y1 <= 1.0) {
-            let problem = format!("the rectangle [{x0}, {y0}, {x1}, {y1}] is not in the image");
-            return Err(Error::new(problem, advice));
-        }
-    }
-    Ok(())
-}
+use crate::base::error::Result;
+use crate::base::math::Bounds;
+use lambertian::Lambertian;
+use triangle::Corners;
 
 /// Everything that light meets.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Name of the scene file or folder.
     pub name: String,
-    /// All meshes.
-    pub meshes: Vec<Mesh>,
-    /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
-    pub placements: Vec<Placement>,
-    /// All materials. What depends on them is computed when the scene is put together: to change one, make
-    /// another scene.
-    pub materials: Vec<Material>,
-    /// All lights, emissive triangles among them.
-    pub lights: Lights,
     /// Where the image is taken from.
     pub camera: Camera,
     /// Named parts of the image.
     pub regions: Vec<Region>,
-    /// Box around all meshes.
-    pub bounds: Bounds,
+    // What the rest depends on: to change one, make another scene.
+    meshes: Vec<Mesh>,
+    placements: Vec<Placement>,
+    materials: Vec<Material>,
+    lights: Lights,
+    bounds: Bounds,
     /// All triangles, mesh after mesh, in their mesh's space.
     triangles: Vec<Triangle>,
     /// Of the triangles over which something varies.
@@ -237,37 +65,15 @@ pub struct Scene {
     /// Index in `triangles` of the first of each placement's mesh.
     first_triangle: Vec<u32>,
     /// Of each material.
-    plain: Vec<Plain>,
-}
-
-/// What is read of a material that is Lambertian, wherever nothing varies: 16 bytes.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
-struct Plain {
-    albedo: Rgb,
-    /// What holds for it, bit by bit; without [`Self::IS_PLAIN`] the rest means nothing.
-    flags: u32,
-}
-
-impl Plain {
-    const IS_PLAIN: u32 = 1;
-    const TWO_SIDED: u32 = 2;
-    const EMITS: u32 = 4;
-
-    fn of(material: &Material) -> Self {
-        let Bsdf::Lambertian { albedo, two_sided } = material.bsdf else { return Self::default() };
-        let emits = material.emission != Rgb::ZERO;
-        let flag = |flag: u32, is_set: bool| flag * u32::from(is_set);
-        let flags = flag(Self::TWO_SIDED, two_sided) | flag(Self::EMITS, emits);
-        Self { albedo, flags: flags | Self::IS_PLAIN }
-    }
+    lambertian: Vec<Lambertian>,
 }
 
 impl Scene {
     /// Puts a scene together; `lights` come on top of the emissive triangles.
     ///
-    /// Meshes must be valid: finite positions, indices in range, materials in range, no triangle of
-    /// zero area, fewer than 2^32 triangles in all; and so at each place ([`load()`] sees to it).
+    /// # Errors
+    /// If a position is not finite, an index is out of range, normals, texture coordinates or tangents are
+    /// neither none nor one per position, a triangle has no area, or there are 2^32 triangles; names the mesh.
     pub fn new(
         name: String,
         arrangement: impl Into<Arrangement>,
@@ -275,8 +81,10 @@ impl Scene {
         lights: Vec<Emitter>,
         camera: Camera,
         regions: Vec<Region>,
-    ) -> Self {
-        let Arrangement { meshes, placements } = arrangement.into();
+    ) -> Result<Self> {
+        let arrangement = arrangement.into();
+        validate::check(&arrangement, &materials)?;
+        let Arrangement { meshes, placements } = arrangement;
         let mut varies: Vec<_> = meshes.iter().map(|mesh| !mesh.normals.is_empty()).collect();
         // What to put into stored triangles: of shared meshes, any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
@@ -320,20 +128,45 @@ impl Scene {
             }
         }
         let lights = Lights::new(emitters);
-        Self {
+        Ok(Self {
             name,
-            meshes,
-            placements,
-            plain: materials.iter().map(Plain::of).collect(),
-            materials,
-            lights,
             camera,
             regions,
+            meshes,
+            placements,
+            lambertian: materials.iter().map(Lambertian::of).collect(),
+            materials,
+            lights,
             bounds,
             triangles,
             corners,
             first_triangle,
-        }
+        })
+    }
+
+    /// All meshes, those at several places once.
+    pub fn meshes(&self) -> &[Mesh] {
+        &self.meshes
+    }
+
+    /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
+    pub fn placements(&self) -> &[Placement] {
+        &self.placements
+    }
+
+    /// All materials.
+    pub fn materials(&self) -> &[Material] {
+        &self.materials
+    }
+
+    /// All lights, emissive triangles among them.
+    pub fn lights(&self) -> &Lights {
+        &self.lights
+    }
+
+    /// Box around all meshes.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
     }
 
     /// The scene with light from all around.

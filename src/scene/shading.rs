@@ -19,6 +19,7 @@ impl Surface<'_> {
             (Bsdf::Lambertian { .. }, Transport::Radiance) => normal,
             (Bsdf::Lambertian { .. }, Transport::Flux) => self.normal,
             // A normal that is not seen is bent until it is; its surface would be black.
+            // theory.md (33)
             _ => (normal + (GRAZING - normal.dot(self.wo)).max(0.0) * self.wo).normalize(),
         }
     }
@@ -39,6 +40,7 @@ impl Surface<'_> {
 
     /// What the flux of a light path is multiplied with where it goes on from `at` toward `wi`:
     /// shading normals make scattering asymmetric (Veach 1997, Section 5.3).
+    /// theory.md (34), (35).
     fn adjoint_correction(&self, normal: Vec3, at: &Vertex, wi: Vec3) -> f32 {
         let arriving = |normal: Vec3| normal.dot(self.wo) / self.normal.dot(self.wo);
         match &self.bsdf {
@@ -51,6 +53,7 @@ impl Surface<'_> {
     /// of `normal`. Camera paths from there see wide facets by a normal bent toward them, while a BSDF
     /// sends nothing there. Narrow lobes get no such share: hits of their peaks would be rare and bright.
     /// Light paths lose that light, 1 % of what a floor with bumps of 37 degrees sends to a wall.
+    /// theory.md (36).
     fn hidden_share(&self, normal: Vec3) -> f32 {
         let bsdf = &self.bsdf;
         let wide = bsdf.merges() && !bsdf.passes_through();
@@ -75,6 +78,7 @@ impl Surface<'_> {
         let normal = seen.shading_normal(normal, Transport::Radiance);
         let at = Vertex { normal, wo: wi, front: self.front };
         let areas = normal.dot(self.wo) / self.normal.dot(self.wo);
+        // theory.md (36)
         let weight = self.bsdf.eval_lobe(Lobe::Diffuse, &at, self.wo) * (PI * areas.max(0.0));
         BsdfSample { wi, weight, lobe: Lobe::Diffuse }
     }

@@ -67,6 +67,7 @@ impl Surface<'_> {
 
     /// Whether `wi` is on the same side of the triangle as of the normal of `at`; else light would
     /// leak through.
+    /// theory.md (33).
     #[inline]
     pub fn agrees(&self, at: &Vertex, wi: Vec3) -> bool {
         self.interpolated.is_none() || self.normal.dot(wi) * at.normal.dot(wi) > 0.0

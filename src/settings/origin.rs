@@ -60,7 +60,7 @@ impl Origin {
             _ => Err(broken(name)),
         };
         let mut settings = serde_json::Map::new();
-        for name in SETTINGS {
+        for &name in Settings::NAMES {
             let value = match facts.get(name).ok_or_else(|| broken(name))? {
                 Value::Text(text) if name == "seed" => {
                     text.parse::<u64>().map_err(|_| broken(name))?.into()
@@ -123,29 +123,6 @@ impl Origin {
     }
 }
 
-/// Names of all settings.
-const SETTINGS: [&str; 10] = [
-    "width",
-    "height",
-    "light_paths",
-    "camera_paths",
-    "radius",
-    "merge_vertex",
-    "direct",
-    "light_roulette",
-    "camera_roulette",
-    "seed",
-];
-
-impl Settings {
-    /// All settings by name.
-    pub fn to_map(&self) -> serde_json::Map<String, serde_json::Value> {
-        // Through text, which keeps an f32 such as 0.1 as short as it was written.
-        let text = serde_json::to_string(self).expect("plain numbers and names");
-        serde_json::from_str(&text).expect("what was just written")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,7 +154,7 @@ mod tests {
     fn metadata_keeps_everything() {
         let facts = origin().to_metadata();
         assert_eq!(Origin::from_metadata(&facts).unwrap(), origin());
-        assert_eq!(origin().settings.to_map().len(), SETTINGS.len());
+        assert_eq!(origin().settings.to_map().len(), Settings::NAMES.len());
         for name in facts.keys() {
             let mut others = facts.clone();
             others.remove(name);

@@ -7,43 +7,16 @@ use crate::base::error::Result;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::pool;
 use crate::noise::{Coefficients, Measure};
-use crate::optimize::{Bounds, Objective, Problem};
+use crate::optimize::{CountLimits, Objective, Problem};
+use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::{Block, Clock};
-use crate::render::{MOST_BLOCKS, Renderer};
+use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Sample};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
-
-/// Camera paths per pixel in the two blocks of the pilot: few, but more than the two that measuring
-/// takes, as their sample variance has one degree of freedom less.
-const PILOT_CAMERA_PATHS: [u32; 2] = [3, 6];
-/// Light paths in the second block over those in the first. Times at two sizes of either kind tell
-/// what is paid per path and what is paid anyway.
-const PILOT_RATIO: u32 = 16;
-/// Iterations of each block of the pilot: at the least, at the most, and in haste.
-const PILOT_ITERATIONS: [u64; 3] = [8, 512, 3];
-/// Share of the time that each block of the pilot takes where the time is given, and its bounds in
-/// seconds; the first where no time is given.
-const PILOT_SHARE: f64 = 0.04;
-const PILOT_TIME: [f64; 2] = [1.0, 5.0];
-/// After the pilot, one iteration in so many is measured.
-const MEASURE_EVERY: u64 = 8;
-/// Far more camera paths per pixel than can pay.
-const MOST_CAMERA_PATHS: u32 = 1 << 16;
-/// Iterations at chosen counts before anything is promised or chosen anew.
-const FIRST_ITERATIONS: u64 = 12;
-/// A new block must save this share of the time.
-const WORTHWHILE: f64 = 0.02;
-/// Counts per pixel must save this share. They follow the noise of what they are chosen from, which
-/// makes them look better than they are.
-const WORTHWHILE_PER_PIXEL: f64 = 0.05;
-/// Among counts whose cost is this close to the best, the shortest iteration is taken.
-const SLACK: f64 = 0.01;
-/// Iterations of the chosen kind that fit in the rest at the least, if sensible ones are so short.
-const LEAST_ITERATIONS: f64 = 64.0;
 
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
@@ -141,28 +114,17 @@ impl Autopilot {
         Self { times: Some(times), ..self }
     }
 
-    /// The state after `elapsed` seconds of this run.
-    pub fn state(&self, elapsed: f64) -> State {
-        State { elapsed: self.earlier + elapsed, ..self.state }
-    }
-
-    /// What was promised, if that has been said.
-    pub fn promise(&self) -> Option<&Promise> {
-        self.state.promise.as_ref()
-    }
-
     fn pilot_is_over(&self, renderer: &Renderer, now: f64) -> bool {
         let iterations = renderer.film().iterations;
         let elapsed = now - self.state.block_began;
-        let [least, most, in_haste] = PILOT_ITERATIONS;
-        let [shortest, longest] = PILOT_TIME;
         let share = self.goal.time.map(|time| PILOT_SHARE * time.as_secs_f64());
-        let time = share.map_or(shortest, |share| share.min(longest));
-        let enough = if share.is_some() { in_haste } else { least };
-        iterations >= most || iterations >= enough && elapsed >= time
+        let time = share.map_or(PILOT_TIME, |share| share.min(PILOT_LONGEST));
+        let enough = if share.is_some() { PILOT_LEAST_IN_HASTE } else { PILOT_LEAST };
+        iterations >= PILOT_MOST || iterations >= enough && elapsed >= time
     }
 
     /// Expectations from the first iterations at the chosen counts.
+    /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = Standing::new(renderer.blocks());
         let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
@@ -192,7 +154,7 @@ impl Autopilot {
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let luminance = vec![standing.mean_luminance; smoothed.len()];
         let problem = |iteration_time| {
-            let bounds = Bounds {
+            let bounds = CountLimits {
                 light_paths: 2..=renderer.most_light_paths(),
                 camera_paths: 1..=MOST_CAMERA_PATHS,
                 iteration_time,
@@ -207,15 +169,17 @@ impl Autopilot {
             let best = problem(longest).uniform();
             let (variance, tau) = (best.variance, best.iteration_time);
             let rest = standing.forecast(&self.goal, variance, tau, elapsed);
-            let share = rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS);
+            let share =
+                // theory.md (86), (90)
+                rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS_AFTER_CHOICE);
             longest = share.max(least);
         }
         let problem = problem(longest);
-        let uniform = problem.shortest_uniform(SLACK);
+        let uniform = problem.shortest_uniform(NEAR_OPTIMUM);
         let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
         if self.per_pixel {
-            let best = problem.shortest_per_pixel(SLACK);
+            let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
                 let camera_paths = CameraCounts::PerPixel(best.camera_paths);
                 counts = Counts { light_paths: best.light_paths, camera_paths };
@@ -228,6 +192,7 @@ impl Autopilot {
         let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
         let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
         // The samples of the block tell what its counts cost.
+        // theory.md (88)
         let present = standing.per_iteration.unwrap_or(0.0) * tau(&renderer.block().counts);
         Ok(Choice { saves: cost < present * (1.0 - WORTHWHILE), counts, expected })
     }
@@ -284,7 +249,8 @@ impl Steer for Autopilot {
             _ => {}
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
-        let every = if self.state.stage >= Stage::First { MEASURE_EVERY } else { 2 };
+        let pilot = self.state.stage < Stage::First;
+        let every = if pilot { MEASURE_PILOT_EVERY } else { MEASURE_EVERY };
         let measures = renderer.film().iterations.is_multiple_of(every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
@@ -299,11 +265,16 @@ impl Steer for Autopilot {
         let share = 1.0 / MEASURE_EVERY as f64;
         let per_production = production / clock.iterations as f64;
         let per_measured = (since - production).max(0.0) / measured as f64;
+        // theory.md (93)
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
-    fn autopilot(&self) -> Option<&Autopilot> {
-        Some(self)
+    fn state(&self, elapsed: f64) -> Option<State> {
+        Some(State { elapsed: self.earlier + elapsed, ..self.state })
+    }
+
+    fn promise(&self) -> Option<&Promise> {
+        self.state.promise.as_ref()
     }
 }
 
@@ -333,10 +304,6 @@ fn times(blocks: &[Block], pixels: usize, threads: usize) -> Result<TimeModel> {
     Ok(fit(&samples, pixels as f64)?.model)
 }
 
-/// Degrees of freedom that the mean over a neighborhood counts as beside a pixel's own: estimates
-/// of single pixels come from heavy-tailed values.
-const PRIOR_FREEDOM: f64 = 200.0;
-
 /// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as
 /// long as little is known about the pixel itself, then more and more its own.
 fn smoothed(
@@ -349,6 +316,7 @@ fn smoothed(
     let pooled = pool(&values, width, height);
     let freedom = block::degrees_of_freedom(blocks);
     let mixed = |((&own, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+        // theory.md (87)
         let share = freedom / (freedom + PRIOR_FREEDOM);
         (own * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
     };

@@ -2,15 +2,10 @@
 
 use crate::base::error::{Error, Result};
 use crate::render::block::{Block, Combined, weights};
+use crate::settings::policy::{LEAST_ITERATIONS_TO_TARGET, UPPER_BOUND};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
-
-/// Iterations at the least before a target counts as reached.
-pub const LEAST_ITERATIONS: u64 = 32;
-
-/// Standard errors from the estimate up to the upper 90 % bound.
-const UPPER_BOUND: f64 = 1.2816;
 
 /// When to stop: at whatever comes first. Without any of these, never.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -130,7 +125,8 @@ impl Standing {
     /// Whether the upper 90 % bound of the pooled RMS lies under the target.
     pub fn reaches(&self, target: Target) -> bool {
         let allowed = target.absolute(self.mean_luminance).powi(2);
-        self.iterations >= LEAST_ITERATIONS
+        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+            // theory.md (91)
             && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
     }
 
@@ -151,12 +147,14 @@ impl Standing {
             // root of the iterations.
             let distance = UPPER_BOUND * if error.is_finite() { error / now } else { 0.0 };
             let iterations = self.iterations as f64;
+            // theory.md (90)
             let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
             let more = needed(1.0);
             let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
-            more.max(LEAST_ITERATIONS as f64 - iterations).max(0.0)
+            more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0)
         });
         let more = [by_count, by_time, by_target].into_iter().flatten().fold(f64::NAN, f64::min);
+        // theory.md (89)
         let rms = (1.0 / now + more / variance).recip().sqrt();
         Some(Forecast { rms, seconds: more * tau })
     }

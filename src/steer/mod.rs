@@ -9,7 +9,8 @@ use crate::noise::Measure;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
-use autopilot::Autopilot;
+use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
+use autopilot::{Promise, State};
 use plan::Plan;
 
 /// Decides about counts and measuring while an image is rendered.
@@ -32,19 +33,29 @@ pub trait Steer: Send {
         (done > 0).then(|| elapsed / done as f64)
     }
 
-    /// The automatic choice of counts, if it is one.
-    fn autopilot(&self) -> Option<&Autopilot> {
+    /// What a checkpoint must keep for this to go on later, after `elapsed` seconds of this run; `None` if
+    /// the iterations tell all.
+    fn state(&self, _elapsed: f64) -> Option<State> {
+        None
+    }
+
+    /// What was promised, if anything.
+    fn promise(&self) -> Option<&Promise> {
         None
     }
 }
 
-/// The same counts throughout, measured now and then.
+/// The same counts throughout: a pilot and a fixed share of the other iterations are measured, where the
+/// counts allow it.
 #[derive(Clone, Copy, Debug)]
 pub struct Fixed;
 
 impl Steer for Fixed {
     fn steer(&mut self, renderer: &mut Renderer, _: f64) -> Result<Measure> {
-        Ok(renderer.scheduled())
+        let Block { counts, film, .. } = renderer.block();
+        let measures =
+            film.iterations < FIXED_PILOT || film.iterations.is_multiple_of(MEASURE_EVERY);
+        Ok(if measures && counts.can_measure() { Measure::Pairs } else { Measure::Off })
     }
 }
 
@@ -74,7 +85,7 @@ impl Replay {
 }
 
 impl Steer for Replay {
-    fn steer(&mut self, renderer: &mut Renderer, _: f64) -> Result<Measure> {
+    fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
         let step = self.begun.checked_sub(1).map(|last| &self.plan.steps[last]);
         let rendered = step.map(|step| step.rendered.map_or(u64::MAX, |r| r.iterations));
         let over = rendered.is_none_or(|iterations| renderer.film().iterations >= iterations);
@@ -82,7 +93,7 @@ impl Steer for Replay {
             renderer.begin_block(next.counts.clone())?;
             self.begun += 1;
         }
-        Ok(renderer.scheduled())
+        Fixed.steer(renderer, elapsed)
     }
 
     fn weights(&self, blocks: &[Block]) -> Vec<f64> {

@@ -100,6 +100,7 @@ impl Timings {
             Err(e) => return Err(Error::io("read", &path, e)),
         };
         let sidecar: Sidecar = from_json(&text, ADVICE).map_err(|e| e.at(&path))?;
+        sidecar.setup.validate().map_err(|e| e.at(&path))?;
         if !sidecar.completed {
             return Err(Error::new("the benchmarks did not all run", ADVICE).at(path));
         }
@@ -154,8 +155,8 @@ fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
 
 #[cfg(test)]
 mod tests {
-    use crate::timing::setup::tests::setup;
     use super::*;
+    use crate::timing::setup::tests::setup;
     use std::fs::{self, File};
 
     /// Writes exact times of `1 ms + 1 us N_F` and so on, as Criterion does.
@@ -233,7 +234,7 @@ mod tests {
         fs::write(&sidecar, &good_sidecar[..good_sidecar.len() / 2]).unwrap();
         refused("bdpm.json", "these are no timings: EOF");
         fs::write(&sidecar, good_sidecar.replace("\"threads\"", "\"treads\"")).unwrap();
-        refused("bdpm.json", "unknown field `treads`");
+        refused("bdpm.json", "missing field `threads`");
         fs::write(&sidecar, &good_sidecar).unwrap();
 
         let file = File::options().write(true).open(&estimate).unwrap();

@@ -66,6 +66,7 @@ impl Timings {
         }
         let timings: Self = from_json(text, advice)?;
         timings.model.validate()?;
+        timings.setup.as_ref().map_or(Ok(()), Setup::validate)?;
         Ok(timings)
     }
 
@@ -105,9 +106,9 @@ pub(super) fn from_json<T: serde::de::DeserializeOwned>(text: &str, advice: &str
 
 #[cfg(test)]
 mod tests {
-    use crate::timing::setup::tests::{facts, setup};
     use super::*;
     use crate::timing::sample::Phase;
+    use crate::timing::setup::tests::{facts, setup};
 
     const BARE: &str = r#"{"fixed":0.5,"light_path":2e-7,"camera_path":3,"look_up":4,
                            "merge_pair":5,"pixels":262144}"#;

@@ -4,6 +4,7 @@
 //!
 //! | phase | time of an iteration |
 //! |---|---|
+// theory.md, section 19
 //! | light | `o_l + light_path N_F` |
 //! | camera | `o_c + camera_path S` |
 //! | merge | `o_m + look_up S + merge_pair N_F S` |

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// All coefficients depend on scene, strategy, radius, resolution and machine. In a file it is a
 /// JSON object with exactly these keys.
+/// theory.md (76).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeModel {

@@ -115,6 +115,7 @@ impl Recorder {
 ///
 /// # Panics
 /// Without values.
+/// theory.md (79).
 fn median(values: &[f64]) -> (f64, Option<f64>) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -2,35 +2,21 @@
 
 use crate::base::error::{Error, Result};
 use crate::pictures::{Metadata, Value};
+use crate::settings::Settings;
 use crate::settings::origin::Origin;
-use crate::settings::{Direct, Roulette};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// All that times depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Setup {
     /// The scene's name, for messages.
     pub scene: String,
     /// [`Scene::fingerprint`](crate::Scene::fingerprint), 16 hexadecimal digits.
     pub fingerprint: String,
-    /// Pixels across.
-    pub width: u32,
-    /// Pixels down.
-    pub height: u32,
     /// Threads that rendered.
     pub threads: usize,
-    /// The camera path is cut at its k-th diffuse vertex.
-    pub merge_vertex: u32,
-    /// How direct light is found.
-    pub direct: Direct,
-    /// How light paths end.
-    pub light_roulette: Roulette,
-    /// Whether camera paths may end before their cut.
-    pub camera_roulette: Roulette,
-    /// Merge radius, scene units.
-    pub radius: f32,
     /// Name of the intersection backend.
     pub backend: String,
     /// Version of this program.
@@ -39,33 +25,73 @@ pub struct Setup {
     pub build: String,
     /// The processor's model, where the system tells.
     pub processor: Option<String>,
+    /// By name: all but [`INDEPENDENT`].
+    #[serde(flatten)]
+    settings: BTreeMap<String, serde_json::Value>,
+}
+
+/// Settings that times do not depend on, or as the model says.
+const INDEPENDENT: [&str; 3] = ["light_paths", "camera_paths", "seed"];
+
+/// Names of the others.
+fn dependent() -> impl Iterator<Item = &'static str> {
+    Settings::NAMES.iter().copied().filter(|name| !INDEPENDENT.contains(name))
 }
 
 impl Setup {
     /// Of this program on this machine.
     pub fn new(origin: &Origin, threads: usize) -> Self {
         let Origin { version, scene, fingerprint, backend, settings } = origin;
+        let mut all = settings.to_map();
+        let settings =
+            dependent().filter_map(|name| Some((name.to_owned(), all.remove(name)?))).collect();
         Self {
             scene: scene.clone(),
             fingerprint: format!("{fingerprint:016x}"),
-            width: settings.width,
-            height: settings.height,
             threads,
-            merge_vertex: settings.merge_vertex,
-            direct: settings.direct,
-            light_roulette: settings.light_roulette,
-            camera_roulette: settings.camera_roulette,
-            radius: settings.radius,
             backend: backend.clone(),
             version: version.clone(),
             build: if cfg!(debug_assertions) { "debug" } else { "release" }.into(),
             processor: processor(),
+            settings,
         }
+    }
+
+    /// A setting as text, `unknown` if there is none.
+    fn setting(&self, name: &str) -> String {
+        match self.settings.get(name) {
+            Some(serde_json::Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
+            None => UNKNOWN.into(),
+        }
+    }
+
+    /// `width` times `height` pixels, as text.
+    fn resolution(&self) -> String {
+        format!("{}x{}", self.setting("width"), self.setting("height"))
     }
 
     /// Number of pixels.
     pub fn pixels(&self) -> f64 {
-        f64::from(self.width) * f64::from(self.height)
+        let side = |name| self.settings.get(name).and_then(serde_json::Value::as_f64);
+        side("width").unwrap_or(0.0) * side("height").unwrap_or(0.0)
+    }
+
+    /// Refuses a setup that a file holds but no program wrote.
+    ///
+    /// # Errors
+    /// Names a setting that is missing or unknown.
+    pub fn validate(&self) -> Result<()> {
+        let advice = "give a file that this version of bdpm wrote, or measure anew: bdpm calibrate";
+        if let Some(missing) = dependent().find(|name| !self.settings.contains_key(*name)) {
+            return Err(Error::new(format!("the times do not tell their {missing}"), advice));
+        }
+        if let Some(unknown) =
+            self.settings.keys().find(|key| !dependent().any(|name| name == *key))
+        {
+            return Err(Error::new(format!("unknown setting `{unknown}` of the times"), advice));
+        }
+        Ok(())
     }
 
     /// Refuses to use the times for an image of which `facts` are known by name, such as the
@@ -78,7 +104,7 @@ impl Setup {
         let shown = |name: &str| match facts.get(name) {
             Some(Value::Text(text)) => text.clone(),
             Some(Value::Number(number)) => number.to_string(),
-            None => "unknown".into(),
+            None => UNKNOWN.into(),
         };
         if shown("fingerprint") != self.fingerprint {
             let scene = shown("scene");
@@ -94,12 +120,10 @@ impl Setup {
             }
         };
         let that = format!("{}x{}", shown("width"), shown("height"));
-        compare("resolution", format!("{}x{}", self.width, self.height), that);
-        compare("merge-vertex", self.merge_vertex.to_string(), shown("merge_vertex"));
-        compare("direct", name(&self.direct), shown("direct"));
-        compare("light-roulette", name(&self.light_roulette), shown("light_roulette"));
-        compare("camera-roulette", name(&self.camera_roulette), shown("camera_roulette"));
-        compare("radius", self.radius.to_string(), shown("radius"));
+        compare("resolution", self.resolution(), that);
+        for name in dependent().filter(|name| !["width", "height"].contains(name)) {
+            compare(&name.replace('_', "-"), self.setting(name), shown(name));
+        }
         compare("backend", self.backend.clone(), shown("backend"));
         if differences.is_empty() {
             return Ok(());
@@ -111,23 +135,20 @@ impl Setup {
     }
 }
 
+/// Stands for what a file does not tell.
+const UNKNOWN: &str = "unknown";
+
 /// One line.
 impl fmt::Display for Setup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, width, height, threads, backend, build, version, .. } = self;
+        let Self { scene, threads, backend, build, version, .. } = self;
         let plural = if *threads == 1 { "" } else { "s" };
-        write!(f, "{scene}, {width}x{height} pixels, {threads} thread{plural}")?;
+        write!(f, "{scene}, {} pixels, {threads} thread{plural}", self.resolution())?;
         if let Some(processor) = &self.processor {
             write!(f, " of {processor}")?;
         }
         write!(f, ", {backend}, {build} build of version {version}")
     }
-}
-
-/// The name of a variant.
-fn name(value: &impl Serialize) -> String {
-    let value = serde_json::to_value(value).expect("a plain name");
-    value.as_str().unwrap_or_default().to_owned()
 }
 
 /// The processor's model (Linux on x86).
@@ -140,10 +161,10 @@ fn processor() -> Option<String> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::settings::{RenderDefaults, Settings};
+    use crate::settings::PartialSettings;
 
     pub fn setup() -> Setup {
-        let none = RenderDefaults::default();
+        let none = PartialSettings::default();
         let settings = Settings::resolve(&none, &none, 2.0).unwrap();
         let origin = Origin {
             version: "1.2.3".into(),
@@ -194,6 +215,19 @@ pub(super) mod tests {
         let shown = setup().check_fits(&Metadata::new()).unwrap_err().to_string();
         assert!(shown.contains("scene is `box`, not `unknown`; their resolution"), "{shown}");
         assert_eq!(shown.matches("; their ").count(), 7, "{shown}");
+    }
+
+    #[test]
+    fn what_no_program_wrote_is_refused() {
+        setup().validate().unwrap();
+        let mut less = setup();
+        less.settings.remove("radius");
+        let shown = less.validate().unwrap_err().to_string();
+        assert!(shown.contains("do not tell their radius"), "{shown}");
+        let mut more = setup();
+        more.settings.insert("seed".into(), 1.into());
+        let shown = more.validate().unwrap_err().to_string();
+        assert!(shown.contains("unknown setting `seed`"), "{shown}");
     }
 
     #[test]

@@ -48,6 +48,7 @@ pub fn fit(columns: &[&[f64]], samples: &[Sample], scales: &[f64]) -> Solution {
         // Weights should a bound keep the fit from being exact.
         (0, false) => 1.0,
         (spare, _) => {
+            // theory.md (78)
             // Mandel and Paule: the square sum of weighted residuals falls with the deviation.
             let (mut low, mut high) = (LEAST_DEVIATION, 10.0);
             let too_small = |deviation| solve(deviation).square_sum > spare as f64;
@@ -77,6 +78,7 @@ struct Weighted {
 impl Weighted {
     fn new(columns: &[&[f64]], samples: &[Sample], scales: &[f64], deviation: f64) -> Self {
         let weight = |(sample, scale): (&Sample, &f64)| {
+            // theory.md (78)
             sample.error.unwrap_or(0.0).hypot(deviation * scale).powi(2).recip()
         };
         let weights: Vec<f64> = samples.iter().zip(scales).map(weight).collect();

@@ -15,18 +15,18 @@ pub(crate) trait Columns<const N: usize>: Pod {
 /// Rays with what goes with them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Flight<P, const N: usize> {
-    blocks: Vec<Block<N>>,
+    chunks: Vec<Chunk<N>>,
     len: usize,
     rays: Vec<RayPacket>,
     packets: PhantomData<P>,
 }
 
 /// Column by column. Behind each is room for what sixteen new ones have too many; it moves on to the next
-/// block.
-type Block<const N: usize> = [[u32; BLOCK + LANES]; N];
+/// chunk.
+type Chunk<const N: usize> = [[u32; CHUNK + LANES]; N];
 
-/// Lanes of a block. That it is constant leaves one check of an index for all columns.
-const BLOCK: usize = 512;
+/// Lanes of a chunk. That it is constant leaves one check of an index for all columns.
+const CHUNK: usize = 512;
 
 impl<P: Columns<N>, const N: usize> Flight<P, N> {
     /// Takes all out.
@@ -42,8 +42,8 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
     /// Sets `packet` to sixteen of them, `16 index` and on; how many there are.
     #[inline(always)] // part of the loops over vertices
     pub fn load(&self, index: usize, packet: &mut P) -> usize {
-        let (block, first) = (&self.blocks[index * LANES / BLOCK], index * LANES % BLOCK);
-        for (words, column) in columns_mut(packet).iter_mut().zip(block) {
+        let (chunk, first) = (&self.chunks[index * LANES / CHUNK], index * LANES % CHUNK);
+        for (words, column) in columns_mut(packet).iter_mut().zip(chunk) {
             *words = column[first..first + LANES].try_into().unwrap();
         }
         LANES.min(self.len - index * LANES)
@@ -57,8 +57,8 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
             self.rays.resize(packets, RayPacket::until(P::T_FAR));
         }
         for (index, rays) in self.rays[..packets].iter_mut().enumerate() {
-            let (block, first) = (&self.blocks[index * LANES / BLOCK], index * LANES % BLOCK);
-            for (words, column) in columns_mut(rays)[..6].iter_mut().zip(block) {
+            let (chunk, first) = (&self.chunks[index * LANES / CHUNK], index * LANES % CHUNK);
+            for (words, column) in columns_mut(rays)[..6].iter_mut().zip(chunk) {
                 *words = column[first..first + LANES].try_into().unwrap();
             }
         }
@@ -69,50 +69,50 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
     #[inline(always)] // part of the loops over vertices
     pub fn append(&mut self, simd: Simd, kept: &Mask, packet: &P) {
         const { assert!(size_of::<P>() == N * size_of::<[u32; LANES]>()) };
-        let mut at = self.len % BLOCK;
-        let block = self.block();
+        let mut at = self.len % CHUNK;
+        let chunk = self.chunk();
         for (half, reorder) in Reorder::kept_first(kept).into_iter().enumerate() {
             // Always eight: behind those that are kept comes anything, which the next replace. A branch for
             // each would be decided by chance, and nothing predicts that.
             reorder.columns::<N>(
                 simd,
                 |column| columns(packet)[column].as_chunks().0[half],
-                |column, eight| block[column][at..at + 8].copy_from_slice(&eight),
+                |column, eight| chunk[column][at..at + 8].copy_from_slice(&eight),
             );
             at += reorder.kept();
         }
-        self.len = self.len / BLOCK * BLOCK + at;
-        if at >= BLOCK {
+        self.len = self.len / CHUNK * CHUNK + at;
+        if at >= CHUNK {
             self.move_on();
         }
     }
 
     /// The one with the next lane to take.
     #[inline(always)]
-    fn block(&mut self) -> &mut Block<N> {
-        if self.len / BLOCK == self.blocks.len() {
-            self.blocks.push([[0; BLOCK + LANES]; N]);
+    fn chunk(&mut self) -> &mut Chunk<N> {
+        if self.len / CHUNK == self.chunks.len() {
+            self.chunks.push([[0; CHUNK + LANES]; N]);
         }
-        &mut self.blocks[self.len / BLOCK]
+        &mut self.chunks[self.len / CHUNK]
     }
 
-    /// Starts another block with what the last one has too many.
+    /// Starts another chunk with what the last one has too many.
     #[cold]
     fn move_on(&mut self) {
-        let next = self.len / BLOCK;
-        if next == self.blocks.len() {
-            self.blocks.push([[0; BLOCK + LANES]; N]);
+        let next = self.len / CHUNK;
+        if next == self.chunks.len() {
+            self.chunks.push([[0; CHUNK + LANES]; N]);
         }
-        let [before, next] = &mut self.blocks[next - 1..=next] else { unreachable!() };
+        let [before, next] = &mut self.chunks[next - 1..=next] else { unreachable!() };
         for (before, next) in before.iter().zip(next) {
-            next[..LANES].copy_from_slice(&before[BLOCK..]);
+            next[..LANES].copy_from_slice(&before[CHUNK..]);
         }
     }
 
     /// Adds the first lane.
     pub fn push(&mut self, packet: &P) {
-        let at = self.len % BLOCK;
-        for (column, words) in self.block().iter_mut().zip(columns(packet)) {
+        let at = self.len % CHUNK;
+        for (column, words) in self.chunk().iter_mut().zip(columns(packet)) {
             column[at] = words[0];
         }
         self.len += 1;
@@ -176,14 +176,14 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_filled_to_their_ends() {
+    fn chunks_are_filled_to_their_ends() {
         let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
-        for index in 0..2 * BLOCK / LANES {
+        for index in 0..2 * CHUNK / LANES {
             flight.append(Simd::default(), &[true; LANES], &[[index as f32; LANES]; 7]);
         }
-        assert_eq!(flight.len(), 2 * BLOCK);
-        assert_eq!(flight.rays().len(), 2 * BLOCK / LANES);
-        for index in 0..2 * BLOCK / LANES {
+        assert_eq!(flight.len(), 2 * CHUNK);
+        assert_eq!(flight.rays().len(), 2 * CHUNK / LANES);
+        for index in 0..2 * CHUNK / LANES {
             let mut packet = [[0.0; LANES]; 7];
             assert_eq!(flight.load(index, &mut packet), LANES);
             assert_eq!(packet, [[index as f32; LANES]; 7]);

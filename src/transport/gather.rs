@@ -172,8 +172,10 @@ impl GatherView {
     /// the triangles, light by that of the interpolated surface.
     pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
         let wi = photon.from_as_at(point.normal);
+        // theory.md (37)
         let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
         if areas > 0.0 {
+            // theory.md (46)
             self.bsdf.eval_lobe(Lobe::Diffuse, &self.at, wi) * areas
         } else {
             Rgb::ZERO

@@ -27,7 +27,7 @@ pub struct Merge<'a> {
     map: &'a PhotonMap,
     merge_vertex: u32,
     kernel: f32,
-    in_regions: bool,
+    in_zones: bool,
     most_pairs: usize,
 }
 
@@ -48,14 +48,15 @@ impl<'a> Merge<'a> {
     /// Merges with the photons of `map`, at the radius it was built for, camera paths that are cut
     /// at their diffuse vertex number `merge_vertex`.
     pub fn new(map: &'a PhotonMap, merge_vertex: u32) -> Self {
+        // theory.md (45)
         let kernel = disc_area(map.radius()).recip();
-        Self { map, merge_vertex, kernel, in_regions: map.is_large(), most_pairs: MOST_PAIRS }
+        Self { map, merge_vertex, kernel, in_zones: map.is_large(), most_pairs: MOST_PAIRS }
     }
 
     /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
     pub fn together(&self, pairs: bool) -> usize {
         let large = if pairs { MEASURED } else { MERGED };
-        if self.in_regions { large } else { CameraPaths::BATCH }
+        if self.in_zones { large } else { CameraPaths::BATCH }
     }
 
     /// Sets `gathered` to what these camera paths gather.
@@ -102,8 +103,8 @@ impl<'a> Merge<'a> {
         vectorized(
             #[inline(always)]
             |simd| {
-                if self.in_regions {
-                    self.find_in_regions::<PAIRS>(simd, paths, part, gathered)
+                if self.in_zones {
+                    self.find_in_zones::<PAIRS>(simd, paths, part, gathered)
                 } else {
                     self.find_in_order::<PAIRS>(simd, paths, part, gathered)
                 }
@@ -143,7 +144,7 @@ impl<'a> Merge<'a> {
 
     /// First all look-ups in one part of the photon map, then in the next: they read the same photons.
     #[inline(always)] // vectorized
-    fn find_in_regions<const PAIRS: bool>(
+    fn find_in_zones<const PAIRS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -198,6 +199,7 @@ impl<'a> Merge<'a> {
     fn add(&self, packet: &GatherPacket, flux: &Vec3s, sums: &mut [Rgb]) {
         let mut contribution = Vec3s::default();
         for lane in 0..LANES {
+            // theory.md (45)
             let weight = packet.weight.get(lane) * self.kernel;
             contribution.set(lane, weight * flux.get(lane));
         }
@@ -241,12 +243,14 @@ impl<'a> Merge<'a> {
         let (camera_path, weight) = self.pair_weight(&point);
         let (mut sum, mut nested, mut count) = (Rgb::ZERO, 0.0, 0);
         self.map.for_each_in(ranges, point.position, |photon, distance2| {
+            // theory.md (45): [class], and [n_x.n_y > 0] below
             let counts = look_up.last || photon.class() == PhotonClass::EveryVertex;
             if counts && photon.faces(point.normal) {
                 let flux = photon.flux * view.value(photon, &point);
                 sum += flux;
                 if PAIRS {
                     let value = weight.dot(flux);
+                    // theory.md (68)
                     nested += if self.map.is_inner(distance2) { -value } else { value };
                     pairs.space(count + 1)[count] = Pair { light_path: photon.path, value };
                     count += 1;
@@ -263,6 +267,7 @@ impl<'a> Merge<'a> {
     /// luminance that it contributes.
     #[inline(always)] // vectorized
     fn pair_weight(&self, point: &GatherPoint) -> (u32, Rgb) {
+        // theory.md (45), its luminance (4)
         (point.path, LUMINANCE * point.weight * self.kernel)
     }
 
@@ -272,7 +277,7 @@ impl<'a> Merge<'a> {
         let GatherPoint { position, normal, vertex, view, .. } = *point;
         let last = vertex == self.merge_vertex;
         let view = view != GatherPoint::NO_VIEW;
-        LookUp { position, point: number as u32, normal, last, view, region: 0 }
+        LookUp { position, point: number as u32, normal, last, view, zone: 0 }
     }
 }
 

@@ -10,3 +10,4 @@ pub mod pair_list;
 pub mod photon;
 pub mod photon_map;
 pub mod reference;
+mod walks;

@@ -117,8 +117,13 @@ impl Side {
     /// The normal, 127 units long.
     #[inline(always)]
     pub fn normal(self) -> Vec3 {
-        let coordinate = |shift: u32| ((self.0 << shift) as i32 >> 24) as f32;
-        Vec3::new(coordinate(24), coordinate(16), coordinate(8))
+        Vec3::new(self.coordinate(0), self.coordinate(1), self.coordinate(2))
+    }
+
+    /// The normal along one axis, in 1/127.
+    #[inline(always)]
+    pub fn coordinate(self, axis: u32) -> f32 {
+        ((self.0 << (24 - 8 * axis)) as i32 >> 24) as f32
     }
 
     /// Whether the photon is merged at every vertex.
@@ -129,6 +134,7 @@ impl Side {
 }
 
 /// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
+/// theory.md, section 4: which path is counted where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum PhotonClass {
@@ -154,6 +160,7 @@ impl Photon {
 
     /// Unit vector toward where it came from, turned along with the surface to a place of the unit
     /// normal `normal`: what is merged there is the radiance that the surface has here.
+    /// theory.md (46), R.
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
         let own = self.side.normal().normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)

@@ -81,7 +81,7 @@ impl Tracer<'_> {
             let hit = self.accel.closest_hit(&ray);
             if hit.is_miss() {
                 if unconnected {
-                    radiance += throughput * self.scene.lights.beyond(ray.direction);
+                    radiance += throughput * self.scene.lights().beyond(ray.direction);
                 }
                 break;
             }
@@ -89,6 +89,7 @@ impl Tracer<'_> {
             if unconnected && surface.front {
                 radiance += throughput * surface.emission();
             }
+            // theory.md (96)
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
             let bsdf = &surface.bsdf;
@@ -101,6 +102,7 @@ impl Tracer<'_> {
             unconnected = sample.lobe == Lobe::Delta;
             throughput *= sample.weight;
             if segment >= LEAST_SEGMENTS {
+                // theory.md, section 23
                 let survival = throughput.max_element().min(MAX_SURVIVAL);
                 if rng.next_1d() >= survival {
                     break;
@@ -118,7 +120,7 @@ impl Tracer<'_> {
         if bsdf.spread().is_none() {
             return Rgb::ZERO;
         }
-        let Some(light) = self.scene.lights.connect_by_power(surface.position, rng) else {
+        let Some(light) = self.scene.lights().connect_by_power(surface.position, rng) else {
             return Rgb::ZERO;
         };
         let at = surface.vertex(Transport::Radiance);

@@ -8,7 +8,7 @@ use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::{RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -184,12 +184,12 @@ pub const SQUARE_OBJ: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\
 
 /// The image of two iterations on 16 by 12 pixels.
 fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
-    let asked = RenderDefaults {
+    let asked = PartialSettings {
         resolution: Some([16, 12]),
         light_paths: Some(2000),
-        ..RenderDefaults::default()
+        ..PartialSettings::default()
     };
-    let settings = Settings::resolve(&asked, &RenderDefaults::default(), scene.size()).unwrap();
+    let settings = Settings::resolve(&asked, &PartialSettings::default(), scene.size()).unwrap();
     let accel = build(backend, scene).unwrap();
     let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
     renderer.iterate(Measure::Off);

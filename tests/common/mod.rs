@@ -110,7 +110,7 @@ pub fn scene(
     lights: Vec<Emitter>,
     camera: Camera,
 ) -> Scene {
-    Scene::new("test".into(), meshes, materials, lights, camera, Vec::new())
+    Scene::new("test".into(), meshes, materials, lights, camera, Vec::new()).unwrap()
 }
 
 /// A closed box with a block in it, lit by a point and a small panel.

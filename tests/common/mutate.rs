@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test binary uses its own part
 
 use bdpm::import::load;
-use bdpm::settings::{RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use proptest::prelude::*;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -134,24 +134,24 @@ pub fn load_and_check(path: &Path) {
     match load(path) {
         Ok(loaded) => {
             let scene = &loaded.scene;
-            assert!(scene.triangle_count() > 0 && scene.lights.power().is_finite());
-            assert!(!scene.lights.is_empty());
+            assert!(scene.triangle_count() > 0 && scene.lights().power().is_finite());
+            assert!(!scene.lights().is_empty());
             for triangle in scene.triangles() {
                 assert!((triangle.normal.length() - 1.0).abs() < 1e-5, "{triangle:?}");
                 assert!(triangle.area() > 0.0 && triangle.area().is_finite(), "{triangle:?}");
             }
-            for mesh in &scene.meshes {
+            for mesh in scene.meshes() {
                 let count = mesh.positions.len();
                 assert!(mesh.triangles.iter().flatten().all(|i| (*i as usize) < count));
-                assert!((mesh.material as usize) < scene.materials.len());
+                assert!((mesh.material as usize) < scene.materials().len());
             }
-            for material in &scene.materials {
+            for material in scene.materials() {
                 let albedo = material.bsdf.albedo();
                 assert!(albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0);
             }
             // A radius may still be unfit for the scene's size, but must say so.
             if let Err(e) =
-                Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size())
+                Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size())
             {
                 assert!(e.to_string().contains("radius"), "{e}");
             }

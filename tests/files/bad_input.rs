@@ -455,7 +455,7 @@ fn absurd_counts() {
         (0..200_000).map(|i| format!("o {i}\nusemtl {i}\nf 1 2 3\nx{i} 1\n")).collect();
     let start = std::time::Instant::now();
     let loaded = obj(&format!("{TRIANGLE}{many}")).load();
-    assert_eq!(loaded.scene.meshes.len(), 200_001);
+    assert_eq!(loaded.scene.meshes().len(), 200_001);
     assert!(loaded.notes.iter().all(|note| note.text.len() < 1000));
     assert!(start.elapsed().as_secs() < 20, "took {:?}", start.elapsed());
 }
@@ -481,7 +481,7 @@ fn spaces_byte_order_marks_and_windows_line_ends_just_work() {
     std::fs::write(inner.join("scene.toml"), scene).unwrap();
     let scene = load(&inner).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(scene.name, "my scene é");
-    assert_eq!(scene.meshes[0].name, "my thing");
-    assert_eq!(scene.materials[0].name, "my red");
-    assert_eq!(scene.materials[0].bsdf.albedo().to_array(), [0.5, 0.0, 0.0]);
+    assert_eq!(scene.meshes()[0].name, "my thing");
+    assert_eq!(scene.materials()[0].name, "my red");
+    assert_eq!(scene.materials()[0].bsdf.albedo().to_array(), [0.5, 0.0, 0.0]);
 }

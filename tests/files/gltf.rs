@@ -142,7 +142,7 @@ fn bytes_lie_interleaved_sparse_quantized_or_far_apart() {
         let indices = model.indices(&TWO.map(|index| index + 40));
         json!({ "attributes": { "POSITION": points }, "indices": indices })
     });
-    assert_eq!(shared.meshes[0].positions.len(), 4);
+    assert_eq!(shared.meshes()[0].positions.len(), 4);
     assert_same(&shared, &obj);
 }
 
@@ -190,7 +190,7 @@ fn normals_and_texture_coordinates_of_all_types() {
         files(&[("a.glb", &model.glb())]).load()
     };
     let plain = scene(F32, None);
-    let mesh = &plain.scene.meshes[0];
+    let mesh = &plain.scene.meshes()[0];
     assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], "v points up");
     assert_eq!(mesh.normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::Z, Vec3::ZERO]);
     assert_eq!((plain.summary.textures, plain.notes.len()), (1, 2), "{}", plain.notes_text());
@@ -207,7 +207,7 @@ fn normals_and_texture_coordinates_of_all_types() {
     let turn = std::f32::consts::FRAC_PI_2;
     let transform = json!({ "offset": [0.25, 0.5], "rotation": turn, "scale": [2, 1] });
     let moved = scene(F32, Some(transform));
-    for (uv, [u, v]) in moved.scene.meshes[0].uvs.iter().zip(uvs) {
+    for (uv, [u, v]) in moved.scene.meshes()[0].uvs.iter().zip(uvs) {
         // Counterclockwise as it is seen: +u goes up, where v is less, and +v to the right.
         let expected = Vec2::new(0.25 + v, 1.0 - (0.5 - 2.0 * u));
         assert!((*uv - expected).length() < 1e-6, "{uv} {expected}");
@@ -291,17 +291,17 @@ fn a_mesh_may_be_in_several_places_and_the_scene_chooses() {
     model.json["scenes"] = json!([{ "nodes": [2] }, { "nodes": [1, 0] }]);
     model.json["scene"] = json!(1);
     let loaded = model.load();
-    let names: Vec<_> = loaded.scene.meshes.iter().map(|mesh| &mesh.name[..]).collect();
+    let names: Vec<_> = loaded.scene.meshes().iter().map(|mesh| &mesh.name[..]).collect();
     assert_eq!(names, ["right", "above", "left"]);
-    assert_eq!(loaded.scene.bounds.min, Vec3::new(-6.0, -1.0, 0.0));
-    assert_eq!(loaded.scene.bounds.max, Vec3::new(6.0, 8.0, 0.0));
-    assert_eq!(loaded.scene.materials.len(), 1);
+    assert_eq!(loaded.scene.bounds().min, Vec3::new(-6.0, -1.0, 0.0));
+    assert_eq!(loaded.scene.bounds().max, Vec3::new(6.0, 8.0, 0.0));
+    assert_eq!(loaded.scene.materials().len(), 1);
     model.json["scene"] = json!(0);
-    assert_eq!(model.load().scene.meshes[0].name, "elsewhere");
+    assert_eq!(model.load().scene.meshes()[0].name, "elsewhere");
     model.json.as_object_mut().unwrap().remove("scene");
-    assert_eq!(model.load().scene.meshes.len(), 1, "the first scene");
+    assert_eq!(model.load().scene.meshes().len(), 1, "the first scene");
     model.json.as_object_mut().unwrap().remove("scenes");
-    assert_eq!(model.load().scene.meshes.len(), 4, "all roots");
+    assert_eq!(model.load().scene.meshes().len(), 4, "all roots");
 }
 
 #[test]
@@ -313,7 +313,7 @@ fn deep_trees_are_walked() {
     nodes.push(json!({ "mesh": 0 }));
     model.json["nodes"] = json!(nodes);
     let scene = model.load().scene;
-    assert_eq!(scene.bounds.min.z, 0.5 * depth as f32);
+    assert_eq!(scene.bounds().min.z, 0.5 * depth as f32);
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn looks(material: Value, texels: [[u8; 4]; 2]) -> (Material, String) {
     let loaded = with_material(material, texels).load();
     let skipped = loaded.notes.iter().filter(|note| note.kind == NoteKind::Skipped);
     let skipped: Vec<_> = skipped.map(|note| &note.text[..]).collect();
-    (loaded.scene.materials[0].clone(), skipped.join("\n"))
+    (loaded.scene.materials()[0].clone(), skipped.join("\n"))
 }
 
 const WHITE: [[u8; 4]; 2] = [[255; 4]; 2];
@@ -121,7 +121,7 @@ fn materials_become_the_documented_ones() {
     let mut model = square();
     model.json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
     let white = Bsdf::Glossy(Glossy::new(Vec3::ONE, 1.0, 1.5, 1.0));
-    assert_eq!(model.load().scene.materials[0].bsdf, white);
+    assert_eq!(model.load().scene.materials()[0].bsdf, white);
 }
 
 /// The material `m` of these keys in a scene file, with the picture as `p.png`.
@@ -134,7 +134,7 @@ fn of_scene_file(keys: &str, texels: [[u8; 4]; 2]) -> Material {
     let png = picture(texels);
     let list: [(&str, &[u8]); 3] =
         [("p.png", &png), ("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", scene.as_bytes())];
-    files(&list).load().scene.materials[0].clone()
+    files(&list).load().scene.materials()[0].clone()
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn samplers_wrap_and_filter() {
         (json!({ "magFilter": 9728, "minFilter": 9729 }), [Wrap::Repeat; 2], true),
     ] {
         let loaded = sampled(sampler).load();
-        let picture = loaded.scene.materials[0].albedo_texture.clone().unwrap();
+        let picture = loaded.scene.materials()[0].albedo_texture.clone().unwrap();
         assert_eq!(picture.sampling(), Sampling { wrap, nearest });
     }
     sampled(json!({ "wrapT": 5 })).files().refused(&["samplers[0].wrapT: unknown 5"]);
@@ -213,7 +213,7 @@ fn tangents_are_read_where_they_count() {
         let accessor = model.accessor(&tangents, F32, "VEC4", 4);
         model.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(accessor);
         model.json["nodes"][0]["rotation"] = json!([0, 1, 0, 0]);
-        model.load().scene.meshes[0].tangents.clone()
+        model.load().scene.meshes()[0].tangents.clone()
     };
     assert!(tangent(pbr(0.0, 0.5)).is_empty());
     assert_eq!(tangent(with(pbr(0.0, 0.5), "normalTexture", bent.clone())), [Vec3::Y; 4]);
@@ -298,7 +298,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-6 * b.length();
     let node = json!({ "name": "Lamp", "translation": [1, 2, 3], "scale": [2, 2, 2] });
     let loaded = lit(light("point", Value::Null), node.clone()).load();
-    let [Emitter::Point { position, intensity: read }] = loaded.scene.lights.emitters() else {
+    let [Emitter::Point { position, intensity: read }] = loaded.scene.lights().emitters() else {
         panic!("no point")
     };
     assert!(*position == Vec3::new(1.0, 2.0, 3.0) && close(*read, intensity), "{read}");
@@ -309,11 +309,11 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     let down =
         json!({ "rotation": [-sin, 0, 0, cos], "scale": [3, 1, 2], "translation": [0, 4, 0] });
     let sun = lit(light("directional", Value::Null), down.clone()).load().scene;
-    let [Emitter::Directional(sun)] = sun.lights.emitters() else { panic!("no sun") };
+    let [Emitter::Directional(sun)] = sun.lights().emitters() else { panic!("no sun") };
     assert!(close(sun.direction, -Vec3::Y) && close(sun.irradiance, intensity), "{sun:?}");
     let cones = json!({ "innerConeAngle": 0.2, "outerConeAngle": 0.5 });
     let spot = lit(light("spot", cones), down.clone()).load().scene;
-    let [Emitter::Spot(spot)] = spot.lights.emitters() else { panic!("no spot") };
+    let [Emitter::Spot(spot)] = spot.lights().emitters() else { panic!("no spot") };
     assert!(close(spot.direction, -Vec3::Y) && close(spot.intensity, intensity), "{spot:?}");
     assert_eq!((spot.cos_inner, spot.cos_outer), (0.2_f32.cos(), 0.5_f32.cos()));
     assert_eq!(spot.position, Vec3::new(0.0, 4.0, 0.0));
@@ -321,11 +321,11 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     for (inner, outer) in [(0.5, 0.5), (0.0, FRAC_PI_2)] {
         let cones = json!({ "innerConeAngle": inner, "outerConeAngle": outer });
         let scene = lit(light("spot", cones), down.clone()).load().scene;
-        let [Emitter::Spot(spot)] = scene.lights.emitters() else { panic!("no spot") };
+        let [Emitter::Spot(spot)] = scene.lights().emitters() else { panic!("no spot") };
         assert!(spot.cos_inner > spot.cos_outer && spot.solid_angle() > 0.0);
     }
     let default = lit(light("spot", json!({})), down).load().scene;
-    let [Emitter::Spot(spot)] = default.lights.emitters() else { panic!("no spot") };
+    let [Emitter::Spot(spot)] = default.lights().emitters() else { panic!("no spot") };
     assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, FRAC_PI_4.cos()));
     let dark = lit(json!({ "type": "point", "intensity": 0 }), json!({})).load();
     assert!(dark.notes_text().contains("nothing emits"));

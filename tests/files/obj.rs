@@ -35,7 +35,7 @@ fn corners(scene: &Scene) -> Vec<Vec3> {
     let of = |mesh: &Mesh| -> Vec<Vec3> {
         mesh.triangles.iter().flatten().map(|i| mesh.positions[*i as usize]).collect()
     };
-    scene.meshes.iter().flat_map(of).collect()
+    scene.meshes().iter().flat_map(of).collect()
 }
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
@@ -82,7 +82,7 @@ fn many_ways_to_write_a_square() {
 #[test]
 fn texture_coordinates_of_one_to_three_numbers() {
     let content = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .5\nvt 1e-1 2\nvt 3 4 5 # six\n";
-    let mesh = obj(format!("{content}f 1/1 2/2 3/3\n")).scene.meshes.remove(0);
+    let mesh = obj(format!("{content}f 1/1 2/2 3/3\n")).scene.meshes()[0].clone();
     assert_eq!(mesh.uvs, [Vec2::new(0.5, 0.0), Vec2::new(0.1, 2.0), Vec2::new(3.0, 4.0)]);
     assert_eq!(mesh.normals, []);
 }
@@ -94,7 +94,7 @@ fn vertices_are_shared_by_faces_that_agree_on_all_of_them() {
     let faces = "o a\nf 1/1/1 2/1/1 3/1/1\no b\nf 1 2 3\no a\nf 1/1/1 3/1/1 4/1/1\n\
                  f 1/2/1 3/1/1 4/1/1\n";
     let scene = obj(format!("{head}{faces}")).scene;
-    let [a, b] = &scene.meshes[..] else { panic!("{:?}", scene.meshes) };
+    let [a, b] = &scene.meshes()[..] else { panic!("{:?}", scene.meshes()) };
     assert_eq!(a.triangles, [[0, 1, 2], [0, 2, 3], [4, 2, 3]]);
     assert_eq!((a.positions.len(), a.uvs.len(), a.normals.len()), (5, 5, 5));
     assert_eq!(a.uvs[4], Vec2::ONE);
@@ -102,7 +102,7 @@ fn vertices_are_shared_by_faces_that_agree_on_all_of_them() {
 
     // Where only some faces have normals, the others are flat.
     let scene = obj(format!("{head}f 1//2 2//2 3//2\nf 1//2 3//2 4\n")).scene;
-    let normals: Vec<_> = scene.meshes.iter().map(|mesh| mesh.normals.len()).collect();
+    let normals: Vec<_> = scene.meshes().iter().map(|mesh| mesh.normals.len()).collect();
     assert_eq!(normals, [3, 0]);
 }
 
@@ -122,7 +122,7 @@ fn polygons_that_are_not_convex_cover_what_they_enclose() {
             let order = (0..shape.len()).map(|i| (first + i) % shape.len() + 1);
             let face: String = order.map(|index| format!(" {index}")).collect();
             let scene = obj(format!("{vertices}f{face}\n")).scene;
-            assert!((area(&scene.meshes[0]) / whole - 1.0).abs() < 1e-6, "{face}");
+            assert!((area(&scene.meshes()[0]) / whole - 1.0).abs() < 1e-6, "{face}");
             assert!(scene.triangles().iter().all(|triangle| triangle.normal == Vec3::Z), "{face}");
             for accel in backends(&scene) {
                 let is_hit = |[x, y]: &[f32; 2]| {
@@ -169,7 +169,7 @@ fn coordinates_may_be_huge_or_tiny() {
         }
     }
     let far = SQUARE.replace("v 1 1 0", "v 1 1e15 0");
-    assert_eq!(obj(far).scene.bounds.max.y, 1e15);
+    assert_eq!(obj(far).scene.bounds().max.y, 1e15);
     refused(&SQUARE.replace("v 1 1 0", "v 1 1.1e15 0"), "a.obj:3: the vertex has a coordinate");
     refused(&SQUARE.replace("v 1 1 0", "v 1 1e999 0"), "a.obj:3: the vertex has a coordinate");
     refused(&SQUARE.replace("v 1 1 0", "v 1 nan 0"), "a.obj:3: the vertex has a coordinate");
@@ -220,11 +220,11 @@ fn names_hold_spaces_and_stay_until_others_come() {
         format!("g  left  leg \nusemtl my  red \nmtllib a lib.mtl\n{SQUARE}o right\nf 1 2 3\n");
     let loaded = load_files(&[("a lib.mtl", mtl.as_bytes()), ("a.obj", content.as_bytes())]);
     let scene = loaded.unwrap_or_else(|e| panic!("{e}")).scene;
-    let names: Vec<_> = scene.meshes.iter().map(|mesh| &mesh.name[..]).collect();
+    let names: Vec<_> = scene.meshes().iter().map(|mesh| &mesh.name[..]).collect();
     assert_eq!(names, ["left  leg", "right"]);
-    assert_eq!(scene.materials.len(), 1);
-    assert_eq!(scene.materials[0].name, "my  red");
-    assert_eq!(scene.materials[0].bsdf.albedo().to_array(), [0.5, 0.0, 0.0]);
+    assert_eq!(scene.materials().len(), 1);
+    assert_eq!(scene.materials()[0].name, "my  red");
+    assert_eq!(scene.materials()[0].bsdf.albedo().to_array(), [0.5, 0.0, 0.0]);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use bdpm::bsdf::{
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
-use bdpm::settings::{Direct, Length, RenderDefaults, Roulette, Settings};
+use bdpm::settings::{Direct, Length, PartialSettings, Roulette, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -33,7 +33,7 @@ fn obj(content: &str) -> Scene {
 /// Area of each mesh by name, and whether all its normals are turned toward a point.
 fn part(scene: &Scene, name: &str, point: Vec3) -> (f64, bool) {
     let mut first = 0;
-    for mesh in &scene.meshes {
+    for mesh in scene.meshes() {
         let triangles = &scene.triangles()[first..first + mesh.triangles.len()];
         if mesh.name == name {
             let area = triangles.iter().map(|t| f64::from(t.area())).sum();
@@ -45,8 +45,8 @@ fn part(scene: &Scene, name: &str, point: Vec3) -> (f64, bool) {
 }
 
 fn check_box(scene: &Scene) {
-    assert_eq!(scene.bounds.min, Vec3::ZERO);
-    assert_eq!(scene.bounds.max, Vec3::new(556.0, 548.8, 559.2));
+    assert_eq!(scene.bounds().min, Vec3::ZERO);
+    assert_eq!(scene.bounds().max, Vec3::new(556.0, 548.8, 559.2));
     let middle = Vec3::new(278.0, 274.4, 279.6);
     // Areas of the measured quads, by hand: trapezoids and rectangles.
     for (name, area) in [
@@ -67,9 +67,9 @@ fn check_box(scene: &Scene) {
         // The normals of the top and four sides look away from the center, and with the missing
         // bottom the area vectors sum to zero: the block is closed but for its bottom.
         let mut sum = glam::DVec3::ZERO;
-        let mesh = scene.meshes.iter().position(|m| m.name == name).unwrap();
-        assert_eq!(scene.meshes[mesh].triangles.len(), 10);
-        let first: usize = scene.meshes[..mesh].iter().map(|m| m.triangles.len()).sum();
+        let mesh = scene.meshes().iter().position(|m| m.name == name).unwrap();
+        assert_eq!(scene.meshes()[mesh].triangles.len(), 10);
+        let first: usize = scene.meshes()[..mesh].iter().map(|m| m.triangles.len()).sum();
         let mut top = 0.0;
         for t in &scene.triangles()[first..first + 10] {
             assert!(t.normal.dot(center - t.origin) < 0.0, "{name} is inside out");
@@ -87,15 +87,15 @@ fn the_cornell_box_is_the_paper_s() {
     assert_eq!(loaded.notes_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box", 30));
     check_box(scene);
-    assert!(scene.materials.iter().all(|m| m.bsdf.albedo() == Vec3::splat(0.5)));
+    assert!(scene.materials().iter().all(|m| m.bsdf.albedo() == Vec3::splat(0.5)));
     assert_eq!(
-        scene.lights.emitters(),
+        scene.lights().emitters(),
         [Emitter::Point { position: Vec3::new(278.0, 534.3, 279.6), intensity: Vec3::splat(1e6) }]
     );
     assert_eq!(scene.camera.position(), Vec3::new(278.0, 273.0, -800.0));
     assert_eq!(scene.camera.direction(), Vec3::Z);
     assert_eq!(scene.camera.optics(), Optics::Pinhole(FieldOfView::X(39.3077)));
-    let expected = RenderDefaults {
+    let expected = PartialSettings {
         resolution: Some([512, 512]),
         light_paths: Some(1000),
         camera_paths: Some(25),
@@ -125,24 +125,24 @@ fn the_classic_cornell_box_has_its_lamp_and_colors() {
     assert_eq!(loaded.notes_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box-classic", 32));
     check_box(scene);
-    assert_eq!(scene.lights.emitters().len(), 2);
+    assert_eq!(scene.lights().emitters().len(), 2);
     let (area, inside) = part(scene, "light", Vec3::new(278.0, 0.0, 279.6));
     assert!((area - 130.0 * 105.0).abs() < 0.01 && inside, "{area}");
     let color = |name: &str| {
-        let mesh = scene.meshes.iter().find(|m| m.name == name).unwrap();
-        scene.materials[mesh.material as usize].bsdf.albedo()
+        let mesh = scene.meshes().iter().find(|m| m.name == name).unwrap();
+        scene.materials()[mesh.material as usize].bsdf.albedo()
     };
     // In the photographs red is on the left, and the camera has +x on its left.
     assert_eq!(color("left-wall"), Vec3::new(0.63, 0.065, 0.05));
     assert_eq!(color("right-wall"), Vec3::new(0.14, 0.45, 0.091));
-    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+    Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
 }
 
 #[test]
 fn the_scene_of_materials_has_them_all() {
     let loaded = load(&root("scenes/materials")).unwrap();
     assert_eq!(loaded.notes_text(), "");
-    let materials = &loaded.scene.materials;
+    let materials = &loaded.scene.materials();
     let has = |wanted: fn(&Bsdf) -> bool| materials.iter().any(|m| wanted(&m.bsdf));
     assert!(
         has(|b| matches!(b, Bsdf::Lambertian { .. })) && has(|b| matches!(b, Bsdf::Mirror { .. }))
@@ -161,7 +161,7 @@ fn the_scene_of_materials_has_them_all() {
     assert!(materials.iter().any(|m| m.metallic_roughness_texture.is_some()));
     assert!(materials.iter().any(|m| m.normal_map.is_some()));
     assert!(materials.iter().any(|m| m.emission_texture.is_some()));
-    assert!(loaded.scene.meshes.iter().any(|mesh| !mesh.normals.is_empty()));
+    assert!(loaded.scene.meshes().iter().any(|mesh| !mesh.normals.is_empty()));
 }
 
 #[test]
@@ -170,7 +170,7 @@ fn no_lamp_light_shines_straight_through_the_keyhole() {
     let scene = &loaded.scene;
     assert_eq!(loaded.notes_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("keyhole", 64));
-    let [Emitter::Point { position, .. }] = scene.lights.emitters() else { panic!("one lamp") };
+    let [Emitter::Point { position, .. }] = scene.lights().emitters() else { panic!("one lamp") };
     let accel = build(Backend::Bvh, scene).unwrap();
     // The opening on the lamp's side; rays through it end before the camera's room at x = 0, those
     // straight ahead do not.
@@ -182,7 +182,7 @@ fn no_lamp_light_shines_straight_through_the_keyhole() {
         assert!(end(direction / direction.x) < 0.0, "{entry}");
         assert!(end(Vec3::X) > 0.0, "{entry}");
     }
-    Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+    Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
 }
 
 #[test]
@@ -198,16 +198,16 @@ fn the_documented_example_loads() {
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
     assert_eq!(loaded.notes_text(), "");
-    assert_eq!((scene.triangle_count(), scene.lights.emitters().len()), (4, 3));
-    let names: Vec<_> = scene.materials.iter().map(|m| m.name.as_str()).collect();
+    assert_eq!((scene.triangle_count(), scene.lights().emitters().len()), (4, 3));
+    let names: Vec<_> = scene.materials().iter().map(|m| m.name.as_str()).collect();
     assert_eq!(names, ["chalk", "lamp"]);
     assert_eq!(scene.regions[0].name, "lower-half");
     // Corner (-1, 0, -1), halved, turned by 30 degrees about y, moved.
     let (sin, cos) = 30_f32.to_radians().sin_cos();
     let corner = Vec3::new(-0.5 * cos - 0.5 * sin + 0.5, 0.0, 0.5 * sin - 0.5 * cos - 0.5);
-    assert!((scene.meshes[1].positions[0] - corner).length() < 1e-6);
+    assert!((scene.meshes()[1].positions[0] - corner).length() < 1e-6);
     let settings =
-        Settings::resolve(&RenderDefaults::default(), &loaded.defaults, scene.size()).unwrap();
+        Settings::resolve(&PartialSettings::default(), &loaded.defaults, scene.size()).unwrap();
     assert_eq!((settings.width, settings.height, settings.light_paths), (640, 480, 50_000));
     // The floor's left side is the scene's, and the turned block's right corner.
     let size = 1.0 + 0.5 + 0.5 * (cos + sin);
@@ -217,7 +217,7 @@ fn the_documented_example_loads() {
 #[test]
 fn the_documented_defaults_are_the_built_in_ones() {
     let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
-    let none = RenderDefaults::default();
+    let none = PartialSettings::default();
     let settings = Settings::resolve(&none, &none, 100.0).unwrap();
     for (key, value) in [
         ("resolution", format!("[{}, {}]", settings.width, settings.height)),
@@ -249,10 +249,10 @@ fn meshes_are_objects_times_materials_in_file_order() {
     let faces = "o b\nusemtl x\nf 1 2 3\nusemtl y\nf 1 2 4\nusemtl x\nf 1 3 4\no a\nf 2 3 4\n";
     let scene = obj(&format!("{corners}{faces}"));
     let meshes: Vec<_> =
-        scene.meshes.iter().map(|m| (m.name.as_str(), m.material, m.triangles.len())).collect();
+        scene.meshes().iter().map(|m| (m.name.as_str(), m.material, m.triangles.len())).collect();
     assert_eq!(meshes, [("b", 0, 2), ("b", 1, 1), ("a", 0, 1)]);
     let points = |mesh: usize, triangle: usize| {
-        scene.meshes[mesh].triangles[triangle].map(|i| scene.meshes[mesh].positions[i as usize])
+        scene.meshes()[mesh].triangles[triangle].map(|i| scene.meshes()[mesh].positions[i as usize])
     };
     assert_eq!(points(0, 1), [Vec3::ZERO, Vec3::Y, Vec3::Z]);
     assert_eq!(points(2, 0), [Vec3::X, Vec3::Y, Vec3::Z]);
@@ -277,7 +277,7 @@ fn materials_of_the_scene_file_win() {
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let materials: Vec<_> = loaded
         .scene
-        .materials
+        .materials()
         .iter()
         .map(|m| (m.name.as_str(), m.bsdf.albedo().to_array(), m.emission.to_array()))
         .collect();
@@ -309,7 +309,7 @@ fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
         ("scene.toml", &format!("{scene}{toml}")),
     ]);
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-    (loaded.scene.materials[0].bsdf, loaded.notes_text())
+    (loaded.scene.materials()[0].bsdf, loaded.notes_text())
 }
 
 fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
@@ -393,7 +393,7 @@ fn an_obj_file_alone_is_framed_and_lit() {
     let folder = write(&[("a.obj", content.as_str())]);
     let loaded = load(&folder.path().join("a.obj")).unwrap();
     let scene = &loaded.scene;
-    let center = scene.bounds.center();
+    let center = scene.bounds().center();
     let camera = &scene.camera;
     // The bounding sphere fills the image's height of 40 degrees.
     let distance = (camera.position() - center).length();
@@ -401,7 +401,7 @@ fn an_obj_file_alone_is_framed_and_lit() {
     assert!((sphere / distance - 20_f32.to_radians().sin()).abs() < 1e-3);
     assert!(camera.direction().dot(center - camera.position()) > 0.9999 * distance);
     assert!(camera.direction().z < 0.0 && camera.direction().y < 0.0);
-    let [Emitter::Point { position, intensity }] = scene.lights.emitters() else {
+    let [Emitter::Point { position, intensity }] = scene.lights().emitters() else {
         panic!("one point light expected")
     };
     let irradiance = intensity.x / (*position - center).length_squared();
@@ -412,7 +412,7 @@ fn an_obj_file_alone_is_framed_and_lit() {
     let lamp = format!("mtllib a.mtl\nusemtl m\n{content}");
     let folder = write(&[("a.mtl", "newmtl m\nKe 1 1 1\n"), ("a.obj", lamp.as_str())]);
     let loaded = load(&folder.path().join("a.obj")).unwrap();
-    assert!(matches!(loaded.scene.lights.emitters(), [Emitter::Triangle { .. }]));
+    assert!(matches!(loaded.scene.lights().emitters(), [Emitter::Triangle { .. }]));
 }
 
 #[test]
@@ -424,6 +424,6 @@ fn tiny_and_huge_lamps_keep_their_power() {
             write(&[("a.mtl", "newmtl m\nKe 1\n"), ("a.obj", &format!("mtllib a.mtl\n{content}"))]);
         let scene = load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene;
         let expected = 0.5 * std::f32::consts::PI * scale * scale;
-        assert!((scene.lights.power().x / expected - 1.0).abs() < 1e-5, "{scale}");
+        assert!((scene.lights().power().x / expected - 1.0).abs() < 1e-5, "{scale}");
     }
 }

@@ -38,6 +38,7 @@ impl Pairs {
     }
 
     /// `a`, `b`, `f` from C2, B, F and L^2 as means over distinct paths, term by term.
+    /// theory.md (52), (53).
     fn by_definition(&self) -> Coefficients {
         let (n, m) = self.counts();
         let (mut c2, mut b, mut f, mut l2) = (0.0, 0.0, 0.0, 0.0);
@@ -63,6 +64,7 @@ impl Pairs {
     }
 
     /// The paper's sums over halves as Section 3 writes them, without Section 4's expansion.
+    /// theory.md (58) to (61).
     fn by_halves(&self) -> Coefficients {
         let (n, m) = self.counts();
         let half = |count: usize, parity: usize| (parity..count).step_by(2).collect::<Vec<_>>();

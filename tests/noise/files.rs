@@ -22,7 +22,7 @@ fn measured() -> NoiseFile {
     for _ in 0..70 {
         renderer.iterate(Measure::Pairs);
     }
-    let noise = NoiseImage::new(renderer.film(), renderer.noise().unwrap(), (300, 4));
+    let noise = renderer.noise_image().unwrap();
     let region = |name: &str, rectangles| Region { name: name.to_owned(), rectangles };
     let regions = vec![
         region("left", vec![[0.0, 0.0, 0.5, 1.0]]),

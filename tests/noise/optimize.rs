@@ -2,7 +2,7 @@
 
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::noise::Coefficients;
-use bdpm::optimize::{Bounds, Objective, PerPixel, Problem, Uniform};
+use bdpm::optimize::{CountLimits, Objective, PerPixel, Problem, Uniform};
 use bdpm::timing::TimeModel;
 use std::ops::RangeInclusive;
 
@@ -65,7 +65,7 @@ impl Case {
             0 => limit * rng.next_f64(),
             _ => f64::INFINITY,
         };
-        let bounds = Bounds {
+        let bounds = CountLimits {
             light_paths: light_paths.clone(),
             camera_paths: camera_paths.clone(),
             iteration_time,
@@ -200,7 +200,7 @@ fn aggregates_are_the_defined_ones() {
         merge_pair: 0.001,
         pixels: 500.0,
     };
-    let bounds = Bounds { light_paths: 1..=99, camera_paths: 2..=9, iteration_time: 1e9 };
+    let bounds = CountLimits { light_paths: 1..=99, camera_paths: 2..=9, iteration_time: 1e9 };
     let variances: Vec<_> =
         coefficients.iter().zip(&counts).map(|(c, &n)| c.variance(7.0, n.into())).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -225,7 +225,7 @@ fn aggregates_are_the_defined_ones() {
     }
 }
 
-/// One pixel with the paper's coefficients and times: sections 1 and 5 of the noise theory.
+/// One pixel with the paper's coefficients and times: theory.md (94).
 fn paper(camera_paths: RangeInclusive<u32>) -> Problem {
     let time = TimeModel {
         fixed: 0.0,
@@ -237,7 +237,7 @@ fn paper(camera_paths: RangeInclusive<u32>) -> Problem {
     };
     let coefficients = [Coefficients { a: 3595.0, b: 37.18, f: 0.3788 }];
     let bounds =
-        Bounds { light_paths: 1..=10_000_000, camera_paths, iteration_time: f64::INFINITY };
+        CountLimits { light_paths: 1..=10_000_000, camera_paths, iteration_time: f64::INFINITY };
     Problem::new(&coefficients, &[1.0], Objective::Pooled, time, &bounds)
 }
 
@@ -303,7 +303,7 @@ fn nothing_is_nan_or_endless() {
                 coefficients[2] = Coefficients::default();
             }
             let bounds =
-                Bounds { light_paths: 1..=u32::MAX, camera_paths: 2..=10_000, iteration_time };
+                CountLimits { light_paths: 1..=u32::MAX, camera_paths: 2..=10_000, iteration_time };
             let luminance = vec![0.0; pixels];
             let problem = Problem::new(&coefficients, &luminance, objective, time(zeros), &bounds);
             let uniform = [problem.uniform(), problem.shortest_uniform(SLACK)];

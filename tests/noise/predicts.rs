@@ -16,13 +16,13 @@ fn measure(
     iterations: usize,
     measure: Measure,
 ) -> NoiseImage {
-    let counts = (settings.light_paths, settings.camera_paths);
+    let _counts = (settings.light_paths, settings.camera_paths);
     let renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..iterations {
         renderer.iterate(measure);
     }
-    NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+    renderer.noise_image().unwrap()
 }
 
 fn all(image: &NoiseImage) -> Vec<usize> {

@@ -16,7 +16,7 @@ use bdpm::reproduce::terms::{Terms, share};
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::origin::Origin;
-use bdpm::settings::{RenderDefaults, Settings};
+use bdpm::settings::{PartialSettings, Settings};
 use bdpm::timing::setup::Setup;
 use std::fs;
 use std::ops::ControlFlow;
@@ -24,7 +24,7 @@ use std::path::Path;
 
 fn loaded(side: u32) -> (Scene, Box<dyn Intersect>, Settings) {
     let Loaded { scene, defaults, .. } = load("scenes/cornell-box".as_ref()).unwrap();
-    let wishes = RenderDefaults { resolution: Some([side, side]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([side, side]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &defaults, scene.size()).unwrap();
     let accel = build(Backend::default(), &scene).unwrap();
     (scene, accel, settings)
@@ -132,8 +132,7 @@ fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>
     let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     pool().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
-    let noise =
-        NoiseImage::new(renderer.film(), renderer.noise().unwrap(), (LIGHT_PATHS, n_camera));
+    let noise = renderer.noise_image().unwrap();
     let pixels = region::pixels(&region, &noise).unwrap();
     (noise, pixels)
 }

@@ -6,11 +6,11 @@ use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Mesh;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
-use bdpm::settings::RenderDefaults;
+use bdpm::settings::PartialSettings;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 
@@ -18,20 +18,20 @@ use glam::Vec3;
 fn cornell_box(side: u32) -> (Scene, Settings) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
     let loaded = load(path.as_ref()).unwrap();
-    let wishes = RenderDefaults { resolution: Some([side; 2]), ..RenderDefaults::default() };
+    let wishes = PartialSettings { resolution: Some([side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     (loaded.scene, settings)
 }
 
 fn measure(scene: &Scene, backend: Backend, settings: Settings, iterations: usize) -> NoiseImage {
     let accel = backend::build(backend, scene).unwrap();
-    let counts = (settings.light_paths, settings.camera_paths);
+    let _counts = (settings.light_paths, settings.camera_paths);
     let renderer = Renderer::new(scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..iterations {
         renderer.iterate(Measure::Pairs);
     }
-    NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+    renderer.noise_image().unwrap()
 }
 
 /// Asserts that two independent statistics agree within 3.5 standard errors, which are at most
@@ -51,11 +51,11 @@ fn formula_and_sampled_variance_agree_on_the_cornell_box() {
     let all: Vec<usize> = (0..576).collect();
     let one = measure(&scene, Backend::default(), Settings { seed: 1, ..settings.clone() }, 600);
     let two = measure(&scene, Backend::default(), Settings { seed: 2, ..settings }, 600);
-    let noise = Summary::new(&one, &all);
+    let noise = NoiseSummary::new(&one, &all);
     let ratio = noise.mean_rms.ratio;
     println!("formula / sampled {:.5} +- {:.5}", ratio.value, ratio.error);
     assert!((ratio.value - 1.0).abs() < 0.005, "{ratio:?}");
-    let other = Summary::new(&two, &all);
+    let other = NoiseSummary::new(&two, &all);
     let corrected = |s: Statistic| Statistic { value: s.corrected, ..s };
     assert_agree(
         "mean RMS",
@@ -157,7 +157,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
         samples.push(std::array::from_fn(|i| sums[i] - before[i]));
         before = sums;
     }
-    let noise = NoiseImage::new(wide.film(), wide.noise().unwrap(), (20_000, 4));
+    let noise = wide.noise_image().unwrap();
     // Behind the edge, where the irradiance bends up, and before it, where it bends down.
     for (columns, sign) in [(0..4, 1.0), (4..8, 1.0), (8..12, -1.0), (12..16, -1.0)] {
         let region = noise.select(|x, _, _, _| columns.contains(&x));

@@ -30,7 +30,7 @@ fn ball() -> Mesh {
 
 /// A room with balls in it, turned, stretched, mirrored and flipped, of all kinds of materials.
 fn arrangement() -> Arrangement {
-    let mut meshes = furnished_box().meshes;
+    let mut meshes = furnished_box().meshes().to_vec();
     meshes.retain(|mesh| mesh.material == 0); // two faces of the block lie in one place
     let mut arrangement = Arrangement::from(meshes);
     let plain = sphere(Vec3::new(0.1, 0.0, 0.0), 0.25, 2, false, 0);
@@ -68,7 +68,7 @@ fn materials() -> Vec<Material> {
 fn scene_of(arrangement: impl Into<Arrangement>) -> Scene {
     let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, 0.1), 80.0);
     let lights = vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)];
-    Scene::new("test".into(), arrangement, materials(), lights, camera, Vec::new())
+    Scene::new("test".into(), arrangement, materials(), lights, camera, Vec::new()).unwrap()
 }
 
 fn both() -> [Scene; 2] {
@@ -86,9 +86,9 @@ fn facts_do_not_tell_what_is_held_once() {
     let [shared, copied] = both();
     assert_eq!(shared.fingerprint(), copied.fingerprint());
     assert_eq!(shared.triangle_count(), copied.triangle_count());
-    assert_eq!(shared.bounds, copied.bounds);
-    assert_eq!(shared.lights.emitters().len(), copied.lights.emitters().len());
-    let power = shared.lights.power() / copied.lights.power();
+    assert_eq!(shared.bounds(), copied.bounds());
+    assert_eq!(shared.lights().emitters().len(), copied.lights().emitters().len());
+    let power = shared.lights().power() / copied.lights().power();
     assert!((power - 1.0).abs().max_element() < 1e-5, "{power}");
     assert_eq!(shared.stored_triangle_count(), copied.triangle_count() - 5 * 320);
     let close = |a: Vec3, b: Vec3| (a - b).length() < 1e-5;
@@ -191,7 +191,7 @@ fn no_ray_starts_on_the_wrong_side() {
     for (case, transform) in cases.into_iter().enumerate() {
         let placements = vec![Placement { mesh: 0, material: 0, transform: Some(transform) }];
         let scene = scene_of(Arrangement { meshes: vec![body.clone()], placements });
-        let (center, reach) = (scene.bounds.center(), scene.bounds.enclosing_radius());
+        let (center, reach) = (scene.bounds().center(), scene.bounds().enclosing_radius());
         for accel in backends(&scene) {
             let (mut random, mut wrong, mut count) = (Random(5), [0; 2], 0);
             for _ in 0..20_000 {
@@ -234,7 +234,7 @@ fn files_that_are_used_often_are_held_once() {
     }
     // An object of its own, without area.
     obj += "o line\nv 0 0 0\nv 1 0 0\nv 2 0 0\nf -3 -2 -1\n";
-    let count = 40;
+    let count = 40_u32;
     let mut toml = String::from(
         "[camera]\nposition = [0, 0, 9]\ntarget = [0, 0, 0]\nfov_y_deg = 40\n\
          [[light]]\ntype = \"point\"\nposition = [0, 5, 9]\nintensity = [9, 9, 9]\n\
@@ -253,17 +253,18 @@ fn files_that_are_used_often_are_held_once() {
     let scene = &loaded.scene;
     assert!(loaded.notes_text().contains("dropped"), "{}", loaded.notes_text());
     // The tiny one is no instance, and vanishes in rounding.
-    assert_eq!(scene.placements.len(), count as usize - 1);
+    assert_eq!(scene.placements().len(), count as usize - 1);
     assert_eq!(scene.triangle_count(), (count as usize - 1) * 320);
     assert_eq!(scene.stored_triangle_count(), 320);
     let copies = Scene::new(
         String::new(),
         scene.copies(),
-        scene.materials.clone(),
-        scene.lights.emitters().to_vec(),
+        scene.materials().to_vec(),
+        scene.lights().emitters().to_vec(),
         scene.camera,
         Vec::new(),
-    );
+    )
+    .unwrap();
     assert_eq!(scene.fingerprint(), copies.fingerprint());
-    assert_eq!(scene.bounds, copies.bounds);
+    assert_eq!(scene.bounds(), copies.bounds());
 }

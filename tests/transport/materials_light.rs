@@ -9,7 +9,6 @@ use bdpm::bsdf::{
 };
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
-use bdpm::noise::image::NoiseImage;
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::Direct;
 use bdpm::transport::light_paths::LightPaths;
@@ -191,8 +190,8 @@ fn the_noise_of_each_material_is_predicted() {
             for _ in 0..iterations {
                 renderer.iterate(Measure::Pairs);
             }
-            let counts = (light_paths, camera_paths);
-            NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts)
+            let _counts = (light_paths, camera_paths);
+            renderer.noise_image().unwrap()
         };
         let region: Vec<usize> = (0..64).collect();
         // The mean over pixels: one path into the caustic of a ball may be a tenth of the pooled variance.

@@ -102,10 +102,10 @@ fn a_glossy_ball_under_a_panel() {
 fn a_glossy_ball_under_a_point() {
     // What no ray hits is connected to by narrow facets as well, besides what the base gets.
     let scene = with_ball(glossy(0.5, 0.15));
-    let mut materials = scene.materials.clone();
+    let mut materials = scene.materials().to_vec();
     materials[1].emission = Vec3::ZERO;
     let lights = vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 2.0)];
-    let scene = crate::common::scene(scene.meshes, materials, lights, scene.camera);
+    let scene = crate::common::scene(scene.meshes().to_vec(), materials, lights, scene.camera);
     assert_same("under a point", &scene, &[(Direct::Connect, 1), (Direct::PhotonMap, 2)]);
 }
 

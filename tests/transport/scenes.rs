@@ -10,10 +10,9 @@ use bdpm::accel::Intersect;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
-use bdpm::noise::image::NoiseImage;
-use bdpm::noise::summary::Summary;
+use bdpm::noise::summary::NoiseSummary;
 use bdpm::scene::Arrangement;
-use bdpm::settings::{Direct, RenderDefaults};
+use bdpm::settings::{Direct, PartialSettings};
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
 
@@ -70,7 +69,7 @@ impl Case {
         let loaded = load(&path).unwrap();
         let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
         let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
-        let wishes = RenderDefaults { resolution, ..RenderDefaults::default() };
+        let wishes = PartialSettings { resolution, ..PartialSettings::default() };
         let size = loaded.scene.size();
         let settings = Settings::resolve(&wishes, &loaded.defaults, size).unwrap();
         let (radius, light_paths) = (self.radius * size, self.light_paths);
@@ -81,9 +80,11 @@ impl Case {
     /// What images are compared of, where it is not the scene itself.
     fn compared(&self, scene: &Scene) -> Option<Scene> {
         self.lamps_alone.then(|| {
-            let Scene { name, meshes, placements, materials, camera, regions, .. } = scene.clone();
+            let (meshes, placements) = (scene.meshes().to_vec(), scene.placements().to_vec());
             let arrangement = Arrangement { meshes, placements };
-            Scene::new(name, arrangement, materials, Vec::new(), camera, regions)
+            let (name, materials) = (scene.name.clone(), scene.materials().to_vec());
+            let (camera, regions) = (scene.camera, scene.regions.clone());
+            Scene::new(name, arrangement, materials, Vec::new(), camera, regions).unwrap()
         })
     }
 
@@ -157,8 +158,8 @@ impl Case {
         for _ in 0..10 * self.iterations * u64::from(factor()) {
             renderer.iterate(Measure::Pairs);
         }
-        let image = NoiseImage::new(renderer.film(), renderer.noise().unwrap(), counts);
-        let summary = Summary::new(&image, region);
+        let image = renderer.noise_image().unwrap();
+        let summary = NoiseSummary::new(&image, region);
         let [pooled, mean] = [&summary.pooled_rms, &summary.mean_rms].map(|compared| {
             // Of the variance.
             (compared.ratio.corrected.powi(2) - 1.0, 2.0 * compared.ratio.error)

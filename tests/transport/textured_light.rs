@@ -73,17 +73,17 @@ fn irradiance(x: f64, y: f64) -> f64 {
 #[test]
 fn light_paths_start_where_and_as_the_picture_is_bright() {
     let scene = panel_scene();
-    assert!(scene.lights.emitters().iter().all(|e| matches!(e, Emitter::Textured(_))));
+    assert!(scene.lights().emitters().iter().all(|e| matches!(e, Emitter::Textured(_))));
     let texel_power = |i: usize| (radiance(i % SIDE, i / SIDE) * (0.25 * PI as f32)).as_dvec3();
     let power: DVec3 = (0..SIDE * SIDE).map(texel_power).sum();
-    let off = scene.lights.power().as_dvec3() / power - 1.0;
+    let off = scene.lights().power().as_dvec3() / power - 1.0;
     assert!(off.abs().max_element() < 0.02, "the power it is chosen by: {off}");
 
     let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
     let n = 400_000;
     let mut sums = [(DVec3::ZERO, DVec3::ZERO); SIDE * SIDE];
     for _ in 0..n {
-        let start = scene.lights.emit(&mut rng);
+        let start = scene.lights().emit(&mut rng);
         assert!(start.direction.z < 0.0 && (start.origin.z - 1.0).abs() < 1e-4);
         let index = |x: f32| ((0.5 * (x + 1.0) * SIDE as f32) as usize).min(SIDE - 1);
         let texel = (SIDE - 1 - index(start.origin.y)) * SIDE + index(start.origin.x);
@@ -106,7 +106,7 @@ fn connections_give_the_irradiance_of_the_picture() {
         let samples: Vec<f64> = (0..200_000)
             .map(|_| {
                 let from = Vec3::new(x as f32, y as f32, 0.0);
-                let light = scene.lights.connect(from, Some(Vec3::Z), &mut rng);
+                let light = scene.lights().connect(from, Some(Vec3::Z), &mut rng);
                 light.map_or(0.0, |light| f64::from(luminance(light.irradiance) * light.wi.z))
             })
             .collect();
@@ -134,8 +134,8 @@ fn the_picture_is_seen() {
     let fov = FieldOfView::X(2.0 * 0.1_f32.atan().to_degrees());
     let from = Vec3::new(0.0, 0.0, -9.0);
     scene.camera = Camera::look(from, Vec3::Z, Vec3::Y, fov).unwrap();
-    scene.meshes.remove(0);
-    let scene = crate::common::scene(vec![panel()], scene.materials, vec![], scene.camera);
+    let scene =
+        crate::common::scene(vec![panel()], scene.materials().to_vec(), vec![], scene.camera);
     let accel = accel(&scene);
     let mut renderer = Renderer::new(&scene, &*accel, settings(4, 4)).unwrap();
     renderer.iterate(Measure::Off);

@@ -144,7 +144,7 @@ fn png_of(colors: png::ColorType, data: &[u8]) -> Vec<u8> {
 fn texture_coordinates_and_normals_of_models_are_kept() {
     let (_folder, path) = model("f 1/1/1 2/2/2 3/3/3\nf 1 2 4", "", b"");
     let scene = load(&path).unwrap_or_else(|e| panic!("{e}")).scene;
-    let [full, bare, _lamp] = &scene.meshes[..] else { panic!("{:?}", scene.meshes) };
+    let [full, bare, _lamp] = scene.meshes() else { panic!("{:?}", scene.meshes()) };
     assert_eq!(full.uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.25, 0.75)]);
     assert_eq!(full.normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::ZERO]);
     assert!(bare.uvs.is_empty() && bare.normals.is_empty());
@@ -161,7 +161,7 @@ fn pictures_of_all_kinds_are_read() {
         let (_folder, path) =
             model("f 1/1 2/2 3/3", "map_Kd p.png\nmap_d p.png", &png_of(kind, data));
         let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
-        let Material { albedo_texture, opacity_texture, bsdf, .. } = &loaded.scene.materials[0];
+        let Material { albedo_texture, opacity_texture, bsdf, .. } = &loaded.scene.materials()[0];
         let texture = albedo_texture.as_ref().unwrap();
         assert_eq!(texture.size(), [2, 1]);
         assert_eq!(texture.color(Vec2::new(0.25, 0.5)), Vec3::ZERO, "{kind:?}");
@@ -221,7 +221,7 @@ fn a_jpeg_is_what_it_was() {
                  materials.m = { albedo_texture = 'q.jpg' }\n";
     std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-    let texture = loaded.scene.materials[0].albedo_texture.as_ref().unwrap();
+    let texture = loaded.scene.materials()[0].albedo_texture.as_ref().unwrap();
     for (u, v, color) in [
         (0.25, 0.75, Vec3::X),
         (0.75, 0.75, Vec3::Y),
@@ -254,7 +254,7 @@ fn every_texture_of_a_scene_file_is_read() {
         write("scene.toml", scene.as_bytes());
         let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
         assert!(loaded.notes.is_empty(), "{:?}", loaded.notes);
-        loaded.scene.materials[0].clone()
+        loaded.scene.materials()[0].clone()
     };
     let glossy = load(
         "type = 'glossy'\nmetallic_roughness_texture = 'p.png'\nnormal_texture = 'p.png'\n\
@@ -291,7 +291,7 @@ fn lights_and_normals_of_mtl_files_are_read() {
     let picture = png_of(png::ColorType::Rgb, &[255; 6]);
     let (_folder, path) = model("f 1/1 2/2 3/3", "map_Ke p.png\nnorm p.png", &picture);
     let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
-    let material = &loaded.scene.materials[0];
+    let material = &loaded.scene.materials()[0];
     assert!(material.emission_texture.is_some() && material.normal_map.is_some());
     assert_eq!(material.emission, Vec3::ZERO, "as the file says");
 }

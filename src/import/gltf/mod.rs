@@ -24,7 +24,7 @@ use super::notes::Note;
 use super::text::list;
 use crate::base::error::{Error, Result, visible};
 use crate::scene::transform::Transform;
-use crate::settings::RenderDefaults;
+use crate::settings::PartialSettings;
 use buffers::Buffers;
 use json::Document;
 use meshes::Meshes;
@@ -101,7 +101,7 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
         None => (builder.place_camera(path)?, None),
     };
     let lights = builder.lights_or_one(lights, &camera, path);
-    let defaults = RenderDefaults { resolution, ..RenderDefaults::default() };
+    let defaults = PartialSettings { resolution, ..PartialSettings::default() };
     let mut loaded = builder.finish(path, lights, camera, Rest { defaults, ..Rest::default() })?;
     loaded.summary.light_names = light_names;
     loaded.summary.cameras = cameras.iter().map(|camera| camera.name.clone()).collect();

@@ -24,7 +24,7 @@ impl<'a> Meshes<'a> {
         let mut names = Names::default();
         let file =
             |mesh: &Mesh| format!("meshes/{}.obj", names.unique(for_file(&mesh.name, "mesh")));
-        Self { scene, files: scene.meshes.iter().map(file).collect() }
+        Self { scene, files: scene.meshes().iter().map(file).collect() }
     }
 
     pub fn files(&self) -> impl Iterator<Item = &str> {
@@ -34,7 +34,7 @@ impl<'a> Meshes<'a> {
     /// All `[[mesh]]`.
     pub fn tables(&self, materials: &Materials, notes: &mut Vec<Note>) -> String {
         let mut text = String::new();
-        for Placement { mesh, material, transform } in &self.scene.placements {
+        for Placement { mesh, material, transform } in self.scene.placements() {
             let (file, material) = (&self.files[*mesh as usize], materials.quoted(*material));
             // Strings take everything, here and elsewhere.
             let _ = write!(text, "\n[[mesh]]\nfile = \"{file}\"\nmaterial = {material}\n");
@@ -45,7 +45,7 @@ impl<'a> Meshes<'a> {
                 }
             }
         }
-        let with_tangents = self.scene.meshes.iter().filter(|mesh| !mesh.tangents.is_empty());
+        let with_tangents = self.scene.meshes().iter().filter(|mesh| !mesh.tangents.is_empty());
         let names: BTreeSet<&str> = with_tangents.map(|mesh| &mesh.name[..]).collect();
         if !names.is_empty() {
             let names = list(names);
@@ -56,7 +56,7 @@ impl<'a> Meshes<'a> {
     }
 
     pub fn write(&self, out: &Folder) -> Result<()> {
-        let all = self.scene.meshes.par_iter().zip(&self.files);
+        let all = self.scene.meshes().par_iter().zip(&self.files);
         all.try_for_each(|(mesh, file)| out.write_part(file, |to| write(mesh, to)))
     }
 }

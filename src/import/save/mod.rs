@@ -37,17 +37,17 @@ pub struct Saved {
 pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Saved> {
     let Loaded { scene, defaults, .. } = loaded;
     let mut notes = Vec::new();
-    let materials = Materials::new(&scene.materials);
+    let materials = Materials::new(scene.materials());
     let mut pictures = Pictures::default();
     let meshes = Meshes::new(scene);
 
     let mut text = tables::head(origin);
     text += &tables::camera(&scene.camera);
-    text += &tables::render(defaults);
+    text += &tables::render(defaults)?;
     text += &tables::regions(&scene.regions);
-    let environment = scene.lights.environment();
+    let environment = scene.lights().environment();
     text += &environment.map(tables::environment).unwrap_or_default();
-    text += &tables::lights(scene.lights.emitters(), &mut notes);
+    text += &tables::lights(scene.lights().emitters(), &mut notes);
     text += &materials.tables(&mut pictures)?;
     text += &meshes.tables(&materials, &mut notes);
 

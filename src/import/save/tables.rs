@@ -2,12 +2,12 @@
 
 use super::names::for_line;
 use super::numbers::{color, inverse, number, point, unnormalized};
+use crate::base::error::{Error, Result};
 use crate::import::notes::Note;
 use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{Camera, Emitter, Environment, FieldOfView, Optics, Region, Spot};
-use crate::settings::{Length, RenderDefaults};
+use crate::settings::PartialSettings;
 use glam::Vec3;
-use serde::Serialize;
 use std::fmt::Write;
 
 /// File of the environment.
@@ -62,40 +62,12 @@ fn within_bounds(mut vector: Vec3) -> Vec3 {
     vector
 }
 
-pub(super) fn render(defaults: &RenderDefaults) -> String {
-    let mut text = String::new();
-    let mut row = |key: &str, value: Option<String>| {
-        if let Some(value) = value {
-            let _ = writeln!(text, "{key} = {value}");
-        }
-    };
-    row("resolution", defaults.resolution.map(|[width, height]| format!("[{width}, {height}]")));
-    row("light_paths", defaults.light_paths.map(|count| count.to_string()));
-    row("camera_paths", defaults.camera_paths.map(|count| count.to_string()));
-    row("radius", defaults.radius.map(length));
-    row("merge_vertex", defaults.merge_vertex.map(|vertex| vertex.to_string()));
-    row("direct", defaults.direct.map(word));
-    row("light_roulette", defaults.light_roulette.map(word));
-    row("camera_roulette", defaults.camera_roulette.map(word));
-    row("seed", defaults.seed.map(|seed| seed.to_string()));
-    if text.is_empty() { text } else { format!("\n[render]\n{text}") }
-}
-
-fn length(length: Length) -> String {
-    let percent = |share: f32| {
-        let short = number((f64::from(share) * 100.0) as f32);
-        let exact = short.parse().is_ok_and(|percent: f64| (percent / 100.0) as f32 == share);
-        if exact { short } else { format!("{}", f64::from(share) * 100.0) }
-    };
-    match length {
-        Length::Units(units) => number(units),
-        Length::Share(share) => format!("\"{}%\"", percent(share)),
-    }
-}
-
-/// The word for a choice, in quotes.
-fn word(choice: impl Serialize) -> String {
-    serde_json::to_string(&choice).expect("a word")
+pub(super) fn render(defaults: &PartialSettings) -> Result<String> {
+    let text = toml::to_string(defaults).map_err(|e| {
+        let problem = format!("the settings of rendering cannot be written: {e}");
+        Error::new(problem, "take a seed below 2^63")
+    })?;
+    Ok(if text.is_empty() { text } else { format!("\n[render]\n{text}") })
 }
 
 pub(super) fn regions(regions: &[Region]) -> String {
@@ -172,19 +144,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_lead_back() {
-        for text in ["0.8%", "1%", "33.3%", "0.000123%"] {
-            let Length::Share(share) = text.parse().unwrap() else { panic!("no share") };
-            let written = length(Length::Share(share));
-            assert_eq!(written.trim_matches('"').parse::<Length>().unwrap(), Length::Share(share));
-        }
-        assert_eq!(length(Length::Share(0.008)), "\"0.8%\"");
-        assert_eq!(length(Length::Units(2.5)), "2.5");
-    }
-
-    #[test]
     fn an_empty_table_is_left_out() {
-        assert_eq!(render(&RenderDefaults::default()), "");
+        assert_eq!(render(&PartialSettings::default()).unwrap(), "");
         assert_eq!(regions(&[]), "");
     }
 }

@@ -10,7 +10,7 @@ pub(super) mod texture;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
-use crate::settings::{ADVICE, RenderDefaults, as_serde};
+use crate::settings::{ADVICE, PartialSettings, as_serde};
 use camera::CameraTable;
 use environment::EnvironmentTable;
 use glam::{DVec3, Vec3};
@@ -37,7 +37,7 @@ pub(in crate::import) struct SceneFile {
     #[serde(default)]
     pub regions: BTreeMap<String, Rectangles>,
     #[serde(default)]
-    pub render: RenderDefaults,
+    pub render: PartialSettings,
 }
 
 /// `[[mesh]]`

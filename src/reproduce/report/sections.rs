@@ -4,11 +4,12 @@ use super::figures::{Figures, TERMS};
 use super::number::{count, fixed, shown, significant};
 use super::plot::Marker;
 use super::table;
-use crate::reproduce::optimum::{Best, FLAT};
+use crate::reproduce::optimum::Best;
 use crate::reproduce::published;
 use crate::reproduce::published::{FIGURE_2, FIGURE_3, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::results::Results;
 use crate::reproduce::terms::Terms;
+use crate::settings::policy::NEAR_OPTIMUM;
 use maud::{Markup, PreEscaped, html};
 
 pub fn figure_1(results: &Results, figures: &Figures) -> Markup {
@@ -159,7 +160,7 @@ pub fn figure_4(results: &Results, figures: &Figures) -> Markup {
                         td .paper { (count(optima.published)) }
                     }
                     tr {
-                        th scope="row" { "N_F within " (100.0 * FLAT) " % of the least RMS" }
+                        th scope="row" { "N_F within " (100.0 * NEAR_OPTIMUM) " % of the least RMS" }
                         td { (flat(&optima.here)) } td { (flat(&optima.rescaled)) }
                         td .paper { (flat(&optima.implied)) } td {}
                     }

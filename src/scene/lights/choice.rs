@@ -59,6 +59,7 @@ impl ByEstimate {
         self.far.retain(|far| far.toward.is_some());
         self.far.extend(environment.map(|map| {
             // A quarter of the integral over all directions is the mean over all normals.
+            // theory.md (18)
             let irradiance = 0.25 * luminance(map.integral());
             Far { index: emitters as u32, irradiance, toward: None }
         }));
@@ -97,6 +98,7 @@ impl ByEstimate {
             return None;
         }
         let count = std::iter::once(near).chain(far()).filter(|&one| one > 0.0).count();
+        // theory.md (18)
         let share = |estimate: f32| {
             let equal = if estimate > 0.0 { 1.0 / count as f32 } else { 0.0 };
             0.5 * (estimate / total + equal)

@@ -52,6 +52,7 @@ impl Beam {
 
     /// The measure of the directions that it shines into, weighted with the cosine beyond the spread:
     /// `M_Omega` of Equation 1.
+    /// theory.md (19).
     fn measure(&self) -> f32 {
         let Self { spread, reach, .. } = *self;
         let outer = (spread + reach).min(PI);
@@ -101,6 +102,7 @@ impl Cluster {
 
     /// What it costs to have it as one cluster (Equation 2), with the square of its
     /// diameter as its size: the area of a box around lamps in a row would be 0.
+    /// theory.md (19).
     pub(in crate::scene) fn cost(&self) -> f32 {
         let size = (self.bounds.max - self.bounds.min).length_squared();
         self.intensity * self.beam.measure() * size

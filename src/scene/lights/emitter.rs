@@ -73,11 +73,13 @@ impl Spot {
     }
 
     /// Of the full intensity, and of what the falloff is worth.
+    /// theory.md (12).
     fn solid_angles(&self) -> [f32; 2] {
         [TAU * (1.0 - self.cos_inner), TAU / 3.0 * (self.cos_inner - self.cos_outer)]
     }
 
     /// Share of the intensity in a direction at this cosine to the axis.
+    /// theory.md (12).
     #[inline]
     pub fn falloff(&self, cosine: f32) -> f32 {
         let share = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
@@ -89,6 +91,7 @@ impl Spot {
         let choice = rng.next_1d();
         let [u, v] = rng.next_2d();
         let [full, falloff] = self.solid_angles();
+        // theory.md (13)
         let cosine = if choice * (full + falloff) < full {
             1.0 - u * (1.0 - self.cos_inner)
         } else {
@@ -172,6 +175,7 @@ impl Triangle {
         let wi = to_light * distance2.sqrt().recip();
         let cos_light = -wi.dot(self.normal);
         // The reciprocal of the density in solid angle.
+        // theory.md (14) where it is near
         let seen =
             near.map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle());
         let irradiance = radiance(at) * (seen / prob);

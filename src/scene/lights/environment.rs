@@ -97,6 +97,7 @@ impl Environment {
     }
 
     /// Of a pixel in this row, sr.
+    /// theory.md (15).
     fn solid_angle(&self, row: u32) -> f32 {
         // cos(a) - cos(b) without cancellation.
         let step = PI / self.height as f32;
@@ -120,6 +121,7 @@ impl Environment {
         let last = self.cumulative.len() - 1;
         let index = self.cumulative.partition_point(|&end| end <= choice).min(last);
         let begin = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        // theory.md (15)
         let prob = (self.cumulative[index] - begin) as f32;
         let (column, row) = (index as u32 % self.width, index as u32 / self.width);
         let [u, v] = rng.next_2d();

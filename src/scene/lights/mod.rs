@@ -27,6 +27,7 @@ pub struct Emission {
     pub direction: Vec3,
     /// Flux that the path carries, W: emitted radiance (or intensity) times the cosine, divided by
     /// the path's density. Its mean over paths is the power of all lights.
+    /// theory.md (11).
     pub flux: Rgb,
 }
 
@@ -39,6 +40,7 @@ pub struct LightSample {
     pub wi: Vec3,
     /// Irradiance on a surface that faces `wi` if nothing is in between, divided by the
     /// sample's density, W/m^2.
+    /// theory.md, section 7: `E.
     pub irradiance: Rgb,
 }
 
@@ -73,6 +75,7 @@ impl ByPower {
     /// In proportion to `weights`.
     fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
         let total: f64 = weights.clone().sum();
+        // theory.md (11)
         let prob = weights.clone().map(|weight| (weight / total) as f32).collect();
         let mut sum = 0.0;
         let cumulative = weights.map(|weight| {

@@ -49,6 +49,7 @@ impl SphericalTriangle {
         let [a, b, c] = corners;
         // Van Oosterom and Strackee (1983).
         let determinant = a.dot(b.cross(c)).abs();
+        // theory.md (14)
         let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         let alpha = across(b, a).angle_between(across(c, a));
         // In the triangle's plane directions lead nowhere, though the angle is 2 pi inside.
@@ -78,7 +79,7 @@ impl SphericalTriangle {
     /// A unit direction of the same density.
     fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners;
-        // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 of the paper.
+        // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 there.
         let (sin_alpha, cos_alpha) = self.alpha.sin_cos();
         let (s, t) = (f64::from(u) * self.solid_angle - self.alpha).sin_cos();
         let p = t - cos_alpha;

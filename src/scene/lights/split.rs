@@ -41,6 +41,7 @@ pub(in crate::scene) fn split(leaves: &mut [(u32, Cluster)]) -> usize {
         let cut = whole.longest_side() / (whole.max - whole.min)[axis];
         for plane in 1..BINS {
             if let (Some(below), Some(above)) = (below[plane], above[plane]) {
+                // theory.md (19)
                 let cost = cut * (below.cost() + above.cost());
                 if best.is_none_or(|(least, ..)| cost < least) {
                     best = Some((cost, axis, plane));

@@ -3,7 +3,8 @@
 use super::{Emission, LightSample};
 use crate::base::math::{Rgb, cosine_hemisphere, uniform_triangle};
 use crate::base::rng::Rng;
-use crate::scene::{Emitter, Texture, Triangle, interpolate};
+use crate::scene::triangle::interpolate;
+use crate::scene::{Emitter, Texture, Triangle};
 use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 use std::sync::Arc;

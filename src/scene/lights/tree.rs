@@ -53,6 +53,7 @@ fn cos_of_rest(cos_a: f32, (sin_b, cos_b): (f32, f32)) -> f32 {
 const LEAST_SHARE: f32 = 0.01;
 
 /// Share of the choices that the first of two clusters gets by their estimates.
+/// theory.md (17).
 #[inline]
 fn share(a: f32, b: f32) -> f32 {
     let share = a / (a + b);
@@ -93,8 +94,9 @@ impl Node {
     /// one, W/m^2; 0 only where there is none.
     ///
     /// It is `I h h' / r^4` with the heights of the cluster over the surface and of the point over the
-    /// emitters. Bounds of the cosines, as in the paper, would be 1 for all large clusters; the mean
+    /// emitters. Bounds of the cosines, as there, would be 1 for all large clusters; the mean
     /// of what is above the horizon leaves a fourth to an eighth of the variance.
+    /// theory.md (16).
     #[inline]
     fn estimate(&self, position: Vec3, normal: Option<Vec3>) -> f32 {
         let to_center = self.center - position;

@@ -1,21 +1,22 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and leaves the
 //! points at which photons are gathered.
 
-mod elsewhere;
-mod walks;
+mod connections;
+mod non_diffuse;
 
 use super::flight::Flight;
 use super::gather::{GatherPoints, GatherView};
+use super::walks::{Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of};
 use crate::scene::diffuse::DiffuseVertices;
-use crate::scene::{Scene, Seen, View};
+use crate::scene::{Scene, Seen, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
+use connections::Connections;
 use std::mem;
-use walks::{Connections, Walks};
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]
@@ -62,8 +63,6 @@ pub struct CameraPaths {
     hits: Vec<HitPacket>,
     shadow_rays: Flight<Connections, 10>,
     occluded: Vec<Mask>,
-    /// Reciprocal of the weight that the camera gave each path, if not all have 1.
-    inverse_weights: Vec<f32>,
 }
 
 impl CameraPaths {
@@ -74,7 +73,6 @@ impl CameraPaths {
     /// Takes all out.
     pub fn clear(&mut self) {
         self.direct.clear();
-        self.inverse_weights.clear();
         self.gather_points.clear();
         self.views.clear();
     }
@@ -110,8 +108,9 @@ impl CameraPaths {
         self.segments.clear();
         let before = self.direct.len();
         let mut paths = paths.fuse();
-        let (origin, throughput) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
-        let mut walks = Walks { origin, throughput, ..Walks::default() };
+        let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
+        let inverse_start = [1.0; LANES];
+        let mut walks = Walks { origin, weight, inverse_start, ..Walks::default() };
         loop {
             let [mut x, mut y] = [[0.0; LANES]; 2];
             let mut index = [0; LANES];
@@ -139,8 +138,8 @@ impl CameraPaths {
                 for lane in 0..count {
                     let (_, mut walk) = walks.get(lane);
                     let (ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
-                    walk.throughput = Rgb::splat(weight);
-                    self.inverse_weights.push(weight.recip());
+                    walk.weight = Rgb::splat(weight);
+                    walk.inverse_start = weight.recip();
                     walks.set(lane, &ray, &walk);
                 }
             } else {
@@ -159,13 +158,19 @@ impl CameraPaths {
         let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut walks);
-            let elsewhere =
-                pass.scene.plain(simd, &walks.direction, hits, count, &mut seen, &mut at);
-            if elsewhere.missed != 0 && pass.scene.lights.shine_from_beyond() {
-                self.add_beyond(pass, &walks, elsewhere.missed);
+            let rest =
+                pass.scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
+            if rest.missed != 0 && pass.scene.lights().shine_from_beyond() {
+                self.add_beyond(pass, &walks, rest.missed);
             }
-            for lane in lanes_of(elsewhere.others) {
-                self.elsewhere(pass, walks.get(lane), &hits.get(lane), (&mut at, lane));
+            for lane in lanes_of(rest.others) {
+                let (ray, walk) = walks.get(lane);
+                let scatter = |surface: &Surface| self.scatter_other(pass, surface, walk);
+                if let Some((ray, walk)) =
+                    at_other_surface(pass.scene, &ray, &hits.get(lane), (&mut at, lane), scatter)
+                {
+                    self.next.push_walk(&ray, &walk);
+                }
             }
             self.scatter_diffuse(simd, pass, &at, &mut walks);
         }
@@ -186,23 +191,24 @@ impl CameraPaths {
         if at.any_emits {
             self.add_emission(at, walks);
         }
-        let weights = at.weights(&walks.throughput);
+        let weights = at.weights(&walks.weight);
         if direct == Direct::Connect {
-            let light = pass.scene.lights.connect_all(at, &mut walks.rng);
+            let light = pass.scene.lights().connect_all(at, &mut walks.rng);
+            // theory.md (42), third line
             let contributions = at.contributions(&weights, &light);
             self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
+        let mut vertex = [0; LANES];
         for lane in 0..LANES {
-            // Of paths elsewhere anything is there.
-            walks.vertices[lane] = walks.vertices[lane].wrapping_add(1);
-            let last = walks.vertices[lane] == merge_vertex;
+            walks.depth[lane] = walks.depth[lane].scattered();
+            vertex[lane] = walks.depth[lane].diffuse();
+            let last = vertex[lane] == merge_vertex;
             gathers[lane] = at.active[lane] & (last | pass.gather_early);
-            goes_on[lane] = at.active[lane] & (walks.vertices[lane] < merge_vertex);
+            goes_on[lane] = at.active[lane] & (vertex[lane] < merge_vertex);
         }
         if any(&gathers) {
-            let Walks { path, vertices, .. } = walks;
-            self.gather_points.push_diffuse(&gathers, at, &weights, path, vertices);
+            self.gather_points.push_diffuse(&gathers, at, &weights, &walks.path, &vertex);
         }
         if !any(&goes_on) {
             return;
@@ -213,9 +219,11 @@ impl CameraPaths {
         let ends = if by_albedo { walks.rng.next_1d() } else { [0.0; LANES] };
         for lane in 0..LANES {
             let albedo = at.albedo.get(lane);
+            // theory.md (43)
             let survival = if by_albedo { albedo.max_element().min(1.0) } else { 1.0 };
             goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
-            walks.throughput.set(lane, walks.throughput.get(lane) * (albedo / survival));
+            // theory.md (41)
+            walks.weight.set(lane, walks.weight.get(lane) * (albedo / survival));
         }
         self.next.append(simd, &goes_on, walks);
     }
@@ -224,9 +232,10 @@ impl CameraPaths {
     #[inline(never)] // keeps the common case short
     fn add_emission(&mut self, at: &DiffuseVertices, walks: &Walks) {
         for lane in 0..LANES {
-            if at.active[lane] && at.front[lane] && walks.vertices[lane] == 0 {
+            if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
                 let emission = at.emission.get(lane);
-                self.direct[walks.path[lane] as usize] += walks.throughput.get(lane) * emission;
+                // theory.md (42), first line
+                self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * emission;
             }
         }
     }

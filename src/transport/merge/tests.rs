@@ -65,8 +65,8 @@ fn assert_sums(count: u32, radius: f32) -> usize {
     let mut map = PhotonMap::default();
     map.build_from(&[&photons], radius);
     let merge = Merge::new(&map, 3);
-    let orders = [false, true].map(|in_regions| Merge { in_regions, ..merge });
-    let [mut found, mut in_regions] = orders.map(|merge| {
+    let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
+    let [mut found, mut in_zones] = orders.map(|merge| {
         let found = find(&merge, &paths);
         // In the same order if they are too many for all paths, or for one.
         for most_pairs in [1, 10, 100, 1000] {
@@ -78,8 +78,8 @@ fn assert_sums(count: u32, radius: f32) -> usize {
         found
     });
     found.sort();
-    in_regions.sort();
-    assert_eq!(in_regions, found);
+    in_zones.sort();
+    assert_eq!(in_zones, found);
 
     // Every photon with every point.
     let mut total = 0;

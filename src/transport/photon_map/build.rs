@@ -4,7 +4,7 @@
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
 //! decide the order of additions, depend on the photons but not on the number of threads.
 
-use super::{BLOCK, Block, Grid, PhotonMap};
+use super::{Grid, PhotonMap, QUAD, Quad};
 use crate::base::math::Rgb;
 use crate::transport::photon::{Extent, Photon, Side};
 use glam::Vec3;
@@ -92,7 +92,7 @@ struct Partition<'a> {
     /// Of its first photon.
     offset: u32,
     starts: &'a mut [u32],
-    blocks: &'a mut [Block],
+    quads: &'a mut [Quad],
     froms: &'a mut [u32],
 }
 
@@ -120,14 +120,14 @@ impl Partition<'_> {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
                 let place = (*start - self.offset) as usize;
-                self.blocks[place / BLOCK].set(place % BLOCK, photon);
+                self.quads[place / QUAD].set(place % QUAD, photon);
                 if let Some(from) = self.froms.get_mut(place) {
                     *from = photon.from;
                 }
             }
         }
-        for place in (end - self.offset) as usize..self.blocks.len() * BLOCK {
-            self.blocks[place / BLOCK].set(place % BLOCK, &NOTHING);
+        for place in (end - self.offset) as usize..self.quads.len() * QUAD {
+            self.quads[place / QUAD].set(place % QUAD, &NOTHING);
         }
     }
 }
@@ -168,20 +168,20 @@ impl PhotonMap {
             _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
         };
 
-        // Partitions begin with a block of their own: they can be filled at the same time.
+        // Partitions begin with a quad of their own: they can be filled at the same time.
         let sizes: Vec<usize> = (0..partitions)
             .map(|p| runs(p).iter().map(|(photons, _)| photons.len()).sum::<usize>())
-            .map(|photons: usize| photons.next_multiple_of(BLOCK))
+            .map(|photons: usize| photons.next_multiple_of(QUAD))
             .collect();
         let places = sizes.iter().sum();
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
-        self.blocks.resize(places / BLOCK, Block::default());
+        self.quads.resize(places / QUAD, Quad::default());
         self.froms.resize(if directions { places } else { 0 }, 0);
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
         let mut starts = &mut self.starts[..buckets];
-        let (mut blocks, mut froms) = (&mut self.blocks[..], &mut self.froms[..]);
+        let (mut quads, mut froms) = (&mut self.quads[..], &mut self.froms[..]);
         let mut offset = 0;
         let all: Vec<Partition> = sizes
             .iter()
@@ -190,7 +190,7 @@ impl PhotonMap {
                 let partition = Partition {
                     offset,
                     starts: take(&mut starts, own),
-                    blocks: take(&mut blocks, size / BLOCK),
+                    quads: take(&mut quads, size / QUAD),
                     froms: take(&mut froms, if directions { size } else { 0 }),
                 };
                 offset += size as u32;

@@ -66,6 +66,13 @@ fn corner(bounds: Bounds, narrowest: f32) -> Vec3A {
 /// `2^23`: cells are fewer along each axis.
 const TO_BITS: f32 = 8_388_608.0;
 
+/// Number of a cell along one axis, the grid's corner being that of cell 0.
+#[inline(always)] // part of a vector loop
+fn cell_along(position: f32, corner: f32, inverse_cell: f32) -> u32 {
+    // Adding 2^23 leaves the nearest whole number in the lowest bits.
+    ((position - corner) * inverse_cell + TO_BITS).to_bits() & (TO_BITS as u32 - 1)
+}
+
 impl Grid {
     /// An array of at most `most` cells, which must be 64 or more, for photons within `bounds`, with cells up
     /// to 5 % wider than they need be for that; and how many times as wide as [`narrowest`] they are. `None`
@@ -118,9 +125,8 @@ impl Grid {
     /// The cell around a position no farther from the photons than a diameter.
     #[inline]
     pub fn cell(&self, position: Vec3A) -> [u32; 3] {
-        // Adding 2^23 leaves the nearest whole number in the lowest bits.
-        let rounded = (position - self.corner) * self.inverse_cell + TO_BITS;
-        rounded.to_array().map(|c| c.to_bits() & (TO_BITS as u32 - 1))
+        let Self { corner, inverse_cell, .. } = self;
+        std::array::from_fn(|axis| cell_along(position[axis], corner[axis], inverse_cell[axis]))
     }
 
     /// The bucket of a cell.
@@ -135,10 +141,7 @@ impl Grid {
         let Self { corner, inverse_cell, mask, .. } = *self;
         let Vec3s { x, y, z } = positions;
         let axis = |positions: &[f32; LANES], corner: f32, inverse_cell: f32| {
-            // As `cell`.
-            let cell = |position: f32| {
-                ((position - corner) * inverse_cell + TO_BITS).to_bits() & (TO_BITS as u32 - 1)
-            };
+            let cell = |position| cell_along(position, corner, inverse_cell);
             (positions.map(|p| cell(p - reach)), positions.map(|p| cell(p + reach)))
         };
         let (x0, x1) = axis(x, corner.x, inverse_cell.x);

@@ -4,8 +4,8 @@ use super::PhotonMap;
 use crate::lanes::LANES;
 use glam::Vec3;
 
-/// Regions of a map, at most: as many places are written to in turn.
-pub(super) const REGIONS: usize = 4096;
+/// Zones of a map, at most: as many places are written to in turn.
+pub(super) const ZONES: usize = 4096;
 
 /// Where photons are looked up, and which of those within the radius count.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,10 +22,10 @@ pub struct LookUp {
     /// Whether photons count by the direction that they come from.
     pub view: bool,
     /// Where it is; set by [`LookUps::sort`].
-    pub region: u16,
+    pub zone: u16,
 }
 
-/// Look-ups region by region; buffers are reused.
+/// Look-ups zone by zone; buffers are reused.
 #[derive(Debug, Default)]
 pub struct LookUps {
     ordered: Vec<LookUp>,
@@ -38,19 +38,19 @@ impl LookUps {
     #[inline(always)] // vectorized
     pub fn sort(&mut self, map: &PhotonMap, look_ups: impl Iterator<Item = LookUp>) {
         let Self { ordered, unordered } = self;
-        let mut starts = [0u32; REGIONS + 1];
+        let mut starts = [0u32; ZONES + 1];
         unordered.clear();
         unordered.extend(look_ups.filter_map(|look_up| {
-            let region = map.region(look_up.position)?;
-            starts[usize::from(region) + 1] += 1;
-            Some(LookUp { region, ..look_up })
+            let zone = map.zone(look_up.position)?;
+            starts[usize::from(zone) + 1] += 1;
+            Some(LookUp { zone, ..look_up })
         }));
-        for region in 1..REGIONS {
-            starts[region] += starts[region - 1];
+        for zone in 1..ZONES {
+            starts[zone] += starts[zone - 1];
         }
         ordered.resize(unordered.len(), LookUp::default());
         for look_up in unordered {
-            let next = &mut starts[usize::from(look_up.region)];
+            let next = &mut starts[usize::from(look_up.zone)];
             ordered[*next as usize] = *look_up;
             *next += 1;
         }

@@ -1,10 +1,10 @@
 //! The photon map: a counting-sort grid that finds all photons within the merge radius, each once.
 
-mod block;
 mod build;
 mod choice;
 mod grid;
 mod look_ups;
+mod quad;
 mod vicinity;
 
 use super::light_paths::LightPaths;
@@ -13,12 +13,13 @@ use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
 use crate::lanes::simd::{Simd, paired};
 use crate::lanes::{LANES, Mask, Vec3s, bits, lanes_of};
-use block::{BLOCK, Block, Counting, Flux, lanes_from};
 use build::Chunk;
 use glam::{BVec4A, Vec3, Vec3A, Vec4};
 use grid::Grid;
+use quad::{Counting, Flux, QUAD, Quad, lanes_from};
 use std::array::from_fn;
 use std::ops;
+use std::time::{Duration, Instant};
 use vicinity::Vicinity;
 
 pub(crate) use look_ups::{LookUp, LookUps};
@@ -27,7 +28,7 @@ pub(crate) use look_ups::{LookUp, LookUps};
 #[derive(Debug, Default)]
 pub struct PhotonMap {
     /// Sorted by bucket; positions of places without a photon are NaN.
-    blocks: Vec<Block>,
+    quads: Vec<Quad>,
     /// Where they came from; empty if that was not told.
     froms: Vec<u32>,
     /// Where each bucket starts, and the end of all in the last place.
@@ -39,8 +40,8 @@ pub struct PhotonMap {
     /// Whether most look-ups find none, so that it pays to ask `vicinity` first.
     is_sparse: bool,
     vicinity: Vicinity,
-    /// Buckets in a region, as a power of two.
-    region_shift: u32,
+    /// Buckets in a zone, as a power of two.
+    zone_shift: u32,
     radius: f32,
     radius2: f32,
     /// The radius, widened past rounding.
@@ -73,9 +74,9 @@ pub struct Range {
 }
 
 impl Range {
-    /// The blocks that have a part of it.
-    fn blocks(&self) -> ops::Range<usize> {
-        self.start as usize / BLOCK..(self.end as usize).div_ceil(BLOCK)
+    /// The quads that have a part of it.
+    fn quads(&self) -> ops::Range<usize> {
+        self.start as usize / QUAD..(self.end as usize).div_ceil(QUAD)
     }
 }
 
@@ -97,18 +98,20 @@ impl Ranges {
 }
 
 impl PhotonMap {
-    /// Bytes of photons from which on it pays to look them up region by region (measured with 1 MiB of
+    /// Bytes of photons from which on it pays to look them up zone by zone (measured with 1 MiB of
     /// second-level and 32 MiB of shared third-level cache).
     const CACHE: usize = 1 << 22;
 
     /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
     /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
-    /// threads.
+    /// threads. Returns the time that takes of all of them: none has anything else to do meanwhile.
     ///
     /// # Panics
     /// If there are 2^32 photons or nearly as many.
-    pub fn build(&mut self, paths: &LightPaths, radius: f32) {
+    pub fn build(&mut self, paths: &LightPaths, radius: f32) -> Duration {
+        let start = Instant::now();
         self.build_within(&paths.photons().collect::<Vec<_>>(), paths.extent(), radius);
+        start.elapsed() * rayon::current_num_threads() as u32
     }
 
     /// [`Self::build`] from slices of photons.
@@ -134,8 +137,8 @@ impl PhotonMap {
                 self.vicinity.mark(slices, count, radius);
             }
             self.grid = Grid::choose(slices, bounds, radius, count, self.is_sparse);
-            let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::REGIONS);
-            self.region_shift = shortest.next_power_of_two().ilog2();
+            let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::ZONES);
+            self.zone_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, &extent);
         }
     }
@@ -184,14 +187,14 @@ impl PhotonMap {
         if self.is_sparse { near & bits(&self.vicinity.is_near(positions)) } else { near }
     }
 
-    /// Look-ups of one region search the same memory: a number below [`look_ups::REGIONS`], or `None`
+    /// Look-ups of one zone search the same memory: a number below [`look_ups::ZONES`], or `None`
     /// where there are no photons.
     #[inline(always)] // vectorized
-    fn region(&self, position: Vec3) -> Option<u16> {
+    fn zone(&self, position: Vec3) -> Option<u16> {
         let [min, max] = self.reach?;
         let position = Vec3A::from(position);
         let near = (position.cmpge(min) & position.cmple(max)).all();
-        near.then(|| (self.grid.bucket(self.grid.cell(position)) >> self.region_shift) as u16)
+        near.then(|| (self.grid.bucket(self.grid.cell(position)) >> self.zone_shift) as u16)
     }
 
     /// Calls `visit` once with each photon within the radius of `position` (its edge included) and
@@ -216,12 +219,12 @@ impl PhotonMap {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
             // Up to 64 places at a time, a bit for each that is within the radius.
-            let mut first = start / BLOCK * BLOCK;
+            let mut first = start / QUAD * QUAD;
             while first < end {
-                let blocks = first / BLOCK..(first + 64).min(end).div_ceil(BLOCK);
+                let quads = first / QUAD..(first + 64).min(end).div_ceil(QUAD);
                 let mut found = 0;
-                for (block, lane) in self.blocks[blocks].iter().zip((0..).step_by(BLOCK)) {
-                    found |= block.within(position, self.radius2) << lane;
+                for (quad, lane) in self.quads[quads].iter().zip((0..).step_by(QUAD)) {
+                    found |= quad.within(position, self.radius2) << lane;
                 }
                 found &= u64::MAX << start.saturating_sub(first);
                 found &= u64::MAX >> (first + 64).saturating_sub(end);
@@ -244,7 +247,7 @@ impl PhotonMap {
         self.for_each_block(
             ranges,
             #[inline(always)]
-            |block, lanes| block.add_to(&mut sum, block.counting(&counting, lanes)),
+            |quad, lanes| quad.add_to(&mut sum, quad.counting(&counting, lanes)),
         );
         sum.total()
     }
@@ -262,22 +265,23 @@ impl PhotonMap {
     ) -> Rgb {
         let counting = Counting::new(look_up, self.radius2);
         let (mut sum, mut nested) = (Flux::default(), Vec4::ZERO);
-        let places: usize = ranges.iter().map(|range| range.blocks().len() * BLOCK).sum();
+        let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
         let (space, mut found) = (pairs.space(places), 0);
         self.for_each_block(
             ranges,
             #[inline(always)]
-            |block, lanes| {
-                let counts = block.counting(&counting, lanes);
-                block.add_to(&mut sum, counts);
-                let (light_paths, values) = block.pairs(weight);
-                let outside = Vec4::select(block.inner(&counting), -values, values);
+            |quad, lanes| {
+                let counts = quad.counting(&counting, lanes);
+                quad.add_to(&mut sum, counts);
+                let (light_paths, values) = quad.pairs(weight);
+                let outside = Vec4::select(quad.inner(&counting), -values, values);
+                // theory.md (68)
                 nested += Vec4::select(counts, outside, Vec4::ZERO);
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();
                 let values = values.to_array().map(f32::to_bits);
                 let together = paired(simd, counts, light_paths, values);
-                space[found..found + BLOCK].copy_from_slice(bytemuck::cast_slice(&together));
+                space[found..found + QUAD].copy_from_slice(bytemuck::cast_slice(&together));
                 found += counts.count_ones() as usize;
             },
         );
@@ -287,31 +291,31 @@ impl PhotonMap {
         sum.total()
     }
 
-    /// The blocks of some ranges, and which of their lanes are in them.
+    /// The quads of some ranges, and which of their lanes are in them.
     #[inline(always)] // vectorized
-    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(&Block, BVec4A)) {
+    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(&Quad, BVec4A)) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
-            let (first, last) = (start / BLOCK, (end - 1) / BLOCK);
-            let mut lanes = lanes_from(start - first * BLOCK);
-            for block in &self.blocks[first..last] {
-                visit(block, lanes);
+            let (first, last) = (start / QUAD, (end - 1) / QUAD);
+            let mut lanes = lanes_from(start - first * QUAD);
+            for quad in &self.quads[first..last] {
+                visit(quad, lanes);
                 lanes = lanes_from(0);
             }
-            visit(&self.blocks[last], lanes & !lanes_from(end - last * BLOCK));
+            visit(&self.quads[last], lanes & !lanes_from(end - last * QUAD));
         }
     }
 
     /// The photon at a place.
     #[inline]
     fn photon(&self, place: usize) -> Photon {
-        let photon = self.blocks[place / BLOCK].get(place % BLOCK);
+        let photon = self.quads[place / QUAD].get(place % QUAD);
         Photon { from: self.froms.get(place).copied().unwrap_or(0), ..photon }
     }
 
     /// Whether look-ups in any order wait for memory.
     pub fn is_large(&self) -> bool {
-        size_of_val(&self.blocks[..]) > Self::CACHE
+        size_of_val(&self.quads[..]) > Self::CACHE
     }
 
     /// The radius of look-ups, scene units.

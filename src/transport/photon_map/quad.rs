@@ -4,19 +4,18 @@ use super::LookUp;
 use crate::base::math::Rgb;
 use crate::transport::photon::{Photon, Side};
 use glam::{BVec4A, Vec3, Vec4};
-use std::array::from_fn;
 
-/// Photons of a block.
-pub const BLOCK: usize = 4;
+/// Photons of a quad.
+pub const QUAD: usize = 4;
 
 /// Four photons: what decides whether they count, and what they carry, a cache line each.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub struct Block {
-    position: [[f32; BLOCK]; 3],
-    side: [Side; BLOCK],
-    flux: [[f32; BLOCK]; 3],
-    path: [u32; BLOCK],
+pub struct Quad {
+    position: [[f32; QUAD]; 3],
+    side: [Side; QUAD],
+    flux: [[f32; QUAD]; 3],
+    path: [u32; QUAD],
 }
 
 /// What a look-up compares photons with, in all lanes.
@@ -28,7 +27,7 @@ pub struct Counting {
     last: bool,
 }
 
-/// Which lanes of a block are at this place or after it, counted from its first.
+/// Which lanes of a quad are at this place or after it, counted from its first.
 #[inline(always)]
 pub fn lanes_from(place: usize) -> BVec4A {
     Vec4::new(0.0, 1.0, 2.0, 3.0).cmpge(Vec4::splat(place as i32 as f32))
@@ -59,7 +58,7 @@ impl Flux {
     }
 }
 
-impl Block {
+impl Quad {
     /// Replaces one photon.
     #[inline]
     pub fn set(&mut self, lane: usize, photon: &Photon) {
@@ -96,13 +95,12 @@ impl Block {
     /// Which of some lanes count.
     #[inline(always)]
     pub fn counting(&self, counting: &Counting, lanes: BVec4A) -> BVec4A {
-        let normal = |shift: u32| {
-            Vec4::from_array(from_fn(|lane| ((self.side[lane].0 << shift) as i32 >> 24) as f32))
-        };
+        let normal = |axis| Vec4::from_array(self.side.map(|side| side.coordinate(axis)));
         // In the order of `Vec3::dot`.
         let [x, y, z] = counting.normal;
-        let faces = normal(24) * x + normal(16) * y + normal(8) * z;
+        let faces = normal(0) * x + normal(1) * y + normal(2) * z;
         let near = self.near(&counting.position, counting.radius2);
+        // theory.md (45)
         let mut counts = near & faces.cmpgt(Vec4::ZERO) & lanes;
         if !counting.last {
             let late = self.side.map(|side| if side.at_every_vertex() { 0.0 } else { 1.0 });
@@ -127,7 +125,7 @@ impl Block {
 
     /// The light path of each lane, and its flux times `weight`.
     #[inline(always)]
-    pub fn pairs(&self, weight: Rgb) -> ([u32; BLOCK], Vec4) {
+    pub fn pairs(&self, weight: Rgb) -> ([u32; QUAD], Vec4) {
         let [r, g, b] = self.flux.map(Vec4::from_array);
         (self.path, r * weight.x + g * weight.y + b * weight.z)
     }

@@ -1,10 +1,9 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
-mod walks;
-
 use super::flight::Flight;
 use super::photon::{Extent, Photon, PhotonClass, Photons, Side};
-use crate::accel::{Coherence, Hit, HitPacket, Intersect, Ray};
+use super::walks::{Depth, WEIGHT_FLOOR, Walk, Walks, at_other_surface};
+use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
@@ -18,11 +17,13 @@ use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
 use std::time::{Duration, Instant};
-use walks::{Walk, Walks, encoded, survival};
 
 /// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
 /// to fill ray packets, few enough for a batch to stay in the second-level cache.
 const BATCH: u32 = 1024;
+
+/// Largest survival probability: paths end even between perfectly white walls.
+const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Debug, Default)]
@@ -153,6 +154,8 @@ struct Tracer {
     photons: PhotonList,
     /// Whether photons keep theirs.
     directions: bool,
+    /// Whether photons straight from a light are stored, not replaced by connections.
+    stores_direct: bool,
 }
 
 impl Tracer {
@@ -169,10 +172,11 @@ impl Tracer {
         mem::swap(&mut self.photons, &mut batch.photons);
         self.photons.clear();
         self.directions = scene.merges_by_direction();
+        self.stores_direct = settings.direct == Direct::PhotonMap;
         batch.rays = 0;
         vectorized(
             #[inline(always)]
-            |simd| self.emit(simd, scene, settings, key, paths),
+            |simd| self.emit(simd, scene, key, paths),
         );
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
@@ -194,35 +198,23 @@ impl Tracer {
     }
 
     #[inline(always)] // vectorized
-    fn emit(
-        &mut self,
-        simd: Simd,
-        scene: &Scene,
-        settings: &Settings,
-        key: StreamKey,
-        mut paths: Range<u32>,
-    ) {
+    fn emit(&mut self, simd: Simd, scene: &Scene, key: StreamKey, mut paths: Range<u32>) {
         self.in_flight.clear();
-        // Photons straight from a light are replaced by connections, or merged at every vertex.
-        let class = match settings.direct {
-            Direct::Connect => None,
-            Direct::PhotonMap => Some(PhotonClass::EveryVertex),
-        };
-        let mut walks = Walks { class: [encoded(class); LANES], ..Walks::default() };
+        let mut walks = Walks::default();
         while !paths.is_empty() {
             let first = paths.start;
             let count = paths.by_ref().take(LANES).count();
             for lane in 0..count {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = scene.lights.emit_all(&mut walks.rng, count);
-            Emissions { origin: walks.origin, direction: walks.direction, flux: walks.flux } =
+            let emissions = scene.lights().emit_all(&mut walks.rng, count);
+            Emissions { origin: walks.origin, direction: walks.direction, flux: walks.weight } =
                 emissions;
             let mut emitted = Mask::default();
             for (lane, emitted) in emitted.iter_mut().enumerate() {
-                let flux = walks.flux.get(lane);
+                let flux = walks.weight.get(lane);
                 walks.path[lane] = first.wrapping_add(lane as u32);
-                walks.inverse_emitted[lane] = flux.max_element().recip();
+                walks.inverse_start[lane] = flux.max_element().recip();
                 // Black parts of pictures emit nothing.
                 *emitted = (lane < count) & (flux != Rgb::ZERO);
             }
@@ -238,10 +230,15 @@ impl Tracer {
         let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = in_flight.load(packet, &mut walks);
-            let elsewhere = scene.plain(simd, &walks.direction, hits, count, &mut seen, &mut at);
-            for lane in lanes_of(elsewhere.others) {
-                let hit = hits.get(lane);
-                self.elsewhere(scene, roulette, walks.get(lane), &hit, (&mut at, lane));
+            let rest = scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
+            for lane in lanes_of(rest.others) {
+                let (ray, walk) = walks.get(lane);
+                let scatter = |surface: &Surface| self.scatter_other(surface, walk, roulette);
+                if let Some((ray, walk)) =
+                    at_other_surface(scene, &ray, &hits.get(lane), (&mut at, lane), scatter)
+                {
+                    self.next.push_walk(&ray, &walk);
+                }
             }
             self.store_diffuse(simd, &at, &walks);
             self.scatter_diffuse(simd, &at, &mut walks, roulette);
@@ -250,34 +247,14 @@ impl Tracer {
         self.in_flight = mem::replace(&mut self.next, in_flight);
     }
 
-    /// Where a path hit what is not plain: a diffuse vertex is set, what else there may be is done with.
-    #[inline(never)] // keeps the loop over plain vertices short
-    fn elsewhere(
-        &mut self,
-        scene: &Scene,
-        roulette: Roulette,
-        (ray, walk): (Ray, Walk),
-        hit: &Hit,
-        (at, lane): (&mut DiffuseVertices, usize),
-    ) {
-        let surface = scene.surface(&ray, hit);
-        if let Some(point) = surface.diffuse() {
-            at.set(lane, &point);
-        } else if let Some((ray, walk)) = self.scatter_other(&surface, walk, roulette) {
-            let mut next = Walks::default();
-            next.set(0, &ray, &walk);
-            self.next.push(&next);
-        }
-    }
-
     /// Stores arrivals at diffuse vertices.
     #[inline(always)] // vectorized
     fn store_diffuse(&mut self, simd: Simd, at: &DiffuseVertices, walks: &Walks) {
-        const NONE: u32 = encoded(None);
         let (mut stored, mut side, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
-            stored[lane] = at.active[lane] & (walks.class[lane] != NONE);
-            side[lane] = Side::new(at.normal.get(lane), walks.class[lane].wrapping_sub(1)).0;
+            let depth = walks.depth[lane];
+            stored[lane] = at.active[lane] & (self.stores_direct | !depth.is_start());
+            side[lane] = Side::new(at.normal.get(lane), class_of(depth) as u32).0;
         }
         if !any(&stored) {
             return;
@@ -287,7 +264,7 @@ impl Tracer {
                 *from = pack_direction(-walks.direction.get(lane));
             }
         }
-        let photons = Photons { position: at.position, path: walks.path, flux: walks.flux, side };
+        let photons = Photons { position: at.position, path: walks.path, flux: walks.weight, side };
         // All are written, but only those that are stored are kept: which these are nobody foresees.
         let (space, mut count) = (self.photons.space(), 0);
         photons.one_by_one(simd, &from, |lane, photon| {
@@ -312,17 +289,17 @@ impl Tracer {
         walks: &mut Walks,
         roulette: Roulette,
     ) {
-        const LAST_VERTEX: u32 = encoded(Some(PhotonClass::LastVertex));
         walks.origin = at.off_surface;
         walks.direction = at.sample(&mut walks.rng);
         let ends = walks.rng.next_1d();
-        walks.class = [LAST_VERTEX; LANES];
         let mut goes_on = Mask::default();
         for lane in 0..LANES {
-            let (flux, albedo) = (walks.flux.get(lane), at.albedo.get(lane));
-            let survival = survival(flux, albedo, walks.inverse_emitted[lane], roulette);
+            let (flux, albedo) = (walks.weight.get(lane), at.albedo.get(lane));
+            let survival = survival(flux, albedo, walks.inverse_start[lane], roulette);
             goes_on[lane] = at.active[lane] & (ends[lane] < survival);
-            walks.flux.set(lane, flux * (albedo / survival));
+            // theory.md (38)
+            walks.weight.set(lane, flux * (albedo / survival));
+            walks.depth[lane] = walks.depth[lane].scattered();
         }
         self.next.append(simd, &goes_on, walks);
     }
@@ -335,22 +312,41 @@ impl Tracer {
         roulette: Roulette,
     ) -> Option<(Ray, Walk)> {
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges()
-            && let Some(class) = walk.class
-        {
-            self.store(Photon::new(position, walk.path, walk.flux, normal, class), wo);
+        if surface.bsdf.merges() && (self.stores_direct || !walk.depth.is_start()) {
+            let class = class_of(walk.depth);
+            self.store(Photon::new(position, walk.path, walk.weight, normal, class), wo);
         }
         let sample = surface.scatter_flux(&mut walk.rng)?;
-        walk.class = Some(match walk.class {
-            _ if !sample.lobe.passes_through() => PhotonClass::LastVertex,
-            Some(class) => class,
-            None => PhotonClass::EveryVertex,
-        });
-        let survival = survival(walk.flux, sample.weight, walk.inverse_emitted, roulette);
+        walk.depth = if sample.lobe.passes_through() {
+            walk.depth.passed_on()
+        } else {
+            walk.depth.scattered()
+        };
+        let survival = survival(walk.weight, sample.weight, walk.inverse_start, roulette);
         if walk.rng.next_1d() >= survival {
             return None;
         }
-        walk.flux *= sample.weight / survival;
+        // theory.md (38)
+        walk.weight *= sample.weight / survival;
         Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
     }
+}
+
+/// At which vertices the next photon of a path is merged.
+#[inline(always)] // as the next: parts of vector loops
+// theory.md, section 4
+fn class_of(depth: Depth) -> PhotonClass {
+    if depth.diffuse() == 0 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
+}
+
+/// Probability of going on with `flux` from a vertex of this weight.
+#[inline(always)]
+fn survival(flux: Rgb, weight: Rgb, inverse_start: f32, roulette: Roulette) -> f32 {
+    let share = match roulette {
+        // theory.md (39)
+        Roulette::Albedo => weight.max_element(),
+        // theory.md (40)
+        Roulette::Weight => (flux * weight).max_element() * inverse_start / WEIGHT_FLOOR,
+    };
+    share.min(MAX_SURVIVAL)
 }

@@ -1,48 +1,30 @@
-//! Where camera paths leave the scene or hit what is not plain: one at a time.
+//! Where camera paths leave the scene, or hit surfaces that are not diffuse alone: one at a time.
 
-use super::walks::{Connections, Walk, Walks};
+use super::connections::Connections;
 use super::{CameraPass, CameraPaths};
-use crate::accel::{Hit, Ray};
+use crate::accel::Ray;
 use crate::base::math::Rgb;
 use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::lanes::{LANES, Vec3s, lanes_of};
-use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{LightSample, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::transport::gather::{GatherPoint, GatherView};
+use crate::transport::walks::{WEIGHT_FLOOR, Walk, Walks};
 use glam::Vec3;
 
 impl CameraPaths {
     /// Adds what the paths that left the scene saw there, if nothing else carries it.
-    #[inline(never)] // keeps the loop over plain vertices short, as the next
+    #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
-        for lane in lanes_of(missed).filter(|&lane| walks.vertices[lane] == 0) {
-            let beyond = pass.scene.lights.beyond(walks.direction.get(lane));
-            self.direct[walks.path[lane] as usize] += walks.throughput.get(lane) * beyond;
-        }
-    }
-
-    /// Where a path hit what is not plain: a diffuse vertex is set, what else there may be is done with.
-    #[inline(never)]
-    pub(super) fn elsewhere(
-        &mut self,
-        pass: &CameraPass,
-        (ray, walk): (Ray, Walk),
-        hit: &Hit,
-        (at, lane): (&mut DiffuseVertices, usize),
-    ) {
-        let surface = pass.scene.surface(&ray, hit);
-        if let Some(point) = surface.diffuse() {
-            at.set(lane, &point);
-        } else if let Some((ray, walk)) = self.scatter_other(pass, &surface, walk) {
-            let mut next = Walks::default();
-            next.set(0, &ray, &walk);
-            self.next.push(&next);
+        for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
+            let beyond = pass.scene.lights().beyond(walks.direction.get(lane));
+            // theory.md (42), second line
+            self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
         }
     }
 
     /// At a surface that is not diffuse alone; the next segment unless the path ends.
-    fn scatter_other(
+    pub(super) fn scatter_other(
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
@@ -50,10 +32,11 @@ impl CameraPaths {
     ) -> Option<(Ray, Walk)> {
         let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
         // Emission hit later is carried by connections or photons.
-        if walk.vertices == 0 && surface.front {
-            self.direct[walk.path as usize] += walk.throughput * surface.emission();
+        if walk.depth.diffuse() == 0 && surface.front {
+            // theory.md (42), first line
+            self.direct[walk.path as usize] += walk.weight * surface.emission();
         }
-        let vertex = walk.vertices + 1;
+        let vertex = walk.depth.diffuse() + 1;
         let merges = self.at_other_vertex(pass, surface, &mut walk);
         // Cut here, the path still goes on where the surface mirrors besides.
         let cut = merges && vertex == merge_vertex;
@@ -63,26 +46,27 @@ impl CameraPaths {
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
-        walk.throughput *= sample.weight;
+        // theory.md (41)
+        walk.weight *= sample.weight;
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
-            let inverse_weight = self.inverse_weights.get(walk.path as usize).unwrap_or(&1.0);
-            return walk.passes_on(*inverse_weight).then_some((ray, walk));
+            return passes_on(&mut walk).then_some((ray, walk));
         }
-        walk.vertices += 1;
+        walk.depth = walk.depth.scattered();
         if camera_roulette == Roulette::Albedo {
+            // theory.md (43)
             let survival = sample.weight.max_element().min(1.0);
             if walk.rng.next_1d() >= survival {
                 return None;
             }
-            walk.throughput /= survival;
+            walk.weight /= survival;
         }
         Some((Ray::new(surface.off_surface, sample.wi), walk))
     }
 
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let lights = &pass.scene.lights;
+        let lights = &pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let lit_side = (!bsdf.transmits()).then_some(surface.normal);
@@ -91,7 +75,7 @@ impl CameraPaths {
             let light = lights.connect(surface.position, lit_side, &mut walk.rng);
             self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
         }
-        if bsdf.has_rough() && walk.vertices == 0 {
+        if bsdf.has_rough() && walk.depth.diffuse() == 0 {
             // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
             let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
             self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
@@ -117,7 +101,8 @@ impl CameraPaths {
         {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
-            let contribution = walk.throughput * value * light.irradiance * cos_theta;
+            // theory.md (42), third and fourth line
+            let contribution = walk.weight * value * light.irradiance * cos_theta;
             let start = surface.start(light.wi);
             self.send_shadow_ray(walk.path, contribution, light.target, start);
         }
@@ -125,12 +110,12 @@ impl CameraPaths {
 
     /// Leaves a point at which photons are gathered with the BSDF in one of `views`.
     fn gather(&mut self, pass: &CameraPass, surface: &Surface, walk: &Walk, view: u32) {
-        let vertex = walk.vertices + 1;
+        let vertex = walk.depth.diffuse() + 1;
         if vertex < pass.settings.merge_vertex && !pass.gather_early {
             return;
         }
         let Surface { position, normal, .. } = *surface;
-        let (path, weight) = (walk.path, walk.throughput);
+        let (path, weight) = (walk.path, walk.weight);
         let point = GatherPoint { position, path, weight, vertex, normal, view };
         self.gather_points.push(&point);
     }
@@ -144,4 +129,27 @@ impl CameraPaths {
             contribution: Vec3s::splat(contribution),
         });
     }
+}
+
+/// From so many vertices on that a path passed through it may end at each of them with this
+/// probability: light may be caught between mirrors.
+const LONG_CHAIN: u32 = 16;
+const LONG_CHAIN_END: f32 = 0.1;
+
+/// Roulette where a path passed through a vertex: whether it goes on.
+fn passes_on(walk: &mut Walk) -> bool {
+    walk.depth = walk.depth.passed_on();
+    let share = walk.weight.max_element() * walk.inverse_start;
+    // theory.md (44)
+    let mut survival = (share / WEIGHT_FLOOR).min(1.0);
+    if walk.depth.passed() >= LONG_CHAIN {
+        survival = survival.min(1.0 - LONG_CHAIN_END);
+    }
+    if survival < 1.0 {
+        if walk.rng.next_1d() >= survival {
+            return false;
+        }
+        walk.weight /= survival;
+    }
+    true
 }

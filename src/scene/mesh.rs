@@ -1,0 +1,41 @@
+//! Triangle meshes, as they are read.
+
+use super::triangle::{Corners, to_front};
+use crate::accel::TriangleMesh;
+use glam::{Vec2, Vec3};
+
+/// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name as in its file.
+    pub name: String,
+    /// Vertex positions, scene units.
+    pub positions: Vec<Vec3>,
+    /// Unit normals to interpolate, one per position, or none. They are turned to the front of their
+    /// triangle; those of length zero, and those in its plane, are replaced by its own.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per position, or none; `v` points up in the picture.
+    pub uvs: Vec<Vec2>,
+    /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
+    /// triangle's texture coordinates. Which way `v` grows, these tell.
+    pub tangents: Vec<Vec3>,
+    /// Three vertex indices per triangle, counterclockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into [`Scene::materials`](super::Scene::materials).
+    pub material: u32,
+}
+
+impl Mesh {
+    /// The geometry alone.
+    pub fn as_triangles(&self) -> TriangleMesh<'_> {
+        TriangleMesh { positions: &self.positions, triangles: &self.triangles }
+    }
+
+    /// What varies over the triangle of these corners and this normal.
+    pub(super) fn corners(&self, indices: [usize; 3], normal: Vec3) -> Corners {
+        let own =
+            |index: usize| to_front(self.normals.get(index).copied().unwrap_or_default(), normal);
+        let uv = |index: usize| self.uvs.get(index).copied().unwrap_or_default();
+        Corners { normals: indices.map(own), uvs: indices.map(uv) }
+    }
+}

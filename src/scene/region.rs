@@ -1,0 +1,43 @@
+//! Named parts of the image.
+
+use crate::base::error::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A named part of the image: the union of rectangles `[x0, x1) x [y0, y1)` in fractions of the
+/// image's width and height, origin top left, so that it survives another resolution.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Region {
+    /// Name on the command line.
+    pub name: String,
+    /// `[x0, y0, x1, y1]` each.
+    pub rectangles: Vec<[f64; 4]>,
+}
+
+impl Region {
+    /// Whether the center of pixel `(x, y)` lies in it.
+    pub fn contains(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
+        let u = (f64::from(x) + 0.5) / f64::from(width);
+        let v = (f64::from(y) + 0.5) / f64::from(height);
+        self.rectangles.iter().any(|&[x0, y0, x1, y1]| x0 <= u && u < x1 && y0 <= v && v < y1)
+    }
+}
+
+/// Refuses rectangles that no region can have.
+///
+/// # Errors
+/// If there is none, or one is empty or not within the image.
+pub fn check_rectangles(rectangles: &[[f64; 4]]) -> Result<()> {
+    let advice = "give [[x0, y0, x1, y1], ...] in fractions of the image with x0 < x1 and \
+                  y0 < y1, the origin at the top left";
+    if rectangles.is_empty() {
+        return Err(Error::new("the region has no rectangle", advice));
+    }
+    for [x0, y0, x1, y1] in rectangles {
+        // Written so that NaN fails.
+        if !(0.0 <= *x0 && x0 < x1 && *x1 <= 1.0 && 0.0 <= *y0 && y0 < y1 && *y1 <= 1.0) {
+            let problem = format!("the rectangle [{x0}, {y0}, {x1}, {y1}] is not in the image");
+            return Err(Error::new(problem, advice));
+        }
+    }
+    Ok(())
+}

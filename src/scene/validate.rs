@@ -1,0 +1,99 @@
+//! What a scene may be put together from.
+
+use super::{Arrangement, Material, Mesh, Placement, triangle_area};
+use crate::base::error::{Error, Result};
+
+/// Refuses what [`Scene::new`](super::Scene::new) could not make a scene of.
+///
+/// # Errors
+/// Names the mesh and what is wrong with it.
+pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result<()> {
+    let Arrangement { meshes, placements } = arrangement;
+    for mesh in meshes {
+        check_mesh(mesh).map_err(|problem| {
+            let problem = format!("the mesh `{}` cannot be used: {problem}", mesh.name);
+            Error::new(problem, "mend the mesh, or leave it out")
+        })?;
+    }
+    let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    // The last two numbers have meanings of their own.
+    if count >= u32::MAX as usize - 1 {
+        let problem = format!("{count} triangles are more than 32 bits can number");
+        return Err(Error::new(problem, "simplify some meshes"));
+    }
+    for (index, Placement { mesh, material, .. }) in placements.iter().enumerate() {
+        for (what, index_of, count) in
+            [("mesh", *mesh, meshes.len()), ("material", *material, materials.len())]
+        {
+            if index_of as usize >= count {
+                let problem = format!("placement {index} is of {what} {index_of}, of {count}");
+                return Err(Error::new(problem, format!("give the index of a {what}")));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
+    mesh.as_triangles().validate().map_err(|error| error.to_string())?;
+    let positions = mesh.positions.len();
+    for (what, count) in [
+        ("normals", mesh.normals.len()),
+        ("texture coordinates", mesh.uvs.len()),
+        ("tangents", mesh.tangents.len()),
+    ] {
+        if count != 0 && count != positions {
+            return Err(format!("it has {count} {what} for {positions} positions"));
+        }
+    }
+    let is_degenerate = |corners: &[u32; 3]| {
+        triangle_area(corners.map(|index| mesh.positions[index as usize])) == 0.0
+    };
+    match mesh.triangles.iter().position(is_degenerate) {
+        Some(triangle) => Err(format!("triangle {triangle} has no area")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::Bsdf;
+    use glam::{Vec2, Vec3};
+
+    fn mesh() -> Mesh {
+        Mesh {
+            name: "one".into(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        }
+    }
+
+    fn checked(change: impl FnOnce(&mut Arrangement)) -> std::result::Result<(), String> {
+        let mut arrangement = Arrangement::from(vec![mesh()]);
+        change(&mut arrangement);
+        let material = Material::new("white", Bsdf::diffuse(Vec3::ONE));
+        check(&arrangement, &[material]).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn whatever_is_wrong_is_named() {
+        checked(|_| {}).unwrap();
+        let refused = |change: fn(&mut Arrangement), part: &str| {
+            let shown = checked(change).unwrap_err();
+            assert!(shown.contains(part), "{shown}");
+        };
+        refused(
+            |a| a.meshes[0].triangles[0][1] = 3,
+            "`one` cannot be used: triangle 0 uses vertex 3",
+        );
+        refused(|a| a.meshes[0].positions[2].x = f32::NAN, "vertex 2 is not finite");
+        refused(|a| a.meshes[0].positions[2] = 2.0 * Vec3::X, "triangle 0 has no area");
+        refused(|a| a.meshes[0].normals = vec![Vec3::Z; 2], "2 normals for 3 positions");
+        refused(|a| a.meshes[0].uvs = vec![Vec2::ZERO; 4], "4 texture coordinates");
+        refused(|a| a.meshes[0].tangents = vec![Vec3::X], "1 tangents");
+        refused(|a| a.placements[0].mesh = 1, "placement 0 is of mesh 1, of 1");
+        refused(|a| a.placements[0].material = 7, "placement 0 is of material 7, of 1");
+    }
+}
