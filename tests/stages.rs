@@ -202,8 +202,14 @@ fn a_later_stage_is_found_wherever_it_is_named() {
         use self::late::x; use super::early::late; mod late { use super::late; }
     "##;
     assert_eq!(found(harmless, 1), []);
-    assert_eq!(found("use crate::late::x;\nfn f() -> crate::Thing { crate::C::new() }", 1), [1, 2, 2]);
-    assert_eq!(found("use crate::{\n  early::x,\n  late::{self, y},\n};\nuse crate::*;", 1), [3, 5]);
+    assert_eq!(
+        found("use crate::late::x;\nfn f() -> crate::Thing { crate::C::new() }", 1),
+        [1, 2, 2]
+    );
+    assert_eq!(
+        found("use crate::{\n  early::x,\n  late::{self, y},\n};\nuse crate::*;", 1),
+        [3, 5]
+    );
     assert_eq!(found("use super::late;\nmod tests {\n  use super::super::another; }", 1), [1, 3]);
     assert_eq!(found("use super::late;\nuse super::super::late;", 2), [2]);
     assert_eq!(found("m!($crate::late::X);\nlet x = [crate::missing()];", 3), [1, 2]);
