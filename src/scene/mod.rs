@@ -73,7 +73,8 @@ impl Scene {
     ///
     /// # Errors
     /// If a position is not finite, an index is out of range, normals, texture coordinates or tangents are
-    /// neither none nor one per position, a triangle has no area, or there are 2^32 triangles; names the mesh.
+    /// neither none nor one per position, a triangle without area emits, or there are 2^32 triangles; names
+    /// the mesh.
     pub fn new(
         name: String,
         arrangement: impl Into<Arrangement>,

@@ -2,6 +2,7 @@
 
 use super::{Arrangement, Material, Mesh, Placement, triangle_area};
 use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
 
 /// Refuses what [`Scene::new`](super::Scene::new) could not make a scene of.
 ///
@@ -9,11 +10,12 @@ use crate::base::error::{Error, Result};
 /// Names the mesh and what is wrong with it.
 pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result<()> {
     let Arrangement { meshes, placements } = arrangement;
+    let refused = |mesh: &Mesh, problem: String| {
+        let problem = format!("the mesh `{}` cannot be used: {problem}", mesh.name);
+        Error::new(problem, "mend the mesh, or leave it out")
+    };
     for mesh in meshes {
-        check_mesh(mesh).map_err(|problem| {
-            let problem = format!("the mesh `{}` cannot be used: {problem}", mesh.name);
-            Error::new(problem, "mend the mesh, or leave it out")
-        })?;
+        check_mesh(mesh).map_err(|problem| refused(mesh, problem))?;
     }
     let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     // The last two numbers have meanings of their own.
@@ -30,13 +32,25 @@ pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result
                 return Err(Error::new(problem, format!("give the index of a {what}")));
             }
         }
+        if materials[*material as usize].emission != Rgb::ZERO {
+            let mesh = &meshes[*mesh as usize];
+            check_emitter(mesh).map_err(|problem| refused(mesh, problem))?;
+        }
     }
     Ok(())
 }
 
 fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
-    mesh.as_triangles().validate().map_err(|error| error.to_string())?;
+    // How far out coordinates may be, backends say.
+    if let Some(vertex) = mesh.positions.iter().position(|position| !position.is_finite()) {
+        return Err(format!("vertex {vertex} is not finite"));
+    }
     let positions = mesh.positions.len();
+    for (triangle, corners) in mesh.triangles.iter().enumerate() {
+        if let Some(index) = corners.iter().find(|&&index| index as usize >= positions) {
+            return Err(format!("triangle {triangle} uses vertex {index} of {positions}"));
+        }
+    }
     for (what, count) in [
         ("normals", mesh.normals.len()),
         ("texture coordinates", mesh.uvs.len()),
@@ -46,11 +60,16 @@ fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
             return Err(format!("it has {count} {what} for {positions} positions"));
         }
     }
+    Ok(())
+}
+
+/// Triangles without area are never hit, but would be chosen to emit from.
+fn check_emitter(mesh: &Mesh) -> std::result::Result<(), String> {
     let is_degenerate = |corners: &[u32; 3]| {
         triangle_area(corners.map(|index| mesh.positions[index as usize])) == 0.0
     };
     match mesh.triangles.iter().position(is_degenerate) {
-        Some(triangle) => Err(format!("triangle {triangle} has no area")),
+        Some(triangle) => Err(format!("triangle {triangle} emits and has no area")),
         None => Ok(()),
     }
 }
@@ -73,7 +92,8 @@ mod tests {
     fn checked(change: impl FnOnce(&mut Arrangement)) -> std::result::Result<(), String> {
         let mut arrangement = Arrangement::from(vec![mesh()]);
         change(&mut arrangement);
-        let material = Material::new("white", Bsdf::diffuse(Vec3::ONE));
+        let material =
+            Material { emission: Vec3::ONE, ..Material::new("white", Bsdf::diffuse(Vec3::ONE)) };
         check(&arrangement, &[material]).map_err(|error| error.to_string())
     }
 
@@ -89,7 +109,7 @@ mod tests {
             "`one` cannot be used: triangle 0 uses vertex 3",
         );
         refused(|a| a.meshes[0].positions[2].x = f32::NAN, "vertex 2 is not finite");
-        refused(|a| a.meshes[0].positions[2] = 2.0 * Vec3::X, "triangle 0 has no area");
+        refused(|a| a.meshes[0].positions[2] = 2.0 * Vec3::X, "triangle 0 emits and has no area");
         refused(|a| a.meshes[0].normals = vec![Vec3::Z; 2], "2 normals for 3 positions");
         refused(|a| a.meshes[0].uvs = vec![Vec2::ZERO; 4], "4 texture coordinates");
         refused(|a| a.meshes[0].tangents = vec![Vec3::X], "1 tangents");

@@ -61,7 +61,8 @@ impl Setup {
     fn setting(&self, name: &str) -> String {
         match self.settings.get(name) {
             Some(serde_json::Value::String(text)) => text.clone(),
-            Some(other) => other.to_string(),
+            // As the numbers of files, which have no point behind whole ones.
+            Some(other) => other.as_f64().unwrap_or(f64::NAN).to_string(),
             None => UNKNOWN.into(),
         }
     }
