@@ -30,11 +30,11 @@ pub enum Direct {
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Kernel {
-    /// That of the surface within the merge radius that could have sent a photon: no bias at edges.
-    #[default]
-    Area,
     /// That of a disc of the merge radius, as in the paper.
+    #[default]
     Disc,
+    /// That of the surface within the merge radius that could have sent a photon: no bias at edges.
+    Area,
 }
 
 /// How paths end where they scatter.
