@@ -22,7 +22,8 @@ demo: build
 test: setup
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
-	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
+	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --workspace
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
