@@ -94,7 +94,7 @@ fn vertices_are_shared_by_faces_that_agree_on_all_of_them() {
     let faces = "o a\nf 1/1/1 2/1/1 3/1/1\no b\nf 1 2 3\no a\nf 1/1/1 3/1/1 4/1/1\n\
                  f 1/2/1 3/1/1 4/1/1\n";
     let scene = obj(format!("{head}{faces}")).scene;
-    let [a, b] = &scene.meshes()[..] else { panic!("{:?}", scene.meshes()) };
+    let [a, b] = scene.meshes() else { panic!("{:?}", scene.meshes()) };
     assert_eq!(a.triangles, [[0, 1, 2], [0, 2, 3], [4, 2, 3]]);
     assert_eq!((a.positions.len(), a.uvs.len(), a.normals.len()), (5, 5, 5));
     assert_eq!(a.uvs[4], Vec2::ONE);

@@ -238,8 +238,14 @@ fn every_strategy_gives_the_same_image_up_to_a_bias_that_shrinks_with_the_radius
     let scene = furnished_box();
     let accel = accel(&scene);
     let render = |direct, merge_vertex, radius: f32, iterations| {
-        let settings =
-            Settings { direct, merge_vertex, radius, light_paths: 3000, ..settings(16, 16) };
+        let settings = Settings {
+            direct,
+            merge_vertex,
+            radius,
+            caustic_radius: radius,
+            light_paths: 3000,
+            ..settings(16, 16)
+        };
         mean_luminance(&scene, &*accel as &dyn Intersect, settings, iterations)
     };
     // Late merging at a small radius: all but the third bounce of the image is unbiased.
