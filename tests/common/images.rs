@@ -52,7 +52,10 @@ impl Subject<'_> {
     pub fn extrapolated(&self, iterations: u64) -> Pixels {
         let Settings { radius, seed, .. } = *self.settings;
         let at = |radius: f32, seed: u64| {
-            self.rendered(Settings { radius, seed, ..self.settings.clone() }, iterations)
+            self.rendered(
+                Settings { radius, caustic_radius: radius, seed, ..self.settings.clone() },
+                iterations,
+            )
         };
         let (large, small) = (at(radius, seed), at(radius * 0.5f32.sqrt(), seed + 1));
         let pairs = |a: &[f64], b: &[f64], of: fn(f64, f64) -> f64| {

@@ -62,7 +62,13 @@ fn spots_and_suns_light_a_plane_as_they_say() {
     ] {
         let scene = lit_plane(light, at);
         for direct in [Direct::Connect, Direct::PhotonMap] {
-            let settings = Settings { direct, light_paths: 20_000, radius, ..settings(4, 4) };
+            let settings = Settings {
+                direct,
+                light_paths: 20_000,
+                radius,
+                caustic_radius: radius,
+                ..settings(4, 4)
+            };
             let iterations = if direct == Direct::Connect { 50 } else { 900 };
             let mean = mean_luminance(&scene, &*accel(&scene), settings, iterations);
             println!("{name} {direct:?}: {mean:?}, {}", radiance * expected);
