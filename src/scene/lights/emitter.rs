@@ -58,7 +58,7 @@ pub struct Directional {
     pub direction: Vec3,
     /// Irradiance of surfaces that face it, W/m^2.
     pub irradiance: Rgb,
-    /// Center of a sphere around the scene; [`Scene::new`](super::Scene::new) sets it.
+    /// Center of a sphere around the scene; [`Scene::new`](crate::Scene::new) sets it.
     pub center: Vec3,
     /// Radius of that sphere, scene units.
     pub radius: f32,

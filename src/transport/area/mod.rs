@@ -7,10 +7,10 @@
 //!    above one half with the normal at `y` ([`admission`]);
 //! 2. of these the part in the sphere, a disc in the triangle's plane, in closed form ([`disc`]);
 //! 3. only on sides that light reaches ([`sides`]);
-//! 4. only where nothing covers it: of layers the highest, and nothing inside of solids ([`covered`]);
+//! 4. only where nothing covers it: of layers the highest, and nothing inside of solids (`covered`);
 //! 5. of cut-outs the mean opacity.
 //!
-//! All of this is worked out once per patch of a triangle about as large as the sphere ([`patch`]):
+//! All of this is worked out once per patch of a triangle about as large as the sphere (`patch`):
 //! most are flat, or have one straight edge. [`Areas`] keeps what it finds.
 
 pub mod admission;
