@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup build demo test bench memcheck check-package check-report
+.PHONY: setup build demo test check bench memcheck check-package check-report
 
 setup:
 	@scripts/setup.sh
@@ -19,14 +19,19 @@ demo: build
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
+# Minutes: every family of tests has a case here.
 test: setup
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --workspace --all-targets --test check -- -D warnings
+	$(CARGO) test $(FLAGS) --workspace
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
+
+# The long statistical tables; the program without Embree, and the library alone.
+check: setup
+	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
-	$(CARGO) test $(FLAGS) --workspace
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 	$(CARGO) test $(FLAGS) --benches --no-run
 
 bench: setup
@@ -41,7 +46,6 @@ check-package: setup
 	scripts/check-package.sh
 
 # The paper's experiment in short, and its report in a browser at the widths of phones and desktops.
-check-report: build
-	rm -rf out/report-quick
-	$(CARGO) run $(FLAGS) --release --quiet -- reproduce --quick --output out/report-quick
+check-report: setup
+	$(CARGO) test $(FLAGS) --package bdpm --test check -- report::
 	scripts/check-report.sh out/report-quick

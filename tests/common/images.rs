@@ -27,73 +27,88 @@ pub struct Subject<'a> {
 impl Subject<'_> {
     /// By the path tracer, of so many paths in each pixel.
     pub fn traced(&self, paths: u32) -> Pixels {
+        const ITERATIONS: u32 = 64;
         let mut tracer = PathTracer::new(self.scene, self.accel, self.settings);
-        let mut totals = Totals::default();
-        for _ in 0..64 {
-            tracer.iterate(paths / 64);
-            totals.add(tracer.film(), self.region);
-        }
-        Pixels::new(tracer.film(), &totals.each, self.region)
+        let mut last = Last::default();
+        self.pixels((0..ITERATIONS).map(|_| {
+            tracer.iterate(paths / ITERATIONS);
+            last.of(tracer.film())
+        }))
     }
 
     /// By the renderer.
     pub fn rendered(&self, settings: Settings, iterations: u64) -> Pixels {
-        let mut renderer = Renderer::new(self.scene, self.accel, settings).unwrap();
-        let mut totals = Totals::default();
-        for _ in 0..iterations {
-            assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
-            totals.add(renderer.film(), self.region);
-        }
-        Pixels::new(renderer.film(), &totals.each, self.region)
+        let mut images = self.images(settings);
+        self.pixels((0..iterations).map(|_| images()))
     }
 
     /// By the renderer, without the merge bias that falls as the squared radius: from that of the
-    /// settings and one that is smaller by a root of two.
+    /// settings and one that is smaller by a root of two. Both take the same paths, so that most of
+    /// what the difference would add to the noise cancels.
     pub fn extrapolated(&self, iterations: u64) -> Pixels {
-        let Settings { radius, seed, .. } = *self.settings;
-        let at = |radius: f32, seed: u64| {
-            self.rendered(
-                Settings { radius, caustic_radius: radius, seed, ..self.settings.clone() },
-                iterations,
-            )
-        };
-        let (large, small) = (at(radius, seed), at(radius * 0.5f32.sqrt(), seed + 1));
-        let pairs = |a: &[f64], b: &[f64], of: fn(f64, f64) -> f64| {
-            a.iter().zip(b).map(|(&a, &b)| of(a, b)).collect()
-        };
+        let [mut large, mut small] = [1.0, 0.5f32.sqrt()].map(|factor| {
+            let Settings { radius, caustic_radius, .. } = *self.settings;
+            let [radius, caustic_radius] = [radius, caustic_radius].map(|r| factor * r);
+            self.images(Settings { radius, caustic_radius, ..self.settings.clone() })
+        });
+        self.pixels((0..iterations).map(|_| {
+            let pairs = small().into_iter().zip(large());
+            pairs.map(|(small, large)| 2.0 * small - large).collect()
+        }))
+    }
+
+    /// The images of one iteration after the other.
+    fn images(&self, settings: Settings) -> impl FnMut() -> Vec<f64> {
+        let mut renderer = Renderer::new(self.scene, self.accel, settings).unwrap();
+        let mut last = Last::default();
+        move || {
+            assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
+            last.of(renderer.film())
+        }
+    }
+
+    /// From the images of iterations, which are independent.
+    fn pixels(&self, images: impl Iterator<Item = Vec<f64>>) -> Pixels {
+        let mut samples: Vec<Vec<f64>> = Vec::new();
+        let mut sums = Vec::new();
+        for image in images {
+            let image = inside(self.region, &image);
+            sums.push(image.iter().sum());
+            samples.resize(image.len(), Vec::new());
+            samples.iter_mut().zip(image).for_each(|(samples, value)| samples.push(value));
+        }
+        let each: Vec<_> = samples.iter().map(|samples| Estimate::from_samples(samples)).collect();
         Pixels {
-            mean: pairs(&small.mean, &large.mean, |a, b| 2.0 * a - b),
-            variance: pairs(&small.variance, &large.variance, |a, b| 4.0 * a + b),
-            variance_of_sum: 4.0 * small.variance_of_sum + large.variance_of_sum,
+            mean: each.iter().map(|pixel| pixel.mean).collect(),
+            variance: each.iter().map(|pixel| pixel.error.powi(2)).collect(),
+            variance_of_sum: Estimate::from_samples(&sums).error.powi(2),
         }
     }
 }
 
-impl Pixels {
-    /// Of the film after iterations whose sums over the region are `totals`.
-    fn new(film: &Film, totals: &[f64], region: &[usize]) -> Self {
-        let variance_of_sum = Estimate::from_samples(totals).error.powi(2);
-        let inside = |values: Vec<f64>| match region {
-            [] => values,
-            _ => region.iter().map(|&i| values[i]).collect(),
-        };
-        let scale = 1.0 / film.iterations as f64;
-        let mean = sums(film).into_iter().map(|sum| scale * sum).collect();
-        let variance = film.variance_of_mean().unwrap();
-        Self { mean: inside(mean), variance: inside(variance), variance_of_sum }
+/// The values of a region's pixels; all if there is none.
+pub fn inside(region: &[usize], values: &[f64]) -> Vec<f64> {
+    match region {
+        [] => values.to_vec(),
+        _ => region.iter().map(|&i| values[i]).collect(),
     }
+}
 
+impl Pixels {
     /// How far they are from others.
     pub fn against(&self, expected: &Self) -> Difference {
         let sum = |pixels: &Self| pixels.mean.iter().sum::<f64>();
         let (found, total) = (sum(self), sum(expected));
         let ratio = found / total;
         let count = self.mean.len() as f64;
-        let mut z2 = 0.0;
+        let error = (self.variance_of_sum + expected.variance_of_sum).sqrt() / total;
+        let (mut z2, mut errors) = (0.0, 0.0);
         for i in 0..self.mean.len() {
-            // Light paths that all pixels share move them together.
+            // Light paths that all pixels share move them together, and so does a pixel that is far off.
             let wanted = ratio * expected.mean[i];
-            let variance = self.variance[i] + ratio * ratio * expected.variance[i];
+            let own = self.variance[i] + ratio * ratio * expected.variance[i];
+            let variance = own + (error * expected.mean[i]).powi(2);
+            errors += variance.sqrt();
             // What is left of the bias at edges of light and objects. A black pixel has no variance,
             // and nothing but 0 is no deviation then.
             let excess = ((self.mean[i] - wanted).abs() - 0.02 * wanted).max(0.0);
@@ -101,35 +116,24 @@ impl Pixels {
                 z2 += excess.powi(2) / variance / count;
             }
         }
-        let error = (self.variance_of_sum + expected.variance_of_sum).sqrt() / total;
-        Difference { off: ratio - 1.0, error, z2 }
+        Difference { off: ratio - 1.0, error, pixel_error: errors / total, z2 }
     }
 }
 
-/// Sums over the region of one iteration after the other.
+/// Sums over the iterations so far by pixel, luminance.
 #[derive(Default)]
-struct Totals {
-    sum: f64,
-    each: Vec<f64>,
-}
+struct Last(Vec<f64>);
 
-impl Totals {
-    fn add(&mut self, film: &Film, region: &[usize]) {
-        let sums = sums(film);
-        let sum = match region {
-            [] => sums.iter().sum::<f64>(),
-            _ => region.iter().map(|&i| sums[i]).sum(),
-        };
-        self.each.push(sum - self.sum);
-        self.sum = sum;
+impl Last {
+    /// The image of the last iteration alone.
+    fn of(&mut self, film: &Film) -> Vec<f64> {
+        let mut sums = vec![0.0; film.pixels()];
+        film.for_each_pixel(|x, y, pixel| sums[film.index(x, y)] = luminance(pixel.radiance));
+        self.0.resize(sums.len(), 0.0);
+        let image = sums.iter().zip(&self.0).map(|(sum, before)| sum - before).collect();
+        self.0 = sums;
+        image
     }
-}
-
-/// Sums over the iterations by pixel, luminance.
-fn sums(film: &Film) -> Vec<f64> {
-    let mut all = vec![0.0; film.pixels()];
-    film.for_each_pixel(|x, y, sums| all[film.index(x, y)] = luminance(sums.radiance));
-    all
 }
 
 /// The difference of two images.
@@ -139,7 +143,16 @@ pub struct Difference {
     pub off: f64,
     /// Its standard error.
     pub error: f64,
+    /// Mean standard error of the pixels' deviations, over the mean luminance.
+    pub pixel_error: f64,
     /// Mean square of the pixels' deviations beyond 2 % of the value, over their variance, after the
     /// mean luminance was made the same; about 1 or less.
     pub z2: f64,
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { off, error, pixel_error, z2 } = self;
+        write!(f, "{off:+.4} +- {error:.4}, z^2 {z2:.2}, a pixel +- {pixel_error:.3}")
+    }
 }

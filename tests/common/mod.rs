@@ -2,6 +2,7 @@
 #![allow(dead_code)] // each test binary uses its own part
 
 pub mod images;
+pub mod table;
 
 use bdpm::accel::Intersect;
 use bdpm::bsdf::Bsdf;

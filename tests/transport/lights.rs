@@ -1,13 +1,14 @@
 //! Each kind of light: what it does to a surface by connection, by photons and by a formula, and
 //! whether both ways of direct light and the path tracer make the same of it.
 
+use crate::boxes::sun;
 use crate::common::*;
+use crate::strategies::{ALL, assert_same};
 use bdpm::bsdf::{Bsdf, Dielectric};
 use bdpm::noise::Measure;
 use bdpm::pictures::{Image, Layer, write_exr};
-use bdpm::scene::{Camera, Directional, Emitter, Environment, FieldOfView, Material, Spot};
+use bdpm::scene::{Emitter, Environment, Material, Spot};
 use bdpm::settings::{Direct, Settings};
-use bdpm::transport::reference::PathTracer;
 use bdpm::{Renderer, Scene};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -29,11 +30,6 @@ fn spot() -> Spot {
         cos_inner: 0.97,
         cos_outer: 0.8,
     }
-}
-
-fn sun() -> Emitter {
-    let direction = Vec3::new(0.5, 0.2, -0.7).normalize();
-    Emitter::Directional(Directional::new(direction, Vec3::splat(3.0)))
 }
 
 /// Irradiance from a spot by its definition, in f64.
@@ -90,65 +86,9 @@ fn what_lies_beyond_a_spots_cone_is_dark() {
     }
 }
 
-/// Asserts that every strategy has the path tracer's mean, that of so many paths in each pixel and of
-/// so many iterations.
-fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
-    let accel = accel(scene);
-    let mut tracer = PathTracer::new(scene, &*accel, &settings(12, 12));
-    let mut before = 0.0;
-    let samples: Vec<f64> = (1..=100)
-        .map(|i| {
-            tracer.iterate(paths);
-            let sum = tracer.film().mean_luminance() * f64::from(i);
-            sum - std::mem::replace(&mut before, sum)
-        })
-        .collect();
-    let reference = Estimate::from_samples(&samples);
-    for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
-                direct,
-                merge_vertex,
-                light_paths: 40_000,
-                camera_paths: 16,
-                radius: 0.02,
-                caustic_radius: 0.02,
-                ..settings(12, 12)
-            };
-            let found = mean_luminance(scene, &*accel, settings, iterations);
-            println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
-            let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
-            // Along edges the kernel loses a fifth of its area: a few radii of the room's 2.
-            both.assert_is(reference.mean, 5e-3);
-        }
-    }
-}
-
-/// A box that is open above, with a block, under both lights and a panel.
 #[test]
 fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
-    let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0)];
-    for axis in [Vec3::X, Vec3::Y] {
-        meshes.push(square(axis, -axis, 1.0, 0));
-        meshes.push(square(-axis, axis, 1.0, 0));
-        for side in [axis, -axis] {
-            meshes.push(square(Vec3::new(0.2, 0.1, -0.75) + 0.25 * side, side, 0.25, 0));
-        }
-    }
-    meshes.push(square(Vec3::new(0.2, 0.1, -0.5), Vec3::Z, 0.25, 0));
-    meshes.push(square(Vec3::new(-0.5, 0.5, 0.9), -Vec3::Z, 0.2, 1));
-    let spot = Spot {
-        position: Vec3::new(0.7, -0.6, 0.8),
-        direction: Vec3::new(-0.4, 0.5, -1.0).normalize(),
-        intensity: Vec3::splat(1.5),
-        cos_inner: 0.95,
-        cos_outer: 0.7,
-    };
-    let lights = vec![Emitter::Spot(spot), sun()];
-    let eye = Vec3::new(-0.8, -0.85, 0.7);
-    let camera = Camera::look(eye, Vec3::new(1.0, 1.0, -1.0), Vec3::Z, FieldOfView::X(75.0));
-    let scene = scene(meshes, vec![gray(0.5, 0.0), gray(0.0, 4.0)], lights, camera.unwrap());
-    assert_every_strategy(&scene, 64, 60);
+    assert_same("all-lights", &ALL);
 }
 
 /// Under light that is the same from everywhere, lossless things are as bright as what is behind.
@@ -194,18 +134,9 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
     }
 }
 
-/// A room with a window to an uneven environment, by every strategy and the path tracer.
 #[test]
 fn an_environment_through_a_window_is_the_same_by_every_strategy() {
-    let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0), square(Vec3::Z, -Vec3::Z, 1.0, 0)];
-    for wall in [-Vec3::X, Vec3::Y, -Vec3::Y] {
-        meshes.push(square(wall, -wall, 1.0, 0));
-    }
-    let pixel = |i: u32| Vec3::new(1.0, 0.8, 0.5) * if i % 5 == 2 { 8.0 } else { 0.5 };
-    let map = Environment::new(16, 8, (0..128).map(pixel).collect(), 20.0);
-    let camera = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(1.0, 0.5, -0.2), 85.0);
-    let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], camera).with_environment(map);
-    assert_every_strategy(&scene, 128, 100);
+    assert_same("window", &ALL);
 }
 
 /// One pixel of a map, by its files.

@@ -1,0 +1,23 @@
+//! What `make test` has no time for: the long statistical tables, of which it has a case or two in a
+//! module of the same name, and the paper's experiment. `make check` runs the tables,
+//! `make check-report` the experiment.
+
+#[path = "../common/boxes.rs"]
+mod boxes;
+#[path = "../common/committed.rs"]
+mod committed;
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/material_noise.rs"]
+mod material_noise;
+#[path = "../common/program.rs"]
+mod program;
+#[path = "../common/scene_case.rs"]
+mod scene_case;
+#[path = "../common/strategies.rs"]
+mod strategies;
+
+mod materials_light;
+mod reference;
+mod report;
+mod scenes;

@@ -1,0 +1,12 @@
+//! The noise of the materials that `tests/transport/materials_light.rs` leaves out.
+
+use crate::material_noise::{assert_predicted, materials};
+
+#[test]
+fn the_noise_of_each_material_is_predicted() {
+    for (name, _) in materials() {
+        if !["glass", "gloss"].contains(&name) {
+            assert_predicted(name);
+        }
+    }
+}

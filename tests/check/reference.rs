@@ -1,0 +1,20 @@
+//! The renderer against the path tracer: the materials that `tests/transport/reference.rs` leaves
+//! out.
+
+use crate::boxes;
+use crate::strategies::assert_same;
+use bdpm::settings::Direct::{Connect, PhotonMap};
+
+#[test]
+fn a_ball_of_each_material_under_a_panel() {
+    for (name, _) in boxes::balls() {
+        if !["glass-ball", "rough-metal-ball"].contains(&name) {
+            assert_same(name, &[(Connect, 2), (PhotonMap, 1)]);
+        }
+    }
+}
+
+#[test]
+fn pictures_of_everything_in_a_box() {
+    assert_same("pictures", &[(Connect, 1), (PhotonMap, 1)]);
+}

@@ -1,0 +1,41 @@
+//! The scenes of this project, small.
+
+use bdpm::import::load;
+use bdpm::scene::Arrangement;
+use bdpm::settings::PartialSettings;
+use bdpm::{Scene, Settings};
+use std::path::Path;
+
+/// Pixels across.
+const WIDTH: u32 = 16;
+
+/// Those that a path tracer makes the same image of, if need be without the lights that no ray can
+/// hit: it misses their caustics.
+pub const TRACED: [&str; 6] =
+    ["cornell-box", "keyhole", "materials", "caustic-sphere", "objective", "hall"];
+
+/// Of those, the ones that are compared without the lights that no ray can hit.
+const LAMPS_ALONE: [&str; 3] = ["materials", "objective", "hall"];
+
+/// A scene with its own settings, but small.
+pub fn small(name: &str) -> (Scene, Settings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let loaded = load(&path).unwrap();
+    let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
+    let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
+    let wishes = PartialSettings { resolution, ..PartialSettings::default() };
+    let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
+    (loaded.scene, settings)
+}
+
+/// What images of a scene are compared of, where it is not the scene itself. It has the same
+/// geometry.
+pub fn compared(name: &str, scene: &Scene) -> Option<Scene> {
+    LAMPS_ALONE.contains(&name).then(|| {
+        let (meshes, placements) = (scene.meshes().to_vec(), scene.placements().to_vec());
+        let arrangement = Arrangement { meshes, placements };
+        let (name, materials) = (scene.name.clone(), scene.materials().to_vec());
+        let (camera, regions) = (scene.camera, scene.regions.clone());
+        Scene::new(name, arrangement, materials, Vec::new(), camera, regions).unwrap()
+    })
+}
