@@ -4,7 +4,7 @@ use super::area::{Areas, Query};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass};
 use crate::base::math::disc_area;
-use crate::lanes::{LANES, Mask};
+use crate::lanes::{LANES, Mask, Vec3s};
 use crate::settings::{self, Settings};
 use glam::Vec3;
 use std::array::from_fn;
@@ -37,6 +37,11 @@ impl Admission {
     pub fn is_uniform(&self) -> bool {
         self.radius2[EVERY] == self.radius2[LAST]
     }
+
+    /// Where the flux of photons of a class is summed up: all together if the radius is the same.
+    pub fn sum_of(&self, class: PhotonClass) -> usize {
+        if self.is_uniform() { LAST } else { class as usize }
+    }
 }
 
 /// A constant kernel for either class of photons: theory.md (45).
@@ -57,7 +62,7 @@ pub struct PointKernels {
 }
 
 /// The kernel at one point.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct PointKernel {
     /// Reciprocal of the area for photons of the last vertex, 1/scene units squared.
     pub inverse_area: f32,
@@ -133,6 +138,12 @@ impl<'a> Kernel<'a> {
 }
 
 impl PointKernels {
+    /// The flux of photons found at the point of a lane, W, as if all were of the last vertex.
+    #[inline(always)] // part of vectorized code
+    pub fn together(&self, lane: usize, flux: &ByClass<Vec3s>) -> Vec3 {
+        flux[LAST].get(lane) + self.every[lane] * flux[EVERY].get(lane)
+    }
+
     /// That of one lane.
     #[inline(always)] // part of vectorized code
     pub fn get(&self, lane: usize) -> PointKernel {

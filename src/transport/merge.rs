@@ -2,13 +2,13 @@
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
-use super::kernel::{Admission, Kernel, PointKernel, PointKernels};
+use super::kernel::{Admission, ByClass, Kernel, PointKernel, PointKernels};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::lanes::simd::{Simd, vectorized};
-use crate::lanes::{LANES, Vec3s};
+use crate::lanes::{LANES, Mask, Vec3s};
 use std::array::from_fn;
 use std::ops;
 
@@ -43,7 +43,7 @@ pub struct Gathered {
     look_ups: LookUps,
     ranges: Ranges,
     /// At the gather points, W.
-    flux: Vec<Vec3s>,
+    flux: Vec<ByClass<Vec3s>>,
     kernels: Vec<PointKernels>,
 }
 
@@ -135,14 +135,21 @@ impl<'a> Merge<'a> {
             if ranges.is_empty() {
                 continue;
             }
-            let kernels = self.kernel.at(packet, &ranges.look_ups());
-            let mut flux = Vec3s::default();
+            let mut kernels = PointKernels::default();
+            if PAIRS {
+                kernels = self.kernel.at(packet, &ranges.look_ups());
+            }
+            let mut flux = <ByClass<Vec3s>>::default();
             for ranges in ranges.by_look_up() {
                 let lane = ranges[0].look_up;
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
                 let to = (&kernels.get(lane), &mut *pairs);
-                flux.set(lane, self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to));
+                let found = self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to);
+                set(&mut flux, lane, found);
+            }
+            if !PAIRS {
+                kernels = self.kernel.at(packet, &lit(&flux));
             }
             self.add(packet, &kernels, &flux, sums);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -172,12 +179,14 @@ impl<'a> Merge<'a> {
             }),
         );
         flux.clear();
-        flux.resize(packets.len(), Vec3s::default());
+        flux.resize(packets.len(), <ByClass<Vec3s>>::default());
         kernels.clear();
-        kernels.extend(packets.iter().map(|packet| {
-            let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
-            self.kernel.at(packet, &gathers)
-        }));
+        kernels.resize(packets.len(), PointKernels::default());
+        if PAIRS {
+            for (packet, kernels) in packets.iter().zip(&mut *kernels) {
+                *kernels = self.kernel.at(packet, &packet.gathers_of(&part));
+            }
+        }
         for look_ups in look_ups.packets() {
             let mut positions = Vec3s::default();
             for (lane, look_up) in look_ups.iter().enumerate() {
@@ -189,13 +198,16 @@ impl<'a> Merge<'a> {
                 let point = look_up.point as usize;
                 let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
                 let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
-                flux[point / LANES].set(point % LANES, found);
+                set(&mut flux[point / LANES], point % LANES, found);
             }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
         }
         for ((packet, flux), kernels) in packets.iter().zip(flux).zip(kernels) {
+            if !PAIRS {
+                *kernels = self.kernel.at(packet, &lit(flux));
+            }
             self.add(packet, kernels, flux, sums);
         }
         true
@@ -203,15 +215,21 @@ impl<'a> Merge<'a> {
 
     /// Adds what photons of so much flux contribute to the camera paths of a packet of points.
     #[inline(always)] // vectorized
-    fn add(&self, packet: &GatherPacket, kernels: &PointKernels, flux: &Vec3s, sums: &mut [Rgb]) {
+    fn add(
+        &self,
+        packet: &GatherPacket,
+        kernels: &PointKernels,
+        flux: &ByClass<Vec3s>,
+        sums: &mut [Rgb],
+    ) {
         let mut contribution = Vec3s::default();
         for lane in 0..LANES {
             // theory.md (45)
             let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
-            contribution.set(lane, weight * flux.get(lane));
+            contribution.set(lane, weight * kernels.together(lane, flux));
         }
-        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & (flux.get(lane) != Rgb::ZERO))
-        {
+        let lit = lit(flux);
+        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
             sums[packet.path[lane] as usize] += contribution.get(lane);
         }
     }
@@ -226,7 +244,7 @@ impl<'a> Merge<'a> {
         ranges: &[Range],
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> Rgb {
+    ) -> ByClass<Rgb> {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
         } else if PAIRS {
@@ -234,7 +252,7 @@ impl<'a> Merge<'a> {
             let to = (point.path, pair_weight(&point, kernel), pairs);
             self.map.pairs_in(simd, ranges, look_up, (&self.admission, kernel), to)
         } else {
-            self.map.flux_in(ranges, look_up, (&self.admission, kernel))
+            self.map.flux_in(ranges, look_up, &self.admission)
         }
     }
 
@@ -246,23 +264,22 @@ impl<'a> Merge<'a> {
         ranges: &[Range],
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> Rgb {
+    ) -> ByClass<Rgb> {
         let point = paths.gather_points.at(look_up.point as usize);
         let view = &paths.views[point.view as usize];
         let weight = pair_weight(&point, kernel);
-        let (mut sum, mut nested, mut count) = (Rgb::ZERO, 0.0, 0);
+        let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), 0.0, 0);
         let Admission { radius2, .. } = self.admission;
         self.map.for_each_in(ranges, point.position, |photon, distance2| {
             let class = photon.class();
             let counts = look_up.last || class == PhotonClass::EveryVertex;
             if counts && self.admission.admits(photon, distance2, point.normal) {
-                let class = class as usize;
                 // theory.md (46)
-                let flux = photon.flux * kernel.relative()[class] * view.value(photon, &point);
-                sum += flux;
+                let flux = photon.flux * view.value(photon, &point);
+                sums[self.admission.sum_of(class)] += flux;
                 if PAIRS {
-                    let value = weight.dot(flux);
-                    // theory.md (68)
+                    let class = class as usize;
+                    let value = weight.dot(flux * kernel.relative()[class]);
                     // theory.md (68)
                     let is_inner = distance2 <= 0.5 * radius2[class];
                     nested += if is_inner { value - kernel.inner[class] * value } else { value };
@@ -274,7 +291,7 @@ impl<'a> Merge<'a> {
         if count > 0 {
             pairs.take(count, point.path, nested);
         }
-        sum
+        sums
     }
 
     /// Where a gather point of this number looks for photons.
@@ -291,6 +308,20 @@ impl<'a> Merge<'a> {
 #[inline(always)] // vectorized
 fn pair_weight(point: &GatherPoint, kernel: &PointKernel) -> Rgb {
     LUMINANCE * point.weight * kernel.inverse_area
+}
+
+/// Sets the flux of one lane.
+#[inline(always)] // vectorized
+fn set(flux: &mut ByClass<Vec3s>, lane: usize, found: ByClass<Rgb>) {
+    for (flux, found) in flux.iter_mut().zip(found) {
+        flux.set(lane, found);
+    }
+}
+
+/// Where there is flux: only there the kernel matters.
+#[inline(always)] // vectorized
+fn lit(flux: &ByClass<Vec3s>) -> Mask {
+    from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO))
 }
 
 impl Gathered {

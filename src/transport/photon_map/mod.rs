@@ -7,7 +7,7 @@ mod look_ups;
 mod quad;
 mod vicinity;
 
-use super::kernel::{Admission, PointKernel};
+use super::kernel::{Admission, ByClass, PointKernel};
 use super::light_paths::LightPaths;
 use super::pair_list::PairList;
 use super::photon::{Extent, Photon};
@@ -255,15 +255,16 @@ impl PhotonMap {
         }
     }
 
-    /// The flux of the photons in the ranges of a look-up that it counts, W, wherever they come from.
+    /// The flux of the photons in the ranges of a look-up that it counts, W, wherever they come from; all
+    /// in the last class where both count within the same radius.
     #[inline(always)] // vectorized
     pub(crate) fn flux_in(
         &self,
         ranges: &[Range],
         look_up: &LookUp,
-        (admission, kernel): (&Admission, &PointKernel),
-    ) -> Rgb {
-        let counting = Counting::new(look_up, admission, kernel);
+        admission: &Admission,
+    ) -> ByClass<Rgb> {
+        let counting = Counting::new(look_up, admission, &PointKernel::default());
         let mut sum = Flux::default();
         self.for_each_block(
             ranges,
@@ -283,7 +284,7 @@ impl PhotonMap {
         look_up: &LookUp,
         (admission, kernel): (&Admission, &PointKernel),
         (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
-    ) -> Rgb {
+    ) -> ByClass<Rgb> {
         let counting = Counting::new(look_up, admission, kernel);
         let (mut sum, mut nested) = (Flux::default(), Vec4::ZERO);
         let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();

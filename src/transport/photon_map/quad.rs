@@ -40,9 +40,10 @@ pub fn lanes_from(place: usize) -> BVec4A {
     Vec4::new(0.0, 1.0, 2.0, 3.0).cmpge(Vec4::splat(place as i32 as f32))
 }
 
-/// Flux found by a look-up, in each lane by itself: the order of additions is that of the places.
+/// Flux found by a look-up, by class unless both count within the same radius: then all of it is that of
+/// the last vertex. In each lane by itself: the order of additions is that of the places.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Flux([Vec4; 3]);
+pub struct Flux(ByClass<[Vec4; 3]>);
 
 impl Counting {
     /// Photons that this look-up counts, with the kernel at its point.
@@ -64,8 +65,8 @@ impl Counting {
 impl Flux {
     /// Of all lanes together.
     #[inline(always)]
-    pub fn total(&self) -> Rgb {
-        Rgb::from_array(self.0.map(Vec4::element_sum))
+    pub fn total(&self) -> ByClass<Rgb> {
+        self.0.map(|flux| Rgb::from_array(flux.map(Vec4::element_sum)))
     }
 }
 
@@ -133,14 +134,21 @@ impl Quad {
         Vec4::from_array(late).cmpeq(Vec4::ZERO)
     }
 
-    /// Adds the flux of some lanes, times the kernel over that of the last vertex.
+    /// Adds the flux of some lanes.
     #[inline(always)]
     pub fn add_to(&self, sum: &mut Flux, counting: &Counting, lanes: BVec4A) {
-        let relative = self.of(counting, &counting.relative);
-        for (sum, flux) in sum.0.iter_mut().zip(self.flux) {
-            let flux = Vec4::from_array(flux);
-            let flux = if counting.is_uniform { flux } else { flux * relative };
-            *sum += Vec4::select(lanes, flux, Vec4::ZERO);
+        let [every, last] = &mut sum.0;
+        let add = |sum: &mut [Vec4; 3], lanes: BVec4A| {
+            for (sum, flux) in sum.iter_mut().zip(self.flux) {
+                *sum += Vec4::select(lanes, Vec4::from_array(flux), Vec4::ZERO);
+            }
+        };
+        if counting.is_uniform {
+            add(last, lanes);
+        } else {
+            let at_every_vertex = self.at_every_vertex();
+            add(every, lanes & at_every_vertex);
+            add(last, lanes & !at_every_vertex);
         }
     }
 
