@@ -13,7 +13,7 @@ use bdpm::reproduce::published::{CAMERA_PATHS, LIGHT_PATHS};
 use bdpm::reproduce::report;
 use bdpm::reproduce::results::Results;
 use bdpm::reproduce::run::{Bench, Run};
-use bdpm::settings::Settings;
+use bdpm::settings::{Kernel, PartialSettings, Settings};
 use bdpm::steer::goal::{Forecast, Goal};
 use bdpm::timing::setup::Setup;
 use serde::Serialize;
@@ -80,7 +80,8 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let (time, resolution) = if args.quick { QUICK } else { FULL };
     let time = args.time_budget.unwrap_or(time);
-    let prepared = Prepared::with_resolution(&args.session, resolution)?;
+    let mut prepared = Prepared::with_resolution(&args.session, resolution)?;
+    as_published(&mut prepared.origin.settings, &scene.wishes);
     let identity = identity(&prepared, time)?;
     let folder = Folder::new(&args.output)?;
     let experiment = folder.open(identity)?;
@@ -103,6 +104,14 @@ pub fn run(args: &Args) -> Result<String> {
         (false, true) => String::new(),
         (false, false) => text(&results, &html),
     })
+}
+
+/// The paper merges over discs of one radius, unless somebody wants to see what else would come out.
+fn as_published(settings: &mut Settings, wishes: &PartialSettings) {
+    settings.kernel = wishes.kernel.unwrap_or(Kernel::Disc);
+    if wishes.caustic_radius.is_none() {
+        settings.caustic_radius = settings.radius;
+    }
 }
 
 /// All that the experiment depends on.

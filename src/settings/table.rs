@@ -162,12 +162,12 @@ settings! {
     #[arg(value_name = "R", allow_negative_numbers = true)]
     radius: f32 as Length = Length::Share(0.005), check_radius;
 
-    /// The same for photons without a diffuse bounce, such as caustics [default: --radius]
+    /// The same for photons without a diffuse bounce, such as caustics [default: a quarter of --radius]
     #[arg(value_name = "R", allow_negative_numbers = true)]
-    caustic_radius: f32 as Length = Length::Units(radius), check_radius;
+    caustic_radius: f32 as Length = Length::Units(0.25 * radius), check_radius;
 
     /// What merged photons are divided by
-    kernel: Kernel as Kernel = Kernel::Disc, anything;
+    kernel: Kernel as Kernel = Kernel::Area, anything;
 
     /// The diffuse vertex at which camera paths are cut and merged
     #[serde(deserialize_with = "read::merge_vertex")]
@@ -251,8 +251,8 @@ mod tests {
             light_paths: 100_000,
             camera_paths: 4,
             radius: 0.5,
-            caustic_radius: 0.5,
-            kernel: Kernel::Disc,
+            caustic_radius: 0.125,
+            kernel: Kernel::Area,
             merge_vertex: 2,
             direct: Direct::PhotonMap,
             light_roulette: Roulette::Albedo,

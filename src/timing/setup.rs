@@ -197,7 +197,7 @@ pub(super) mod tests {
             ("light_roulette", text("weight"), "light-roulette is albedo, not weight"),
             ("camera_roulette", text("albedo"), "camera-roulette is weight, not albedo"),
             ("radius", Value::Number(0.5), "radius is 0.01, not 0.5"),
-            ("kernel", text("area"), "kernel is disc, not area"),
+            ("kernel", text("disc"), "kernel is area, not disc"),
         ] {
             let mut other = facts();
             other.insert(key.into(), value);

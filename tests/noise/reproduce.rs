@@ -16,7 +16,7 @@ use bdpm::reproduce::terms::{Terms, share};
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::origin::Origin;
-use bdpm::settings::{PartialSettings, Settings};
+use bdpm::settings::{Kernel, PartialSettings, Settings};
 use bdpm::timing::setup::Setup;
 use std::fs;
 use std::ops::ControlFlow;
@@ -24,8 +24,10 @@ use std::path::Path;
 
 fn loaded(side: u32) -> (Scene, Box<dyn Intersect>, Settings) {
     let Loaded { scene, defaults, .. } = load("scenes/cornell-box".as_ref()).unwrap();
-    let wishes = PartialSettings { resolution: Some([side, side]), ..PartialSettings::default() };
+    let kernel = Some(Kernel::Disc);
+    let wishes = PartialSettings { resolution: Some([side, side]), kernel, ..Default::default() };
     let settings = Settings::resolve(&wishes, &defaults, scene.size()).unwrap();
+    let settings = Settings { caustic_radius: settings.radius, ..settings };
     let accel = build(Backend::default(), &scene).unwrap();
     (scene, accel, settings)
 }

@@ -10,8 +10,8 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 /// Bytes of areas that are kept at the most: some hundred for each patch of a surface about as large as the
-/// merge sphere.
-const BUDGET: usize = 1 << 28;
+/// merge sphere. The hall, of 1.5 million triangles, takes half of it.
+const BUDGET: usize = 1 << 30;
 
 /// Points of a disc at which the opacity of a cut-out is asked for.
 const SAMPLES: u16 = 64;
