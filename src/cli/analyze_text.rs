@@ -64,12 +64,21 @@ pub fn text(report: &Report) -> String {
     let bias = &noise.bias;
     line(&format!("{:<22} {}", "merge bias, mean", shown(&bias.mean)));
     line(&format!("{:<22} {}", "merge bias, RMS", shown(&bias.rms)));
-    line(&format!(
-        "{:<22} {:>12.4} of the RMS of one iteration, {:.3} % of the mean luminance",
-        "  which is",
-        bias.rms.value / pooled_rms.predicted.value,
-        100.0 * bias.rms.value / bias.mean_luminance
-    ));
+    if bias.significant {
+        line(&format!(
+            "{:<22} {:>12.4} of the RMS of one iteration, {:.3} % of the mean luminance",
+            "  which is",
+            bias.rms.value / pooled_rms.predicted.value,
+            100.0 * bias.rms.value / bias.mean_luminance
+        ));
+    } else if bias.upper_bound.is_finite() {
+        line(&format!(
+            "{:<22} hidden by the noise; at most {:.3} % of the mean luminance",
+            "",
+            100.0 * bias.upper_bound / bias.mean_luminance
+        ));
+    }
+    line(&format!("{:<22} {}", "  relative, RMS", shown(&bias.relative)));
     line("");
     match (noise.iterations_for.five_percent, noise.iterations_for.one_percent) {
         (Some(five), Some(one)) => line(&format!(

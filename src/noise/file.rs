@@ -8,7 +8,8 @@
 //! | `a`, `b`, `f` | `Y` | the coefficients |
 //! | `V` | `predicted`, `sampled` | variance of one iteration by (1), and sampled |
 //! | `bias` | `Y`, `error` | merge bias and its standard error |
-//! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `bias` | means over the batch's iterations |
+//! | `nested` | `first`, `second`, `error` | `L(r) - L(r/sqrt 2)`, its standard error, and `L(r/sqrt 2) - L(r/2)` |
+//! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `first`, `second` | means over the batch's iterations |
 
 use super::Coefficients;
 use super::film::{BATCHES, BatchGrain, NoiseFilm};
@@ -65,6 +66,8 @@ impl NoiseFile {
         let values = |of: &dyn Fn(&PixelEstimate) -> f64| -> Vec<f32> {
             noise.pixels.iter().map(|pixel| of(pixel) as f32).collect()
         };
+        let all = noise.bias();
+        let bias = |of: usize| all.iter().map(|bias| bias[of] as f32).collect::<Vec<_>>();
         let layer = |name: &str, channels: Vec<(&str, Vec<f32>)>| Layer {
             name: name.into(),
             channels: channels.into_iter().map(|(n, v)| (n.to_owned(), v)).collect(),
@@ -91,9 +94,14 @@ impl NoiseFile {
                 ],
             ),
             layer(
-                "bias",
-                vec![("Y", values(&|p| p.noise.bias)), ("error", values(&|p| p.bias_error))],
+                "nested",
+                vec![
+                    ("first", values(&|p| p.noise.nested[0])),
+                    ("second", values(&|p| p.noise.nested[1])),
+                    ("error", values(&|p| p.nested_error)),
+                ],
             ),
+            layer("bias", vec![("Y", bias(0)), ("error", bias(1))]),
         ];
         for batch in 0..BATCHES {
             let values = |of: fn(&NoiseSample) -> f64| -> Vec<f32> {
@@ -106,7 +114,8 @@ impl NoiseFile {
                     ("b", values(|s| s.coefficients.b)),
                     ("f", values(|s| s.coefficients.f)),
                     ("V", values(|s| s.sampled)),
-                    ("bias", values(|s| s.bias)),
+                    ("first", values(|s| s.nested[0])),
+                    ("second", values(|s| s.nested[1])),
                 ],
             ));
         }
@@ -147,16 +156,18 @@ impl NoiseFile {
         let iterations = count("iterations", 2.0, (1u64 << 53) as f64)? as u64;
         let [a, b, f] = [channel("a", "Y")?, channel("b", "Y")?, channel("f", "Y")?];
         let (luminance, sampled) = (channel("L", "Y")?, channel("V", "sampled")?);
-        let (bias, bias_error) = (channel("bias", "Y")?, channel("bias", "error")?);
-        let sample = |[a, b, f, sampled, bias]: [&[f32]; 5], i: usize| {
-            let [a, b, f, sampled, bias] = [a, b, f, sampled, bias].map(|list| f64::from(list[i]));
-            NoiseSample { coefficients: Coefficients { a, b, f }, sampled, bias }
+        let [first, second] = [channel("nested", "first")?, channel("nested", "second")?];
+        let nested_error = channel("nested", "error")?;
+        let sample = |channels: [&[f32]; 6], i: usize| {
+            let [a, b, f, sampled, first, second] = channels.map(|list| f64::from(list[i]));
+            let coefficients = Coefficients { a, b, f };
+            NoiseSample { coefficients, sampled, nested: [first, second] }
         };
-        let all = [a, b, f, sampled, bias];
+        let all = [a, b, f, sampled, first, second];
         let estimate = |i: usize| PixelEstimate {
             luminance: f64::from(luminance[i]),
             noise: sample(all, i),
-            bias_error: f64::from(bias_error[i]),
+            nested_error: f64::from(nested_error[i]),
         };
         let pixels: Vec<_> = (0..luminance.len()).map(estimate).collect();
         let mut batches = vec![[NoiseSample::default(); BATCHES]; pixels.len()];
@@ -167,7 +178,8 @@ impl NoiseFile {
                 channel(&name, "b")?,
                 channel(&name, "f")?,
                 channel(&name, "V")?,
-                channel(&name, "bias")?,
+                channel(&name, "first")?,
+                channel(&name, "second")?,
             ];
             for (i, pixel) in batches.iter_mut().enumerate() {
                 pixel[batch] = sample(channels, i);

@@ -14,8 +14,9 @@ pub struct PixelMeasurement {
     pub coefficients: Coefficients,
     /// The pixel's value `L_iter`.
     pub value: f64,
-    /// The value less the value at `1/sqrt(2)` of the merge radius, from the same photons.
-    pub nested_difference: f64,
+    /// From the same photons: the value less that at `1/sqrt(2)` of the merge radii, and that less the value
+    /// at half of them.
+    pub nested: [f64; 2],
 }
 
 /// Sums over the measuring iterations of one block of equal settings.
@@ -27,8 +28,10 @@ pub struct PixelNoise {
     pub value: f64,
     /// Sum of squared deviations of the values from their mean.
     pub deviations2: f64,
-    /// Sum of the nested differences, and of their squares.
+    /// Sums of the nested differences.
     pub nested: [f64; 2],
+    /// Sum of the squares of the first.
+    pub nested2: f64,
 }
 
 /// Sums over one batch of iterations, over one pixel or all pixels of a tile.
@@ -38,8 +41,8 @@ pub struct BatchSums {
     pub coefficients: [f32; 3],
     /// Sum of terms whose expectation is the variance of the value, see [`PixelNoise::add`].
     pub variance: f32,
-    /// Sum of the nested differences.
-    pub nested: f32,
+    /// Sums of the nested differences.
+    pub nested: [f32; 2],
 }
 
 impl PixelNoise {
@@ -50,7 +53,7 @@ impl PixelNoise {
     /// sum of squared deviations from the final mean.
     /// theory.md (62).
     pub fn add(&mut self, measured: &PixelMeasurement, before: u64) -> f64 {
-        let PixelMeasurement { coefficients, value, nested_difference } = *measured;
+        let PixelMeasurement { coefficients, value, nested } = *measured;
         let part = match before {
             0 => 0.0,
             t => {
@@ -61,8 +64,8 @@ impl PixelNoise {
         self.coefficients += coefficients;
         self.value += value;
         self.deviations2 += part;
-        self.nested[0] += nested_difference;
-        self.nested[1] += nested_difference.powi(2);
+        self.nested.iter_mut().zip(nested).for_each(|(sum, d)| *sum += d);
+        self.nested2 += nested[0].powi(2);
         part
     }
 }
@@ -74,14 +77,14 @@ impl BatchSums {
             *sum += x as f32;
         }
         self.variance += variance as f32;
-        self.nested += measured.nested_difference as f32;
+        self.nested.iter_mut().zip(measured.nested).for_each(|(sum, d)| *sum += d as f32);
     }
 }
 
 /// How finely batches are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum BatchGrain {
-    /// For each pixel, 320 bytes: standard errors of any function of single pixels.
+    /// For each pixel, 384 bytes: standard errors of any function of single pixels.
     Pixel,
     /// For each tile: standard errors of sums over many pixels.
     Tile,

@@ -29,22 +29,22 @@ pub struct NoiseImage {
 pub struct PixelEstimate {
     /// Mean value, W/(m^2 sr).
     pub luminance: f64,
-    /// Coefficients, variance and bias.
+    /// Coefficients, variance and nested differences.
     pub noise: NoiseSample,
-    /// Standard error of the bias.
-    pub bias_error: f64,
+    /// Standard error of the first nested difference.
+    pub nested_error: f64,
 }
 
 /// Coefficients and, independent of the formula, the sampled variance of one iteration's value;
-/// the bias.
+/// what tells the bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseSample {
     /// `a`, `b`, `f`, squared luminance.
     pub coefficients: Coefficients,
     /// Sample variance of the per-iteration values, squared luminance.
     pub sampled: f64,
-    /// Merge bias: `2 (L(r) - L(r/sqrt 2))`, true where the bias grows as the radius squared.
-    pub bias: f64,
+    /// `L(r) - L(r/sqrt 2)` and `L(r/sqrt 2) - L(r/2)`.
+    pub nested: [f64; 2],
 }
 
 /// A statistic with its standard error by the jackknife over batches.
@@ -56,6 +56,21 @@ pub struct Statistic {
     pub corrected: f64,
     /// Standard error of both; infinite where there are fewer iterations than batches.
     pub error: f64,
+}
+
+impl Statistic {
+    /// From the statistic of all iterations and those without each of the batches.
+    /// theory.md (66).
+    pub(super) fn jackknife(value: f64, left_out: &[f64]) -> Self {
+        let k = left_out.len() as f64;
+        let mean = left_out.iter().sum::<f64>() / k;
+        let squares: f64 = left_out.iter().map(|x| (x - mean).powi(2)).sum();
+        Self {
+            value,
+            corrected: k * value - (k - 1.0) * mean,
+            error: (squares * (k - 1.0) / k).sqrt(),
+        }
+    }
 }
 
 impl PixelEstimate {
@@ -88,18 +103,17 @@ impl NoiseImage {
                 let (x, y) = tile.pixel(index);
                 let place = y as usize * width as usize + x as usize;
                 let (sums, batch_sums) = sums.next().expect("the noise belongs to the film");
-                let [difference, difference2] = sums.nested;
-                let mean = difference / n;
-                let scatter = (difference2 / n - mean * mean).max(0.0) / (n - 1.0);
+                // theory.md (68)
+                let nested = sums.nested.map(|sum| sum / n);
+                let scatter = (sums.nested2 / n - nested[0].powi(2)).max(0.0) / (n - 1.0);
                 pixels[place] = PixelEstimate {
                     luminance: sums.value / n,
                     noise: NoiseSample {
                         coefficients: sums.coefficients * n.recip(),
                         sampled: sums.deviations2 / (n - 1.0),
-                        // theory.md (69)
-                        bias: 2.0 * mean,
+                        nested,
                     },
-                    bias_error: 2.0 * scatter.sqrt(),
+                    nested_error: scatter.sqrt(),
                 };
                 for (batch, sums) in batch_sums.iter().enumerate() {
                     let [a, b, f] = sums.coefficients.map(f64::from);
@@ -107,7 +121,7 @@ impl NoiseImage {
                     batches[place][batch] = NoiseSample {
                         coefficients: Coefficients { a, b, f } * (1.0 / n.max(1.0)),
                         sampled: f64::from(sums.variance) / parts.max(1.0),
-                        bias: 2.0 * f64::from(sums.nested) / n.max(1.0),
+                        nested: sums.nested.map(|sum| f64::from(sum) / n.max(1.0)),
                     };
                 }
             }
@@ -126,7 +140,7 @@ impl NoiseImage {
         (0..self.pixels.len()).filter(inside).collect()
     }
 
-    /// A function of the noise of the pixels `region`, with its standard error.
+    /// A function of coefficients and variances of the pixels `region`, with its standard error.
     ///
     /// The jackknife leaves out one batch of iterations after the other. It sees that the
     /// coefficients are correlated with each other, and pixels by their common light paths.
@@ -148,19 +162,11 @@ impl NoiseImage {
                         (all.coefficients * n - own.coefficients * n_k) * (n - n_k).recip();
                     rest.sampled =
                         (all.sampled * (n - 1.0) - own.sampled * parts_k) / (n - 1.0 - parts_k);
-                    rest.bias = (all.bias * n - own.bias * n_k) / (n - n_k);
                 }
                 of(&without)
             })
             .collect();
-        let k = BATCHES as f64;
-        let mean = left_out.iter().sum::<f64>() / k;
-        let squares: f64 = left_out.iter().map(|x| (x - mean).powi(2)).sum();
-        Statistic {
-            value,
-            corrected: k * value - (k - 1.0) * mean,
-            error: (squares * (k - 1.0) / k).sqrt(),
-        }
+        Statistic::jackknife(value, &left_out)
     }
 
     /// Pooled RMS `sqrt(mean_p V_p)` of one iteration at any counts, by the formula.
@@ -199,7 +205,7 @@ impl NoiseImage {
 
 /// Number of iterations in a batch, and of its parts of the sample variance, which the very first
 /// iteration does not have.
-fn batch_counts(iterations: u64, batch: usize) -> [f64; 2] {
+pub(super) fn batch_counts(iterations: u64, batch: usize) -> [f64; 2] {
     let batches = BATCHES as u64;
     let n = iterations / batches + u64::from((batch as u64) < iterations % batches);
     [n as f64, (n - u64::from(batch == 0)) as f64]

@@ -12,6 +12,7 @@
 //!
 //! none of which depends on the two counts.
 
+pub mod bias;
 pub mod file;
 pub mod film;
 pub mod halves;

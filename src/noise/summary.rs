@@ -1,5 +1,6 @@
 //! What `bdpm analyze` tells about a region.
 
+use super::bias::Bias;
 use super::image::{NoiseImage, NoiseSample, Statistic, mean};
 use serde::Serialize;
 
@@ -37,17 +38,6 @@ pub struct Compared {
     /// The former over the latter. Both share their fluctuations, so that the error of the ratio is
     /// smaller than either's.
     pub ratio: Statistic,
-}
-
-/// Merge bias of a region, where it grows as the radius squared.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Bias {
-    /// Mean over the region.
-    pub mean: Statistic,
-    /// Root of the mean square without the part that noise adds to it; 0 where the noise hides it.
-    pub rms: Statistic,
-    /// Mean luminance of the region, to compare with.
-    pub mean_luminance: f64,
 }
 
 /// Numbers of iterations for an accuracy.
@@ -107,7 +97,6 @@ impl NoiseSummary {
             let needed = noise.iterations as f64 * (2.0 * error / (value * accuracy)).powi(2);
             needed.is_finite().then(|| needed.ceil())
         };
-        let luminance = region.iter().map(|&i| noise.pixels[i].luminance).sum::<f64>();
         Self {
             pixels: region.len(),
             mean_root_terms: [0, 1, 2]
@@ -118,26 +107,11 @@ impl NoiseSummary {
             mean_rms,
             pooled_rms,
             negative_variances: negative(&variance),
-            bias: Bias {
-                mean: noise.statistic(region, |pixels| mean(pixels, |p| p.bias)),
-                rms: rms_of_bias(noise, region),
-                mean_luminance: luminance / region.len() as f64,
-            },
+            bias: Bias::new(noise, region),
             iterations_for: IterationsFor {
                 five_percent: iterations_for(0.05),
                 one_percent: iterations_for(0.01),
             },
         }
     }
-}
-
-/// The mean of squares holds the noise of the squared values as a term of the order of one over
-/// the number of iterations, which is just what the jackknife's correction removes.
-/// theory.md (70).
-fn rms_of_bias(noise: &NoiseImage, region: &[usize]) -> Statistic {
-    let square = noise.statistic(region, |pixels| mean(pixels, |p| p.bias * p.bias));
-    let value = root(square.corrected);
-    // d sqrt(x) = dx / (2 sqrt(x)), and no more than sqrt(dx) near 0.
-    let error = (0.5 * square.error / value).min(square.error.sqrt());
-    Statistic { value, corrected: value, error }
 }

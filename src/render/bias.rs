@@ -1,6 +1,7 @@
 //! Whether the merge bias exceeds the noise that is left: more samples then help no further.
 
 use super::block::{Block, Combined};
+use crate::noise::bias::{Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
 use crate::settings::policy::BIAS_CERTAINTY;
 use serde::Serialize;
@@ -21,8 +22,8 @@ pub struct MergeBias {
 impl MergeBias {
     /// Of the image that `blocks` make; `None` before enough iterations are measured.
     ///
-    /// The bias is `2 (L(r) - L(r/sqrt 2))` (theory.md (69)), the same at all counts, so that
-    /// the blocks' sums add. Its error comes from the batches.
+    /// The bias is the same at all counts, so that the blocks' sums add. It is taken to fall with the radius as
+    /// that of all tiles together does: theory.md (70). Its error comes from the batches.
     pub fn new(blocks: &[Block], image: &Combined) -> Option<Self> {
         let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
         let iterations: u64 = measured.iter().map(|noise| noise.iterations).sum();
@@ -30,7 +31,7 @@ impl MergeBias {
             return None;
         }
         let film = &blocks[0].film;
-        let mut nested: Vec<[f64; BATCHES]> = vec![[0.0; BATCHES]; film.tiles().count()];
+        let mut nested = vec![[[0.0; 2]; BATCHES]; film.tiles().count()];
         let mut counts = [0.0; BATCHES];
         for noise in measured {
             for (batch, count) in counts.iter_mut().enumerate() {
@@ -44,18 +45,19 @@ impl MergeBias {
                 };
                 for group in batches.by_ref().take(groups) {
                     for (sum, batch) in sums.iter_mut().zip(group) {
-                        *sum += f64::from(batch.nested);
+                        (0..2).for_each(|a: usize| sum[a] += f64::from(batch.nested[a]));
                     }
                 }
             }
         }
 
+        let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
         let variance = image.variance_of_mean()?;
         let (mut beyond, mut worst) = (0, 0.0f64);
         for (tile, sums) in film.tiles().zip(&nested) {
             let pixels = tile.len() as f64;
-            // theory.md (69)
-            let means = std::array::from_fn(|k| 2.0 * sums[k] / (counts[k] * pixels));
+            // theory.md (70)
+            let means = std::array::from_fn(|k| scale * sums[k][0] / (counts[k] * pixels));
             let own = (0..tile.len() as u32).map(|index| {
                 let (x, y) = tile.pixel(index);
                 variance[film.index(x, y)]
@@ -72,6 +74,20 @@ impl MergeBias {
         let share_beyond_noise = beyond as f64 / film.pixels() as f64;
         Some(Self { share_beyond_noise, worst_over_noise: worst })
     }
+}
+
+/// Sums over tiles of what tells how the bias falls with the radius: theory.md (69).
+fn products(tiles: &[[[f64; 2]; BATCHES]]) -> Products {
+    let mut all = [0.0; 3];
+    for batches in tiles {
+        let total = [0, 1].map(|a| batches.iter().map(|d| d[a]).sum::<f64>());
+        all[0] += total[0];
+        for b in 0..2 {
+            let own: f64 = batches.iter().map(|d| d[0] * d[b]).sum();
+            all[1 + b] += total[0] * total[b] - own;
+        }
+    }
+    all
 }
 
 /// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.

@@ -240,9 +240,8 @@ struct Measuring<'a, E> {
     measured: &'a mut [PixelMeasurement],
     /// `N_F`.
     n_light: u32,
-    /// `sum_i I_ij` less twice its part in the inner half of the kernel: what the current camera
-    /// path loses at `1/sqrt(2)` of the radius.
-    nested: f64,
+    /// What the current camera path loses from the merge radii to `1/sqrt(2)` of them, and on to half.
+    nested: [f64; 2],
 }
 
 impl<'a, E: Estimator> Measuring<'a, E> {
@@ -253,15 +252,15 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         measured: &'a mut [PixelMeasurement],
     ) -> Self {
         estimator.start_pixel();
-        Self { image, estimator, measured, n_light: job.counts.light_paths, nested: 0.0 }
+        Self { image, estimator, measured, n_light: job.counts.light_paths, nested: [0.0; 2] }
     }
 
     #[inline]
-    fn pairs(&mut self, pairs: &[Pair], nested: f32) {
+    fn pairs(&mut self, pairs: &[Pair], nested: [f32; 2]) {
         for &Pair { light_path, value } in pairs {
             self.estimator.pair(light_path, f64::from(value));
         }
-        self.nested += f64::from(nested);
+        self.nested.iter_mut().zip(nested).for_each(|(sum, d)| *sum += f64::from(d));
     }
 
     #[inline]
@@ -271,8 +270,10 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
         let measured = &mut self.measured[pixel];
         // theory.md (68)
-        measured.nested_difference +=
-            std::mem::take(&mut self.nested) * self.image.per_light_path / f64::from(traced);
+        let scale = self.image.per_light_path / f64::from(traced);
+        for (sum, nested) in measured.nested.iter_mut().zip(std::mem::take(&mut self.nested)) {
+            *sum += nested * scale;
+        }
         if path + 1 == traced {
             // theory.md (51) to (61)
             measured.coefficients = self.estimator.finish_pixel(self.n_light, traced);

@@ -58,7 +58,7 @@ pub struct Kernel<'a> {
 pub struct PointKernels {
     inverse_area: [f32; LANES],
     every: [f32; LANES],
-    inner: ByClass<[f32; LANES]>,
+    nested: [ByClass<[f32; LANES]>; 2],
 }
 
 /// The kernel at one point.
@@ -68,8 +68,8 @@ pub struct PointKernel {
     pub inverse_area: f32,
     /// The kernel for photons of every vertex over that for photons of the last.
     pub every: f32,
-    /// The kernels at `1/sqrt(2)` of the radii over those at the radii.
-    pub inner: ByClass<f32>,
+    /// The kernels at `1/sqrt(2)` and at half of the radii over those at the radii; nothing unless asked for.
+    pub nested: [ByClass<f32>; 2],
 }
 
 impl<'a> Kernel<'a> {
@@ -108,31 +108,47 @@ impl<'a> Kernel<'a> {
         Admission { radius2: self.radii.map(|radius| radius * radius), limit }
     }
 
-    /// The kernel at the points of these lanes.
+    /// The kernel at the points of these lanes, if wanted with those at smaller radii.
     #[inline(always)] // vectorized
-    pub(super) fn at(&self, points: &GatherPacket, wanted: &Mask) -> PointKernels {
-        let [every, last] = self.radii;
-        let radii = [every, last, every * FRAC_1_SQRT_2, last * FRAC_1_SQRT_2];
+    pub(super) fn at<const NESTED: bool>(
+        &self,
+        points: &GatherPacket,
+        wanted: &Mask,
+    ) -> PointKernels {
         let Some(areas) = self.areas else {
             let [every, last] = self.radii.map(disc_area);
             return PointKernels {
                 inverse_area: [last.recip(); LANES],
                 every: [last / every; LANES],
-                inner: [[2.0; LANES]; 2],
+                nested: [[[2.0; LANES]; 2], [[4.0; LANES]; 2]],
             };
         };
         let facet = from_fn(|lane| {
             if wanted[lane] { areas.number(points.mesh[lane], points.side[lane]) } else { 0 }
         });
         let query = Query { position: &points.position, facet: &facet, wanted };
-        let [every, last, inner_every, inner_last] = areas.areas(&query, &radii);
+        let [every, last] = self.radii;
+        if !NESTED {
+            let [every, last] = areas.areas(&query, &[every, last]);
+            return PointKernels {
+                inverse_area: last.map(f32::recip),
+                every: from_fn(|lane| last[lane] / every[lane]),
+                nested: Default::default(),
+            };
+        }
+        let radii = [1.0, FRAC_1_SQRT_2, 0.5].map(|share| [share * every, share * last]);
+        let areas: [_; 6] = areas.areas(&query, radii.as_flattened().try_into().expect("six"));
+        let [every, last, ..] = areas;
+        let over = |inner: usize| {
+            let [every, last] = [0, 1].map(|class| -> [f32; LANES] {
+                from_fn(|lane| areas[class][lane] / areas[2 * inner + class][lane])
+            });
+            [every, last]
+        };
         PointKernels {
             inverse_area: last.map(f32::recip),
             every: from_fn(|lane| last[lane] / every[lane]),
-            inner: [
-                from_fn(|lane| every[lane] / inner_every[lane]),
-                from_fn(|lane| last[lane] / inner_last[lane]),
-            ],
+            nested: [over(1), over(2)],
         }
     }
 }
@@ -150,7 +166,7 @@ impl PointKernels {
         PointKernel {
             inverse_area: self.inverse_area[lane],
             every: self.every[lane],
-            inner: self.inner.map(|inner| inner[lane]),
+            nested: self.nested.map(|nested| nested.map(|class| class[lane])),
         }
     }
 }

@@ -137,7 +137,7 @@ impl<'a> Merge<'a> {
             }
             let mut kernels = PointKernels::default();
             if PAIRS {
-                kernels = self.kernel.at(packet, &ranges.look_ups());
+                kernels = self.kernel.at::<true>(packet, &ranges.look_ups());
             }
             let mut flux = <ByClass<Vec3s>>::default();
             for ranges in ranges.by_look_up() {
@@ -149,7 +149,7 @@ impl<'a> Merge<'a> {
                 set(&mut flux, lane, found);
             }
             if !PAIRS {
-                kernels = self.kernel.at(packet, &lit(&flux));
+                kernels = self.kernel.at::<false>(packet, &lit(&flux));
             }
             self.add(packet, &kernels, &flux, sums);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -184,7 +184,7 @@ impl<'a> Merge<'a> {
         kernels.resize(packets.len(), PointKernels::default());
         if PAIRS {
             for (packet, kernels) in packets.iter().zip(&mut *kernels) {
-                *kernels = self.kernel.at(packet, &packet.gathers_of(&part));
+                *kernels = self.kernel.at::<true>(packet, &packet.gathers_of(&part));
             }
         }
         for look_ups in look_ups.packets() {
@@ -206,7 +206,7 @@ impl<'a> Merge<'a> {
         }
         for ((packet, flux), kernels) in packets.iter().zip(flux).zip(kernels) {
             if !PAIRS {
-                *kernels = self.kernel.at(packet, &lit(flux));
+                *kernels = self.kernel.at::<false>(packet, &lit(flux));
             }
             self.add(packet, kernels, flux, sums);
         }
@@ -268,7 +268,7 @@ impl<'a> Merge<'a> {
         let point = paths.gather_points.at(look_up.point as usize);
         let view = &paths.views[point.view as usize];
         let weight = pair_weight(&point, kernel);
-        let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), 0.0, 0);
+        let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), [0.0; 2], 0);
         let Admission { radius2, .. } = self.admission;
         self.map.for_each_in(ranges, point.position, |photon, distance2| {
             let class = photon.class();
@@ -281,8 +281,13 @@ impl<'a> Merge<'a> {
                     let class = class as usize;
                     let value = weight.dot(flux * kernel.relative()[class]);
                     // theory.md (68)
-                    let is_inner = distance2 <= 0.5 * radius2[class];
-                    nested += if is_inner { value - kernel.inner[class] * value } else { value };
+                    let at = |share: f32, kernels: &ByClass<f32>| {
+                        let inside = distance2 <= share * radius2[class];
+                        if inside { kernels[class] * value } else { 0.0 }
+                    };
+                    let (inner, core) = (at(0.5, &kernel.nested[0]), at(0.25, &kernel.nested[1]));
+                    nested[0] += value - inner;
+                    nested[1] += inner - core;
                     pairs.space(count + 1)[count] = Pair { light_path: photon.path, value };
                     count += 1;
                 }

@@ -35,7 +35,7 @@ struct Run {
     camera_path: u32,
     start: u32,
     end: u32,
-    nested: f32,
+    nested: [f32; 2],
 }
 
 impl PairList {
@@ -66,9 +66,10 @@ impl PairList {
     }
 
     /// Takes the first `count` of those that were written: found at one gather point of a camera path, whose
-    /// value they make larger by `nested` in all than at `1/sqrt(2)` of the merge radius.
+    /// value they make larger by `nested` in all than at `1/sqrt(2)` of the merge radii, and there than at
+    /// half of them.
     #[inline]
-    pub(crate) fn take(&mut self, count: usize, camera_path: u32, nested: f32) {
+    pub(crate) fn take(&mut self, count: usize, camera_path: u32, nested: [f32; 2]) {
         let start = self.count as u32;
         self.count += count;
         self.runs.push(Run { camera_path, start, end: self.count as u32, nested });
@@ -99,10 +100,10 @@ impl PairList {
         }
     }
 
-    /// The pairs of one camera path, gather point after gather point, each with the sum of their values
-    /// less twice that of those in the inner half of the kernel's area.
+    /// The pairs of one camera path, gather point after gather point, with what each point's lose from the merge
+    /// radii to `1/sqrt(2)` of them, and on to half.
     #[inline]
-    pub fn of_path(&self, camera_path: usize) -> impl Iterator<Item = (&[Pair], f32)> {
+    pub fn of_path(&self, camera_path: usize) -> impl Iterator<Item = (&[Pair], [f32; 2])> {
         let path = camera_path - self.first;
         let runs = &self.ordered[self.starts[path] as usize..self.starts[path + 1] as usize];
         runs.iter().map(|run| (&self.pairs[run.start as usize..run.end as usize], run.nested))

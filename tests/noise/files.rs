@@ -58,7 +58,7 @@ fn a_round_trip_keeps_the_noise_to_single_precision() {
     assert_eq!((a.light_paths, a.camera_paths), (300, 4));
     for (a, b) in a.pixels.iter().zip(&b.pixels) {
         assert_close(a.luminance, b.luminance);
-        assert_close(a.bias_error, b.bias_error);
+        assert_close(a.nested_error, b.nested_error);
         assert_close(a.noise.coefficients.f, b.noise.coefficients.f);
     }
     let samples = |noise: &NoiseImage| {
@@ -71,7 +71,8 @@ fn a_round_trip_keeps_the_noise_to_single_precision() {
             (a.coefficients.b, b.coefficients.b),
             (a.coefficients.f, b.coefficients.f),
             (a.sampled, b.sampled),
-            (a.bias, b.bias),
+            (a.nested[0], b.nested[0]),
+            (a.nested[1], b.nested[1]),
         ] {
             assert_close(a, b);
         }
@@ -150,7 +151,7 @@ fn other_images_are_refused() {
     // Any missing layer or attribute is found.
     measured().write(&path).unwrap();
     let whole = read_exr(&path).unwrap();
-    for name in ["a", "V", "bias", "batch07", ""] {
+    for name in ["a", "V", "nested", "batch07", ""] {
         let mut part = whole.clone();
         part.layers.retain(|layer| layer.name != name);
         assert!(NoiseFile::from_image(part).is_err(), "{name}");

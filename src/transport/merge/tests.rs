@@ -98,7 +98,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
     // Every photon with every point.
     let mut total = 0;
     for (path, sum) in found.sums.iter().enumerate() {
-        let (mut pairs, mut nested, mut expected) = (Vec::new(), 0.0, Rgb::ZERO);
+        let (mut pairs, mut nested, mut expected) = (Vec::new(), [0.0; 2], Rgb::ZERO);
         for point in paths.gather_points.iter().filter(|point| point.path as usize == path) {
             for photon in &photons {
                 let distance2 = photon.position.distance_squared(point.position);
@@ -110,8 +110,12 @@ fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
                     let contribution = point.weight * photon.flux * value / disc_area(radius);
                     let luminance = luminance(contribution);
                     pairs.push((photon.path, luminance));
-                    let inner = distance2 <= 0.5 * radius * radius;
-                    nested += if inner { -luminance } else { luminance };
+                    // Discs of half and of a quarter of the area.
+                    let within =
+                        |share: f32| f32::from(u8::from(distance2 <= share * radius * radius));
+                    let [inner, core] = [0.5, 0.25].map(|share| within(share) / share);
+                    nested[0] += luminance - inner * luminance;
+                    nested[1] += inner * luminance - core * luminance;
                     expected += contribution;
                 }
             }
@@ -119,7 +123,10 @@ fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
         total += pairs.len();
         let close = |one: f32, other: f32, scale: f32| (one - other).abs() <= 1e-5 * scale;
         assert!((expected - *sum).abs().max_element() <= 1e-5 * expected.max_element(), "{path}");
-        assert!(close(found.nested[path].iter().sum(), nested, luminance(expected)), "{path}");
+        for (a, nested) in nested.into_iter().enumerate() {
+            let sum = found.nested[path].iter().map(|nested| nested[a]).sum();
+            assert!(close(sum, nested, 4.0 * luminance(expected)), "{path}");
+        }
         sort(&mut pairs);
         assert_eq!(pairs.len(), found.pairs[path].len());
         for (one, other) in pairs.iter().zip(&found.pairs[path]) {
@@ -136,14 +143,16 @@ struct Found {
     /// Light path and value of each pair.
     pairs: Vec<Vec<(u32, f32)>>,
     /// By how much values are larger than at a smaller radius, of each gather point.
-    nested: Vec<Vec<f32>>,
+    nested: Vec<Vec<[f32; 2]>>,
 }
 
 impl Found {
     /// The pairs of each camera path.
     fn sort(&mut self) {
         self.pairs.iter_mut().for_each(|pairs| sort(pairs));
-        self.nested.iter_mut().for_each(|nested| nested.sort_by(f32::total_cmp));
+        self.nested.iter_mut().for_each(|nested| {
+            nested.sort_by(|one, other| one.partial_cmp(other).expect("numbers"))
+        });
     }
 }
 

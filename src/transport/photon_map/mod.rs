@@ -286,7 +286,7 @@ impl PhotonMap {
         (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
     ) -> ByClass<Rgb> {
         let counting = Counting::new(look_up, admission, kernel);
-        let (mut sum, mut nested) = (Flux::default(), Vec4::ZERO);
+        let (mut sum, mut nested) = (Flux::default(), [Vec4::ZERO; 2]);
         let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
         let (space, mut found) = (pairs.space(places), 0);
         self.for_each_block(
@@ -296,7 +296,9 @@ impl PhotonMap {
                 let counts = quad.counting(&counting, lanes);
                 quad.add_to(&mut sum, &counting, counts);
                 let (light_paths, values) = quad.pairs(&counting, weight);
-                nested += Vec4::select(counts, quad.nested(&counting, values), Vec4::ZERO);
+                for (sum, nested) in nested.iter_mut().zip(quad.nested(&counting, values)) {
+                    *sum += Vec4::select(counts, nested, Vec4::ZERO);
+                }
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();
                 let values = values.to_array().map(f32::to_bits);
@@ -306,7 +308,7 @@ impl PhotonMap {
             },
         );
         if found > 0 {
-            pairs.take(found, camera_path, nested.element_sum());
+            pairs.take(found, camera_path, nested.map(Vec4::element_sum));
         }
         sum.total()
     }

@@ -27,9 +27,9 @@ pub struct Counting {
     normal: [Vec4; 3],
     limit: Vec4,
     last: bool,
-    /// Kernels over those of the last vertex, and the inner ones over the outer ones.
+    /// Kernels over those of the last vertex, and the nested ones over those at the radii.
     relative: ByClass<Vec4>,
-    inner: ByClass<Vec4>,
+    nested: [ByClass<Vec4>; 2],
     /// Whether all of these are the same for both classes.
     is_uniform: bool,
 }
@@ -56,7 +56,7 @@ impl Counting {
             limit: Vec4::splat(admission.limit),
             last: look_up.last,
             relative: kernel.relative().map(Vec4::splat),
-            inner: kernel.inner.map(Vec4::splat),
+            nested: kernel.nested.map(|nested| nested.map(Vec4::splat)),
             is_uniform: admission.is_uniform(),
         }
     }
@@ -152,12 +152,18 @@ impl Quad {
         }
     }
 
-    /// What values at the kernel's radius are more than at `1/sqrt(2)` of it: theory.md (68).
+    /// What values at the kernel's radius are more than at `1/sqrt(2)` of it, and those more than at half:
+    /// theory.md (68).
     #[inline(always)]
-    pub fn nested(&self, counting: &Counting, values: Vec4) -> Vec4 {
-        let inner_radius2 = 0.5 * self.of(counting, &counting.radius2);
-        let inner = self.distance2(&counting.position).cmple(inner_radius2);
-        Vec4::select(inner, values - self.of(counting, &counting.inner) * values, values)
+    pub fn nested(&self, counting: &Counting, values: Vec4) -> [Vec4; 2] {
+        let radius2 = self.of(counting, &counting.radius2);
+        let distance2 = self.distance2(&counting.position);
+        let at = |share: f32, kernels: &ByClass<Vec4>| {
+            let inside = distance2.cmple(share * radius2);
+            Vec4::select(inside, self.of(counting, kernels) * values, Vec4::ZERO)
+        };
+        let [inner, core] = [at(0.5, &counting.nested[0]), at(0.25, &counting.nested[1])];
+        [values - inner, inner - core]
     }
 
     /// The light path of each lane, and its flux times `weight` and the kernel over that of the last vertex.
