@@ -1,0 +1,111 @@
+//! The merge bias of a render by a render of the same paths at a tiny radius.
+
+use bdpm::accel::Intersect;
+use bdpm::base::math::LUMINANCE;
+use bdpm::image::film::Film;
+use bdpm::noise::Measure;
+use bdpm::noise::bias::Bias;
+use bdpm::noise::film::{BATCHES, BatchGrain};
+use bdpm::settings::Settings;
+use bdpm::{Renderer, Scene};
+
+/// Mean square with its standard error, relative to the luminance of each pixel: theory.md (70a).
+#[derive(Clone, Copy, Debug)]
+pub struct Square {
+    pub value: f64,
+    pub error: f64,
+}
+
+/// The bias as it is, and as the render itself estimates it.
+#[derive(Clone, Copy, Debug)]
+pub struct Biases {
+    pub real: Square,
+    pub estimated: Square,
+    /// Of the mean luminance, relative.
+    pub mean: f64,
+}
+
+/// Sums of each batch of iterations, pixel by pixel, with the luminance of their number of iterations.
+pub type Batches = Vec<Vec<f64>>;
+
+/// Renders so many iterations in each batch.
+fn batches(renderer: &mut Renderer, iterations: u64, measure: Measure) -> Batches {
+    let mut before = vec![0.0; renderer.film().pixels()];
+    (0..BATCHES)
+        .map(|_| {
+            for _ in 0..iterations {
+                renderer.iterate(measure);
+            }
+            let sums = sums(renderer.film());
+            let own = sums.iter().zip(&before).map(|(sum, before)| sum - before).collect();
+            before = sums;
+            own
+        })
+        .collect()
+}
+
+fn sums(film: &Film) -> Vec<f64> {
+    let mut sums = vec![0.0; film.pixels()];
+    film.for_each_pixel(|x, y, pixel| {
+        sums[film.index(x, y)] = pixel.radiance.dot(LUMINANCE.as_dvec3())
+    });
+    sums
+}
+
+/// What biases are measured against: batches of so many iterations at the radius of the settings.
+pub fn reference(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    settings: Settings,
+    iterations: u64,
+) -> Batches {
+    batches(&mut Renderer::new(scene, accel, settings).unwrap(), iterations, Measure::Off)
+}
+
+/// The bias of a render whose paths are those of `reference`, so that most of their noise cancels.
+///
+/// The mean square has products of different batches only, to which noise adds nothing: theory.md (69).
+pub fn biases(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    settings: Settings,
+    reference: &Batches,
+    iterations: u64,
+) -> Biases {
+    let renderer = Renderer::new(scene, accel, settings).unwrap();
+    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let found = batches(&mut renderer, iterations, Measure::Pairs);
+    let n = iterations as f64;
+    let pixels = found[0].len();
+    let total = |batches: &Batches, i: usize| {
+        batches.iter().map(|batch| batch[i]).sum::<f64>() / (n * BATCHES as f64)
+    };
+    let luminances: Vec<f64> = (0..pixels).map(|i| total(reference, i)).collect();
+    let mean = luminances.iter().sum::<f64>() / pixels as f64;
+    let weight = |l: f64| (l * l + 0.01 * mean * mean).recip() / pixels as f64;
+    // Without the batch of this number.
+    let square = |left_out: usize| {
+        let k = (BATCHES - usize::from(left_out < BATCHES)) as f64;
+        let of_pixel = |i: usize| {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for batch in (0..BATCHES).filter(|&batch| batch != left_out) {
+                let difference = (found[batch][i] - reference[batch][i]) / n;
+                sum += difference;
+                squares += difference * difference;
+            }
+            weight(luminances[i]) * (sum * sum - squares) / (k * (k - 1.0))
+        };
+        (0..pixels).map(of_pixel).sum::<f64>()
+    };
+    let without: Vec<f64> = (0..BATCHES).map(square).collect();
+    let middle = without.iter().sum::<f64>() / BATCHES as f64;
+    let scatter: f64 = without.iter().map(|s| (s - middle).powi(2)).sum();
+    let share = (BATCHES - 1) as f64 / BATCHES as f64;
+    let real = Square { value: square(BATCHES), error: (share * scatter).sqrt() };
+
+    let all: Vec<usize> = (0..pixels).collect();
+    let own = Bias::new(&renderer.noise_image().unwrap(), &all).relative;
+    let estimated = Square { value: own.value.powi(2), error: 2.0 * own.value * own.error };
+    let of_mean = (0..pixels).map(|i| total(&found, i)).sum::<f64>() / (pixels as f64 * mean) - 1.0;
+    Biases { real, estimated, mean: of_mean }
+}
