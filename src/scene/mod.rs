@@ -32,6 +32,7 @@ pub use mesh::Mesh;
 pub use normal_map::NormalMap;
 pub use placement::{Arrangement, Placement};
 pub use region::{Region, check_rectangles};
+pub(crate) use shading::shading_normal;
 pub use surface::Surface;
 pub use texture::{Sampling, Texture, Wrap};
 pub use transform::Transform;

@@ -3,9 +3,11 @@
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
 use super::kernel::{Admission, Kernel, PointKernel, PointKernels};
+use super::mis::Mis;
+use super::mis::points::PointWeights;
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
-use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges};
+use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Vec3s};
@@ -29,6 +31,7 @@ pub struct Merge<'a> {
     merge_vertex: u32,
     kernel: Kernel<'a>,
     admission: Admission,
+    mis: Option<Mis>,
     in_zones: bool,
     most_pairs: usize,
 }
@@ -57,7 +60,13 @@ impl<'a> Merge<'a> {
             admission.radius2 = [admission.radius2[PhotonClass::LastVertex as usize]; 2];
         }
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
-        Self { map, merge_vertex, kernel, admission, in_zones, most_pairs }
+        Self { map, merge_vertex, kernel, admission, mis: None, in_zones, most_pairs }
+    }
+
+    /// Weighs what is merged, at both vertices of camera paths that are cut at the second.
+    #[must_use]
+    pub fn weighted(self, mis: Option<Mis>) -> Self {
+        Self { mis, ..self }
     }
 
     /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
@@ -109,19 +118,18 @@ impl<'a> Merge<'a> {
     ) -> bool {
         vectorized(
             #[inline(always)]
-            |simd| {
-                if self.in_zones {
-                    self.find_in_zones::<PAIRS>(simd, paths, part, gathered)
-                } else {
-                    self.find_in_order::<PAIRS>(simd, paths, part, gathered)
-                }
+            |simd| match (self.mis.is_some(), self.in_zones) {
+                (false, true) => self.find_in_zones::<PAIRS, false>(simd, paths, part, gathered),
+                (false, false) => self.find_in_order::<PAIRS, false>(simd, paths, part, gathered),
+                (true, true) => self.find_in_zones::<PAIRS, true>(simd, paths, part, gathered),
+                (true, false) => self.find_in_order::<PAIRS, true>(simd, paths, part, gathered),
             },
         )
     }
 
     /// Packet by packet.
     #[inline(always)] // vectorized
-    fn find_in_order<const PAIRS: bool>(
+    fn find_in_order<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -142,7 +150,7 @@ impl<'a> Merge<'a> {
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
                 let to = (&kernels.get(lane), &mut *pairs);
-                flux.set(lane, self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to));
+                flux.set(lane, self.flux_in::<PAIRS, MIS>(simd, paths, ranges, &look_up, to));
             }
             self.add(packet, &kernels, &flux, sums);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -154,7 +162,7 @@ impl<'a> Merge<'a> {
 
     /// First all look-ups in one part of the photon map, then in the next: they read the same photons.
     #[inline(always)] // vectorized
-    fn find_in_zones<const PAIRS: bool>(
+    fn find_in_zones<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -188,7 +196,7 @@ impl<'a> Merge<'a> {
                 let look_up = &look_ups[ranges[0].look_up];
                 let point = look_up.point as usize;
                 let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
-                let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
+                let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, look_up, to);
                 flux[point / LANES].set(point % LANES, found);
             }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -219,7 +227,7 @@ impl<'a> Merge<'a> {
     /// The flux of the photons in the ranges of a look-up that it counts, W; times the BSDF where that is
     /// not the same for all photons. Adds their pairs if asked for.
     #[inline(always)] // vectorized
-    fn flux_in<const PAIRS: bool>(
+    fn flux_in<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -229,12 +237,35 @@ impl<'a> Merge<'a> {
     ) -> Rgb {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
-        } else if PAIRS {
+        } else if let Some(mis) = self.mis.filter(|_| MIS) {
+            let number = look_up.point as usize;
+            let part = paths.gather_points.part(number);
+            let weighing = PointWeights::new(&mis, look_up.last, part);
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, (kernel, pairs), &weighing)
+        } else {
+            let all = &Unweighted;
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, (kernel, pairs), all)
+        }
+    }
+
+    /// [`Self::flux_in`] where the BSDF is the same for all photons.
+    #[inline(always)] // vectorized
+    fn lambertian_flux<const PAIRS: bool>(
+        &self,
+        simd: Simd,
+        paths: &CameraPaths,
+        ranges: &[Range],
+        look_up: &LookUp,
+        (kernel, pairs): (&PointKernel, &mut PairList),
+        weighing: &impl Weighing,
+    ) -> Rgb {
+        let by = (&self.admission, kernel);
+        if PAIRS {
             let point = paths.gather_points.at(look_up.point as usize);
             let to = (point.path, pair_weight(&point, kernel), pairs);
-            self.map.pairs_in(simd, ranges, look_up, (&self.admission, kernel), to)
+            self.map.pairs_in(simd, ranges, look_up, by, weighing, to)
         } else {
-            self.map.flux_in(ranges, look_up, (&self.admission, kernel))
+            self.map.flux_in(ranges, look_up, by, weighing)
         }
     }
 
@@ -252,17 +283,21 @@ impl<'a> Merge<'a> {
         let weight = pair_weight(&point, kernel);
         let (mut sum, mut nested, mut count) = (Rgb::ZERO, 0.0, 0);
         let Admission { radius2, .. } = self.admission;
-        self.map.for_each_in(ranges, point.position, |photon, distance2| {
+        let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
+        self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
             let class = photon.class();
-            let counts = look_up.last || class == PhotonClass::EveryVertex;
+            let counts = look_up.last || own.is_some() || class == PhotonClass::EveryVertex;
             if counts && self.admission.admits(photon, distance2, point.normal) {
                 let class = class as usize;
                 // theory.md (46)
-                let flux = photon.flux * kernel.relative()[class] * view.value(photon, &point);
+                let wi = photon.from_as_at(point.normal);
+                let mut flux = photon.flux * kernel.relative()[class] * view.value_from(wi, &point);
+                if let Some((mis, own)) = own {
+                    flux *= mis.weight_in_view(view, &point, own, (photon.class(), part), wi);
+                }
                 sum += flux;
                 if PAIRS {
                     let value = weight.dot(flux);
-                    // theory.md (68)
                     // theory.md (68)
                     let is_inner = distance2 <= 0.5 * radius2[class];
                     nested += if is_inner { value - kernel.inner[class] * value } else { value };

@@ -8,7 +8,7 @@ use bdpm::bsdf::Bsdf;
 use bdpm::image::film::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Direct, Kernel, Roulette};
+use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -142,6 +142,10 @@ pub fn settings(width: u32, height: u32) -> Settings {
         caustic_radius: 0.1,
         kernel: Kernel::Disc,
         merge_vertex: 1,
+        strategy: Strategy::Single,
+        mis_light_paths: 1000,
+        mis_c1: 0.4,
+        mis_c2: 0.4,
         direct: Direct::Connect,
         light_roulette: Roulette::Albedo,
         camera_roulette: Roulette::Weight,

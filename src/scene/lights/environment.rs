@@ -155,7 +155,12 @@ impl Environment {
         let (wi, irradiance) = self.sample(rng);
         // Out of the sphere around the scene, wherever in it the position is.
         let distance = 2.0 * self.radius + (position - self.center).length();
-        LightSample { target: position + distance * wi, wi, irradiance: irradiance / prob }
+        LightSample {
+            target: position + distance * wi,
+            wi,
+            irradiance: irradiance / prob,
+            relative: 1.0,
+        }
     }
 }
 

@@ -42,6 +42,8 @@ pub struct LightSample {
     /// sample's density, W/m^2.
     /// theory.md, section 7: `E.
     pub irradiance: Rgb,
+    /// Luminance of the flux that a light path from there starts with, over that of all lights' power.
+    pub relative: f32,
 }
 
 /// All emitters of a scene, and light from all around.
@@ -64,6 +66,8 @@ struct ByPower {
     prob: Vec<f32>,
     /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
     cumulative: Vec<f64>,
+    /// Sum of all weights.
+    total: f64,
 }
 
 /// What emitters are chosen by.
@@ -82,7 +86,7 @@ impl ByPower {
             sum += weight / total;
             sum
         });
-        Self { prob, cumulative: cumulative.collect() }
+        Self { prob, cumulative: cumulative.collect(), total }
     }
 
     /// The index that holds `u` of [0, 1), and its probability.
@@ -178,6 +182,34 @@ impl Lights {
     ) -> Option<LightSample> {
         let (index, prob) = self.by_estimate.choose(position, normal, rng.next_f64())?;
         self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// How much denser connections from a surface are than emission that arrives there, per area: of the light
+    /// with this index, at `position` with the unit normal `normal`, along `direction` from `origin`.
+    ///
+    /// Where emission carries the flux `Phi_0` and a connection the irradiance `E`, it is `Phi_0/(E cos)`: both
+    /// are the light's radiance over a density.
+    /// theory.md (47b), `1/l`.
+    pub fn connection_over_emission(
+        &self,
+        index: usize,
+        [origin, direction]: [Vec3; 2],
+        position: Vec3,
+        normal: Vec3,
+    ) -> f32 {
+        let prob = self.by_estimate.prob(index, position, Some(normal));
+        let irradiance = match self.emitters.get(index) {
+            Some(emitter) => emitter.irradiance(origin, direction, position),
+            None => luminance(self.chosen_environment().integral()),
+        };
+        let cos = -direction.dot(normal);
+        (prob * self.start() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+    }
+
+    /// Luminance of the flux of light paths from where they carry the mean of their light, W.
+    #[inline]
+    pub fn start(&self) -> f32 {
+        self.by_power.total as f32
     }
 
     /// [`Self::connect`] with lights that no ray can hit, of which there may be none.

@@ -3,9 +3,11 @@
 
 mod connections;
 mod non_diffuse;
+mod weighted;
 
 use super::flight::Flight;
 use super::gather::{GatherPoints, GatherView};
+use super::mis::Mis;
 use super::walks::{Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
@@ -63,6 +65,10 @@ pub struct CameraPaths {
     hits: Vec<HitPacket>,
     shadow_rays: Flight<Connections, 10>,
     occluded: Vec<Mask>,
+    /// How paths are weighted, if they are.
+    mis: Option<Mis>,
+    /// What each path carries of its weight from its first diffuse vertex on.
+    parts: Vec<f32>,
 }
 
 impl CameraPaths {
@@ -79,10 +85,14 @@ impl CameraPaths {
 
     /// Traces one more batch.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
+        self.mis = Mis::new(pass.settings);
         vectorized(
             #[inline(always)]
             |simd| self.start(simd, pass, paths),
         );
+        if self.mis.is_some() {
+            self.parts.resize(self.direct.len(), 0.0);
+        }
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
@@ -195,7 +205,10 @@ impl CameraPaths {
         if direct == Direct::Connect {
             let light = pass.scene.lights().connect_all(at, &mut walks.rng);
             // theory.md (42), third line
-            let contributions = at.contributions(&weights, &light);
+            let mut contributions = at.contributions(&weights, &light);
+            if self.mis.is_some() {
+                self.weigh_connections(pass.scene, at, walks, &light, &mut contributions);
+            }
             self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
@@ -209,6 +222,9 @@ impl CameraPaths {
         }
         if any(&gathers) {
             self.gather_points.push_diffuse(&gathers, at, &weights, &walks.path, &vertex);
+            if self.mis.is_some() {
+                self.weigh_points(at, &walks.path, &vertex);
+            }
         }
         if !any(&goes_on) {
             return;

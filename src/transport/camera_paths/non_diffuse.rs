@@ -6,7 +6,7 @@ use crate::accel::Ray;
 use crate::base::math::Rgb;
 use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::lanes::{LANES, Vec3s, lanes_of};
-use crate::scene::{LightSample, Surface};
+use crate::scene::{LightSample, Lights, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::walks::{WEIGHT_FLOOR, Walk, Walks};
@@ -46,6 +46,7 @@ impl CameraPaths {
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
+        self.carry_on(surface, (&walk, &at), &sample);
         // theory.md (41)
         walk.weight *= sample.weight;
         if sample.lobe.passes_through() {
@@ -66,22 +67,22 @@ impl CameraPaths {
 
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let lights = &pass.scene.lights();
+        let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let lit_side = (!bsdf.transmits()).then_some(surface.normal);
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
             let light = lights.connect(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
+            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Diffuse, light));
         }
         if bsdf.has_rough() && walk.depth.diffuse() == 0 {
             // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
             let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
+            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Rough, light));
         }
         if merges {
-            self.views.push(GatherView { bsdf: *bsdf, at });
+            self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
             let view = self.views.len() as u32 - 1;
             self.gather(pass, surface, walk, view);
         }
@@ -91,9 +92,9 @@ impl CameraPaths {
     /// Connects the lobes of one class with a light, if there is one.
     fn connect_lobe(
         &mut self,
+        lights: &Lights,
         surface: &Surface,
-        walk: &Walk,
-        at: &Vertex,
+        (walk, at): (&Walk, &Vertex),
         (lobe, light): (Lobe, Option<LightSample>),
     ) {
         if let Some(light) = light
@@ -102,7 +103,10 @@ impl CameraPaths {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
             // theory.md (42), third and fourth line
-            let contribution = walk.weight * value * light.irradiance * cos_theta;
+            let mut contribution = walk.weight * value * light.irradiance * cos_theta;
+            if self.mis.is_some() {
+                contribution *= self.connection_weight(lights, surface, (walk, at), &light);
+            }
             let start = surface.start(light.wi);
             self.send_shadow_ray(walk.path, contribution, light.target, start);
         }
@@ -118,6 +122,9 @@ impl CameraPaths {
         let (path, weight) = (walk.path, walk.weight);
         let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
         self.gather_points.push(&point);
+        if self.mis.is_some() {
+            self.gather_points.set_part(self.parts[path as usize]);
+        }
     }
 
     /// [`Self::send_shadow_rays`] for one.

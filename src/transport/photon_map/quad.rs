@@ -1,6 +1,6 @@
 //! Photons side by side, and which of them a look-up counts.
 
-use super::LookUp;
+use super::{LookUp, Weighing};
 use crate::base::math::Rgb;
 use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::photon::{Photon, Side};
@@ -45,18 +45,27 @@ pub fn lanes_from(place: usize) -> BVec4A {
 pub struct Flux([Vec4; 3]);
 
 impl Counting {
-    /// Photons that this look-up counts, with the kernel at its point.
+    /// Photons that this look-up counts, with the kernel at its point and weights by their class.
     #[inline(always)] // as those below: parts of the loop over ranges
-    pub fn new(look_up: &LookUp, admission: &Admission, kernel: &PointKernel) -> Self {
+    pub fn new<W: Weighing>(
+        look_up: &LookUp,
+        admission: &Admission,
+        kernel: &PointKernel,
+        weighing: &W,
+    ) -> Self {
+        let (mut relative, by_class) = (kernel.relative(), weighing.by_class());
+        if let Some(weights) = by_class {
+            relative.iter_mut().zip(weights).for_each(|(relative, weight)| *relative *= weight);
+        }
         Self {
             position: look_up.position.to_array().map(Vec4::splat),
             radius2: admission.radius2.map(Vec4::splat),
             normal: look_up.normal.to_array().map(Vec4::splat),
             limit: Vec4::splat(admission.limit),
-            last: look_up.last,
-            relative: kernel.relative().map(Vec4::splat),
+            last: W::ALL | look_up.last,
+            relative: relative.map(Vec4::splat),
             inner: kernel.inner.map(Vec4::splat),
-            is_uniform: admission.is_uniform(),
+            is_uniform: admission.is_uniform() & by_class.is_none(),
         }
     }
 }
@@ -133,13 +142,20 @@ impl Quad {
         Vec4::from_array(late).cmpeq(Vec4::ZERO)
     }
 
-    /// Adds the flux of some lanes, times the kernel over that of the last vertex.
+    /// Adds the flux of some lanes, times the kernel over that of the last vertex and any weights.
     #[inline(always)]
-    pub fn add_to(&self, sum: &mut Flux, counting: &Counting, lanes: BVec4A) {
+    pub fn add_to(
+        &self,
+        sum: &mut Flux,
+        counting: &Counting,
+        lanes: BVec4A,
+        weights: Option<Vec4>,
+    ) {
         let relative = self.of(counting, &counting.relative);
         for (sum, flux) in sum.0.iter_mut().zip(self.flux) {
             let flux = Vec4::from_array(flux);
             let flux = if counting.is_uniform { flux } else { flux * relative };
+            let flux = weights.map_or(flux, |weights| flux * weights);
             *sum += Vec4::select(lanes, flux, Vec4::ZERO);
         }
     }
