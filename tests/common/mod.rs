@@ -153,6 +153,18 @@ pub fn settings(width: u32, height: u32) -> Settings {
     }
 }
 
+/// Stands for a merge vertex where paths are found in several ways.
+pub const MIS: u32 = 0;
+
+/// The same settings, where the merge vertex may be [`MIS`].
+pub fn by_way(settings: Settings) -> Settings {
+    if settings.merge_vertex != MIS {
+        return settings;
+    }
+    let mis_light_paths = settings.light_paths;
+    Settings { merge_vertex: 2, strategy: Strategy::Mis, mis_light_paths, ..settings }
+}
+
 /// The default backend for a scene.
 pub fn accel(scene: &Scene) -> Box<dyn Intersect> {
     bdpm::scene::backend::build(Default::default(), scene).unwrap()

@@ -105,8 +105,8 @@ fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
         .collect();
     let reference = Estimate::from_samples(&samples);
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
+        for merge_vertex in [1, 2, MIS] {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 light_paths: 40_000,
@@ -114,7 +114,7 @@ fn assert_every_strategy(scene: &Scene, paths: u32, iterations: usize) {
                 radius: 0.02,
                 caustic_radius: 0.02,
                 ..settings(12, 12)
-            };
+            });
             let found = mean_luminance(scene, &*accel, settings, iterations);
             println!("{direct:?} k = {merge_vertex}: {found:?}, {reference:?}");
             let both = Estimate { mean: found.mean, error: found.error.hypot(reference.error) };
@@ -169,8 +169,8 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
     ));
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
+        for merge_vertex in [1, 2, MIS] {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 light_paths: 20_000,
@@ -178,7 +178,7 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
                 radius: 0.08,
                 caustic_radius: 0.08,
                 ..settings(6, 6)
-            };
+            });
             let all = pixel_samples(&scene, &*accel, settings, 120);
             let (mut worst, mut sum) = (0.0f64, Estimate { mean: 0.0, error: 0.0 });
             for samples in &all {

@@ -20,7 +20,7 @@ fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
     let subject = Subject { scene, accel: &*accel, settings: &base, region: &[] };
     let expected = subject.traced(16_384);
     for &(direct, merge_vertex) in strategies {
-        let settings = Settings {
+        let settings = by_way(Settings {
             direct,
             merge_vertex,
             light_paths: 40_000,
@@ -29,7 +29,7 @@ fn assert_same(name: &str, scene: &Scene, strategies: &[(Direct, u32)]) {
             caustic_radius: 0.04,
             seed: 3,
             ..base.clone()
-        };
+        });
         let found = Subject { settings: &settings, ..subject }.extrapolated(60);
         let Difference { off, error, z2 } = found.against(&expected);
         println!("{name} {direct:?} k = {merge_vertex}: {off:.5} +- {error:.5}, z^2 {z2:.2}");
@@ -63,7 +63,14 @@ fn with_ball(bsdf: Bsdf) -> Scene {
 #[test]
 fn diffuse_surfaces_under_a_point_and_a_panel() {
     use Direct::{Connect, PhotonMap};
-    let all = [(Connect, 1), (Connect, 2), (PhotonMap, 1), (PhotonMap, 2)];
+    let all = [
+        (Connect, 1),
+        (Connect, 2),
+        (Connect, MIS),
+        (PhotonMap, 1),
+        (PhotonMap, 2),
+        (PhotonMap, MIS),
+    ];
     assert_same("box", &furnished_box(), &all);
 }
 
@@ -79,7 +86,11 @@ fn a_ball_of_each_material_under_a_panel() {
         ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),
         ("coat", Bsdf::Coated(Coated::new(Vec3::new(0.7, 0.3, 0.2), 1.5))),
     ] {
-        assert_same(name, &with_ball(bsdf), &[(Direct::Connect, 2), (Direct::PhotonMap, 1)]);
+        assert_same(
+            name,
+            &with_ball(bsdf),
+            &[(Direct::Connect, 2), (Direct::PhotonMap, 1), (Direct::Connect, MIS)],
+        );
     }
 }
 
@@ -95,7 +106,11 @@ fn a_glossy_ball_under_a_panel() {
         ("wide gloss", glossy(0.0, 0.5)),
         ("half metal", glossy(0.5, 0.2)),
     ] {
-        assert_same(name, &with_ball(bsdf), &[(Direct::Connect, 2), (Direct::PhotonMap, 1)]);
+        assert_same(
+            name,
+            &with_ball(bsdf),
+            &[(Direct::Connect, 2), (Direct::PhotonMap, 1), (Direct::Connect, MIS)],
+        );
     }
 }
 
@@ -107,7 +122,11 @@ fn a_glossy_ball_under_a_point() {
     materials[1].emission = Vec3::ZERO;
     let lights = vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 2.0)];
     let scene = crate::common::scene(scene.meshes().to_vec(), materials, lights, scene.camera);
-    assert_same("under a point", &scene, &[(Direct::Connect, 1), (Direct::PhotonMap, 2)]);
+    assert_same(
+        "under a point",
+        &scene,
+        &[(Direct::Connect, 1), (Direct::PhotonMap, 2), (Direct::Connect, MIS)],
+    );
 }
 
 /// 8 by 8 texels of these colors in turn.
@@ -146,5 +165,5 @@ fn pictures_of_everything_in_a_box() {
     let camera = camera(Vec3::new(-0.9, -0.85, 0.4), Vec3::new(0.2, 0.2, -0.6), 75.0);
     let scene = scene(meshes, vec![gray(0.5, 0.0), lamp, floor], vec![], camera);
     use Direct::{Connect, PhotonMap};
-    assert_same("pictures", &scene, &[(Connect, 1), (Connect, 2), (PhotonMap, 1)]);
+    assert_same("pictures", &scene, &[(Connect, 1), (Connect, 2), (PhotonMap, 1), (Connect, MIS)]);
 }

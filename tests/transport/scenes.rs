@@ -4,7 +4,7 @@
 //! `BDPM_SCENES=16 cargo test --release --test transport scenes -- --nocapture --test-threads 1` takes 16 times
 //! the iterations, for the table in `docs/scenes.md`.
 
-use crate::common::accel;
+use crate::common::{MIS, accel, by_way};
 use crate::common::images::{Difference, Subject};
 use bdpm::accel::Intersect;
 use bdpm::import::load;
@@ -132,9 +132,10 @@ impl Case {
             (Direct::Connect, 2),
             (Direct::PhotonMap, 1),
             (Direct::PhotonMap, 2),
+            (Direct::Connect, MIS),
         ] {
             seed += 2;
-            let settings = Settings { direct, merge_vertex, seed, ..settings.clone() };
+            let settings = by_way(Settings { direct, merge_vertex, seed, ..settings.clone() });
             let subject = Subject { settings: &settings, ..subject };
             let found = subject.extrapolated(self.iterations * u64::from(factor));
             // Without a path tracer the first strategy is what the others are held against.

@@ -306,6 +306,74 @@ mod tests {
         assert!(lights.connect(-from, None, &mut rng).is_none(), "dark from behind");
     }
 
+    /// Of every kind.
+    fn all_kinds() -> Lights {
+        let far = Vec3::new(0.0, 0.0, 5.0);
+        let spot = emitter::Spot {
+            position: far,
+            direction: Vec3::new(0.6, 0.0, -0.8),
+            intensity: Rgb::new(9.0, 20.0, 30.0),
+            cos_inner: 0.8,
+            cos_outer: 0.3,
+        };
+        let sun = emitter::Directional {
+            radius: 8.0,
+            ..emitter::Directional::new(Vec3::new(0.0, 0.6, -0.8), Rgb::new(1.0, 0.5, 0.2))
+        };
+        let texels = (0..64).map(|i| [4 * i, 255 - 3 * i, 40 + i, 255]).collect();
+        let texture = std::sync::Arc::new(crate::scene::Texture::new(8, 8, texels));
+        let corners =
+            [Vec3::new(2.0, 2.0, 4.0), Vec3::new(2.0, 4.0, 4.0), Vec3::new(4.0, 2.0, 4.0)];
+        let shape = Triangle::new(corners, 0);
+        let uvs = [glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
+        let picture = textured_emitter::Glow::new(&texture, Rgb::splat(3.0), 1).emitter(shape, uvs);
+        let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
+        let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
+        emitters.extend(points);
+        let mut lights = Lights::new(emitters);
+        let pixels = (0..32).map(|i| Rgb::new(0.1 * i as f32, 0.5, 0.2)).collect();
+        let mut map = Environment::new(8, 4, pixels, 20.0);
+        map.enclose(&crate::base::math::Bounds { min: Vec3::splat(-5.0), max: Vec3::splat(5.0) });
+        lights.set_environment(map);
+        lights
+    }
+
+    #[test]
+    fn connections_and_emission_have_the_same_ratio_of_densities_from_both_sides() {
+        let lights = all_kinds();
+        let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+        let mut found = [0; 7];
+        for _ in 0..20_000 {
+            let mut somewhere = || 6.0 * rng.next_1d() - 3.0;
+            let position = Vec3::new(somewhere(), somewhere(), somewhere());
+            let normal = crate::base::math::uniform_sphere(rng.next_2d());
+            let choice = lights.by_estimate.choose(position, Some(normal), rng.next_f64());
+            let Some((index, prob)) = choice else { continue };
+            let Some(sample) = lights.connect_chosen(index, prob, position, &mut rng) else {
+                continue;
+            };
+            let cos = sample.wi.dot(normal);
+            // Grazing light on and from panels loses digits.
+            if cos < 1e-2 || sample.relative < 1e-2 {
+                continue;
+            }
+            let l = luminance(sample.irradiance) * cos / (lights.start() * sample.relative);
+            let way = [sample.target, -sample.wi];
+            let inverse = lights.connection_over_emission(index, way, position, normal);
+            let off = (l * inverse - 1.0).abs();
+            assert!(off < 2e-3, "{index} {position} {normal}: {l} {inverse}");
+            found[index] += 1;
+        }
+        assert!(found.iter().all(|&found| found > 100), "{found:?}");
+        // Light paths start with what that takes for granted.
+        for _ in 0..5000 {
+            let (index, prob) = lights.choose_by_power(rng.next_f64());
+            let flux = luminance(lights.emit_chosen(index, prob, &mut rng).flux);
+            let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
+            assert!(textured || (flux / lights.start() - 1.0).abs() < 2e-3, "{index} {flux}");
+        }
+    }
+
     #[test]
     fn each_of_very_many_emitters_is_chosen_as_often_as_it_says() {
         // Powers 1, 2, 3, 1, 2, 3, ...: each third of the choices by residue has 1/6, 2/6, 3/6.
