@@ -4,8 +4,8 @@
 //! `BDPM_SCENES=16 cargo test --release --test transport scenes -- --nocapture --test-threads 1` takes 16 times
 //! the iterations, for the table in `docs/scenes.md`.
 
-use crate::common::{MIS, accel, by_way};
 use crate::common::images::{Difference, Subject};
+use crate::common::{MIS, accel, by_way};
 use bdpm::accel::Intersect;
 use bdpm::import::load;
 use bdpm::noise::Measure;
