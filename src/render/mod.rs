@@ -123,7 +123,7 @@ impl<'a> Renderer<'a> {
     pub fn most_light_paths(&self) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
         let for_light = 0.5 * (available - film_bytes(&self.settings, MOST_BLOCKS)).max(0.0);
-        let most = for_light / bytes_per_light_path(self.scene);
+        let most = for_light / bytes_per_light_path(self.scene, &self.settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
