@@ -56,6 +56,11 @@ impl Surface<'_> {
         }
     }
 
+    /// Unit normal on the side from which light arrives that it scatters to the ray, if it is one side alone.
+    pub fn lit_side(&self) -> Option<Vec3> {
+        (!self.bsdf.transmits()).then_some(self.normal)
+    }
+
     /// What its BSDF needs to know.
     #[inline]
     pub fn vertex(&self, transport: Transport) -> Vertex {

@@ -119,6 +119,7 @@ impl Spot {
             wi,
             irradiance: self.intensity * (share / (distance2 * prob)),
             relative: 1.0,
+            inverse_pdf_w: 0.0,
         })
     }
 }
@@ -153,6 +154,7 @@ impl Directional {
             wi: -self.direction,
             irradiance: self.irradiance / prob,
             relative: 1.0,
+            inverse_pdf_w: 0.0,
         }
     }
 }
@@ -182,7 +184,14 @@ impl Triangle {
         let seen =
             near.map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle());
         let irradiance = radiance(at) * (seen / prob);
-        (cos_light > 0.0).then_some(LightSample { target, wi, irradiance, relative: 1.0 })
+        let inverse_pdf_w = seen / prob;
+        (cos_light > 0.0).then_some(LightSample {
+            target,
+            wi,
+            irradiance,
+            relative: 1.0,
+            inverse_pdf_w,
+        })
     }
 
     /// The reciprocal of the density in solid angle with which [`Self::connect`] chooses a point `origin`, from
@@ -237,6 +246,27 @@ impl Emitter {
         }
     }
 
+    /// Whether it emits anything.
+    pub(in crate::scene) fn has_power(&self) -> bool {
+        luminance(self.power()) > 0.0
+    }
+
+    /// Of triangles the reciprocal of the density in solid angle of connections with a point `origin`, from which
+    /// `direction` leads to `position`, if it is certain to be chosen, sr.
+    pub(in crate::scene) fn seen(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        position: Vec3,
+    ) -> Option<f32> {
+        let shape = match self {
+            Self::Triangle { shape, .. } => shape,
+            Self::Textured(panel) => &panel.shape,
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => return None,
+        };
+        Some(shape.seen(origin, direction, position)).filter(|&seen| seen > 0.0)
+    }
+
     /// Luminance of the irradiance that a connection of `position` with `origin` carries if the emitter is
     /// certain to be chosen and emits its mean radiance there, W/m^2; `direction` leads to `position`.
     pub(in crate::scene) fn irradiance(
@@ -278,6 +308,7 @@ impl Emitter {
                     wi: to_light * distance2.sqrt().recip(),
                     irradiance: *intensity * (distance2 * prob).recip(),
                     relative: 1.0,
+                    inverse_pdf_w: 0.0,
                 })
             }
             Self::Triangle { shape, radiance } => shape.connect(position, |_| *radiance, prob, rng),

@@ -44,6 +44,8 @@ pub struct LightSample {
     pub irradiance: Rgb,
     /// Luminance of the flux that a light path from there starts with, over that of all lights' power.
     pub relative: f32,
+    /// Reciprocal of the sample's density in solid angle, sr; 0 if no ray can hit it.
+    pub inverse_pdf_w: f32,
 }
 
 /// All emitters of a scene, and light from all around.
@@ -101,7 +103,7 @@ impl ByPower {
 impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
-        emitters.retain(|e| chosen_by(e) > 0.0);
+        emitters.retain(Emitter::has_power);
         let by_power = ByPower::new(emitters.iter().map(chosen_by));
         let by_estimate = ByEstimate::new(&emitters, |_| true);
         let delta_by_estimate = ByEstimate::new(&emitters, Emitter::is_delta);
@@ -204,6 +206,28 @@ impl Lights {
         };
         let cos = -direction.dot(normal);
         (prob * self.start() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+    }
+
+    /// Density in solid angle of connections with a point `origin` of a triangle, the light with this index, from
+    /// `position`, which is lit as [`Self::connect`] has it, 1/sr.
+    pub fn connection_pdf_w(
+        &self,
+        index: usize,
+        origin: Vec3,
+        position: Vec3,
+        normal: Option<Vec3>,
+    ) -> f32 {
+        let prob = self.by_estimate.prob(index, position, normal);
+        let direction = (position - origin).normalize();
+        self.emitters[index].seen(origin, direction, position).map_or(0.0, |seen| prob / seen)
+    }
+
+    /// The same of connections with light from beyond, along `direction`.
+    pub fn beyond_pdf_w(&self, direction: Vec3, position: Vec3, normal: Option<Vec3>) -> f32 {
+        let prob = self.by_estimate.prob(self.emitters.len(), position, normal);
+        let share =
+            luminance(self.beyond(direction)) / luminance(self.chosen_environment().integral());
+        prob * share
     }
 
     /// Luminance of the flux of light paths from where they carry the mean of their light, W.
@@ -342,7 +366,7 @@ mod tests {
     fn connections_and_emission_have_the_same_ratio_of_densities_from_both_sides() {
         let lights = all_kinds();
         let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
-        let mut found = [0; 7];
+        let (mut found, mut strayed) = ([0; 7], 0);
         for _ in 0..20_000 {
             let mut somewhere = || 6.0 * rng.next_1d() - 3.0;
             let position = Vec3::new(somewhere(), somewhere(), somewhere());
@@ -363,8 +387,21 @@ mod tests {
             let off = (l * inverse - 1.0).abs();
             assert!(off < 2e-3, "{index} {position} {normal}: {l} {inverse}");
             found[index] += 1;
+            // What rays can hit is found by them as well.
+            let pdf_w = match lights.emitters.get(index) {
+                None => lights.beyond_pdf_w(sample.wi, position, Some(normal)),
+                Some(emitter) if emitter.is_delta() => {
+                    assert_eq!(sample.inverse_pdf_w, 0.0);
+                    continue;
+                }
+                Some(_) => lights.connection_pdf_w(index, sample.target, position, Some(normal)),
+            };
+            let off = (pdf_w * sample.inverse_pdf_w - 1.0).abs();
+            // At their edges, directions may belong to the next pixel of the environment.
+            strayed += u32::from(off > 2e-3);
         }
         assert!(found.iter().all(|&found| found > 100), "{found:?}");
+        assert!(strayed < 5, "{strayed}");
         // Light paths start with what that takes for granted.
         for _ in 0..5000 {
             let (index, prob) = lights.choose_by_power(rng.next_f64());

@@ -14,11 +14,12 @@ use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of};
-use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{Scene, Seen, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use connections::Connections;
 use std::mem;
+use weighted::Rough;
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]
@@ -69,6 +70,8 @@ pub struct CameraPaths {
     mis: Option<Mis>,
     /// What each path carries of its weight from its first diffuse vertex on.
     parts: Vec<f32>,
+    /// Where light could be connected that each path hits.
+    roughs: Vec<Rough>,
 }
 
 impl CameraPaths {
@@ -91,7 +94,11 @@ impl CameraPaths {
             |simd| self.start(simd, pass, paths),
         );
         if self.mis.is_some() {
+            // What was there belongs to paths before these.
+            let first = self.direct.len() - self.segments.len();
             self.parts.resize(self.direct.len(), 0.0);
+            self.roughs.truncate(first);
+            self.roughs.resize(self.direct.len(), Rough::default());
         }
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
@@ -199,7 +206,7 @@ impl CameraPaths {
     ) {
         let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
         if at.any_emits {
-            self.add_emission(at, walks);
+            self.add_emission(pass.scene, at, walks);
         }
         let weights = at.weights(&walks.weight);
         if direct == Direct::Connect {
@@ -246,10 +253,15 @@ impl CameraPaths {
 
     /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
     #[inline(never)] // keeps the common case short
-    fn add_emission(&mut self, at: &DiffuseVertices, walks: &Walks) {
+    fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, walks: &Walks) {
         for lane in 0..LANES {
             if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
-                let emission = at.emission.get(lane);
+                let mut emission = at.emission.get(lane);
+                if self.mis.is_some() {
+                    let facet = Facet { mesh: at.mesh[lane], side: at.side[lane] };
+                    let place = (facet, at.position.get(lane));
+                    emission *= self.emission_weight(scene, walks.path[lane], place);
+                }
                 // theory.md (42), first line
                 self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * emission;
             }

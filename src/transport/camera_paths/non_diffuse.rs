@@ -17,7 +17,11 @@ impl CameraPaths {
     #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
-            let beyond = pass.scene.lights().beyond(walks.direction.get(lane));
+            let direction = walks.direction.get(lane);
+            let mut beyond = pass.scene.lights().beyond(direction);
+            if self.mis.is_some() {
+                beyond *= self.beyond_weight(pass.scene, walks.path[lane], direction);
+            }
             // theory.md (42), second line
             self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
         }
@@ -34,7 +38,12 @@ impl CameraPaths {
         // Emission hit later is carried by connections or photons.
         if walk.depth.diffuse() == 0 && surface.front {
             // theory.md (42), first line
-            self.direct[walk.path as usize] += walk.weight * surface.emission();
+            let mut emission = surface.emission();
+            if self.mis.is_some() && emission != Rgb::ZERO {
+                let place = (surface.facet, surface.position);
+                emission *= self.emission_weight(pass.scene, walk.path, place);
+            }
+            self.direct[walk.path as usize] += walk.weight * emission;
         }
         let vertex = walk.depth.diffuse() + 1;
         let merges = self.at_other_vertex(pass, surface, &mut walk);
@@ -70,15 +79,19 @@ impl CameraPaths {
         let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
+        let lit_side = surface.lit_side();
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
             let light = lights.connect(surface.position, lit_side, &mut walk.rng);
             self.connect_lobe(lights, surface, (walk, &at), (Lobe::Diffuse, light));
         }
         if bsdf.has_rough() && walk.depth.diffuse() == 0 {
-            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
+            // Such lights cannot be hit, or, weighted, hits are not all; after a diffuse vertex photons carry such paths.
+            let light = if self.mis.is_some() {
+                lights.connect(surface.position, lit_side, &mut walk.rng)
+            } else {
+                lights.connect_delta(surface.position, lit_side, &mut walk.rng)
+            };
             self.connect_lobe(lights, surface, (walk, &at), (Lobe::Rough, light));
         }
         if merges {
@@ -105,7 +118,7 @@ impl CameraPaths {
             // theory.md (42), third and fourth line
             let mut contribution = walk.weight * value * light.irradiance * cos_theta;
             if self.mis.is_some() {
-                contribution *= self.connection_weight(lights, surface, (walk, at), &light);
+                contribution *= self.connection_weight(lights, surface, (walk, at), (lobe, &light));
             }
             let start = surface.start(light.wi);
             self.send_shadow_ray(walk.path, contribution, light.target, start);

@@ -2,9 +2,9 @@
 
 use super::CameraPaths;
 use crate::base::math::luminance;
-use crate::bsdf::{BsdfSample, Vertex};
+use crate::bsdf::{BsdfSample, Lobe, Vertex};
 use crate::lanes::{LANES, Vec3s};
-use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
 use crate::transport::gather::GatherView;
 use crate::transport::mis::densities::Ways;
@@ -31,6 +31,7 @@ impl CameraPaths {
                     wi: light.wi.get(lane),
                     irradiance: light.irradiance.get(lane),
                     relative: light.relative[lane],
+                    inverse_pdf_w: 0.0,
                 };
                 let l = emission_over_connection(scene.lights(), &sample, at.normal.get(lane));
                 let earlier = self.parts[walks.path[lane] as usize] * density;
@@ -64,14 +65,19 @@ impl CameraPaths {
         self.gather_points.set_parts(&parts);
     }
 
-    /// Weight of a connection from any vertex.
+    /// Weight of a connection from the lobes of a class at any vertex.
     pub(super) fn connection_weight(
         &self,
         lights: &Lights,
         surface: &Surface,
         (walk, at): (&Walk, &Vertex),
-        light: &LightSample,
+        (lobe, light): (Lobe, &LightSample),
     ) -> f32 {
+        if lobe == Lobe::Rough {
+            let density = surface.bsdf.pdf_w(lobe, at, light.wi);
+            // theory.md (47i)
+            return (1.0 + density * light.inverse_pdf_w).recip();
+        }
         let Some(mis) = self.mis.filter(|_| walk.depth.diffuse() == 1) else { return 1.0 };
         let view = GatherView { bsdf: surface.bsdf, at: *at, interpolated: surface.interpolated };
         let density = view.light_density(&mis, light.wi, surface.normal);
@@ -88,6 +94,9 @@ impl CameraPaths {
         sample: &BsdfSample,
     ) {
         let Some(mis) = self.mis else { return };
+        if walk.depth.diffuse() == 0 {
+            self.roughs[walk.path as usize] = Rough::new(surface, at, sample);
+        }
         let part = &mut self.parts[walk.path as usize];
         if !sample.lobe.passes_through() {
             let density = mis.camera.density(&surface.bsdf, at, sample.wi);
@@ -96,6 +105,61 @@ impl CameraPaths {
             let ways = Ways { camera: surface.wo, light: sample.wi };
             *part *= ways.light_over_camera(surface, sample.lobe);
         }
+    }
+}
+
+/// The rough lobe that a camera path came from at last, before any diffuse vertex: light that it hits could be
+/// connected, too.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rough {
+    position: Vec3,
+    /// On the side that is lit, if it is one.
+    normal: Option<Vec3>,
+    /// Of the path's direction, 1/sr; 0 if it came from anywhere else.
+    pdf_w: f32,
+}
+
+impl Rough {
+    /// Where a path goes on from this surface.
+    fn new(surface: &Surface, at: &Vertex, sample: &BsdfSample) -> Self {
+        if sample.lobe != Lobe::Rough {
+            return Self::default();
+        }
+        let pdf_w = surface.bsdf.pdf_w(Lobe::Rough, at, sample.wi);
+        Self { position: surface.position, normal: surface.lit_side(), pdf_w }
+    }
+
+    /// Weight of light that the path hits, where connections are chosen with the density of `connection`.
+    /// theory.md (47i)
+    fn weight(&self, connection: impl FnOnce(&Self) -> f32) -> f32 {
+        if self.pdf_w > 0.0 { self.pdf_w / (self.pdf_w + connection(self)) } else { 1.0 }
+    }
+}
+
+impl CameraPaths {
+    /// Weight of emission that a path hits before its first diffuse vertex.
+    #[inline(never)] // rare
+    pub(super) fn emission_weight(
+        &self,
+        scene: &Scene,
+        path: u32,
+        (facet, position): (Facet, Vec3),
+    ) -> f32 {
+        if self.mis.is_none() {
+            return 1.0;
+        }
+        self.roughs[path as usize]
+            .weight(|rough| scene.connection_pdf_w((facet, position), rough.position, rough.normal))
+    }
+
+    /// The same of light from beyond.
+    pub(super) fn beyond_weight(&self, scene: &Scene, path: u32, direction: Vec3) -> f32 {
+        if self.mis.is_none() {
+            return 1.0;
+        }
+        let lights = scene.lights();
+        self.roughs[path as usize]
+            .weight(|rough| lights.beyond_pdf_w(direction, rough.position, rough.normal))
     }
 }
 
