@@ -259,10 +259,11 @@ impl Tracer {
                 }
             }
             self.store_diffuse(simd, &at, &walks);
-            if self.parts.are_wanted() {
-                self.parts.scatter_diffuse(scene.lights(), &at, &walks);
+            let reached = self.parts.are_wanted().then_some(walks);
+            let goes_on = self.scatter_diffuse(simd, &at, &mut walks, roulette);
+            if let Some(reached) = reached {
+                self.parts.scatter_diffuse(scene.lights(), &at, &reached, &goes_on);
             }
-            self.scatter_diffuse(simd, &at, &mut walks, roulette);
         }
         self.hits = hits;
         self.in_flight = mem::replace(&mut self.next, in_flight);
@@ -304,7 +305,7 @@ impl Tracer {
         self.photons.push(if self.directions { photon.coming_from(from) } else { photon });
     }
 
-    /// Goes on from diffuse vertices.
+    /// Goes on from diffuse vertices; which paths do.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
@@ -312,7 +313,7 @@ impl Tracer {
         at: &DiffuseVertices,
         walks: &mut Walks,
         roulette: Roulette,
-    ) {
+    ) -> Mask {
         walks.origin = at.off_surface;
         walks.direction = at.sample(&mut walks.rng);
         let ends = walks.rng.next_1d();
@@ -326,6 +327,7 @@ impl Tracer {
             walks.depth[lane] = walks.depth[lane].scattered();
         }
         self.next.append(simd, &goes_on, walks);
+        goes_on
     }
 
     /// At a surface that is not diffuse alone; the next ray unless the path ends.

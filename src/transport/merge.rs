@@ -4,7 +4,7 @@ use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
 use super::kernel::{Admission, Kernel, PointKernel, PointKernels};
 use super::mis::Mis;
-use super::mis::points::PointWeights;
+use super::mis::points::{AtFirst, AtSecond};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
@@ -238,17 +238,26 @@ impl<'a> Merge<'a> {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
         } else if let Some(mis) = self.mis.filter(|_| MIS) {
-            let number = look_up.point as usize;
-            let part = paths.gather_points.part(number);
-            let weighing = PointWeights::new(&mis, look_up.last, part);
-            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, (kernel, pairs), &weighing)
+            let part = paths.gather_points.part(look_up.point as usize);
+            let to = (kernel, pairs);
+            if !look_up.last {
+                let first = (&AtFirst(part), 1.0);
+                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, first);
+            }
+            let second = AtSecond::new(&mis, part);
+            if self.map.any_at_every_vertex() {
+                let all = (&second, 1.0);
+                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all);
+            }
+            let all = (&Unweighted, second.bounced());
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
         } else {
-            let all = &Unweighted;
-            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, (kernel, pairs), all)
+            let (to, all) = ((kernel, pairs), (&Unweighted, 1.0));
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
         }
     }
 
-    /// [`Self::flux_in`] where the BSDF is the same for all photons.
+    /// [`Self::flux_in`] where the BSDF is the same for all photons, which are weighed each and all alike.
     #[inline(always)] // vectorized
     fn lambertian_flux<const PAIRS: bool>(
         &self,
@@ -257,15 +266,15 @@ impl<'a> Merge<'a> {
         ranges: &[Range],
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
-        weighing: &impl Weighing,
+        (weighing, weight): (&impl Weighing, f32),
     ) -> Rgb {
         let by = (&self.admission, kernel);
         if PAIRS {
             let point = paths.gather_points.at(look_up.point as usize);
-            let to = (point.path, pair_weight(&point, kernel), pairs);
-            self.map.pairs_in(simd, ranges, look_up, by, weighing, to)
+            let to = (point.path, pair_weight(&point, kernel) * weight, pairs);
+            self.map.pairs_in(simd, ranges, look_up, by, weighing, to) * weight
         } else {
-            self.map.flux_in(ranges, look_up, by, weighing)
+            self.map.flux_in(ranges, look_up, by, weighing) * weight
         }
     }
 

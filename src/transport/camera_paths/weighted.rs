@@ -3,17 +3,18 @@
 use super::CameraPaths;
 use crate::base::math::luminance;
 use crate::bsdf::{BsdfSample, Lobe, Vertex};
-use crate::lanes::{LANES, Vec3s};
+use crate::lanes::{LANES, Mask, Vec3s, any};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
 use crate::transport::gather::GatherView;
 use crate::transport::mis::densities::Ways;
 use crate::transport::walks::{Walk, Walks};
 use glam::Vec3;
+use std::array::from_fn;
 
 impl CameraPaths {
     /// Weighs connections from Lambertian vertices.
-    #[inline(never)] // as the next: keeps the loop without weights short
+    #[inline(always)] // as those below: vectorized
     pub(super) fn weigh_connections(
         &self,
         scene: &Scene,
@@ -22,27 +23,29 @@ impl CameraPaths {
         light: &LightSamples,
         contributions: &mut Vec3s,
     ) {
-        let Some(mis) = self.mis else { return };
+        let is_second: Mask = from_fn(|lane| walks.depth[lane].diffuse() == 1);
+        let Some(mis) = self.mis.filter(|_| any(&is_second)) else { return };
+        let (parts, inverse_start) = (self.parts_of(&walks.path), scene.lights().start().recip());
         for lane in 0..LANES {
-            if at.active[lane] && walks.depth[lane].diffuse() == 1 {
-                let density = mis.light.lambertian(at.albedo.get(lane).max_element());
-                let sample = LightSample {
-                    target: light.target.get(lane),
-                    wi: light.wi.get(lane),
-                    irradiance: light.irradiance.get(lane),
-                    relative: light.relative[lane],
-                    inverse_pdf_w: 0.0,
-                };
-                let l = emission_over_connection(scene.lights(), &sample, at.normal.get(lane));
-                let earlier = self.parts[walks.path[lane] as usize] * density;
-                let weight = mis.balance.connection_weight(earlier, l);
-                contributions.set(lane, contributions.get(lane) * weight);
-            }
+            let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
+            // theory.md (47b), `l`
+            let l =
+                luminance(light.irradiance.get(lane)) * cos * inverse_start / light.relative[lane];
+            let density = mis.light.lambertian(at.albedo.get(lane).max_element());
+            let weight = mis.balance.connection_weight(parts[lane] * density, l);
+            let weight = if is_second[lane] { weight } else { 1.0 };
+            contributions.set(lane, contributions.get(lane) * weight);
         }
     }
 
+    /// What these paths carry; anything of numbers that are none.
+    #[inline(always)]
+    fn parts_of(&self, path: &[u32; LANES]) -> [f32; LANES] {
+        path.map(|path| self.parts.get(path as usize).copied().unwrap_or(0.0))
+    }
+
     /// Sets what the Lambertian points that were left last carry, and what their paths carry on.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn weigh_points(
         &mut self,
         at: &DiffuseVertices,
@@ -50,19 +53,21 @@ impl CameraPaths {
         vertex: &[u32; LANES],
     ) {
         let Some(mis) = self.mis else { return };
+        let (of_paths, mut onward) = (self.parts_of(path), [0.0; LANES]);
         let mut parts = [0.0; LANES];
-        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+        for lane in 0..LANES {
             let albedo = at.albedo.get(lane).max_element();
-            let of_path = &mut self.parts[path[lane] as usize];
-            if vertex[lane] == 1 {
-                let density = mis.camera.lambertian(albedo);
-                *of_path = mis.balance.toward_second(density);
-                parts[lane] = mis.balance.at_first(density);
-            } else {
-                parts[lane] = *of_path * mis.light.lambertian(albedo);
-            }
+            let camera = mis.camera.lambertian(albedo);
+            let second = of_paths[lane] * mis.light.lambertian(albedo);
+            onward[lane] = mis.balance.toward_second(camera);
+            parts[lane] = if vertex[lane] == 1 { mis.balance.at_first(camera) } else { second };
         }
         self.gather_points.set_parts(&parts);
+        for lane in 0..LANES {
+            if at.active[lane] & (vertex[lane] == 1) {
+                self.parts[path[lane] as usize] = onward[lane];
+            }
+        }
     }
 
     /// Weight of a connection from the lobes of a class at any vertex.

@@ -86,9 +86,10 @@ impl PhotonParts {
         lights: &Lights,
         at: &DiffuseVertices,
         walks: &Walks,
+        goes_on: &Mask,
     ) {
         let Some(mis) = self.mis else { return };
-        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+        for lane in (0..LANES).filter(|&lane| goes_on[lane]) {
             let depth = walks.depth[lane];
             let path = &mut self.paths[(walks.path[lane] - self.first) as usize];
             let otherwise = if depth.diffuse() > 0 {

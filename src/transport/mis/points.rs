@@ -8,52 +8,57 @@ use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::{Weighing, of_quad};
 use glam::{Vec3, Vec4};
 
-/// Those at a Lambertian vertex.
-pub(crate) enum PointWeights {
-    /// The first: what photons carry is multiplied with this.
-    First(f32),
-    /// The second: weights by class.
-    Second {
-        /// Of photons that are merged there.
-        by_class: ByClass<f32>,
-        /// Whether there may be others, straight from a light.
-        any_straight: bool,
-    },
+/// Those at a Lambertian first vertex, which multiplies what photons carry with this.
+pub(crate) struct AtFirst(pub f32);
+
+/// Those at a Lambertian second vertex.
+pub(crate) struct AtSecond {
+    /// Of photons that are merged there.
+    by_class: ByClass<f32>,
+    /// Whether there may be others, straight from a light.
+    any_straight: bool,
 }
 
-impl PointWeights {
-    /// Of a camera path's first vertex, or its last, that carries `part`.
-    #[inline(always)] // part of the loop over look-ups
-    pub fn new(mis: &Mis, last: bool, part: f32) -> Self {
-        if !last {
-            return Self::First(part);
-        }
-        let by_class = mis.balance.second_weights(part);
-        Self::Second { by_class, any_straight: !mis.connects }
+impl AtSecond {
+    /// Of a camera path whose part, times the density of light paths there, is `earlier`.
+    #[inline(always)] // as those below: parts of the loop over look-ups
+    pub fn new(mis: &Mis, earlier: f32) -> Self {
+        Self { by_class: mis.balance.second_weights(earlier), any_straight: !mis.connects }
+    }
+
+    /// That of photons that had a diffuse bounce.
+    #[inline(always)]
+    pub fn bounced(&self) -> f32 {
+        self.by_class[PhotonClass::LastVertex as usize]
     }
 }
 
-impl Weighing for PointWeights {
+impl Weighing for AtFirst {
     const ALL: bool = true;
 
-    #[inline(always)] // as the next: parts of the loop over ranges
+    #[inline(always)]
     fn by_class(&self) -> Option<ByClass<f32>> {
-        match *self {
-            Self::First(_) => None,
-            Self::Second { by_class, .. } => Some(by_class),
-        }
+        None
     }
 
     #[inline(always)]
     fn weights(&self, parts: &[f32], quad: usize) -> Option<Vec4> {
-        match *self {
-            // As `first_weight`.
-            Self::First(by) => Some((Vec4::ONE + by * of_quad(parts, quad)).recip()),
-            Self::Second { any_straight: false, .. } => None,
-            Self::Second { .. } => {
-                Some(Vec4::from(of_quad(parts, quad).to_array().map(|part| merged_at_second(part))))
-            }
-        }
+        // As `first_weight`.
+        Some((Vec4::ONE + self.0 * of_quad(parts, quad)).recip())
+    }
+}
+
+impl Weighing for AtSecond {
+    const ALL: bool = true;
+
+    #[inline(always)]
+    fn by_class(&self) -> Option<ByClass<f32>> {
+        Some(self.by_class)
+    }
+
+    #[inline(always)]
+    fn weights(&self, parts: &[f32], quad: usize) -> Option<Vec4> {
+        self.any_straight.then(|| Vec4::from(of_quad(parts, quad).to_array().map(merged_at_second)))
     }
 }
 
