@@ -50,8 +50,8 @@ fn assert_zero(what: &str, differences: &[Vec<f64>], value: f64, resolution: f64
     println!("{what}: off by {off:+.5} +- {error:.5}, squared deviations of tiles {square:.2}");
     assert!(error < resolution, "{what}: {error} says little");
     assert!(off.abs() < 4.0 * error + systematic, "{what}: off by {off} +- {error}");
-    // The mean of 16 squares, which share light paths, has a standard error of .35 or somewhat more.
-    assert!(square < 3.0, "{what}: {square}");
+    // The mean of 16 squares has a standard error of .35, and more as tiles share light paths.
+    assert!(square < 4.0, "{what}: {square}");
 }
 
 /// What shows other weights at the same paths; `k = 2` is held against each.
@@ -142,9 +142,23 @@ fn rough_things_where_all_is_as_bright() {
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.5, 1.5, 0.5)),
     ];
     assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, 40);
-    // Single scattering loses a few percent: these are held against k = 2 alone, by the same test.
+    // Single scattering loses a little.
     let glass = [Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.05))];
     assert_furnace("rough glass", &furnace(&glass, false), 2e-3, 40);
+}
+
+/// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
+#[test]
+fn coated_walls_where_all_is_as_bright() {
+    let mut meshes = Vec::new();
+    for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, u32::from(index != 1)));
+    }
+    let coated = Bsdf::Coated(Coated::new(Vec3::ONE, 2.0));
+    let materials = vec![gray(0.5, 1.0), Material::new("coated", coated)];
+    let camera = camera(Vec3::new(0.4, 0.6, 0.5), Vec3::new(-0.8, -0.3, -0.8), 75.0);
+    assert_furnace("coated walls", &scene(meshes, materials, vec![], camera), 0.0, 100);
 }
 
 /// A room that is open above under lights of all kinds, with a mirror, glass and gloss.
