@@ -158,7 +158,7 @@ fn coated_walls_where_all_is_as_bright() {
     let coated = Bsdf::Coated(Coated::new(Vec3::ONE, 2.0));
     let materials = vec![gray(0.5, 1.0), Material::new("coated", coated)];
     let camera = camera(Vec3::new(0.4, 0.6, 0.5), Vec3::new(-0.8, -0.3, -0.8), 75.0);
-    assert_furnace("coated walls", &scene(meshes, materials, vec![], camera), 0.0, 100);
+    assert_furnace("coated walls", &scene(meshes, materials, vec![], camera), 0.0, 200);
 }
 
 /// A room that is open above under lights of all kinds, with a mirror, glass and gloss.
