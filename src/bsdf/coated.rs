@@ -60,7 +60,7 @@ impl Coated {
 
     /// Probability of the mirror lobe among both.
     /// theory.md (31).
-    fn mirror_prob(&self, wo: Vec3) -> f32 {
+    pub(super) fn mirror_prob(&self, wo: Vec3) -> f32 {
         let mirrored = self.reflected(wo.z);
         mirrored / (mirrored + self.diffuse_albedo(wo.z).max_element())
     }

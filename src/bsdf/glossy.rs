@@ -113,7 +113,7 @@ impl Glossy {
     }
 
     /// Probability of the facets' lobe among both: about its share of what is reflected.
-    fn facets_prob(&self, wo: Vec3) -> f32 {
+    pub(super) fn facets_prob(&self, wo: Vec3) -> f32 {
         let once = self.facets.schlick_albedo(wo.z, self.mixed_normal().max_element());
         let facets = once + self.metallic * self.loss(wo.z);
         let base = (1.0 - self.metallic) * self.albedo.max_element() * self.enters(wo.z);

@@ -245,6 +245,26 @@ impl Bsdf {
         }
     }
 
+    /// Probability that [`Self::sample`] passes through, as [`Self::pdf_w`] has it.
+    pub fn pass_prob(&self, at: &Vertex) -> f32 {
+        let wo = Frame::new(at.normal).to_local(at.wo);
+        match self {
+            Self::Coated(coated) if wo.z > 0.0 => coated.mirror_prob(wo),
+            Self::Glossy(glossy) if self.passes_through() && wo.z > 0.0 => glossy.facets_prob(wo),
+            _ if self.passes_through() => 1.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Refractive index beyond the surface over that on the side of its front or its back; 1 of what does
+    /// not refract.
+    pub fn relative_index(&self, front: bool) -> f32 {
+        match self {
+            Self::Dielectric(interface) => dielectric::relative(interface.eta, front),
+            _ => 1.0,
+        }
+    }
+
     /// Samples the direction of the next segment; `None` where all is absorbed.
     pub fn sample(
         &self,

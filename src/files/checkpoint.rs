@@ -130,7 +130,7 @@ mod tests {
     use super::*;
     use crate::image::counts::{CameraCounts, Counts};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
-    use crate::settings::{Direct, Kernel, Roulette, Settings};
+    use crate::settings::{Direct, Kernel, Roulette, Settings, Strategy};
     use glam::DVec3;
     use std::fs;
 
@@ -144,6 +144,10 @@ mod tests {
             caustic_radius: 0.1,
             kernel: Kernel::Area,
             merge_vertex: 2,
+            strategy: Strategy::Single,
+            mis_light_paths: 100,
+            mis_c1: 0.4,
+            mis_c2: 0.4,
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,

@@ -6,25 +6,29 @@ use crate::bsdf::Bsdf;
 use crate::image::film::PixelSums;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::scene::Scene;
-use crate::settings::Settings;
+use crate::settings::{Settings, Strategy};
 use crate::transport::photon::Photon;
 
 /// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that
 /// only pass it on leave none.
-pub(super) fn bytes_per_light_path(scene: &Scene) -> f64 {
+pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
     let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    photons_per_path * BYTES_PER_PHOTON
+    photons_per_path * bytes_per_photon(settings)
 }
 
-/// As traced, while sorting with its bucket in two orders, and in the map with up to eight buckets.
-const BYTES_PER_PHOTON: f64 = (3 * size_of::<Photon>() + 2 * 4 + 8 * 4) as f64;
+/// As traced, while sorting with its bucket in two orders, and in the map with up to eight buckets; each time with
+/// its part of a weight where paths are weighted.
+fn bytes_per_photon(settings: &Settings) -> f64 {
+    let part = if settings.strategy == Strategy::Mis { size_of::<f32>() } else { 0 };
+    (3 * (size_of::<Photon>() + part) + 2 * 4 + 8 * 4) as f64
+}
 
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.
 pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
-    (memory - film_bytes(settings, 1)) / (photons_per_path * BYTES_PER_PHOTON)
+    (memory - film_bytes(settings, 1)) / (photons_per_path * bytes_per_photon(settings))
 }
 
 /// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
@@ -38,7 +42,7 @@ pub(super) fn film_bytes(settings: &Settings, blocks: usize) -> f64 {
 
 /// Refuses counts that cannot fit, before anything is allocated.
 pub(super) fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<()> {
-    let light = f64::from(light_paths) * bytes_per_light_path(scene);
+    let light = f64::from(light_paths) * bytes_per_light_path(scene, settings);
     // Those of earlier blocks are no longer available.
     let film = film_bytes(settings, 1);
     let needed = light + film;

@@ -29,6 +29,7 @@ use crate::transport::camera_paths::CameraPass;
 use crate::transport::kernel;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::merge::Merge;
+use crate::transport::mis::Mis;
 use crate::transport::photon_map::PhotonMap;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
@@ -122,7 +123,7 @@ impl<'a> Renderer<'a> {
     pub fn most_light_paths(&self) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
         let for_light = 0.5 * (available - film_bytes(&self.settings, MOST_BLOCKS)).max(0.0);
-        let most = for_light / bytes_per_light_path(self.scene);
+        let most = for_light / bytes_per_light_path(self.scene, &self.settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
@@ -192,15 +193,16 @@ impl<'a> Renderer<'a> {
         light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
         let build_time = photon_map.build(light_paths, kernel.reach());
 
+        let mis = Mis::new(settings);
         let pass = CameraPass {
             scene,
             view: *view,
             accel: *accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: photon_map.any_at_every_vertex(),
+            gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
         };
-        let merge = Merge::new(photon_map, settings.merge_vertex, kernel);
+        let merge = Merge::new(photon_map, settings.merge_vertex, kernel).weighted(mis);
         let before = block.film.iterations;
         let (counts, mut tiles) = block.begin_iteration(measure, *grain);
         let job = Job::new(pass, merge, counts, measure, before);

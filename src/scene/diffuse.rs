@@ -7,7 +7,7 @@ use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// A side of a triangle.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Facet {
     /// Index of its mesh at its place, as in hits.
     pub mesh: u32,

@@ -32,6 +32,7 @@ pub use mesh::Mesh;
 pub use normal_map::NormalMap;
 pub use placement::{Arrangement, Placement};
 pub use region::{Region, check_rectangles};
+pub(crate) use shading::shading_normal;
 pub use surface::Surface;
 pub use texture::{Sampling, Texture, Wrap};
 pub use transform::Transform;
@@ -40,6 +41,8 @@ pub(crate) use triangle::triangle_area;
 
 use crate::base::error::Result;
 use crate::base::math::Bounds;
+use diffuse::Facet;
+use glam::Vec3;
 use lambertian::Lambertian;
 use triangle::Corners;
 
@@ -66,6 +69,8 @@ pub struct Scene {
     first_triangle: Vec<u32>,
     /// Of each material.
     lambertian: Vec<Lambertian>,
+    /// Sides that emit, in order, and the index of their emitter.
+    emitting: Vec<(Facet, u32)>,
 }
 
 impl Scene {
@@ -113,14 +118,15 @@ impl Scene {
 
         let mut bounds = Bounds::EMPTY;
         let mut first_triangle = Vec::with_capacity(placements.len());
-        let mut emitters = lights;
-        for placement in &placements {
+        let (mut emitters, mut facets) = (lights, Vec::new());
+        let others = emitters.len();
+        for (number, placement) in (0..).zip(&placements) {
             let mesh = &meshes[placement.mesh as usize];
             let first = first_of_mesh[placement.mesh as usize];
             let stored = &triangles[first as usize..][..mesh.triangles.len()];
             first_triangle.push(first);
             bounds = placement.enclose(bounds, mesh);
-            placement.emit(mesh, stored, &materials, &mut emitters);
+            placement.emit(mesh, stored, &materials, (number, &mut facets), &mut emitters);
         }
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
@@ -128,6 +134,16 @@ impl Scene {
                 light.radius = bounds.enclosing_radius();
             }
         }
+        // As the lights number those that they keep.
+        let emitting = emitters
+            .iter()
+            .enumerate()
+            .filter(|(_, emitter)| emitter.has_power())
+            .zip(0..)
+            .filter_map(|((index, _), number)| {
+                Some((*facets.get(index.checked_sub(others)?)?, number))
+            })
+            .collect();
         let lights = Lights::new(emitters);
         Ok(Self {
             name,
@@ -142,6 +158,7 @@ impl Scene {
             triangles,
             corners,
             first_triangle,
+            emitting,
         })
     }
 
@@ -176,6 +193,21 @@ impl Scene {
         environment.enclose(&self.bounds);
         self.lights.set_environment(environment);
         self
+    }
+
+    /// Density in solid angle with which a connection from `from`, lit as [`Lights::connect`] has it, chooses the
+    /// point `position` of a facet, 1/sr; 0 if it emits nothing.
+    pub fn connection_pdf_w(
+        &self,
+        (facet, position): (Facet, Vec3),
+        from: Vec3,
+        normal: Option<Vec3>,
+    ) -> f32 {
+        let found = self.emitting.binary_search_by_key(&facet, |(facet, _)| *facet);
+        found.map_or(0.0, |at| {
+            let emitter = self.emitting[at].1 as usize;
+            self.lights.connection_pdf_w(emitter, position, from, normal)
+        })
     }
 
     /// Longest side of the bounding box, scene units.

@@ -1,5 +1,6 @@
 //! Where meshes are: those that are seen at several places are held once.
 
+use super::diffuse::Facet;
 use super::lights::textured_emitter::Glow;
 use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
@@ -133,12 +134,14 @@ impl Placement {
         }
     }
 
-    /// Adds the mesh's triangles, which are `stored`, to the emitters if they emit here.
+    /// Adds the mesh's triangles, which are `stored`, to the emitters if they emit here, and the side that does to
+    /// `facets`; this is the placement of that number.
     pub(crate) fn emit(
         &self,
         mesh: &Mesh,
         stored: &[Triangle],
         materials: &[Material],
+        (number, facets): (u32, &mut Vec<Facet>),
         emitters: &mut Vec<Emitter>,
     ) {
         let material = &materials[self.material as usize];
@@ -148,10 +151,15 @@ impl Placement {
         }
         let picture = material.emission_texture.as_ref();
         let glow = picture.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
-        emitters.extend(mesh.triangles.iter().zip(stored).filter_map(|(indices, stored)| {
+        let all = (0..).zip(mesh.triangles.iter().zip(stored));
+        emitters.extend(all.filter_map(|(index, (indices, stored))| {
             let shape = self.triangle(stored);
             // Where a mesh is made tiny it may end up with none.
-            (shape.area() > 0.0).then(|| match &glow {
+            if shape.area() <= 0.0 {
+                return None;
+            }
+            facets.push(Facet::new(number, index, true));
+            Some(match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {
                     let indices = indices.map(|index| index as usize);

@@ -10,18 +10,29 @@ use std::f32::consts::PI;
 /// Least cosine between a shading normal and the direction that it is seen from.
 const GRAZING: f32 = 1e-3;
 
+/// By which normal a surface scatters what comes from `wo`, given the interpolated one and the triangle's.
+#[inline(never)] // keeps the common case short
+pub(crate) fn shading_normal(
+    bsdf: &Bsdf,
+    interpolated: Vec3,
+    triangle: Vec3,
+    wo: Vec3,
+    transport: Transport,
+) -> Vec3 {
+    match (bsdf, transport) {
+        // Its value does not depend on where it is seen from, also below the horizon of the
+        // normal. Flux leaves by the cosine of the triangle; see `adjoint_correction`.
+        (Bsdf::Lambertian { .. }, Transport::Radiance) => interpolated,
+        (Bsdf::Lambertian { .. }, Transport::Flux) => triangle,
+        // A normal that is not seen is bent until it is; its surface would be black.
+        // theory.md (33)
+        _ => (interpolated + (GRAZING - interpolated.dot(wo)).max(0.0) * wo).normalize(),
+    }
+}
+
 impl Surface<'_> {
-    #[inline(never)] // keeps the common case short
     pub(super) fn shading_normal(&self, normal: Vec3, transport: Transport) -> Vec3 {
-        match (&self.bsdf, transport) {
-            // Its value does not depend on where it is seen from, also below the horizon of the
-            // normal. Flux leaves by the cosine of the triangle; see `adjoint_correction`.
-            (Bsdf::Lambertian { .. }, Transport::Radiance) => normal,
-            (Bsdf::Lambertian { .. }, Transport::Flux) => self.normal,
-            // A normal that is not seen is bent until it is; its surface would be black.
-            // theory.md (33)
-            _ => (normal + (GRAZING - normal.dot(self.wo)).max(0.0) * self.wo).normalize(),
-        }
+        shading_normal(&self.bsdf, normal, self.normal, self.wo, transport)
     }
 
     /// [`Self::scatter_flux`] by a normal that is not the triangle's.

@@ -39,6 +39,28 @@ impl Surface<'_> {
         if self.front { front } else { -front }
     }
 
+    /// The same for a path that comes from this direction, to either side.
+    #[must_use]
+    pub fn seen_from(&self, direction: Vec3) -> Self {
+        if direction.dot(self.normal) >= 0.0 {
+            return Self { wo: direction, ..*self };
+        }
+        Self {
+            wo: direction,
+            facet: Facet { side: self.facet.side ^ 1, ..self.facet },
+            normal: -self.normal,
+            interpolated: self.interpolated.map(|normal| -normal),
+            off_surface: self.start(direction),
+            front: !self.front,
+            ..*self
+        }
+    }
+
+    /// Unit normal on the side from which light arrives that it scatters to the ray, if it is one side alone.
+    pub fn lit_side(&self) -> Option<Vec3> {
+        (!self.bsdf.transmits()).then_some(self.normal)
+    }
+
     /// What its BSDF needs to know.
     #[inline]
     pub fn vertex(&self, transport: Transport) -> Vertex {

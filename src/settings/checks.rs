@@ -1,5 +1,6 @@
 //! What each setting may be, and how such an error gets out of a file.
 
+use super::Strategy;
 use super::length::LENGTH_ADVICE;
 use crate::base::error::{Error, Result};
 use serde::{Deserialize, Deserializer, de};
@@ -66,6 +67,25 @@ pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
     Err(Error::new(
         format!("merge vertex {vertex}"),
         "give the number of the diffuse vertex at which camera paths are cut, 1 to 255",
+    ))
+}
+
+pub(super) fn check_scale(&scale: &f64) -> Result<()> {
+    if scale >= 0.0 && scale <= f64::from(f32::MAX).sqrt() {
+        return Ok(());
+    }
+    Err(Error::new(format!("the scale of merges is {scale}"), "give a number such as 0.4"))
+}
+
+pub(super) fn check_strategy(strategy: Strategy, merge_vertex: u32) -> Result<()> {
+    if strategy == Strategy::Single || merge_vertex == 2 {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!(
+            "strategy `mis` merges at vertices 1 and 2, but the merge vertex is {merge_vertex}"
+        ),
+        "leave the merge vertex out or set it to 2: camera paths are cut there",
     ))
 }
 

@@ -25,6 +25,18 @@ pub enum Direct {
     PhotonMap,
 }
 
+/// In how many ways a path is found: theory.md, section 4.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Strategy {
+    /// In one: by merging at vertex `k` (caustics at all up to it), or by connection.
+    #[default]
+    Single,
+    /// By merging at vertices 1 and 2 and by connection from both, weighted by the balance heuristic.
+    Mis,
+}
+
 /// The area that merged photons are divided by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -126,7 +126,7 @@ impl Origin {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Direct, Kernel, Roulette};
+    use crate::settings::{Direct, Kernel, Roulette, Strategy};
 
     fn origin() -> Origin {
         let settings = Settings {
@@ -138,6 +138,10 @@ mod tests {
             caustic_radius: 0.1,
             kernel: Kernel::Area,
             merge_vertex: 2,
+            strategy: Strategy::Single,
+            mis_light_paths: 100,
+            mis_c1: 0.4,
+            mis_c2: 0.4,
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,

@@ -2,9 +2,9 @@
 
 use super::checks::{
     check_camera_paths, check_light_paths, check_merge_vertex, check_radius, check_resolution,
-    checked,
+    check_scale, check_strategy, checked,
 };
-use super::{Direct, Kernel, Length, Roulette};
+use super::{Direct, Kernel, Length, Roulette, Strategy};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -32,7 +32,7 @@ macro_rules! as_they_are {
     )+};
 }
 
-as_they_are!(u32, u64, Direct, Kernel, Roulette);
+as_they_are!(u32, u64, f64, Direct, Kernel, Roulette, Strategy);
 
 impl Setting for f32 {
     type Wish = Length;
@@ -120,7 +120,7 @@ macro_rules! settings {
             pub fn validate(&self) -> Result<()> {
                 check_resolution(&[self.width, self.height])?;
                 $($check(&self.$name)?;)+
-                Ok(())
+                check_strategy(self.strategy, self.merge_vertex)
             }
         }
 
@@ -174,6 +174,24 @@ settings! {
     #[arg(value_name = "K")]
     merge_vertex: u32 as u32 = 2, check_merge_vertex;
 
+    /// Whether each path is found in one way, or in all ways that --merge-vertex 1 and 2 know
+    strategy: Strategy as Strategy = Strategy::Single, anything;
+
+    /// Light paths that the weights of --strategy mis are made for [default: --light-paths]
+    #[serde(deserialize_with = "read::mis_light_paths")]
+    #[arg(value_name = "NF")]
+    mis_light_paths: u32 as u32 = light_paths, check_light_paths;
+
+    /// Scale of these weights' merges at the first vertex [default: 2/(1 + --camera-paths)]
+    #[serde(deserialize_with = "read::mis_c1")]
+    #[arg(value_name = "C")]
+    mis_c1: f64 as f64 = shared_by(camera_paths), check_scale;
+
+    /// The same at the second
+    #[serde(deserialize_with = "read::mis_c2")]
+    #[arg(value_name = "C")]
+    mis_c2: f64 as f64 = shared_by(camera_paths), check_scale;
+
     /// How light that comes straight from a light source is found
     direct: Direct as Direct = Direct::Connect, anything;
 
@@ -205,7 +223,18 @@ mod read {
         light_paths: u32, check_light_paths;
         camera_paths: u32, check_camera_paths;
         merge_vertex: u32, check_merge_vertex;
+        mis_light_paths: u32, check_light_paths;
+        mis_c1: f64, check_scale;
+        mis_c2: f64, check_scale;
     }
+}
+
+/// What merges count in weights if so many camera paths share the photons: `1/(1 + phi (N_B - 1))`, where
+/// `phi` is the share of a merge's variance that belongs to the photons alone. Without a measurement half
+/// of it does; the optimum is flat.
+/// theory.md (47h).
+fn shared_by(camera_paths: u32) -> f64 {
+    2.0 / (1.0 + f64::from(camera_paths))
 }
 
 impl Settings {
@@ -254,6 +283,10 @@ mod tests {
             caustic_radius: 0.125,
             kernel: Kernel::Area,
             merge_vertex: 2,
+            strategy: Strategy::Single,
+            mis_light_paths: 100_000,
+            mis_c1: 0.4,
+            mis_c2: 0.4,
             direct: Direct::PhotonMap,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
@@ -279,6 +312,10 @@ mod tests {
             caustic_radius: Some(Length::Share(0.25)),
             kernel: Some(Kernel::Disc),
             merge_vertex: Some(12),
+            strategy: Some(Strategy::Mis),
+            mis_light_paths: Some(14),
+            mis_c1: Some(0.5),
+            mis_c2: Some(0.25),
             direct: Some(Direct::PhotonMap),
             light_roulette: Some(Roulette::Weight),
             camera_roulette: Some(Roulette::Weight),
@@ -300,6 +337,11 @@ mod tests {
         refuse(PartialSettings { light_paths: Some(0), ..none() }, "0 light paths");
         refuse(PartialSettings { camera_paths: Some(0), ..none() }, "0 camera paths");
         refuse(PartialSettings { merge_vertex: Some(256), ..none() }, "merge vertex 256");
+        refuse(PartialSettings { mis_light_paths: Some(0), ..none() }, "0 light paths");
+        refuse(PartialSettings { mis_c1: Some(-0.5), ..none() }, "scale of merges is -0.5");
+        refuse(PartialSettings { mis_c2: Some(f64::NAN), ..none() }, "scale of merges is NaN");
+        let (strategy, merge_vertex) = (Some(Strategy::Mis), Some(1));
+        refuse(PartialSettings { strategy, merge_vertex, ..none() }, "merges at vertices 1 and 2");
         refuse(
             PartialSettings { radius: Some(Length::Units(f32::NAN)), ..none() },
             "radius is NaN",

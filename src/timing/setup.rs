@@ -31,7 +31,8 @@ pub struct Setup {
 }
 
 /// Settings that times do not depend on, or as the model says.
-const INDEPENDENT: [&str; 3] = ["light_paths", "camera_paths", "seed"];
+const INDEPENDENT: [&str; 6] =
+    ["light_paths", "camera_paths", "seed", "mis_light_paths", "mis_c1", "mis_c2"];
 
 /// Names of the others.
 fn dependent() -> impl Iterator<Item = &'static str> {
@@ -193,6 +194,7 @@ pub(super) mod tests {
             ("backend", text("embree"), "backend is bvh, not embree"),
             ("width", Value::Number(64.0), "resolution is 512x512, not 64x512"),
             ("merge_vertex", Value::Number(1.0), "merge-vertex is 2, not 1"),
+            ("strategy", text("mis"), "strategy is single, not mis"),
             ("direct", text("photon-map"), "direct is connect, not photon-map"),
             ("light_roulette", text("weight"), "light-roulette is albedo, not weight"),
             ("camera_roulette", text("albedo"), "camera-roulette is weight, not albedo"),

@@ -1,10 +1,12 @@
 //! Where camera paths gather photons.
 
+use super::mis::Mis;
 use super::photon::Photon;
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, Lobe, Vertex};
+use crate::bsdf::{Bsdf, Lobe, Transport, Vertex};
 use crate::lanes::{LANES, Mask, Vec3s};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
+use crate::scene::shading_normal;
 use glam::Vec3;
 use std::array::from_fn;
 use std::ops::Range;
@@ -40,6 +42,8 @@ impl GatherPoint {
 #[derive(Clone, Debug, Default)]
 pub struct GatherPoints {
     packets: Vec<GatherPacket>,
+    /// What the points carry of their paths' weights, if paths are weighted.
+    parts: Vec<[f32; LANES]>,
     /// Lanes that are taken: all of a packet, even if not all of its points gather.
     taken: usize,
 }
@@ -131,6 +135,31 @@ impl GatherPoints {
         self.taken += 1;
     }
 
+    /// Sets what the last point carries of its path's weight.
+    pub(crate) fn set_part(&mut self, part: f32) {
+        let last = self.taken - 1;
+        self.parts_of_last()[last % LANES] = part;
+    }
+
+    /// Sets that of the last packet of points.
+    pub(crate) fn set_parts(&mut self, parts: &[f32; LANES]) {
+        *self.parts_of_last() = *parts;
+    }
+
+    fn parts_of_last(&mut self) -> &mut [f32; LANES] {
+        let packets = self.taken.div_ceil(LANES);
+        if self.parts.len() < packets {
+            self.parts.resize(packets, [0.0; LANES]);
+        }
+        &mut self.parts[packets - 1]
+    }
+
+    /// What the point in this lane carries of its path's weight.
+    #[inline]
+    pub(crate) fn part(&self, number: usize) -> f32 {
+        self.parts[number / LANES][number % LANES]
+    }
+
     /// The one with the next lane to take.
     #[inline(always)]
     fn packet(&mut self) -> &mut GatherPacket {
@@ -174,13 +203,19 @@ pub struct GatherView {
     pub bsdf: Bsdf,
     /// Whence it is seen.
     pub at: Vertex,
+    /// Unit normal that is not the triangle's, on the side that is seen, if there is one.
+    pub interpolated: Option<Vec3>,
 }
 
 impl GatherView {
     /// The BSDF's value for a photon that is merged at `point`, 1/sr. Photons count by the area of
     /// the triangles, light by that of the interpolated surface.
     pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
-        let wi = photon.from_as_at(point.normal);
+        self.value_from(photon.from_as_at(point.normal), point)
+    }
+
+    /// The same for light from `wi`.
+    pub fn value_from(&self, wi: Vec3, point: &GatherPoint) -> Rgb {
         // theory.md (37)
         let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
         if areas > 0.0 {
@@ -189,5 +224,20 @@ impl GatherView {
         } else {
             Rgb::ZERO
         }
+    }
+
+    /// Density with which camera paths go on toward light from `wi`.
+    pub(crate) fn camera_density(&self, mis: &Mis, wi: Vec3) -> f32 {
+        mis.camera.density(&self.bsdf, &self.at, wi)
+    }
+
+    /// Density with which light paths that come from `wi` go on along the camera path, where the triangle has
+    /// the unit normal `normal`.
+    pub(crate) fn light_density(&self, mis: &Mis, wi: Vec3, normal: Vec3) -> f32 {
+        let normal = self.interpolated.map_or(normal, |interpolated| {
+            shading_normal(&self.bsdf, interpolated, normal, wi, Transport::Flux)
+        });
+        let at = Vertex { normal, wo: wi, front: self.at.front };
+        mis.light.density(&self.bsdf, &at, self.at.wo)
     }
 }

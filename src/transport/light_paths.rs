@@ -1,6 +1,8 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
 use super::flight::Flight;
+use super::mis::Mis;
+use super::mis::photons::PhotonParts;
 use super::photon::{Extent, Photon, PhotonClass, Photons, Side};
 use super::walks::{Depth, WEIGHT_FLOOR, Walk, Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
@@ -10,7 +12,7 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, any, lanes_of};
 use crate::scene::diffuse::DiffuseVertices;
-use crate::scene::{Emissions, Scene, Seen, Surface};
+use crate::scene::{Lights, Scene, Seen, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -23,7 +25,7 @@ use std::time::{Duration, Instant};
 const BATCH: u32 = 1024;
 
 /// Largest survival probability: paths end even between perfectly white walls.
-const MAX_SURVIVAL: f32 = 0.995;
+pub(super) const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
 #[derive(Debug, Default)]
@@ -65,6 +67,11 @@ impl LightPaths {
         self.batches.iter().map(|batch| batch.photons.as_slice())
     }
 
+    /// What all photons carry of their paths' weights, in the same slices; empty ones without weights.
+    pub fn parts(&self) -> impl Iterator<Item = &[f32]> + Clone {
+        self.batches.iter().map(|batch| batch.parts.as_slice())
+    }
+
     /// What is to be known of all photons before they can be sorted.
     pub fn extent(&self) -> Extent {
         self.batches.iter().map(|batch| batch.extent).fold(Extent::default(), Extent::and)
@@ -96,6 +103,8 @@ impl LightPaths {
 struct Batch {
     /// Bounce by bounce.
     photons: PhotonList,
+    /// What they carry of their paths' weights, if paths are weighted.
+    parts: Vec<f32>,
     extent: Extent,
     rays: u64,
     busy: Duration,
@@ -152,6 +161,7 @@ struct Tracer {
     hits: Vec<HitPacket>,
     /// Of the current batch.
     photons: PhotonList,
+    parts: PhotonParts,
     /// Whether photons keep theirs.
     directions: bool,
     /// Whether photons straight from a light are stored, not replaced by connections.
@@ -170,7 +180,9 @@ impl Tracer {
     ) {
         let start = Instant::now();
         mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.parts.photons, &mut batch.parts);
         self.photons.clear();
+        self.parts.start(Mis::new(settings), paths.clone());
         self.directions = scene.merges_by_direction();
         self.stores_direct = settings.direct == Direct::PhotonMap;
         batch.rays = 0;
@@ -193,6 +205,7 @@ impl Tracer {
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
+        mem::swap(&mut self.parts.photons, &mut batch.parts);
         batch.extent = Extent::of(batch.photons.as_slice());
         batch.busy = start.elapsed();
     }
@@ -208,8 +221,11 @@ impl Tracer {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
             let emissions = scene.lights().emit_all(&mut walks.rng, count);
-            Emissions { origin: walks.origin, direction: walks.direction, flux: walks.weight } =
-                emissions;
+            if self.parts.are_wanted() {
+                self.parts.emit(first, &emissions.emitter[..count]);
+            }
+            (walks.origin, walks.direction) = (emissions.origin, emissions.direction);
+            walks.weight = emissions.flux;
             let mut emitted = Mask::default();
             for (lane, emitted) in emitted.iter_mut().enumerate() {
                 let flux = walks.weight.get(lane);
@@ -233,7 +249,9 @@ impl Tracer {
             let rest = scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
             for lane in lanes_of(rest.others) {
                 let (ray, walk) = walks.get(lane);
-                let scatter = |surface: &Surface| self.scatter_other(surface, walk, roulette);
+                let (lights, from) = (scene.lights(), ray.origin);
+                let scatter =
+                    |surface: &Surface| self.scatter_other(lights, surface, (from, walk), roulette);
                 if let Some((ray, walk)) =
                     at_other_surface(scene, &ray, &hits.get(lane), (&mut at, lane), scatter)
                 {
@@ -241,7 +259,11 @@ impl Tracer {
                 }
             }
             self.store_diffuse(simd, &at, &walks);
-            self.scatter_diffuse(simd, &at, &mut walks, roulette);
+            let reached = self.parts.are_wanted().then_some(walks);
+            let goes_on = self.scatter_diffuse(simd, &at, &mut walks, roulette);
+            if let Some(reached) = reached {
+                self.parts.scatter_diffuse(scene.lights(), &at, &reached, &goes_on);
+            }
         }
         self.hits = hits;
         self.in_flight = mem::replace(&mut self.next, in_flight);
@@ -258,6 +280,9 @@ impl Tracer {
         }
         if !any(&stored) {
             return;
+        }
+        if self.parts.are_wanted() {
+            self.parts.store_diffuse(&stored, walks);
         }
         if self.directions {
             for (lane, from) in from.iter_mut().enumerate() {
@@ -280,7 +305,7 @@ impl Tracer {
         self.photons.push(if self.directions { photon.coming_from(from) } else { photon });
     }
 
-    /// Goes on from diffuse vertices.
+    /// Goes on from diffuse vertices; which paths do.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
@@ -288,7 +313,7 @@ impl Tracer {
         at: &DiffuseVertices,
         walks: &mut Walks,
         roulette: Roulette,
-    ) {
+    ) -> Mask {
         walks.origin = at.off_surface;
         walks.direction = at.sample(&mut walks.rng);
         let ends = walks.rng.next_1d();
@@ -302,21 +327,25 @@ impl Tracer {
             walks.depth[lane] = walks.depth[lane].scattered();
         }
         self.next.append(simd, &goes_on, walks);
+        goes_on
     }
 
     /// At a surface that is not diffuse alone; the next ray unless the path ends.
     fn scatter_other(
         &mut self,
+        lights: &Lights,
         surface: &Surface,
-        mut walk: Walk,
+        (from, mut walk): (Vec3, Walk),
         roulette: Roulette,
     ) -> Option<(Ray, Walk)> {
         let Surface { position, normal, wo, .. } = *surface;
         if surface.bsdf.merges() && (self.stores_direct || !walk.depth.is_start()) {
             let class = class_of(walk.depth);
+            self.parts.store(&walk);
             self.store(Photon::new(position, walk.path, walk.weight, normal, class), wo);
         }
         let sample = surface.scatter_flux(&mut walk.rng)?;
+        self.parts.scatter(lights, surface, (from, &walk), &sample);
         walk.depth = if sample.lobe.passes_through() {
             walk.depth.passed_on()
         } else {

@@ -3,9 +3,11 @@
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
 use super::kernel::{Admission, ByClass, Kernel, PointKernel, PointKernels};
+use super::mis::Mis;
+use super::mis::points::{AtFirst, AtSecond};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
-use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges};
+use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, Vec3s};
@@ -29,6 +31,7 @@ pub struct Merge<'a> {
     merge_vertex: u32,
     kernel: Kernel<'a>,
     admission: Admission,
+    mis: Option<Mis>,
     in_zones: bool,
     most_pairs: usize,
 }
@@ -57,7 +60,13 @@ impl<'a> Merge<'a> {
             admission.radius2 = [admission.radius2[PhotonClass::LastVertex as usize]; 2];
         }
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
-        Self { map, merge_vertex, kernel, admission, in_zones, most_pairs }
+        Self { map, merge_vertex, kernel, admission, mis: None, in_zones, most_pairs }
+    }
+
+    /// Weighs what is merged, at both vertices of camera paths that are cut at the second.
+    #[must_use]
+    pub fn weighted(self, mis: Option<Mis>) -> Self {
+        Self { mis, ..self }
     }
 
     /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
@@ -109,19 +118,18 @@ impl<'a> Merge<'a> {
     ) -> bool {
         vectorized(
             #[inline(always)]
-            |simd| {
-                if self.in_zones {
-                    self.find_in_zones::<PAIRS>(simd, paths, part, gathered)
-                } else {
-                    self.find_in_order::<PAIRS>(simd, paths, part, gathered)
-                }
+            |simd| match (self.mis.is_some(), self.in_zones) {
+                (false, true) => self.find_in_zones::<PAIRS, false>(simd, paths, part, gathered),
+                (false, false) => self.find_in_order::<PAIRS, false>(simd, paths, part, gathered),
+                (true, true) => self.find_in_zones::<PAIRS, true>(simd, paths, part, gathered),
+                (true, false) => self.find_in_order::<PAIRS, true>(simd, paths, part, gathered),
             },
         )
     }
 
     /// Packet by packet.
     #[inline(always)] // vectorized
-    fn find_in_order<const PAIRS: bool>(
+    fn find_in_order<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -145,7 +153,7 @@ impl<'a> Merge<'a> {
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
                 let to = (&kernels.get(lane), &mut *pairs);
-                let found = self.flux_in::<PAIRS>(simd, paths, ranges, &look_up, to);
+                let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, &look_up, to);
                 set(&mut flux, lane, found);
             }
             if !PAIRS {
@@ -161,7 +169,7 @@ impl<'a> Merge<'a> {
 
     /// First all look-ups in one part of the photon map, then in the next: they read the same photons.
     #[inline(always)] // vectorized
-    fn find_in_zones<const PAIRS: bool>(
+    fn find_in_zones<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -197,7 +205,7 @@ impl<'a> Merge<'a> {
                 let look_up = &look_ups[ranges[0].look_up];
                 let point = look_up.point as usize;
                 let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
-                let found = self.flux_in::<PAIRS>(simd, paths, ranges, look_up, to);
+                let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, look_up, to);
                 set(&mut flux[point / LANES], point % LANES, found);
             }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
@@ -237,7 +245,7 @@ impl<'a> Merge<'a> {
     /// The flux of the photons in the ranges of a look-up that it counts, W; times the BSDF where that is
     /// not the same for all photons. Adds their pairs if asked for.
     #[inline(always)] // vectorized
-    fn flux_in<const PAIRS: bool>(
+    fn flux_in<const PAIRS: bool, const MIS: bool>(
         &self,
         simd: Simd,
         paths: &CameraPaths,
@@ -247,13 +255,46 @@ impl<'a> Merge<'a> {
     ) -> ByClass<Rgb> {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
-        } else if PAIRS {
-            let point = paths.gather_points.at(look_up.point as usize);
-            let to = (point.path, pair_weight(&point, kernel), pairs);
-            self.map.pairs_in(simd, ranges, look_up, (&self.admission, kernel), to)
+        } else if let Some(mis) = self.mis.filter(|_| MIS) {
+            let part = paths.gather_points.part(look_up.point as usize);
+            let to = (kernel, pairs);
+            if !look_up.last {
+                let first = (&AtFirst(part), 1.0);
+                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, first);
+            }
+            let second = AtSecond::new(&mis, part);
+            if self.map.any_at_every_vertex() {
+                let all = (&second, 1.0);
+                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all);
+            }
+            let all = (&Unweighted, second.bounced());
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
         } else {
-            self.map.flux_in(ranges, look_up, &self.admission)
+            let (to, all) = ((kernel, pairs), (&Unweighted, 1.0));
+            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
         }
+    }
+
+    /// [`Self::flux_in`] where the BSDF is the same for all photons, which are weighed each and all alike.
+    #[inline(always)] // vectorized
+    fn lambertian_flux<const PAIRS: bool>(
+        &self,
+        simd: Simd,
+        paths: &CameraPaths,
+        ranges: &[Range],
+        look_up: &LookUp,
+        (kernel, pairs): (&PointKernel, &mut PairList),
+        (weighing, weight): (&impl Weighing, f32),
+    ) -> ByClass<Rgb> {
+        let flux = if PAIRS {
+            let point = paths.gather_points.at(look_up.point as usize);
+            let to = (point.path, pair_weight(&point, kernel) * weight, pairs);
+            let by = (&self.admission, kernel);
+            self.map.pairs_in(simd, ranges, look_up, by, weighing, to)
+        } else {
+            self.map.flux_in(ranges, look_up, &self.admission, weighing)
+        };
+        flux.map(|flux| flux * weight)
     }
 
     /// [`Self::flux_in`] where the BSDF depends on where photons come from.
@@ -270,12 +311,17 @@ impl<'a> Merge<'a> {
         let weight = pair_weight(&point, kernel);
         let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), [0.0; 2], 0);
         let Admission { radius2, .. } = self.admission;
-        self.map.for_each_in(ranges, point.position, |photon, distance2| {
+        let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
+        self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
             let class = photon.class();
-            let counts = look_up.last || class == PhotonClass::EveryVertex;
+            let counts = look_up.last || own.is_some() || class == PhotonClass::EveryVertex;
             if counts && self.admission.admits(photon, distance2, point.normal) {
                 // theory.md (46)
-                let flux = photon.flux * view.value(photon, &point);
+                let wi = photon.from_as_at(point.normal);
+                let mut flux = photon.flux * view.value_from(wi, &point);
+                if let Some((mis, own)) = own {
+                    flux *= mis.weight_in_view(view, &point, own, (photon.class(), part), wi);
+                }
                 sums[self.admission.sum_of(class)] += flux;
                 if PAIRS {
                     let class = class as usize;

@@ -8,6 +8,7 @@ pub mod gather;
 pub mod kernel;
 pub mod light_paths;
 pub mod merge;
+pub mod mis;
 pub mod pair_list;
 pub mod photon;
 pub mod photon_map;

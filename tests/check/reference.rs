@@ -2,6 +2,7 @@
 //! out.
 
 use crate::boxes;
+use crate::common::MIS;
 use crate::strategies::assert_same;
 use bdpm::settings::Direct::{Connect, PhotonMap};
 
@@ -9,7 +10,7 @@ use bdpm::settings::Direct::{Connect, PhotonMap};
 fn a_ball_of_each_material_under_a_panel() {
     for (name, _) in boxes::balls() {
         if !["glass-ball", "rough-metal-ball"].contains(&name) {
-            assert_same(name, &[(Connect, 2), (PhotonMap, 1)]);
+            assert_same(name, &[(Connect, 2), (PhotonMap, 1), (Connect, MIS)]);
         }
     }
 }

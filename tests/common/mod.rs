@@ -9,7 +9,7 @@ use bdpm::bsdf::Bsdf;
 use bdpm::image::film::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Direct, Kernel, Roulette};
+use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -143,11 +143,27 @@ pub fn settings(width: u32, height: u32) -> Settings {
         caustic_radius: 0.1,
         kernel: Kernel::Disc,
         merge_vertex: 1,
+        strategy: Strategy::Single,
+        mis_light_paths: 1000,
+        mis_c1: 0.4,
+        mis_c2: 0.4,
         direct: Direct::Connect,
         light_roulette: Roulette::Albedo,
         camera_roulette: Roulette::Weight,
         seed: 1,
     }
+}
+
+/// Stands for a merge vertex where paths are found in several ways.
+pub const MIS: u32 = 0;
+
+/// The same settings, where the merge vertex may be [`MIS`].
+pub fn by_way(settings: Settings) -> Settings {
+    if settings.merge_vertex != MIS {
+        return settings;
+    }
+    let mis_light_paths = settings.light_paths;
+    Settings { merge_vertex: 2, strategy: Strategy::Mis, mis_light_paths, ..settings }
 }
 
 /// The default backend for a scene.

@@ -2,9 +2,9 @@
 //! finds one, and whether formula (1) predicts its noise.
 
 use crate::committed::{self, TRACED};
-use crate::common::accel;
 use crate::common::images::{Difference, Subject};
 use crate::common::table::Table;
+use crate::common::{accel, by_way};
 use crate::strategies::ALL;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
@@ -89,7 +89,7 @@ impl Case {
         let mut expected =
             TRACED.contains(&name).then(|| Table::of(name, scene, resolution).pixels(region));
         for ((direct, merge_vertex), seed) in ALL.into_iter().zip(10..) {
-            let settings = Settings { direct, merge_vertex, seed, ..settings.clone() };
+            let settings = by_way(Settings { direct, merge_vertex, seed, ..settings.clone() });
             let subject = Subject { settings: &settings, ..subject };
             let found = subject.extrapolated(self.iterations * factor());
             // Without a path tracer the first strategy is what the others are held against.

@@ -3,13 +3,14 @@
 use crate::boxes::{self, SIDE};
 use crate::common::images::{Difference, Subject};
 use crate::common::table::Table;
-use crate::common::{accel, settings};
+use crate::common::{MIS, accel, by_way, settings};
 use bdpm::settings::{Direct, Settings};
 
 use Direct::{Connect, PhotonMap};
 
-/// By connection and from the photon map, merging at the first and at the second vertex.
-pub const ALL: [(Direct, u32); 4] = [(Connect, 1), (Connect, 2), (PhotonMap, 1), (PhotonMap, 2)];
+/// By connection and from the photon map, merging at the first vertex, at the second and weighted at both.
+pub const ALL: [(Direct, u32); 6] =
+    [(Connect, 1), (Connect, 2), (Connect, MIS), (PhotonMap, 1), (PhotonMap, 2), (PhotonMap, MIS)];
 
 /// Asserts it of each pixel and of the whole image, after the merge bias has been taken out by two
 /// radii.
@@ -18,7 +19,7 @@ pub fn assert_same(name: &str, strategies: &[(Direct, u32)]) {
     let accel = accel(scene);
     let expected = Table::of(name, scene, [SIDE; 2]).pixels(&[]);
     for &(direct, merge_vertex) in strategies {
-        let settings = Settings {
+        let settings = by_way(Settings {
             direct,
             merge_vertex,
             light_paths: 40_000,
@@ -27,7 +28,7 @@ pub fn assert_same(name: &str, strategies: &[(Direct, u32)]) {
             caustic_radius: 0.04,
             seed: 3,
             ..settings(SIDE, SIDE)
-        };
+        });
         let subject = Subject { scene, accel: &*accel, settings: &settings, region: &[] };
         let found = subject.extrapolated(30);
         let difference = found.against(&expected);

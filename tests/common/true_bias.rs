@@ -21,8 +21,6 @@ pub struct Square {
 pub struct Biases {
     pub real: Square,
     pub estimated: Square,
-    /// Of the mean luminance, relative.
-    pub mean: f64,
 }
 
 /// Sums of each batch of iterations, pixel by pixel, with the luminance of their number of iterations.
@@ -106,6 +104,5 @@ pub fn biases(
     let all: Vec<usize> = (0..pixels).collect();
     let own = Bias::new(&renderer.noise_image().unwrap(), &all).relative;
     let estimated = Square { value: own.value.powi(2), error: 2.0 * own.value * own.error };
-    let of_mean = (0..pixels).map(|i| total(&found, i)).sum::<f64>() / (pixels as f64 * mean) - 1.0;
-    Biases { real, estimated, mean: of_mean }
+    Biases { real, estimated }
 }

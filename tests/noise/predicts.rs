@@ -45,7 +45,7 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     let scene = furnished_box();
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
+        for merge_vertex in [1, 2, MIS] {
             let at = |light_paths, camera_paths, seed| Settings {
                 direct,
                 merge_vertex,
@@ -55,6 +55,11 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
                 radius: 0.2,
                 caustic_radius: 0.2,
                 ..settings(12, 12)
+            };
+            // Weights for other counts than any of these.
+            let at = |light_paths, camera_paths, seed| {
+                let asked = at(light_paths, camera_paths, seed);
+                Settings { mis_light_paths: 1000, ..by_way(asked) }
             };
             let poor = measure(&scene, &*accel, at(300, 4, 1), 2500, Measure::Pairs);
             for (light_paths, camera_paths, iterations) in

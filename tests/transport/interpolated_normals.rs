@@ -58,7 +58,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
         let scene = scene(vec![tilted_floor(), wall], materials, lights, camera);
         let accel = accel(&scene);
         let mean = |direct, merge_vertex| {
-            let settings = Settings {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 light_paths: 10_000,
@@ -67,7 +67,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
                 caustic_radius: 0.1,
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
-            };
+            });
             mean_luminance(&scene, &*accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 2);
@@ -76,6 +76,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
             (Direct::Connect, 3),
             (Direct::PhotonMap, 1),
             (Direct::PhotonMap, 2),
+            (Direct::Connect, MIS),
         ] {
             let other = mean(direct, merge_vertex);
             let error = other.error.hypot(reference.error);

@@ -109,8 +109,8 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
     ));
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in [1, 2] {
-            let settings = Settings {
+        for merge_vertex in [1, 2, MIS] {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 light_paths: 20_000,
@@ -118,7 +118,7 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
                 radius: 0.08,
                 caustic_radius: 0.08,
                 ..settings(6, 6)
-            };
+            });
             let all = pixel_samples(&scene, &*accel, settings, 120);
             let (mut worst, mut sum) = (0.0f64, Estimate { mean: 0.0, error: 0.0 });
             for samples in &all {

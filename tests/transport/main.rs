@@ -28,6 +28,7 @@ mod interpolated_normals;
 mod lights;
 mod materials_furnace;
 mod materials_light;
+mod mis;
 mod normal_maps;
 mod reference;
 mod scenes;

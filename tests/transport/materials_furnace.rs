@@ -54,8 +54,8 @@ fn place(column: i32, row: i32) -> Vec3 {
 fn assert_invisible(scene: &Scene, loss: f64, iterations: usize) {
     let accel = accel(scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
-        for merge_vertex in 1..=3 {
-            let settings = Settings {
+        for merge_vertex in [1, 2, 3, MIS] {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 camera_roulette: if merge_vertex == 2 {
@@ -69,7 +69,7 @@ fn assert_invisible(scene: &Scene, loss: f64, iterations: usize) {
                 caustic_radius: 0.15,
                 seed: 2,
                 ..settings(6, 6)
-            };
+            });
             let all = pixel_samples(scene, &*accel, settings, iterations);
             let mut image = Estimate { mean: 0.0, error: 0.0 };
             for (pixel, samples) in all.iter().enumerate() {

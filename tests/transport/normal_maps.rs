@@ -157,7 +157,7 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
         scene.camera = camera(Vec3::new(2.0, 0.3, 1.2), Vec3::new(-2.0, 0.0, 1.2), 20.0);
         let accel = accel(&scene);
         let mean = |direct, merge_vertex| {
-            let settings = Settings {
+            let settings = by_way(Settings {
                 direct,
                 merge_vertex,
                 light_paths: 10_000,
@@ -166,15 +166,18 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
                 caustic_radius: 0.05,
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
-            };
+            });
             mean_luminance(&scene, &*accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 3);
         // What narrow facets send below the horizon of their normal, light paths do not.
         let lost = if bsdf.has_rough() { 0.01 } else { 0.0 };
-        for (direct, merge_vertex) in
-            [(Direct::Connect, 1), (Direct::PhotonMap, 1), (Direct::Connect, 2)]
-        {
+        for (direct, merge_vertex) in [
+            (Direct::Connect, 1),
+            (Direct::PhotonMap, 1),
+            (Direct::Connect, 2),
+            (Direct::Connect, MIS),
+        ] {
             let other = mean(direct, merge_vertex);
             let error = other.error.hypot(reference.error);
             assert!(error < 6e-3 * reference.mean, "{error} of {}", reference.mean);

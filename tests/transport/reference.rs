@@ -17,18 +17,18 @@ fn diffuse_surfaces_under_a_point_and_a_panel() {
 #[test]
 fn a_ball_of_glass_and_one_of_rough_metal_under_a_panel() {
     for name in ["glass-ball", "rough-metal-ball"] {
-        assert_same(name, &[(Connect, 2), (PhotonMap, 1)]);
+        assert_same(name, &[(Connect, 2), (PhotonMap, 1), (Connect, MIS)]);
     }
 }
 
 #[test]
 fn a_glossy_ball_under_a_point() {
-    assert_same("gloss-under-a-point", &[(Connect, 1), (PhotonMap, 2)]);
+    assert_same("gloss-under-a-point", &[(Connect, 1), (PhotonMap, 2), (Connect, MIS)]);
 }
 
 #[test]
 fn pictures_of_everything_in_a_box() {
-    assert_same("pictures", &[(Connect, 2)]);
+    assert_same("pictures", &[(Connect, 2), (Connect, MIS)]);
 }
 
 /// The tables are what the path tracer finds.

@@ -83,6 +83,20 @@ impl ByEstimate {
         Some((index as usize, prob))
     }
 
+    /// Probability that [`Self::choose`] takes the light with this index.
+    #[inline(never)] // as above
+    pub(in crate::scene) fn prob(&self, index: usize, position: Vec3, normal: Option<Vec3>) -> f32 {
+        if self.far.is_empty() {
+            return self.near.prob(index, position, normal);
+        }
+        let shares = Shares::new(self, position, normal);
+        let own = |far: &Far| (far.index as usize == index).then(|| far.estimate(normal));
+        match self.far.iter().find_map(own) {
+            Some(estimate) => shares.of(estimate),
+            None => shares.of(shares.near) * self.near.prob(index, position, normal),
+        }
+    }
+
     /// An estimate knows nothing of what is in between: a sun outside would hide the lamps of a
     /// room. Hence half of the choices are by the estimates, half are the same for all that are not 0.
     fn choose_with_far(
@@ -91,31 +105,48 @@ impl ByEstimate {
         normal: Option<Vec3>,
         mut u: f64,
     ) -> Option<(u32, f32)> {
-        let near = self.near.estimate(position, normal);
-        let far = || self.far.iter().map(|far| far.estimate(normal));
-        let total = near + far().sum::<f32>();
-        if !(total > 0.0 && total.is_finite()) {
-            return None;
-        }
-        let count = std::iter::once(near).chain(far()).filter(|&one| one > 0.0).count();
-        // theory.md (18)
-        let share = |estimate: f32| {
-            let equal = if estimate > 0.0 { 1.0 / count as f32 } else { 0.0 };
-            0.5 * (estimate / total + equal)
-        };
-        for (light, estimate) in self.far.iter().zip(far()) {
-            let prob = share(estimate);
+        let shares = Shares::new(self, position, normal);
+        for light in &self.far {
+            let prob = shares.of(light.estimate(normal));
             if u < f64::from(prob) {
                 return Some((light.index, prob));
             }
             u -= f64::from(prob);
         }
-        let prob = share(near);
+        let prob = shares.of(shares.near);
         if prob <= 0.0 {
             // Rounding has left a little of the last share.
             return None;
         }
         let (index, own) = self.near.choose(position, normal, (u / f64::from(prob)).min(1.0))?;
         Some((index, prob * own))
+    }
+}
+
+/// How likely the choices are among lights from afar and the tree of the others.
+struct Shares {
+    /// Estimate of the tree.
+    near: f32,
+    total: f32,
+    /// How many may contribute.
+    count: usize,
+}
+
+impl Shares {
+    fn new(lights: &ByEstimate, position: Vec3, normal: Option<Vec3>) -> Self {
+        let near = lights.near.estimate(position, normal);
+        let far = || lights.far.iter().map(|far| far.estimate(normal));
+        let total = near + far().sum::<f32>();
+        let count = std::iter::once(near).chain(far()).filter(|&one| one > 0.0).count();
+        Self { near, total, count }
+    }
+
+    /// Of one with this estimate; 0 if none can light the point.
+    /// theory.md (18)
+    fn of(&self, estimate: f32) -> f32 {
+        if !(estimate > 0.0 && self.total.is_finite()) {
+            return 0.0;
+        }
+        0.5 * (estimate / self.total + 1.0 / self.count as f32)
     }
 }

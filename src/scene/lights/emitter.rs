@@ -3,7 +3,8 @@
 use super::solid_angle::SphericalTriangle;
 use super::{Emission, LightSample};
 use crate::base::math::{
-    Rgb, cosine_hemisphere, sin_cos_turns, uniform_disc, uniform_sphere, uniform_triangle,
+    Rgb, cosine_hemisphere, luminance, sin_cos_turns, uniform_disc, uniform_sphere,
+    uniform_triangle,
 };
 use crate::base::rng::Rng;
 use crate::scene::{TexturedTriangle, Triangle};
@@ -117,6 +118,8 @@ impl Spot {
             target: self.position,
             wi,
             irradiance: self.intensity * (share / (distance2 * prob)),
+            relative: 1.0,
+            inverse_pdf_w: 0.0,
         })
     }
 }
@@ -150,6 +153,8 @@ impl Directional {
             target: position - along.max(self.radius) * self.direction,
             wi: -self.direction,
             irradiance: self.irradiance / prob,
+            relative: 1.0,
+            inverse_pdf_w: 0.0,
         }
     }
 }
@@ -179,7 +184,26 @@ impl Triangle {
         let seen =
             near.map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle());
         let irradiance = radiance(at) * (seen / prob);
-        (cos_light > 0.0).then_some(LightSample { target, wi, irradiance })
+        let inverse_pdf_w = seen / prob;
+        (cos_light > 0.0).then_some(LightSample {
+            target,
+            wi,
+            irradiance,
+            relative: 1.0,
+            inverse_pdf_w,
+        })
+    }
+
+    /// The reciprocal of the density in solid angle with which [`Self::connect`] chooses a point `origin`, from
+    /// which `direction` leads to `position`, sr.
+    fn seen(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
+        let near = SphericalTriangle::is_near(self, position)
+            .then(|| SphericalTriangle::new(self, position))
+            .flatten();
+        near.map_or_else(
+            || direction.dot(self.normal) * self.area() / origin.distance_squared(position),
+            |near| near.solid_angle(),
+        )
     }
 }
 
@@ -222,6 +246,52 @@ impl Emitter {
         }
     }
 
+    /// Whether it emits anything.
+    pub(in crate::scene) fn has_power(&self) -> bool {
+        luminance(self.power()) > 0.0
+    }
+
+    /// Of triangles the reciprocal of the density in solid angle of connections with a point `origin`, from which
+    /// `direction` leads to `position`, if it is certain to be chosen, sr.
+    pub(in crate::scene) fn seen(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        position: Vec3,
+    ) -> Option<f32> {
+        let shape = match self {
+            Self::Triangle { shape, .. } => shape,
+            Self::Textured(panel) => &panel.shape,
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => return None,
+        };
+        Some(shape.seen(origin, direction, position)).filter(|&seen| seen > 0.0)
+    }
+
+    /// Luminance of the irradiance that a connection of `position` with `origin` carries if the emitter is
+    /// certain to be chosen and emits its mean radiance there, W/m^2; `direction` leads to `position`.
+    pub(in crate::scene) fn irradiance(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        position: Vec3,
+    ) -> f32 {
+        let distance2 = || origin.distance_squared(position);
+        match self {
+            Self::Point { intensity, .. } => luminance(*intensity) / distance2(),
+            Self::Spot(spot) => {
+                let share = spot.falloff(direction.dot(spot.direction));
+                luminance(spot.intensity) * share / distance2()
+            }
+            Self::Directional(light) => luminance(light.irradiance),
+            Self::Triangle { shape, radiance } => {
+                luminance(*radiance) * shape.seen(origin, direction, position)
+            }
+            Self::Textured(panel) => {
+                luminance(panel.mean()) * panel.shape.seen(origin, direction, position)
+            }
+        }
+    }
+
     /// A point on it to connect `position` with, if it was chosen with probability `prob`.
     pub(in crate::scene) fn connect(
         &self,
@@ -237,6 +307,8 @@ impl Emitter {
                     target: *target,
                     wi: to_light * distance2.sqrt().recip(),
                     irradiance: *intensity * (distance2 * prob).recip(),
+                    relative: 1.0,
+                    inverse_pdf_w: 0.0,
                 })
             }
             Self::Triangle { shape, radiance } => shape.connect(position, |_| *radiance, prob, rng),

@@ -115,8 +115,8 @@ impl Environment {
     }
 
     /// A direction toward it in proportion to the luminance, and the radiance from there divided by
-    /// the density, W/m^2.
-    fn sample(&self, rng: &mut Rng) -> (Vec3, Rgb) {
+    /// the density, W/m^2, and one over the density, sr.
+    fn sample(&self, rng: &mut Rng) -> (Vec3, Rgb, f32) {
         let choice = rng.next_f64();
         let last = self.cumulative.len() - 1;
         let index = self.cumulative.partition_point(|&end| end <= choice).min(last);
@@ -133,12 +133,13 @@ impl Environment {
         let across = (1.0 - y * y).max(0.0).sqrt();
         let (sin, cos) = longitude.sin_cos();
         let direction = Vec3::new(across * sin, y, -across * cos);
-        (direction, self.radiance[index] * (self.solid_angle(row) / prob))
+        let inverse_pdf_w = self.solid_angle(row) / prob;
+        (direction, self.radiance[index] * inverse_pdf_w, inverse_pdf_w)
     }
 
     /// Starts a light path, if the environment was chosen with probability `prob`.
     pub(in crate::scene) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let (toward, radiance) = self.sample(rng);
+        let (toward, radiance, _) = self.sample(rng);
         let [u, v] = uniform_disc(rng.next_2d());
         let (right, up) = toward.any_orthonormal_pair();
         let origin = self.center + self.radius * (u * right + v * up + toward);
@@ -152,10 +153,16 @@ impl Environment {
         prob: f32,
         rng: &mut Rng,
     ) -> LightSample {
-        let (wi, irradiance) = self.sample(rng);
+        let (wi, irradiance, inverse_pdf_w) = self.sample(rng);
         // Out of the sphere around the scene, wherever in it the position is.
         let distance = 2.0 * self.radius + (position - self.center).length();
-        LightSample { target: position + distance * wi, wi, irradiance: irradiance / prob }
+        LightSample {
+            target: position + distance * wi,
+            wi,
+            irradiance: irradiance / prob,
+            relative: 1.0,
+            inverse_pdf_w: inverse_pdf_w / prob,
+        }
     }
 }
 
@@ -185,7 +192,8 @@ mod tests {
             let n = 100_000;
             let mut strayed = 0;
             for _ in 0..n {
-                let (direction, value) = map.sample(&mut rng);
+                let (direction, value, inverse_pdf_w) = map.sample(&mut rng);
+                let radiance = luminance(value) / inverse_pdf_w;
                 assert!((direction.length() - 1.0).abs() < 1e-5);
                 // In proportion to the luminance, which is therefore always the same.
                 let share = luminance(value) / luminance(map.integral);
@@ -194,7 +202,8 @@ mod tests {
                 let ratio = map.radiance(direction) / luminance(map.radiance(direction));
                 let same = (ratio * luminance(value) - value).abs().max_element()
                     < 1e-3 * value.max_element();
-                strayed += u32::from(!same);
+                let seen = luminance(map.radiance(direction));
+                strayed += u32::from(!same || (radiance / seen - 1.0).abs() > 1e-3);
                 sum += value / n as f32;
                 square += value * value / n as f32;
             }

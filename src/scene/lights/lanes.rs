@@ -20,6 +20,8 @@ pub struct Emissions {
     pub direction: Vec3s,
     /// Flux that each path carries, W.
     pub flux: Vec3s,
+    /// Index of its emitter; that after the last one is the environment.
+    pub emitter: [u32; LANES],
 }
 
 /// A point on a light for each vertex; see [`LightSample`](super::LightSample).
@@ -31,6 +33,8 @@ pub struct LightSamples {
     pub wi: Vec3s,
     /// Irradiance on a surface that faces `wi`, W/m^2; black without a connection.
     pub irradiance: Vec3s,
+    /// Luminance of the flux that light paths from there start with, over that of all lights' power.
+    pub relative: [f32; LANES],
 }
 
 impl Lights {
@@ -55,6 +59,7 @@ impl Lights {
         }
         for lane in 0..count {
             let (index, prob) = self.choose_by_power(unit_f64(choices.map(|bits| bits[lane])));
+            emissions.emitter[lane] = index as u32;
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 emissions.origin.set(lane, *position);
                 emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
@@ -79,11 +84,12 @@ impl Lights {
         {
             let target = Vec3s::splat(*position);
             let irradiance = Vec3s::splat(*intensity);
-            let mut samples = LightSamples { target, irradiance, ..LightSamples::default() };
+            let relative = [1.0; LANES];
+            let mut samples = LightSamples { target, irradiance, relative, ..Default::default() };
             samples.reach_points(&at.position, &[1.0; LANES]);
             return samples;
         }
-        let mut samples = LightSamples::default();
+        let mut samples = LightSamples { relative: [1.0; LANES], ..LightSamples::default() };
         // Of point lights: the probability of their choice.
         let mut probs = [1.0; LANES];
         // Lanes with other lights: which, and the probability.
@@ -110,6 +116,7 @@ impl Lights {
                 samples.target.set(lane, light.target);
                 samples.wi.set(lane, light.wi);
                 samples.irradiance.set(lane, light.irradiance);
+                samples.relative[lane] = light.relative;
             }
             rngs.set(lane, rng);
         }

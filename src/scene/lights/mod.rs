@@ -42,6 +42,10 @@ pub struct LightSample {
     /// sample's density, W/m^2.
     /// theory.md, section 7: `E.
     pub irradiance: Rgb,
+    /// Luminance of the flux that a light path from there starts with, over that of all lights' power.
+    pub relative: f32,
+    /// Reciprocal of the sample's density in solid angle, sr; 0 if no ray can hit it.
+    pub inverse_pdf_w: f32,
 }
 
 /// All emitters of a scene, and light from all around.
@@ -64,6 +68,8 @@ struct ByPower {
     prob: Vec<f32>,
     /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
     cumulative: Vec<f64>,
+    /// Sum of all weights.
+    total: f64,
 }
 
 /// What emitters are chosen by.
@@ -82,7 +88,7 @@ impl ByPower {
             sum += weight / total;
             sum
         });
-        Self { prob, cumulative: cumulative.collect() }
+        Self { prob, cumulative: cumulative.collect(), total }
     }
 
     /// The index that holds `u` of [0, 1), and its probability.
@@ -97,7 +103,7 @@ impl ByPower {
 impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
-        emitters.retain(|e| chosen_by(e) > 0.0);
+        emitters.retain(Emitter::has_power);
         let by_power = ByPower::new(emitters.iter().map(chosen_by));
         let by_estimate = ByEstimate::new(&emitters, |_| true);
         let delta_by_estimate = ByEstimate::new(&emitters, Emitter::is_delta);
@@ -178,6 +184,56 @@ impl Lights {
     ) -> Option<LightSample> {
         let (index, prob) = self.by_estimate.choose(position, normal, rng.next_f64())?;
         self.connect_chosen(index, prob, position, rng)
+    }
+
+    /// How much denser connections from a surface are than emission that arrives there, per area: of the light
+    /// with this index, at `position` with the unit normal `normal`, along `direction` from `origin`.
+    ///
+    /// Where emission carries the flux `Phi_0` and a connection the irradiance `E`, it is `Phi_0/(E cos)`: both
+    /// are the light's radiance over a density.
+    /// theory.md (47b), `1/l`.
+    pub fn connection_over_emission(
+        &self,
+        index: usize,
+        [origin, direction]: [Vec3; 2],
+        position: Vec3,
+        normal: Vec3,
+    ) -> f32 {
+        let prob = self.by_estimate.prob(index, position, Some(normal));
+        let irradiance = match self.emitters.get(index) {
+            Some(emitter) => emitter.irradiance(origin, direction, position),
+            None => luminance(self.chosen_environment().integral()),
+        };
+        let cos = -direction.dot(normal);
+        (prob * self.start() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+    }
+
+    /// Density in solid angle of connections with a point `origin` of a triangle, the light with this index, from
+    /// `position`, which is lit as [`Self::connect`] has it, 1/sr.
+    pub fn connection_pdf_w(
+        &self,
+        index: usize,
+        origin: Vec3,
+        position: Vec3,
+        normal: Option<Vec3>,
+    ) -> f32 {
+        let prob = self.by_estimate.prob(index, position, normal);
+        let direction = (position - origin).normalize();
+        self.emitters[index].seen(origin, direction, position).map_or(0.0, |seen| prob / seen)
+    }
+
+    /// The same of connections with light from beyond, along `direction`.
+    pub fn beyond_pdf_w(&self, direction: Vec3, position: Vec3, normal: Option<Vec3>) -> f32 {
+        let prob = self.by_estimate.prob(self.emitters.len(), position, normal);
+        let share =
+            luminance(self.beyond(direction)) / luminance(self.chosen_environment().integral());
+        prob * share
+    }
+
+    /// Luminance of the flux of light paths from where they carry the mean of their light, W.
+    #[inline]
+    pub fn start(&self) -> f32 {
+        self.by_power.total as f32
     }
 
     /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
@@ -272,6 +328,87 @@ mod tests {
         }
         assert!((sum / expected - Rgb::ONE).abs().max_element() < 2e-3, "{sum} {expected}");
         assert!(lights.connect(-from, None, &mut rng).is_none(), "dark from behind");
+    }
+
+    /// Of every kind.
+    fn all_kinds() -> Lights {
+        let far = Vec3::new(0.0, 0.0, 5.0);
+        let spot = emitter::Spot {
+            position: far,
+            direction: Vec3::new(0.6, 0.0, -0.8),
+            intensity: Rgb::new(9.0, 20.0, 30.0),
+            cos_inner: 0.8,
+            cos_outer: 0.3,
+        };
+        let sun = emitter::Directional {
+            radius: 8.0,
+            ..emitter::Directional::new(Vec3::new(0.0, 0.6, -0.8), Rgb::new(1.0, 0.5, 0.2))
+        };
+        let texels = (0..64).map(|i| [4 * i, 255 - 3 * i, 40 + i, 255]).collect();
+        let texture = std::sync::Arc::new(crate::scene::Texture::new(8, 8, texels));
+        let corners =
+            [Vec3::new(2.0, 2.0, 4.0), Vec3::new(2.0, 4.0, 4.0), Vec3::new(4.0, 2.0, 4.0)];
+        let shape = Triangle::new(corners, 0);
+        let uvs = [glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
+        let picture = textured_emitter::Glow::new(&texture, Rgb::splat(3.0), 1).emitter(shape, uvs);
+        let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
+        let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
+        emitters.extend(points);
+        let mut lights = Lights::new(emitters);
+        let pixels = (0..32).map(|i| Rgb::new(0.1 * i as f32, 0.5, 0.2)).collect();
+        let mut map = Environment::new(8, 4, pixels, 20.0);
+        map.enclose(&crate::base::math::Bounds { min: Vec3::splat(-5.0), max: Vec3::splat(5.0) });
+        lights.set_environment(map);
+        lights
+    }
+
+    #[test]
+    fn connections_and_emission_have_the_same_ratio_of_densities_from_both_sides() {
+        let lights = all_kinds();
+        let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
+        let (mut found, mut strayed) = ([0; 7], 0);
+        for _ in 0..20_000 {
+            let mut somewhere = || 6.0 * rng.next_1d() - 3.0;
+            let position = Vec3::new(somewhere(), somewhere(), somewhere());
+            let normal = crate::base::math::uniform_sphere(rng.next_2d());
+            let choice = lights.by_estimate.choose(position, Some(normal), rng.next_f64());
+            let Some((index, prob)) = choice else { continue };
+            let Some(sample) = lights.connect_chosen(index, prob, position, &mut rng) else {
+                continue;
+            };
+            let cos = sample.wi.dot(normal);
+            // Grazing light on and from panels loses digits.
+            if cos < 1e-2 || sample.relative < 1e-2 {
+                continue;
+            }
+            let l = luminance(sample.irradiance) * cos / (lights.start() * sample.relative);
+            let way = [sample.target, -sample.wi];
+            let inverse = lights.connection_over_emission(index, way, position, normal);
+            let off = (l * inverse - 1.0).abs();
+            assert!(off < 2e-3, "{index} {position} {normal}: {l} {inverse}");
+            found[index] += 1;
+            // What rays can hit is found by them as well.
+            let pdf_w = match lights.emitters.get(index) {
+                None => lights.beyond_pdf_w(sample.wi, position, Some(normal)),
+                Some(emitter) if emitter.is_delta() => {
+                    assert_eq!(sample.inverse_pdf_w, 0.0);
+                    continue;
+                }
+                Some(_) => lights.connection_pdf_w(index, sample.target, position, Some(normal)),
+            };
+            let off = (pdf_w * sample.inverse_pdf_w - 1.0).abs();
+            // At their edges, directions may belong to the next pixel of the environment.
+            strayed += u32::from(off > 2e-3);
+        }
+        assert!(found.iter().all(|&found| found > 100), "{found:?}");
+        assert!(strayed < 5, "{strayed}");
+        // Light paths start with what that takes for granted.
+        for _ in 0..5000 {
+            let (index, prob) = lights.choose_by_power(rng.next_f64());
+            let flux = luminance(lights.emit_chosen(index, prob, &mut rng).flux);
+            let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
+            assert!(textured || (flux / lights.start() - 1.0).abs() < 2e-3, "{index} {flux}");
+        }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Triangles that emit by a picture.
 
 use super::{Emission, LightSample};
-use crate::base::math::{Rgb, cosine_hemisphere, uniform_triangle};
+use crate::base::math::{Rgb, cosine_hemisphere, luminance, uniform_triangle};
 use crate::base::rng::Rng;
 use crate::scene::triangle::interpolate;
 use crate::scene::{Emitter, Texture, Triangle};
@@ -82,8 +82,14 @@ impl TexturedTriangle {
         prob: f32,
         rng: &mut Rng,
     ) -> Option<LightSample> {
-        let sample = self.shape.connect(from, |at| self.radiance(at), prob, rng)?;
-        (sample.irradiance != Rgb::ZERO).then_some(sample)
+        let mut radiance = Rgb::ZERO;
+        let at_point = |at| {
+            radiance = self.radiance(at);
+            radiance
+        };
+        let sample = self.shape.connect(from, at_point, prob, rng)?;
+        let relative = luminance(radiance) / luminance(self.mean);
+        (sample.irradiance != Rgb::ZERO).then_some(LightSample { relative, ..sample })
     }
 }
 

@@ -133,6 +133,10 @@ impl Node {
 pub(in crate::scene) struct LightTree {
     /// The root first, then children in pairs.
     nodes: Vec<Node>,
+    /// Of each node; the root has none.
+    parents: Vec<u32>,
+    /// Of each emitter its leaf, if it has one.
+    leaves: Vec<u32>,
 }
 
 impl LightTree {
@@ -140,12 +144,27 @@ impl LightTree {
     pub(in crate::scene) fn new<'a>(emitters: impl Iterator<Item = (u32, &'a Emitter)>) -> Self {
         let placed = |(index, emitter)| Some((index, Cluster::of(emitter)?));
         let mut leaves: Vec<(u32, Cluster)> = emitters.filter_map(placed).collect();
-        let mut tree = Self { nodes: Vec::with_capacity(2 * leaves.len()) };
+        let mut tree = Self { nodes: Vec::with_capacity(2 * leaves.len()), ..Self::default() };
         if !leaves.is_empty() {
             tree.nodes.push(Node::default());
             tree.fill(0, &mut leaves);
+            tree.find_ways_up();
         }
         tree
+    }
+
+    /// Sets parents and leaves.
+    fn find_ways_up(&mut self) {
+        self.parents.resize(self.nodes.len(), 0);
+        for (index, node) in (0..).zip(&self.nodes) {
+            let content = (node.content & !LEAF) as usize;
+            if node.content & LEAF == 0 {
+                self.parents[content..content + 2].fill(index);
+            } else {
+                self.leaves.resize(self.leaves.len().max(content + 1), 0);
+                self.leaves[content] = index;
+            }
+        }
     }
 
     /// An estimate of the irradiance from all, W/m^2; 0 only where there is none.
@@ -183,6 +202,30 @@ impl LightTree {
             content = children[child].content;
         }
         (prob > 0.0).then_some((content & !LEAF, prob))
+    }
+
+    /// Probability that [`Self::choose`] takes this emitter, which is in the tree.
+    pub(in crate::scene) fn prob(
+        &self,
+        emitter: usize,
+        position: Vec3,
+        normal: Option<Vec3>,
+    ) -> f32 {
+        let mut node = self.leaves[emitter] as usize;
+        let mut prob = 1.0;
+        while node != 0 {
+            // The first of two children has an odd number.
+            let (own, other) = (node, if node % 2 == 1 { node + 1 } else { node - 1 });
+            let [own, other] =
+                [own, other].map(|child| self.nodes[child].estimate(position, normal));
+            if own <= 0.0 {
+                return 0.0;
+            }
+            let first = if node % 2 == 1 { share(own, other) } else { share(other, own) };
+            prob *= if node % 2 == 1 { first } else { 1.0 - first };
+            node = self.parents[node] as usize;
+        }
+        prob
     }
 
     /// Makes `node`, which holds `leaves`, a leaf or gives it children; what bounds it.
@@ -295,6 +338,8 @@ mod tests {
                 if let Some((index, prob)) = tree.choose(position, normal, rng.next_f64()) {
                     let expected = probs[index as usize];
                     assert!((f64::from(prob) / expected - 1.0).abs() < 1e-4, "{prob} {expected}");
+                    let asked = tree.prob(index as usize, position, normal);
+                    assert!((asked / prob - 1.0).abs() < 1e-5, "{asked} {prob}");
                     counts[index as usize] += 1.0;
                 }
             }

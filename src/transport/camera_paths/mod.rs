@@ -3,20 +3,23 @@
 
 mod connections;
 mod non_diffuse;
+mod weighted;
 
 use super::flight::Flight;
 use super::gather::{GatherPoints, GatherView};
+use super::mis::Mis;
 use super::walks::{Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of};
-use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{Scene, Seen, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use connections::Connections;
 use std::mem;
+use weighted::Rough;
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +66,12 @@ pub struct CameraPaths {
     hits: Vec<HitPacket>,
     shadow_rays: Flight<Connections, 10>,
     occluded: Vec<Mask>,
+    /// How paths are weighted, if they are.
+    mis: Option<Mis>,
+    /// What each path carries of its weight from its first diffuse vertex on.
+    parts: Vec<f32>,
+    /// Where light could be connected that each path hits.
+    roughs: Vec<Rough>,
 }
 
 impl CameraPaths {
@@ -79,10 +88,18 @@ impl CameraPaths {
 
     /// Traces one more batch.
     pub fn trace(&mut self, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
+        self.mis = Mis::new(pass.settings);
         vectorized(
             #[inline(always)]
             |simd| self.start(simd, pass, paths),
         );
+        if self.mis.is_some() {
+            // What was there belongs to paths before these.
+            let first = self.direct.len() - self.segments.len();
+            self.parts.resize(self.direct.len(), 0.0);
+            self.roughs.truncate(first);
+            self.roughs.resize(self.direct.len(), Rough::default());
+        }
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
         while self.segments.len() > 0 {
@@ -189,13 +206,16 @@ impl CameraPaths {
     ) {
         let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
         if at.any_emits {
-            self.add_emission(at, walks);
+            self.add_emission(pass.scene, at, walks);
         }
         let weights = at.weights(&walks.weight);
         if direct == Direct::Connect {
             let light = pass.scene.lights().connect_all(at, &mut walks.rng);
             // theory.md (42), third line
-            let contributions = at.contributions(&weights, &light);
+            let mut contributions = at.contributions(&weights, &light);
+            if self.mis.is_some() {
+                self.weigh_connections(pass.scene, at, walks, &light, &mut contributions);
+            }
             self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
@@ -209,6 +229,9 @@ impl CameraPaths {
         }
         if any(&gathers) {
             self.gather_points.push_diffuse(&gathers, at, &weights, &walks.path, &vertex);
+            if self.mis.is_some() {
+                self.weigh_points(at, &walks.path, &vertex);
+            }
         }
         if !any(&goes_on) {
             return;
@@ -230,10 +253,15 @@ impl CameraPaths {
 
     /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
     #[inline(never)] // keeps the common case short
-    fn add_emission(&mut self, at: &DiffuseVertices, walks: &Walks) {
+    fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, walks: &Walks) {
         for lane in 0..LANES {
             if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
-                let emission = at.emission.get(lane);
+                let mut emission = at.emission.get(lane);
+                if self.mis.is_some() {
+                    let facet = Facet { mesh: at.mesh[lane], side: at.side[lane] };
+                    let place = (facet, at.position.get(lane));
+                    emission *= self.emission_weight(scene, walks.path[lane], place);
+                }
                 // theory.md (42), first line
                 self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * emission;
             }

@@ -6,7 +6,7 @@ use crate::accel::Ray;
 use crate::base::math::Rgb;
 use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::lanes::{LANES, Vec3s, lanes_of};
-use crate::scene::{LightSample, Surface};
+use crate::scene::{LightSample, Lights, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::walks::{WEIGHT_FLOOR, Walk, Walks};
@@ -17,7 +17,11 @@ impl CameraPaths {
     #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
-            let beyond = pass.scene.lights().beyond(walks.direction.get(lane));
+            let direction = walks.direction.get(lane);
+            let mut beyond = pass.scene.lights().beyond(direction);
+            if self.mis.is_some() {
+                beyond *= self.beyond_weight(pass.scene, walks.path[lane], direction);
+            }
             // theory.md (42), second line
             self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
         }
@@ -34,7 +38,12 @@ impl CameraPaths {
         // Emission hit later is carried by connections or photons.
         if walk.depth.diffuse() == 0 && surface.front {
             // theory.md (42), first line
-            self.direct[walk.path as usize] += walk.weight * surface.emission();
+            let mut emission = surface.emission();
+            if self.mis.is_some() && emission != Rgb::ZERO {
+                let place = (surface.facet, surface.position);
+                emission *= self.emission_weight(pass.scene, walk.path, place);
+            }
+            self.direct[walk.path as usize] += walk.weight * emission;
         }
         let vertex = walk.depth.diffuse() + 1;
         let merges = self.at_other_vertex(pass, surface, &mut walk);
@@ -46,6 +55,7 @@ impl CameraPaths {
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
+        self.carry_on(surface, (&walk, &at), &sample);
         // theory.md (41)
         walk.weight *= sample.weight;
         if sample.lobe.passes_through() {
@@ -66,22 +76,26 @@ impl CameraPaths {
 
     /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
     fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
-        let lights = &pass.scene.lights();
+        let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let lit_side = (!bsdf.transmits()).then_some(surface.normal);
+        let lit_side = surface.lit_side();
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
             let light = lights.connect(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Diffuse, light));
+            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Diffuse, light));
         }
         if bsdf.has_rough() && walk.depth.diffuse() == 0 {
-            // Such lights cannot be hit; after a diffuse vertex photons carry such paths.
-            let light = lights.connect_delta(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(surface, walk, &at, (Lobe::Rough, light));
+            // Such lights cannot be hit, or, weighted, hits are not all; after a diffuse vertex photons carry such paths.
+            let light = if self.mis.is_some() {
+                lights.connect(surface.position, lit_side, &mut walk.rng)
+            } else {
+                lights.connect_delta(surface.position, lit_side, &mut walk.rng)
+            };
+            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Rough, light));
         }
         if merges {
-            self.views.push(GatherView { bsdf: *bsdf, at });
+            self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
             let view = self.views.len() as u32 - 1;
             self.gather(pass, surface, walk, view);
         }
@@ -91,9 +105,9 @@ impl CameraPaths {
     /// Connects the lobes of one class with a light, if there is one.
     fn connect_lobe(
         &mut self,
+        lights: &Lights,
         surface: &Surface,
-        walk: &Walk,
-        at: &Vertex,
+        (walk, at): (&Walk, &Vertex),
         (lobe, light): (Lobe, Option<LightSample>),
     ) {
         if let Some(light) = light
@@ -102,7 +116,10 @@ impl CameraPaths {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
             // theory.md (42), third and fourth line
-            let contribution = walk.weight * value * light.irradiance * cos_theta;
+            let mut contribution = walk.weight * value * light.irradiance * cos_theta;
+            if self.mis.is_some() {
+                contribution *= self.connection_weight(lights, surface, (walk, at), (lobe, &light));
+            }
             let start = surface.start(light.wi);
             self.send_shadow_ray(walk.path, contribution, light.target, start);
         }
@@ -118,6 +135,9 @@ impl CameraPaths {
         let (path, weight) = (walk.path, walk.weight);
         let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
         self.gather_points.push(&point);
+        if self.mis.is_some() {
+            self.gather_points.set_part(self.parts[path as usize]);
+        }
     }
 
     /// [`Self::send_shadow_rays`] for one.

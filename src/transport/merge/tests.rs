@@ -41,7 +41,11 @@ fn camera_paths(count: u32) -> CameraPaths {
             let weight = Rgb::new(rng.next_1d(), 1.0, rng.next_1d());
             let view = if rng.next_1d() < 0.2 {
                 let at = Vertex { normal, wo: normal, front: true };
-                paths.views.push(GatherView { bsdf: Bsdf::diffuse(Rgb::splat(0.5)), at });
+                paths.views.push(GatherView {
+                    bsdf: Bsdf::diffuse(Rgb::splat(0.5)),
+                    at,
+                    interpolated: None,
+                });
                 paths.views.len() as u32 - 1
             } else {
                 GatherPoint::NO_VIEW

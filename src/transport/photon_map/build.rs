@@ -23,6 +23,8 @@ const NOTHING: Photon =
 #[derive(Debug, Default)]
 pub struct Chunk {
     photons: Vec<Photon>,
+    /// What they carry of their paths' weights, or nothing.
+    parts: Vec<f32>,
     /// Bucket of each.
     buckets: Vec<u32>,
     /// Where each partition ends.
@@ -43,8 +45,9 @@ impl Chunk {
         }
     }
 
-    /// Takes the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
-    fn sort(&mut self, slices: &[&[Photon]], shift: u32, partitions: usize) {
+    /// Takes the photons of `slices` and the `parts` of their weights, sorted by `partitions` ranges of
+    /// `2^shift` buckets.
+    fn sort(&mut self, slices: &[&[Photon]], parts: &[&[f32]], shift: u32, partitions: usize) {
         // Places are handed out from where a partition starts, one ahead of its end.
         let mut next = [0u32; PARTITIONS + 1];
         for bucket in &self.unsorted {
@@ -58,8 +61,9 @@ impl Chunk {
         let count = self.unsorted.len();
         self.buckets.resize(count, 0);
         self.photons.resize(count, Photon::default());
+        self.sort_parts(parts, shift, &next);
         let (sorted, buckets) = (&mut self.photons[..count], &mut self.buckets[..count]);
-        for (photons, own) in runs(slices, &self.unsorted) {
+        for Run { photons, buckets: own, .. } in runs(slices, &[], &self.unsorted) {
             for (photon, &bucket) in photons.iter().zip(own) {
                 let next = &mut next[(bucket >> shift) as usize];
                 let place = *next as usize;
@@ -70,21 +74,46 @@ impl Chunk {
         }
     }
 
+    /// Takes the parts, if there are any, in the same order as the photons, whose partitions start at `next`.
+    fn sort_parts(&mut self, parts: &[&[f32]], shift: u32, next: &[u32; PARTITIONS + 1]) {
+        let mut next = *next;
+        let count = parts.iter().map(|parts| parts.len()).sum();
+        self.parts.resize(count, 0.0);
+        for (part, bucket) in parts.iter().copied().flatten().zip(&self.unsorted) {
+            let next = &mut next[(bucket >> shift) as usize];
+            self.parts[*next as usize] = *part;
+            *next += 1;
+        }
+    }
+
     /// The photons of one partition and their buckets.
     fn partition(&self, partition: usize) -> Run<'_> {
         let start = partition.checked_sub(1).map_or(0, |before| self.ends[before] as usize);
         let range = start..self.ends[partition] as usize;
-        (&self.photons[range.clone()], &self.buckets[range])
+        Run {
+            photons: &self.photons[range.clone()],
+            buckets: &self.buckets[range.clone()],
+            parts: self.parts.get(range).unwrap_or(&[]),
+        }
     }
 }
 
-/// Photons and the bucket of each.
-type Run<'a> = (&'a [Photon], &'a [u32]);
+/// Photons, the bucket of each, and its part of a weight unless there are none.
+#[derive(Clone, Copy)]
+struct Run<'a> {
+    photons: &'a [Photon],
+    buckets: &'a [u32],
+    parts: &'a [f32],
+}
 
 /// The photons of slices, with buckets that are in the same order.
-fn runs<'a>(slices: &[&'a [Photon]], mut buckets: &'a [u32]) -> Vec<Run<'a>> {
-    let own = |photons: &[Photon]| buckets.split_off(..photons.len()).expect("one for each");
-    slices.iter().copied().map(own).zip(slices).map(|(own, photons)| (*photons, own)).collect()
+fn runs<'a>(slices: &[&'a [Photon]], parts: &[&'a [f32]], mut buckets: &'a [u32]) -> Vec<Run<'a>> {
+    let mut own = |(index, photons): (usize, &&'a [Photon])| Run {
+        photons,
+        buckets: buckets.split_off(..photons.len()).expect("one for each"),
+        parts: parts.get(index).copied().unwrap_or(&[]),
+    };
+    slices.iter().enumerate().map(&mut own).collect()
 }
 
 /// The places of one partition in the map.
@@ -94,13 +123,14 @@ struct Partition<'a> {
     starts: &'a mut [u32],
     quads: &'a mut [Quad],
     froms: &'a mut [u32],
+    parts: &'a mut [f32],
 }
 
 impl Partition<'_> {
     /// Sorts the partition's photons, whose buckets start at `first`, into their places.
     fn fill(&mut self, runs: &[Run], first: u32) {
         self.starts.fill(0);
-        for &bucket in runs.iter().flat_map(|(_, buckets)| *buckets) {
+        for &bucket in runs.iter().flat_map(|run| run.buckets) {
             self.starts[(bucket - first) as usize] += 1;
         }
         let mut end = self.offset;
@@ -115,14 +145,17 @@ impl Partition<'_> {
         }
         add_up(rest, &mut end);
         // From the last photon to the first, so that ends turn into starts.
-        for (photons, buckets) in runs.iter().rev() {
-            for (photon, bucket) in photons.iter().zip(*buckets).rev() {
+        for Run { photons, buckets, parts } in runs.iter().rev() {
+            for (index, (photon, bucket)) in photons.iter().zip(*buckets).enumerate().rev() {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
                 let place = (*start - self.offset) as usize;
                 self.quads[place / QUAD].set(place % QUAD, photon);
                 if let Some(from) = self.froms.get_mut(place) {
                     *from = photon.from;
+                }
+                if let Some(part) = self.parts.get_mut(place) {
+                    *part = parts[index];
                 }
             }
         }
@@ -146,8 +179,8 @@ fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 }
 
 impl PhotonMap {
-    /// Sorts the photons into the buckets of `self.grid`.
-    pub(super) fn sort(&mut self, slices: &[&[Photon]], extent: &Extent) {
+    /// Sorts the photons into the buckets of `self.grid`, with the parts of their weights if there are any.
+    pub(super) fn sort(&mut self, slices: &[&[Photon]], parts: &[&[f32]], extent: &Extent) {
         let Extent { count, directions, .. } = *extent;
         let buckets = self.grid.buckets() as usize;
         let partitions = (count / CHUNK).next_power_of_two().min(PARTITIONS);
@@ -156,32 +189,37 @@ impl PhotonMap {
         let per_chunk = slices.len().div_ceil(if in_one_go { 1 } else { count / CHUNK });
         self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
         let grid = &self.grid;
-        self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).for_each(|(chunk, slices)| {
+        let weighted = !parts.is_empty();
+        let all = self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).enumerate();
+        all.for_each(|(index, (chunk, slices))| {
             chunk.find_buckets(slices, grid);
             if !in_one_go {
-                chunk.sort(slices, shift, partitions);
+                let parts = parts.chunks(per_chunk).nth(index).unwrap_or(&[]);
+                chunk.sort(slices, parts, shift, partitions);
             }
         });
         let chunks = &self.chunks[..];
         let runs = |partition: usize| match chunks {
-            [chunk] if in_one_go => runs(slices, &chunk.unsorted),
+            [chunk] if in_one_go => runs(slices, parts, &chunk.unsorted),
             _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
         };
 
         // Partitions begin with a quad of their own: they can be filled at the same time.
         let sizes: Vec<usize> = (0..partitions)
-            .map(|p| runs(p).iter().map(|(photons, _)| photons.len()).sum::<usize>())
+            .map(|p| runs(p).iter().map(|run| run.photons.len()).sum::<usize>())
             .map(|photons: usize| photons.next_multiple_of(QUAD))
             .collect();
         let places = sizes.iter().sum();
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
         self.quads.resize(places / QUAD, Quad::default());
         self.froms.resize(if directions { places } else { 0 }, 0);
+        self.parts.resize(if weighted { places } else { 0 }, 0.0);
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
         let mut starts = &mut self.starts[..buckets];
         let (mut quads, mut froms) = (&mut self.quads[..], &mut self.froms[..]);
+        let mut part_of_all = &mut self.parts[..];
         let mut offset = 0;
         let all: Vec<Partition> = sizes
             .iter()
@@ -192,6 +230,7 @@ impl PhotonMap {
                     starts: take(&mut starts, own),
                     quads: take(&mut quads, size / QUAD),
                     froms: take(&mut froms, if directions { size } else { 0 }),
+                    parts: take(&mut part_of_all, if weighted { size } else { 0 }),
                 };
                 offset += size as u32;
                 partition

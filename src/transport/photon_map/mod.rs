@@ -6,6 +6,7 @@ mod grid;
 mod look_ups;
 mod quad;
 mod vicinity;
+mod weighing;
 
 use super::kernel::{Admission, ByClass, PointKernel};
 use super::light_paths::LightPaths;
@@ -24,6 +25,7 @@ use std::time::{Duration, Instant};
 use vicinity::Vicinity;
 
 pub(crate) use look_ups::{LookUp, LookUps};
+pub(crate) use weighing::{Unweighted, Weighing, of_quad};
 
 /// Photons sorted by the cell of a uniform grid: an array of cells, or hashed ones where photons crowd.
 #[derive(Debug, Default)]
@@ -32,6 +34,8 @@ pub struct PhotonMap {
     quads: Vec<Quad>,
     /// Where they came from; empty if that was not told.
     froms: Vec<u32>,
+    /// What they carry of their paths' weights; empty if paths are not weighted.
+    parts: Vec<f32>,
     /// Where each bucket starts, and the end of all in the last place.
     starts: Vec<u32>,
     /// While sorting, kept for their memory.
@@ -126,17 +130,27 @@ impl PhotonMap {
     /// If there are 2^32 photons or nearly as many.
     pub fn build(&mut self, paths: &LightPaths, radius: f32) -> Duration {
         let start = Instant::now();
-        self.build_within(&paths.photons().collect::<Vec<_>>(), paths.extent(), radius);
+        let mut parts: Vec<_> = paths.parts().collect();
+        if parts.iter().all(|parts| parts.is_empty()) {
+            parts.clear();
+        }
+        self.build_within(&paths.photons().collect::<Vec<_>>(), &parts, paths.extent(), radius);
         start.elapsed() * rayon::current_num_threads() as u32
     }
 
     /// [`Self::build`] from slices of photons.
     pub fn build_from(&mut self, slices: &[&[Photon]], radius: f32) {
         let extents = slices.iter().map(|photons| Extent::of(photons));
-        self.build_within(slices, extents.fold(Extent::default(), Extent::and), radius);
+        self.build_within(slices, &[], extents.fold(Extent::default(), Extent::and), radius);
     }
 
-    fn build_within(&mut self, slices: &[&[Photon]], extent: Extent, radius: f32) {
+    fn build_within(
+        &mut self,
+        slices: &[&[Photon]],
+        parts: &[&[f32]],
+        extent: Extent,
+        radius: f32,
+    ) {
         let Extent { bounds, count, .. } = extent;
         self.radius = radius;
         self.radius2 = radius * radius;
@@ -155,7 +169,7 @@ impl PhotonMap {
             self.grid = Grid::choose(slices, bounds, radius, count, self.is_sparse);
             let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::ZONES);
             self.zone_shift = shortest.next_power_of_two().ilog2();
-            self.sort(slices, &extent);
+            self.sort(slices, parts, &extent);
         }
     }
 
@@ -220,17 +234,18 @@ impl PhotonMap {
         let first = from_fn(|lane| lane == 0);
         self.find_ranges(&Vec3s::splat(position), &first, &mut ranges);
         for ranges in ranges.by_look_up() {
-            self.for_each_in(ranges, position, &mut visit);
+            self.for_each_in(ranges, position, |photon, distance2, _| visit(photon, distance2));
         }
     }
 
-    /// [`Self::for_each_within`] by the ranges of this position.
+    /// [`Self::for_each_within`] by the ranges of this position, and each photon's part of its path's
+    /// weight, 0 without weights.
     #[inline]
     pub fn for_each_in(
         &self,
         ranges: &[Range],
         position: Vec3,
-        mut visit: impl FnMut(&Photon, f32),
+        mut visit: impl FnMut(&Photon, f32, f32),
     ) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
@@ -248,7 +263,8 @@ impl PhotonMap {
                     let place = first + found.trailing_zeros() as usize;
                     found &= found - 1;
                     let photon = self.photon(place);
-                    visit(&photon, photon.position.distance_squared(position));
+                    let part = self.parts.get(place).copied().unwrap_or(0.0);
+                    visit(&photon, photon.position.distance_squared(position), part);
                 }
                 first += 64;
             }
@@ -263,15 +279,19 @@ impl PhotonMap {
         ranges: &[Range],
         look_up: &LookUp,
         admission: &Admission,
+        weighing: &impl Weighing,
     ) -> ByClass<Rgb> {
-        let counting = Counting::new(look_up, admission, &PointKernel::default());
+        let counting = Counting::new(look_up, admission, &PointKernel::default(), weighing);
         let mut sum = Flux::default();
         self.for_each_block(
             ranges,
             #[inline(always)]
-            |quad, lanes| quad.add_to(&mut sum, &counting, quad.counting(&counting, lanes)),
+            |index, quad, lanes| {
+                let counts = quad.counting(&counting, lanes);
+                quad.add_to(&mut sum, &counting, counts, weighing.weights(&self.parts, index));
+            },
         );
-        sum.total()
+        sum.total(&counting)
     }
 
     /// [`Self::flux_in`], and adds to `pairs` those of the same photons with a camera path, for which the
@@ -283,19 +303,22 @@ impl PhotonMap {
         ranges: &[Range],
         look_up: &LookUp,
         (admission, kernel): (&Admission, &PointKernel),
+        weighing: &impl Weighing,
         (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
     ) -> ByClass<Rgb> {
-        let counting = Counting::new(look_up, admission, kernel);
+        let counting = Counting::new(look_up, admission, kernel, weighing);
         let (mut sum, mut nested) = (Flux::default(), [Vec4::ZERO; 2]);
         let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
         let (space, mut found) = (pairs.space(places), 0);
         self.for_each_block(
             ranges,
             #[inline(always)]
-            |quad, lanes| {
+            |index, quad, lanes| {
                 let counts = quad.counting(&counting, lanes);
-                quad.add_to(&mut sum, &counting, counts);
+                let weights = weighing.weights(&self.parts, index);
+                quad.add_to(&mut sum, &counting, counts, weights);
                 let (light_paths, values) = quad.pairs(&counting, weight);
+                let values = weights.map_or(values, |weights| values * weights);
                 for (sum, nested) in nested.iter_mut().zip(quad.nested(&counting, values)) {
                     *sum += Vec4::select(counts, nested, Vec4::ZERO);
                 }
@@ -310,21 +333,21 @@ impl PhotonMap {
         if found > 0 {
             pairs.take(found, camera_path, nested.map(Vec4::element_sum));
         }
-        sum.total()
+        sum.total(&counting)
     }
 
-    /// The quads of some ranges, and which of their lanes are in them.
+    /// The quads of some ranges with their numbers, and which of their lanes are in them.
     #[inline(always)] // vectorized
-    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(&Quad, BVec4A)) {
+    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(usize, &Quad, BVec4A)) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
             let (first, last) = (start / QUAD, (end - 1) / QUAD);
             let mut lanes = lanes_from(start - first * QUAD);
-            for quad in &self.quads[first..last] {
-                visit(quad, lanes);
+            for (index, quad) in (first..last).zip(&self.quads[first..last]) {
+                visit(index, quad, lanes);
                 lanes = lanes_from(0);
             }
-            visit(&self.quads[last], lanes & !lanes_from(end - last * QUAD));
+            visit(last, &self.quads[last], lanes & !lanes_from(end - last * QUAD));
         }
     }
 

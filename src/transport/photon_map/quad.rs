@@ -1,6 +1,6 @@
 //! Photons side by side, and which of them a look-up counts.
 
-use super::LookUp;
+use super::{LookUp, Weighing};
 use crate::base::math::Rgb;
 use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::photon::{Photon, Side};
@@ -30,6 +30,8 @@ pub struct Counting {
     /// Kernels over those of the last vertex, and the nested ones over those at the radii.
     relative: ByClass<Vec4>,
     nested: [ByClass<Vec4>; 2],
+    /// Weights of either class.
+    by_class: ByClass<f32>,
     /// Whether all of these are the same for both classes.
     is_uniform: bool,
 }
@@ -46,27 +48,39 @@ pub fn lanes_from(place: usize) -> BVec4A {
 pub struct Flux(ByClass<[Vec4; 3]>);
 
 impl Counting {
-    /// Photons that this look-up counts, with the kernel at its point.
+    /// Photons that this look-up counts, with the kernel at its point and weights by their class.
     #[inline(always)] // as those below: parts of the loop over ranges
-    pub fn new(look_up: &LookUp, admission: &Admission, kernel: &PointKernel) -> Self {
+    pub fn new<W: Weighing>(
+        look_up: &LookUp,
+        admission: &Admission,
+        kernel: &PointKernel,
+        weighing: &W,
+    ) -> Self {
+        let (mut relative, by_class) = (kernel.relative(), weighing.by_class());
+        if let Some(weights) = by_class {
+            relative.iter_mut().zip(weights).for_each(|(relative, weight)| *relative *= weight);
+        }
         Self {
             position: look_up.position.to_array().map(Vec4::splat),
             radius2: admission.radius2.map(Vec4::splat),
             normal: look_up.normal.to_array().map(Vec4::splat),
             limit: Vec4::splat(admission.limit),
-            last: look_up.last,
-            relative: kernel.relative().map(Vec4::splat),
+            last: W::ALL | look_up.last,
+            relative: relative.map(Vec4::splat),
             nested: kernel.nested.map(|nested| nested.map(Vec4::splat)),
-            is_uniform: admission.is_uniform(),
+            by_class: by_class.unwrap_or([1.0; 2]),
+            is_uniform: admission.is_uniform() & by_class.is_none(),
         }
     }
 }
 
 impl Flux {
-    /// Of all lanes together.
+    /// Of all lanes together, times the weights of classes.
     #[inline(always)]
-    pub fn total(&self) -> ByClass<Rgb> {
-        self.0.map(|flux| Rgb::from_array(flux.map(Vec4::element_sum)))
+    pub fn total(&self, counting: &Counting) -> ByClass<Rgb> {
+        let [every, last] = self.0.map(|flux| Rgb::from_array(flux.map(Vec4::element_sum)));
+        let [of_every, of_last] = counting.by_class;
+        [every * of_every, last * of_last]
     }
 }
 
@@ -134,13 +148,21 @@ impl Quad {
         Vec4::from_array(late).cmpeq(Vec4::ZERO)
     }
 
-    /// Adds the flux of some lanes.
+    /// Adds the flux of some lanes, times any weights of single photons.
     #[inline(always)]
-    pub fn add_to(&self, sum: &mut Flux, counting: &Counting, lanes: BVec4A) {
+    pub fn add_to(
+        &self,
+        sum: &mut Flux,
+        counting: &Counting,
+        lanes: BVec4A,
+        weights: Option<Vec4>,
+    ) {
         let [every, last] = &mut sum.0;
         let add = |sum: &mut [Vec4; 3], lanes: BVec4A| {
             for (sum, flux) in sum.iter_mut().zip(self.flux) {
-                *sum += Vec4::select(lanes, Vec4::from_array(flux), Vec4::ZERO);
+                let flux = Vec4::from_array(flux);
+                let flux = weights.map_or(flux, |weights| flux * weights);
+                *sum += Vec4::select(lanes, flux, Vec4::ZERO);
             }
         };
         if counting.is_uniform {

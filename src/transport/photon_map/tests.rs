@@ -257,3 +257,32 @@ fn a_map_built_anew_keeps_nothing() {
         }
     }
 }
+
+#[test]
+fn photons_keep_their_parts_of_weights() {
+    // Sorted in one go, and in partitions.
+    for count in [300, 40_000] {
+        let photons = photons(&points(count, Vec3::ZERO, Vec3::ONE, 9));
+        let parts: Vec<f32> = photons.iter().map(|photon| 0.5 + photon.path as f32).collect();
+        let (slices, of_slices): (Vec<_>, Vec<_>) =
+            photons.chunks(500).zip(parts.chunks(500)).unzip();
+        let extent =
+            slices.iter().map(|photons| Extent::of(photons)).fold(Extent::default(), Extent::and);
+        let mut map = PhotonMap::default();
+        map.build_within(&slices, &of_slices, extent, 0.05);
+        let (mut ranges, mut found) = (Ranges::default(), 0);
+        for query in points(50, Vec3::ZERO, Vec3::ONE, 10) {
+            map.find_ranges(&Vec3s::splat(query), &from_fn(|lane| lane == 0), &mut ranges);
+            for ranges in ranges.by_look_up() {
+                map.for_each_in(ranges, query, |photon, _, part| {
+                    assert_eq!(part, 0.5 + photon.path as f32);
+                    found += 1;
+                });
+            }
+        }
+        assert!(found > 10, "{found}");
+        // A map without weights keeps none of those before.
+        map.build_from(&slices, 0.05);
+        assert!(map.parts.is_empty());
+    }
+}
