@@ -10,36 +10,17 @@ mod true_bias;
 
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::{Kernel, PartialSettings};
-use bdpm::{Scene, Settings};
+use bdpm::settings::Kernel;
 use std::path::Path;
-use true_bias::{Batches, Square, biases, reference};
+use true_bias::{Batches, Square, TINY, biases, reference, settings};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 const SCENES: [&str; 4] = ["cornell-box", "cornell-box-classic", "caustic-sphere", "materials"];
 /// Shares of the scene size.
 const RADII: [f32; 4] = [0.005, 0.01, 0.02, 0.04];
-/// That of the reference.
-const TINY: f32 = 0.001;
 /// Iterations in each of the 16 batches, unless the command says otherwise.
-const ITERATIONS: u64 = 12;
-
-/// Merging at the first vertex, so that the map has all that is indirect.
-fn settings(scene: &Scene, defaults: &PartialSettings, radius: f32, kernel: Kernel) -> Settings {
-    let wishes = PartialSettings { resolution: Some([64, 64]), ..PartialSettings::default() };
-    let settings = Settings::resolve(&wishes, defaults, scene.size()).expect("a committed scene");
-    let radius = radius * scene.size();
-    Settings {
-        kernel,
-        radius,
-        caustic_radius: radius,
-        merge_vertex: 1,
-        light_paths: 200_000,
-        camera_paths: 8,
-        ..settings
-    }
-}
+const ITERATIONS: u64 = 20;
 
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);

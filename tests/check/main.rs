@@ -14,10 +14,16 @@ mod material_noise;
 mod program;
 #[path = "../common/scene_case.rs"]
 mod scene_case;
+#[path = "../common/several_ways.rs"]
+mod several_ways;
 #[path = "../common/strategies.rs"]
 mod strategies;
+#[path = "../common/true_bias.rs"]
+mod true_bias;
 
+mod kernel;
 mod materials_light;
+mod mis;
 mod reference;
 mod report;
 mod scenes;

@@ -6,8 +6,32 @@ use bdpm::image::film::Film;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::Bias;
 use bdpm::noise::film::{BATCHES, BatchGrain};
-use bdpm::settings::Settings;
-use bdpm::{Renderer, Scene};
+use bdpm::settings::{Kernel, PartialSettings};
+use bdpm::{Renderer, Scene, Settings};
+
+/// The radius of references, as a share of the scene size.
+pub const TINY: f32 = 0.002;
+
+/// Merging at the first vertex, so that the map has all that is indirect; the radius is a share of the scene size.
+pub fn settings(
+    scene: &Scene,
+    defaults: &PartialSettings,
+    radius: f32,
+    kernel: Kernel,
+) -> Settings {
+    let wishes = PartialSettings { resolution: Some([64, 64]), ..PartialSettings::default() };
+    let settings = Settings::resolve(&wishes, defaults, scene.size()).expect("a committed scene");
+    let radius = radius * scene.size();
+    Settings {
+        kernel,
+        radius,
+        caustic_radius: radius,
+        merge_vertex: 1,
+        light_paths: 200_000,
+        camera_paths: 8,
+        ..settings
+    }
+}
 
 /// Mean square with its standard error, relative to the luminance of each pixel: theory.md (70a).
 #[derive(Clone, Copy, Debug)]
@@ -103,6 +127,8 @@ pub fn biases(
 
     let all: Vec<usize> = (0..pixels).collect();
     let own = Bias::new(&renderer.noise_image().unwrap(), &all).relative;
-    let estimated = Square { value: own.value.powi(2), error: 2.0 * own.value * own.error };
+    // The error of the square that this is the root of.
+    let error = (2.0 * own.value * own.error).max(own.error.powi(2));
+    let estimated = Square { value: own.value.powi(2), error };
     Biases { real, estimated }
 }

@@ -12,6 +12,8 @@ mod material_noise;
 mod scene_case;
 #[path = "../common/shapes.rs"]
 mod shapes;
+#[path = "../common/several_ways.rs"]
+mod several_ways;
 #[path = "../common/strategies.rs"]
 mod strategies;
 

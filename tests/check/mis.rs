@@ -1,0 +1,46 @@
+//! Furnaces in which paths are found in several ways: those that `tests/transport/mis.rs` has no time for.
+
+use crate::common::*;
+use crate::several_ways::*;
+use bdpm::bsdf::{Bsdf, Coated, Glossy, RoughDielectric};
+use bdpm::scene::Material;
+use glam::Vec3;
+
+#[test]
+fn smooth_things_where_all_is_as_bright() {
+    assert_furnace("smooth", &smooth_things(), 0.0, 40, (&WAYS, &WEIGHTINGS));
+}
+
+#[test]
+fn rough_things_where_all_is_as_bright() {
+    let bsdfs = [
+        white_metal(0.15),
+        white_metal(0.6),
+        Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.3, 1.5, 0.2)),
+        Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.5, 1.5, 0.5)),
+    ];
+    assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, 40, (&WAYS, &WEIGHTINGS));
+    // Single scattering loses a little.
+    let glass = [Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.05))];
+    assert_furnace("rough glass", &furnace(&glass, false), 2e-3, 40, (&WAYS, &WEIGHTINGS));
+}
+
+/// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
+#[test]
+fn coated_walls_where_all_is_as_bright() {
+    let mut meshes = Vec::new();
+    for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, u32::from(index != 1)));
+    }
+    let coated = Bsdf::Coated(Coated::new(Vec3::ONE, 2.0));
+    let materials = vec![gray(0.5, 1.0), Material::new("coated", coated)];
+    let camera = camera(Vec3::new(0.4, 0.6, 0.5), Vec3::new(-0.8, -0.3, -0.8), 75.0);
+    assert_furnace(
+        "coated walls",
+        &scene(meshes, materials, vec![], camera),
+        0.0,
+        200,
+        (&WAYS, &WEIGHTINGS),
+    );
+}

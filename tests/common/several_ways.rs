@@ -1,0 +1,147 @@
+//! Furnaces in which paths are found in several ways: the weights add up to 1, whatever they are.
+#![allow(dead_code)] // each program uses its own part
+
+use crate::common::*;
+use bdpm::Settings;
+use bdpm::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance};
+use bdpm::scene::{Material, Mesh, Scene};
+use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
+use glam::Vec3;
+
+pub const SIDE: u32 = 16;
+const TILE: u32 = 4;
+pub const TILES: usize = (SIDE / TILE * (SIDE / TILE)) as usize;
+
+/// Scales of merges at both vertices, and the planned light paths over the actual ones.
+pub type Weighting = ([f64; 2], f64);
+
+pub fn weighted(settings: &Settings, ([mis_c1, mis_c2], planned): Weighting) -> Settings {
+    let mis_light_paths = (f64::from(settings.light_paths) * planned) as u32;
+    let settings = Settings { mis_light_paths, mis_c1, mis_c2, ..settings.clone() };
+    Settings { strategy: Strategy::Mis, merge_vertex: 2, ..settings }
+}
+
+/// Mean of each tile in each iteration: `[tile][iteration]`.
+pub fn tiles(scene: &Scene, settings: Settings, iterations: usize) -> Vec<Vec<f64>> {
+    let all = pixel_samples(scene, &*accel(scene), settings, iterations);
+    let mut tiles = vec![vec![0.0; iterations]; TILES];
+    for (pixel, samples) in (0..).zip(all) {
+        let (x, y) = (pixel % SIDE / TILE, pixel / SIDE / TILE);
+        let tile = &mut tiles[(y * (SIDE / TILE) + x) as usize];
+        tile.iter_mut().zip(samples).for_each(|(sum, x)| *sum += x / f64::from(TILE * TILE));
+    }
+    tiles
+}
+
+/// Asserts that differences have the mean 0 in each tile, and over all of them within `resolution` of `value`;
+/// `systematic` is what they may be off besides, relative.
+#[track_caller]
+pub fn assert_zero(
+    what: &str,
+    differences: &[Vec<f64>],
+    value: f64,
+    resolution: f64,
+    systematic: f64,
+) {
+    let mut square = 0.0;
+    for samples in differences {
+        let Estimate { mean, error } = Estimate::from_samples(samples);
+        square += ((mean.abs() - 2.0 * systematic * value).max(0.0) / error).powi(2) / TILES as f64;
+    }
+    let iterations = differences[0].len();
+    let whole = |i: usize| differences.iter().map(|tile| tile[i]).sum::<f64>() / TILES as f64;
+    let Estimate { mean, error } =
+        Estimate::from_samples(&(0..iterations).map(whole).collect::<Vec<_>>());
+    let (off, error) = (mean / value, error / value);
+    println!("{what}: off by {off:+.5} +- {error:.5}, squared deviations of tiles {square:.2}");
+    assert!(error < resolution, "{what}: {error} says little");
+    assert!(off.abs() < 4.0 * error + systematic, "{what}: off by {off} +- {error}");
+    // The mean of 16 squares has a standard error of .35, and more as tiles share light paths.
+    assert!(square < 4.0, "{what}: {square}");
+}
+
+/// What shows other weights at the same paths; `k = 2` is held against each.
+pub const WEIGHTINGS: [Weighting; 3] = [([1.0, 1.0], 1.0), ([0.3, 2.0], 0.02), ([4.0, 0.1], 0.1)];
+
+/// Everything that does not absorb is as bright as the walls, which emit 1 and reflect half: 2.
+pub fn furnace(bsdfs: &[Bsdf], normals: bool) -> Scene {
+    let mut meshes = Vec::new();
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        meshes.push(square(axis, -axis, 1.0, 0));
+        meshes.push(square(-axis, axis, 1.0, 0));
+    }
+    let mut materials = vec![gray(0.5, 1.0)];
+    for (index, bsdf) in bsdfs.iter().enumerate() {
+        let center =
+            Vec3::new(-0.45 + 0.6 * (index % 2) as f32, 0.3, -0.5 + 0.8 * (index / 2) as f32);
+        let ball = sphere(center, 0.3, 4, false, index as u32 + 1);
+        let own = ball.positions.iter().map(|p| (*p - center).normalize()).collect();
+        meshes.push(Mesh { normals: if normals { own } else { vec![] }, ..ball });
+        materials.push(Material::new("lossless", *bsdf));
+    }
+    let camera = camera(Vec3::new(-0.1, -0.97, 0.1), Vec3::new(-0.1, 1.0, 0.0), 75.0);
+    scene(meshes, materials, vec![], camera)
+}
+
+/// How direct light is found, how paths end, and the radius for caustics.
+pub type Way = (Direct, Roulette, f32);
+
+pub const WAYS: [Way; 3] = [
+    (Direct::Connect, Roulette::Albedo, 0.05),
+    (Direct::Connect, Roulette::Weight, 0.15),
+    (Direct::PhotonMap, Roulette::Weight, 0.05),
+];
+
+/// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights.
+pub fn assert_furnace(
+    name: &str,
+    scene: &Scene,
+    loss: f64,
+    iterations: usize,
+    (ways, weightings): (&[Way], &[Weighting]),
+) {
+    for &(direct, roulette, caustic_radius) in ways {
+        let settings = Settings {
+            direct,
+            light_roulette: roulette,
+            camera_roulette: roulette,
+            kernel: Kernel::Area,
+            light_paths: 8000,
+            camera_paths: 8,
+            radius: 0.15,
+            caustic_radius,
+            seed: 5,
+            ..settings(SIDE, SIDE)
+        };
+        let single = tiles(scene, Settings { merge_vertex: 2, ..settings.clone() }, iterations);
+        for &weighting in weightings {
+            let several = tiles(scene, weighted(&settings, weighting), iterations);
+            let what = format!("{name} {direct:?} {roulette:?} {weighting:?}");
+            let exact: Vec<Vec<f64>> =
+                several.iter().map(|tile| tile.iter().map(|x| x - 2.0).collect()).collect();
+            assert_zero(&format!("{what}, 2"), &exact, 2.0, 3e-3, loss);
+            let differences: Vec<Vec<f64>> = several
+                .iter()
+                .zip(&single)
+                .map(|(several, single)| several.iter().zip(single).map(|(a, b)| a - b).collect())
+                .collect();
+            assert_zero(&format!("{what}, k = 2"), &differences, 2.0, 3e-3, loss);
+        }
+    }
+}
+
+pub fn white_metal(alpha: f32) -> Bsdf {
+    let reflectance = Reflectance::Artist { normal: Vec3::ONE };
+    Bsdf::Conductor(Conductor::new(reflectance, alpha))
+}
+
+/// Smooth surfaces of all kinds, in a furnace.
+pub fn smooth_things() -> Scene {
+    let bsdfs = [
+        Bsdf::Mirror { reflectance: Vec3::ONE },
+        Bsdf::Dielectric(Dielectric { eta: 1.5 }),
+        Bsdf::Coated(Coated::new(Vec3::ONE, 1.5)),
+        Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.0, 1.5, 0.0)),
+    ];
+    furnace(&bsdfs, false)
+}
