@@ -40,8 +40,10 @@ fn main() -> Result<()> {
                 let settings = settings(scene, defaults, radius, kernel);
                 biases(scene, accel, settings, &reference, iterations)
             });
-            let text =
-                |Square { value, error }| format!("{:.0} +- {:.0}", 1e6 * value, 1e6 * error);
+            let text = |Square { value, error }| match value {
+                0.0 => "hidden".into(),
+                _ => format!("{:.0} +- {:.0}", 1e6 * value, 1e6 * error),
+            };
             let all = [disc.real, area.real, disc.estimated, area.estimated].map(text);
             println!("| {name} | {} % | {} |", 100.0 * radius, all.join(" | "));
         }
