@@ -106,18 +106,6 @@ impl<'a> Areas<'a> {
         Memory { fixed, kept: self.kept.load(Relaxed) }
     }
 
-    /// Cells that are kept: with at most a line, lists, those split, and segments and facets of lists.
-    pub fn census(&self) -> [usize; 6] {
-        let mut census = [0; 6];
-        for patch in self.patches.iter().filter_map(OnceLock::get).flat_map(|chunk| chunk.iter()) {
-            if let Some(patch) = patch.get() {
-                census[5] += 1;
-                patch.grid().census(&mut census);
-            }
-        }
-        census
-    }
-
     /// Areas in spheres of these radii around points, scene units squared.
     pub fn areas<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> [[f32; LANES]; N] {
         vectorized(

@@ -106,12 +106,6 @@ impl List {
         from_fn(|i| inside * radii2[i] + sums[i])
     }
 
-    /// Packs of segments and of facets.
-    pub fn lengths(&self) -> [usize; 2] {
-        let segments = self.segments as usize;
-        [segments, (self.rows.len() - segments * Segments::ROWS) / Facets::ROWS]
-    }
-
     /// Reads a little of it, so that the rest is near when it is asked for.
     #[inline(always)]
     pub fn touch(&self) -> f32 {

@@ -137,24 +137,4 @@ impl Grid {
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + size_of_val(&*self.cells)
     }
-
-    /// Adds up its cells.
-    pub fn census(&self, census: &mut [usize; 6]) {
-        for cell in self.cells.iter().filter_map(OnceLock::get) {
-            match cell {
-                Cell::Line { .. } => census[0] += 1,
-                Cell::List(list) => {
-                    census[1] += 1;
-                    let [segments, facets] = list.lengths();
-                    census[3] += segments;
-                    census[4] += facets;
-                }
-                Cell::Holed(_) => census[1] += 1,
-                Cell::Split(grid) => {
-                    census[2] += 1;
-                    grid.census(census);
-                }
-            }
-        }
-    }
 }
