@@ -184,12 +184,12 @@ settings! {
 
     /// Scale of these weights' merges at the first vertex [default: 2/(1 + --camera-paths)]
     #[serde(deserialize_with = "read::mis_c1")]
-    #[arg(value_name = "C")]
+    #[arg(value_name = "C", allow_negative_numbers = true)]
     mis_c1: f64 as f64 = shared_by(camera_paths), check_scale;
 
     /// The same at the second
     #[serde(deserialize_with = "read::mis_c2")]
-    #[arg(value_name = "C")]
+    #[arg(value_name = "C", allow_negative_numbers = true)]
     mis_c2: f64 as f64 = shared_by(camera_paths), check_scale;
 
     /// How light that comes straight from a light source is found
