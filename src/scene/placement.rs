@@ -83,6 +83,14 @@ impl Scene {
         self.placements[place as usize].triangle(&self.triangles[(first + triangle) as usize])
     }
 
+    /// The normal of [`Self::placed_triangle`] alone.
+    pub(crate) fn placed_normal(&self, place: u32, triangle: u32) -> Vec3 {
+        let first = self.first_triangle[place as usize];
+        let stored = self.triangles[(first + triangle) as usize].normal;
+        let transform = self.placements[place as usize].transform.as_ref();
+        transform.map_or(stored, |transform| transform.normal(stored))
+    }
+
     /// All triangles in the scene's space, placement after placement.
     pub fn triangles(&self) -> Vec<Triangle> {
         let mut triangles = Vec::with_capacity(self.triangle_count());

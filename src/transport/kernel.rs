@@ -85,6 +85,12 @@ impl<'a> Kernel<'a> {
         }
     }
 
+    /// The same where there are no photons of every vertex: one radius serves.
+    #[must_use]
+    pub fn of_last_vertex(self) -> Self {
+        Self { radii: [self.radii[LAST]; 2], ..self }
+    }
+
     /// A disc of one radius for all photons.
     pub fn disc(radius: f32) -> Self {
         Self::discs([radius; 2])
@@ -128,6 +134,9 @@ impl<'a> Kernel<'a> {
         });
         let query = Query { position: &points.position, facet: &facet, wanted };
         let [every, last] = self.radii;
+        if every == last {
+            return self.at_one_radius::<NESTED>(areas, &query);
+        }
         if !NESTED {
             let [every, last] = areas.areas(&query, &[every, last]);
             return PointKernels {
@@ -149,6 +158,27 @@ impl<'a> Kernel<'a> {
             inverse_area: last.map(f32::recip),
             every: from_fn(|lane| last[lane] / every[lane]),
             nested: [over(1), over(2)],
+        }
+    }
+}
+
+impl Kernel<'_> {
+    /// [`Self::at`] where the radius is the same for all photons.
+    #[inline(always)] // vectorized
+    fn at_one_radius<const NESTED: bool>(&self, areas: &Areas, query: &Query) -> PointKernels {
+        let every = [1.0; LANES];
+        if !NESTED {
+            let [last] = areas.areas(query, &[self.radii[LAST]]);
+            let inverse_area = last.map(f32::recip);
+            return PointKernels { inverse_area, every, nested: Default::default() };
+        }
+        let radii = [1.0, FRAC_1_SQRT_2, 0.5].map(|share| share * self.radii[LAST]);
+        let [last, inner, core] = areas.areas(query, &radii);
+        let over = |inner: &[f32; LANES]| [from_fn(|lane| last[lane] / inner[lane]); 2];
+        PointKernels {
+            inverse_area: last.map(f32::recip),
+            every,
+            nested: [over(&inner), over(&core)],
         }
     }
 }

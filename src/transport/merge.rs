@@ -54,11 +54,8 @@ impl<'a> Merge<'a> {
     /// Merges with the photons of `map`, built for the kernel's reach, camera paths that are cut at their
     /// diffuse vertex number `merge_vertex`.
     pub fn new(map: &'a PhotonMap, merge_vertex: u32, kernel: Kernel<'a>) -> Self {
-        let mut admission = kernel.admission();
-        if !map.any_at_every_vertex() {
-            // Without photons of one class there is one radius.
-            admission.radius2 = [admission.radius2[PhotonClass::LastVertex as usize]; 2];
-        }
+        let kernel = if map.any_at_every_vertex() { kernel } else { kernel.of_last_vertex() };
+        let admission = kernel.admission();
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
         Self { map, merge_vertex, kernel, admission, mis: None, in_zones, most_pairs }
     }

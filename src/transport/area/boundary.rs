@@ -1,7 +1,6 @@
 //! The boundary of many polygons together: edges that two have in common drop out.
 
 use glam::DVec2;
-use std::collections::HashMap;
 
 /// A directed segment with what counts on its left.
 pub type Segment = (DVec2, DVec2);
@@ -69,10 +68,16 @@ impl Along {
 /// Makes one segment of those that go on straight from each other.
 fn join(segments: Vec<Segment>, tolerance: f64) -> Vec<Segment> {
     let key = |point: DVec2| point.to_array().map(f64::to_bits);
-    let starts: HashMap<_, _> =
+    let mut starts: Vec<_> =
         segments.iter().enumerate().map(|(index, (start, _))| (key(*start), index)).collect();
+    starts.sort_unstable();
     let next = |(p, q): Segment| {
-        let index = *starts.get(&key(q))?;
+        // The last that starts there.
+        let after = starts.partition_point(|(start, _)| *start <= key(q));
+        let &(start, index) = starts[..after].last()?;
+        if start != key(q) {
+            return None;
+        }
         let (_, end) = segments[index];
         let whole = Along::new((p, end), tolerance);
         let is_straight = whole.holds((p, q)) && (0.0..whole.length).contains(&whole.place(q));

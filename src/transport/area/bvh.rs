@@ -48,16 +48,15 @@ struct Node {
     count: u32,
 }
 
-const LEAF: usize = 4;
-
 impl Bvh {
-    /// Halves the boxes by their middles along the longest side, again and again.
-    pub fn new(boxes: &[Box3]) -> Self {
+    /// Halves the boxes by their middles along the longest side, until there are no more than `leaf`.
+    pub fn new(boxes: &[Box3], leaf: usize) -> Self {
         let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-        let mut nodes = Vec::with_capacity(boxes.len().div_ceil(2));
+        let mut nodes = Vec::with_capacity(2 * boxes.len().div_ceil(leaf));
         if !boxes.is_empty() {
-            build(boxes, &mut order, 0, &mut nodes);
+            build(boxes, leaf, &mut order, 0, &mut nodes);
         }
+        nodes.shrink_to_fit();
         Self { nodes, order }
     }
 
@@ -98,7 +97,13 @@ impl Bvh {
     }
 }
 
-fn build(boxes: &[Box3], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
+fn build(
+    boxes: &[Box3],
+    leaf: usize,
+    order: &mut [u32],
+    first: u32,
+    nodes: &mut Vec<Node>,
+) {
     let (mut around, mut middles) = (Box3::EMPTY, Box3::EMPTY);
     let middle = |index: u32| {
         let Box3 { min, max } = boxes[index as usize];
@@ -110,7 +115,7 @@ fn build(boxes: &[Box3], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
     }
     let index = nodes.len();
     nodes.push(Node { around, first, count: order.len() as u32 });
-    if order.len() <= LEAF {
+    if order.len() <= leaf {
         return;
     }
     let sides = middles.max - middles.min;
@@ -118,7 +123,7 @@ fn build(boxes: &[Box3], order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
     let half = order.len() / 2;
     order.select_nth_unstable_by(half, |&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
     let (low, high) = order.split_at_mut(half);
-    build(boxes, low, first, nodes);
+    build(boxes, leaf, low, first, nodes);
     (nodes[index].first, nodes[index].count) = (nodes.len() as u32, 0);
-    build(boxes, high, first + half as u32, nodes);
+    build(boxes, leaf, high, first + half as u32, nodes);
 }

@@ -3,10 +3,11 @@
 use super::boundary::boundary;
 use super::covered::Plane;
 use super::list::{Facet, Holed, HoledList, List};
-use super::near::{Frame, Maker, Near, Own, Spot, Surroundings};
+use super::near::{Frame, Maker, Near, Own, Spot};
 use super::patch::Grid;
 use super::polygon::{Polygon, area, clip_to, edges, middle, subtract};
 use super::surfaces::corners;
+use super::surroundings::Surroundings;
 use glam::{DVec2, DVec3};
 
 /// Cells larger than this, in radii, that have more triangles in reach than [`CROWD`] are split.
@@ -77,9 +78,9 @@ impl Surroundings {
         let base = self.base(own.side.component(), spot);
         let mut all = Vec::new();
         for (polygon, component) in ground {
-            for polygon in self.exposed(&Plane::GROUND, vec![polygon], component, base, spot) {
-                all.extend(edges(&polygon));
-            }
+            self.exposed(&Plane::GROUND, polygon, component, base, spot, |polygon| {
+                all.extend(edges(polygon));
+            });
         }
         let mut segments = boundary(all, spot.tolerance);
         segments.retain(|segment| spot.reaches(segment, outer));
@@ -120,21 +121,26 @@ impl Surroundings {
         *points.iter().min_by_key(depth).expect("a cell has some surface")
     }
 
-    /// The parts of a component's surface in a plane that nothing covers.
+    /// Visits the parts of a component's surface in a plane that nothing covers.
     fn exposed(
         &self,
         plane: &Plane,
-        mut pieces: Vec<Polygon>,
+        piece: Polygon,
         component: u32,
         base: DVec3,
         spot: &Spot,
-    ) -> Vec<Polygon> {
+        mut visit: impl FnMut(&[DVec2]),
+    ) {
         if self.walls.are_all_of(component) {
-            return pieces;
+            return visit(&piece);
         }
+        let mut pieces = vec![piece];
         self.walls.split(plane, &mut pieces, component, spot.tolerance);
-        pieces.retain(|piece| self.walls.depth(base, plane.above(middle(piece)), component) <= 0);
-        pieces
+        for piece in &pieces {
+            if self.walls.depth(base, plane.above(middle(piece)), component) <= 0 {
+                visit(piece);
+            }
+        }
     }
 
     /// Adds the exposed part of a triangle that is not in the plane of the patch.
@@ -148,34 +154,6 @@ impl Surroundings {
     ) {
         let plane = Plane::new(near.corners[0], near.normal);
         let whole = near.corners.map(|corner| plane.project(corner));
-        let mut counterclockwise = whole.to_vec();
-        if area(&whole) < 0.0 {
-            counterclockwise.reverse();
-        }
-        // Corners far away would cost precision.
-        let reach = 2.0 + spot.extent;
-        let is_small = whole.iter().all(|corner| corner.abs().max_element() < 2.0 * reach);
-        let part = if is_small {
-            counterclockwise
-        } else {
-            clip_to(&counterclockwise, DVec2::splat(reach))
-        };
-        if part.is_empty() {
-            return;
-        }
-        let mut pieces = vec![part];
-        for other in self.near.iter().filter(|other| near.is_under(other, &plane)) {
-            let other = other.corners.map(|corner| plane.project(corner));
-            let mut other = other.to_vec();
-            if area(&other) < 0.0 {
-                other.reverse();
-            }
-            let mut rest = Vec::new();
-            for piece in pieces {
-                subtract(&piece, &other, spot.tolerance, &mut rest);
-            }
-            pieces = rest;
-        }
         let height = plane.height(DVec3::ZERO);
         let normal = plane.normal;
         let common = Facet {
@@ -183,7 +161,7 @@ impl Surroundings {
             foot: plane.axes.map(|axis| [axis.x, axis.y]),
             ..Facet::default()
         };
-        for piece in self.exposed(&plane, pieces, near.component, base, spot) {
+        let mut add = |piece: &[DVec2]| {
             for pair in piece[1..].windows(2) {
                 let facet = Facet { corners: [piece[0], pair[0], pair[1]], ..common };
                 if near.holes {
@@ -193,8 +171,40 @@ impl Surroundings {
                     facets.push(facet);
                 }
             }
+        };
+        let turned = counterclockwise(whole);
+        // Corners far away would cost precision.
+        let reach = 2.0 + spot.extent;
+        let is_small = whole.iter().all(|corner| corner.abs().max_element() < 2.0 * reach);
+        if is_small && !self.is_mixed && self.walls.are_all_of(near.component) {
+            return add(&turned);
+        }
+        let part =
+            if is_small { turned.to_vec() } else { clip_to(&turned, DVec2::splat(reach)) };
+        if part.is_empty() {
+            return;
+        }
+        let mut pieces = vec![part];
+        for other in self.near.iter().filter(|other| near.is_under(other, &plane)) {
+            let other = counterclockwise(other.corners.map(|corner| plane.project(corner)));
+            let mut rest = Vec::new();
+            for piece in pieces {
+                subtract(&piece, &other, spot.tolerance, &mut rest);
+            }
+            pieces = rest;
+        }
+        for piece in pieces {
+            self.exposed(&plane, piece, near.component, base, spot, &mut add);
         }
     }
+}
+
+/// The same triangle.
+fn counterclockwise(mut corners: [DVec2; 3]) -> [DVec2; 3] {
+    if area(&corners) < 0.0 {
+        corners.reverse();
+    }
+    corners
 }
 
 /// Lays a component's surface beside what lies in the plane already: what is under or over other

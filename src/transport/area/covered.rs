@@ -24,19 +24,16 @@ pub struct Wall {
     pub outward: DVec3,
     /// Of which it is part.
     pub component: u32,
-    /// A sphere that holds it.
-    middle: DVec3,
-    reach: f64,
+    /// The box around it.
+    low: DVec3,
+    high: DVec3,
 }
 
 impl Wall {
     /// Of a component, solid on the side away from the unit normal `outward`.
     pub fn new(corners: [DVec3; 3], outward: DVec3, component: u32) -> Self {
-        let [a, b, c] = corners;
-        let middle = 0.5 * (a.min(b).min(c) + a.max(b).max(c));
-        let far = |far: f64, corner: &DVec3| far.max(corner.distance_squared(middle));
-        let reach = corners.iter().fold(0.0, far).sqrt();
-        Self { corners, outward, component, middle, reach }
+        let (low, high) = around(corners.into_iter());
+        Self { corners, outward, component, low, high }
     }
 }
 
@@ -83,9 +80,6 @@ impl Plane {
 
     /// Where a wall stands on it, if it does.
     fn cut(&self, wall: &Wall) -> Option<(DVec2, DVec2)> {
-        if self.height(wall.middle).abs() > wall.reach + LIFT {
-            return None;
-        }
         let heights = wall.corners.map(|corner| self.height(corner));
         let is_above = heights.map(|height| height > LIFT);
         if is_above[0] == is_above[1] && is_above[1] == is_above[2] {
@@ -160,7 +154,9 @@ impl Walls {
         let corners = pieces.iter().flatten();
         let (low, high) = around(corners.map(|&corner| plane.above(corner)));
         let margin = DVec3::splat(2.0 * LIFT);
-        for wall in self.near(component, (low - margin, high + margin)) {
+        let (low, high) = (low - margin, high + margin);
+        let is_near = |wall: &&Wall| !(low.cmpgt(wall.high) | high.cmplt(wall.low)).any();
+        for wall in self.near(component, (low, high)).filter(is_near) {
             let Some(cut) = plane.cut(wall) else { continue };
             let Some(line) = Line::through(cut.0, cut.1) else { continue };
             for index in 0..pieces.len() {

@@ -34,8 +34,9 @@ pub struct HoledList {
     pub holes: Vec<Holed>,
 }
 
+/// No more aligned than memory is that is asked for: other alignment costs much where lists are many.
 #[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(32))]
+#[repr(C)]
 struct Row(Lane);
 
 /// Edges in the plane of the patch: rows of

@@ -30,6 +30,7 @@ mod reach;
 mod scene;
 pub mod sides;
 mod surfaces;
+mod surroundings;
 
 pub use index::{Areas, Memory, Query};
 pub use sides::{Marks, Sides};

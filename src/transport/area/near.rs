@@ -1,12 +1,11 @@
 //! What lies around a cell.
 
-use super::admission::{admits, packed};
 use super::components::SideId;
-use super::covered::{LIFT, Plane, Wall, Walls};
+use super::covered::{LIFT, Plane};
 use super::polygon::{Polygon, area, clip_to, rectangle};
 use super::reach::Reach;
 use super::sides::Sides;
-use super::surfaces::{Surfaces, box_around, corners};
+use super::surfaces::Surfaces;
 use glam::{DVec2, DVec3, Vec3};
 
 /// Coordinates of a patch: in its plane and above it, in radii.
@@ -17,7 +16,7 @@ pub struct Frame {
     /// Unit vectors; the last points up.
     pub axes: [DVec3; 3],
     radius: f64,
-    per_radius: f64,
+    pub per_radius: f64,
 }
 
 impl Frame {
@@ -93,14 +92,6 @@ pub struct Maker<'a> {
     pub radius: f64,
 }
 
-/// All that matters to a cell.
-pub struct Surroundings {
-    /// That may send photons.
-    pub near: Vec<Near>,
-    /// In front of something solid.
-    pub walls: Walls,
-}
-
 /// Where points are.
 pub struct Spot {
     /// Half of the sides of the cell around the origin.
@@ -133,76 +124,6 @@ impl Maker<'_> {
         let tolerance = 1e-5 + 4.0 * largest * f64::from(f32::EPSILON) / self.radius;
         let [low, high] = [low, high].map(|corner| corner.extend(0.0));
         Spot { half, polygon, extent, low, high, tolerance: tolerance.min(1e-2) }
-    }
-
-    /// All in reach; `None` if these are more than `limit` triangles.
-    pub fn surroundings(
-        &self,
-        own: &Own,
-        frame: &Frame,
-        spot: &Spot,
-        limit: usize,
-    ) -> Option<Surroundings> {
-        let Frame { origin, axes: [u, v, up], .. } = *frame;
-        let radius = 1.0 + spot.tolerance;
-        let reach = radius + spot.extent;
-        let outer = spot.polygon.iter().map(|p| origin + (u * p.x + v * p.y) * self.radius);
-        let margin = DVec3::splat(self.radius * (1.0 + spot.tolerance));
-        let around = box_around(outer.flat_map(|p| [p - margin, p + margin]));
-        let geometry = self.surfaces.geometry();
-        let (mut near, mut walls) = (Vec::new(), Vec::new());
-        let mut count = 0;
-        let complete = self.reach.find(self.surfaces, &around, |place, triangle| {
-            let in_scene = corners(geometry, &geometry.places[place as usize], triangle);
-            let corners = in_scene.map(|corner| frame.local(corner));
-            let (low, high) = corners
-                .iter()
-                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &corner| {
-                    (low.min(corner), high.max(corner))
-                });
-            let gap = (low - spot.high).max(spot.low - high).max(DVec3::ZERO);
-            if gap.length_squared() >= radius * radius || distance2(corners) >= reach * reach {
-                return true;
-            }
-            if self.sides.is_double(place, triangle) {
-                return true;
-            }
-            let front = self.sides.of(place, triangle, true);
-            let front_normal = self.surfaces.normal(place, triangle);
-            let sides = [(front, front_normal), (SideId(front.0 ^ 1), -front_normal)];
-            let may_send = |&(side, normal): &(SideId, Vec3)| {
-                let counts = self.sides.reached(side) || side == own.side;
-                counts && admits(packed(normal), own.normal) && self.surfaces.merges(place)
-            };
-            let [sends, is_solid] = [
-                sides.iter().position(may_send),
-                sides.iter().position(|&(side, _)| self.sides.is_solid_behind(side)),
-            ];
-            if sends.is_none() && is_solid.is_none() {
-                return true;
-            }
-            let Some(around) =
-                (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize()
-            else {
-                return true;
-            };
-            // The front's in these coordinates.
-            let front_normal = front_normal.as_dvec3();
-            let given = DVec3::new(u.dot(front_normal), v.dot(front_normal), up.dot(front_normal));
-            let normal = if around.dot(given) < 0.0 { -around } else { around };
-            let of_side = [normal, -normal];
-            count += 1;
-            let component = front.component();
-            if let Some(side) = is_solid {
-                walls.push(Wall::new(corners, of_side[side], component));
-            }
-            if let Some(side) = sends {
-                let (normal, holes) = (of_side[side], self.surfaces.has_holes(place));
-                near.push(Near { place, triangle, corners, normal, component, holes });
-            }
-            count <= limit
-        });
-        complete.then(|| Surroundings { near, walls: Walls::new(walls) })
     }
 }
 
@@ -253,20 +174,4 @@ impl Spot {
         let on_border = p.abs().cmpge(outer - self.tolerance).any();
         on_border || p.length() >= 1.0 + self.extent
     }
-}
-
-/// Squared distance of a triangle from the origin.
-fn distance2([a, b, c]: [DVec3; 3]) -> f64 {
-    let normal = (b - a).cross(c - a);
-    let edges = [(a, b), (b, c), (c, a)];
-    if edges.iter().all(|&(p, q)| normal.dot(p.cross(q)) >= 0.0) {
-        let height = normal.dot(a);
-        return height * height / normal.length_squared().max(f64::MIN_POSITIVE);
-    }
-    let of_edge = |(p, q): (DVec3, DVec3)| {
-        let along = q - p;
-        let share = -p.dot(along) / along.length_squared().max(f64::MIN_POSITIVE);
-        (p + along * share.clamp(0.0, 1.0)).length_squared()
-    };
-    edges.into_iter().map(of_edge).fold(f64::INFINITY, f64::min)
 }

@@ -3,8 +3,11 @@
 use super::bvh::{Box3, Bvh};
 use super::surfaces::{Surfaces, box_around, corners};
 use crate::accel::{Place, TriangleMesh};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
+
+/// Of a leaf at the most. Places take leaves of their own: a look into one costs more than its box.
+const TRIANGLES: usize = 4;
 
 /// Trees over each mesh's triangles, in its own space, and over the places.
 #[derive(Debug)]
@@ -23,25 +26,25 @@ impl Reach {
             let place = Place { mesh: mesh as u32, to_scene: None };
             let count = geometry.meshes[mesh].triangles.len() as u32;
             let around = |triangle| box_around(corners(geometry, &place, triangle).into_iter());
-            Bvh::new(&(0..count).map(around).collect::<Vec<_>>())
+            Bvh::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
         };
         let meshes: Vec<_> = geometry.meshes.par_iter().enumerate().map(tree).collect();
         let around = |place: &Place| {
             let own = meshes[place.mesh as usize].bounds();
             place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
         };
-        let places = Bvh::new(&geometry.places.iter().map(around).collect::<Vec<_>>());
+        let places = Bvh::new(&geometry.places.iter().map(around).collect::<Vec<_>>(), 1);
         let to_mesh = |place: &Place| place.to_scene.map(|to_scene| to_scene.inverse());
         Self { places, to_mesh: geometry.places.iter().map(to_mesh).collect(), meshes }
     }
 
-    /// Visits triangles, by place and index, until a visit says `false`: at least those that meet a
-    /// box. Says whether none did.
+    /// Visits triangles, by place and index, with their corners in the mesh's space, until a visit says
+    /// `false`: at least those that meet a box, and those of a place together. Says whether none did.
     pub fn find(
         &self,
         surfaces: &dyn Surfaces,
         around: &Box3,
-        mut visit: impl FnMut(u32, u32) -> bool,
+        mut visit: impl FnMut(u32, u32, [Vec3; 3]) -> bool,
     ) -> bool {
         self.places.find(around, |place| {
             let mesh = surfaces.geometry().places[place as usize].mesh;
@@ -51,7 +54,7 @@ impl Reach {
             self.meshes[mesh as usize].find(&around, |triangle| {
                 let corners = triangles[triangle as usize].map(|index| positions[index as usize]);
                 let own = corners.into_iter().fold(Box3::EMPTY, |own, p| own.with(p.into()));
-                !own.meets(&around) || visit(place, triangle)
+                !own.meets(&around) || visit(place, triangle, corners)
             })
         })
     }

@@ -47,7 +47,7 @@ impl Surfaces for SceneSurfaces<'_> {
     }
 
     fn normal(&self, place: u32, triangle: u32) -> Vec3 {
-        self.scene.placed_triangle(place, triangle).normal
+        self.scene.placed_normal(place, triangle)
     }
 
     fn merges(&self, place: u32) -> bool {

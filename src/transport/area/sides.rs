@@ -64,11 +64,6 @@ impl Sides {
         self.reached[side.0 as usize]
     }
 
-    /// Whether something solid is behind it.
-    pub(super) fn is_solid_behind(&self, side: SideId) -> bool {
-        self.reached(side) && !self.reached(SideId(side.0 ^ 1))
-    }
-
     /// Number of sides, and how many of them light reaches.
     pub fn counts(&self) -> [usize; 2] {
         [self.reached.len(), self.reached.iter().filter(|&&reached| reached).count()]
