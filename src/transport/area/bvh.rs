@@ -97,13 +97,7 @@ impl Bvh {
     }
 }
 
-fn build(
-    boxes: &[Box3],
-    leaf: usize,
-    order: &mut [u32],
-    first: u32,
-    nodes: &mut Vec<Node>,
-) {
+fn build(boxes: &[Box3], leaf: usize, order: &mut [u32], first: u32, nodes: &mut Vec<Node>) {
     let (mut around, mut middles) = (Box3::EMPTY, Box3::EMPTY);
     let middle = |index: u32| {
         let Box3 { min, max } = boxes[index as usize];

@@ -179,8 +179,7 @@ impl Surroundings {
         if is_small && !self.is_mixed && self.walls.are_all_of(near.component) {
             return add(&turned);
         }
-        let part =
-            if is_small { turned.to_vec() } else { clip_to(&turned, DVec2::splat(reach)) };
+        let part = if is_small { turned.to_vec() } else { clip_to(&turned, DVec2::splat(reach)) };
         if part.is_empty() {
             return;
         }
