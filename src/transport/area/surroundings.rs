@@ -132,7 +132,7 @@ impl Maker<'_> {
 
     fn seen(&self, frame: &Frame, place: u32) -> Seen {
         let to_scene = self.surfaces.geometry().places[place as usize].to_scene;
-        let from_scene = frame.from_scene();
+        let from_scene = frame.scene_to_local();
         Seen {
             place,
             to_patch: to_scene.map_or(from_scene, |to_scene| from_scene * to_scene),
@@ -144,7 +144,7 @@ impl Maker<'_> {
 
 impl Frame {
     /// To these coordinates.
-    fn from_scene(&self) -> DAffine3 {
+    fn scene_to_local(&self) -> DAffine3 {
         let [u, v, up] = self.axes.map(|axis| axis * self.per_radius);
         let matrix3 = glam::DMat3::from_cols(u, v, up).transpose();
         DAffine3 { matrix3, translation: -(matrix3 * self.origin) }
