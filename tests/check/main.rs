@@ -2,12 +2,16 @@
 //! module of the same name, and the paper's experiment. `make check` runs the tables,
 //! `make check-report` the experiment.
 
+#[path = "../common/automatic.rs"]
+mod automatic;
 #[path = "../common/boxes.rs"]
 mod boxes;
 #[path = "../common/committed.rs"]
 mod committed;
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/far_counts.rs"]
+mod far_counts;
 #[path = "../common/material_noise.rs"]
 mod material_noise;
 #[path = "../common/program.rs"]
@@ -21,9 +25,11 @@ mod strategies;
 #[path = "../common/true_bias.rs"]
 mod true_bias;
 
+mod counts;
 mod kernel;
 mod materials_light;
 mod mis;
+mod predicts;
 mod reference;
 mod report;
 mod scenes;

@@ -7,6 +7,12 @@ use bdpm::scene::Material;
 use glam::Vec3;
 
 #[test]
+fn diffuse_walls_where_all_is_as_bright() {
+    let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
+    assert_furnace("walls", &scene, 0.0, 40, (&WAYS, &WEIGHTINGS));
+}
+
+#[test]
 fn smooth_things_where_all_is_as_bright() {
     assert_furnace("smooth", &smooth_things(), 0.0, 40, (&WAYS, &WEIGHTINGS));
 }

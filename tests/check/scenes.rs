@@ -1,4 +1,4 @@
-//! The scenes of this project, small: images and noise. Two more are in `tests/transport/scenes.rs`.
+//! The scenes of this project, small: images and noise. One more is in `tests/transport/scenes.rs`.
 
 use crate::scene_case::Case;
 
@@ -16,6 +16,11 @@ fn caustic_sphere() {
 #[test]
 fn point_caustic() {
     Case { name: "point-caustic", ..Case::default() }.check();
+}
+
+#[test]
+fn materials() {
+    Case { name: "materials", ..Case::default() }.check();
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn identity(scene: &Scene, settings: &Settings) -> Identity {
 
 /// Runs in `folder`, stopping after every `stop` iterations.
 fn run(path: &Path, stop: usize) -> (Experiment, usize) {
-    let (scene, accel, settings) = loaded(16);
+    let (scene, accel, settings) = loaded(8);
     let threads = pool();
     let bench = Bench { scene: &scene, accel: &*accel, threads: &threads };
     for starts in 1.. {

@@ -180,7 +180,7 @@ fn furnace_with_a_white_ball() {
                 caustic_radius: 0.3,
                 ..settings(4, 4)
             };
-            for samples in pixel_samples(&scene, &*accel, settings, 400) {
+            for samples in pixel_samples(&scene, &*accel, settings, 130) {
                 Estimate::from_samples(&samples).assert_is(expected, 2e-3);
             }
         }

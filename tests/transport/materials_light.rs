@@ -117,7 +117,7 @@ fn the_caustic_is_the_same_by_every_strategy() {
                 seed: 1000 + u64::from(merge_vertex) + (1000.0 * radius) as u64,
                 ..settings(8, 8)
             };
-            mean_luminance(&scene, &*accel as &dyn Intersect, settings, 400)
+            mean_luminance(&scene, &*accel as &dyn Intersect, settings, 280)
         };
         let (wide, narrow) = (at(0.2), at(0.1));
         Estimate {

@@ -13,7 +13,7 @@ use glam::Vec3;
 #[test]
 fn diffuse_walls_where_all_is_as_bright() {
     let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
-    assert_furnace("walls", &scene, 0.0, 40, (&WAYS, &WEIGHTINGS));
+    assert_furnace("walls", &scene, 0.0, 40, (&WAYS[1..], &WEIGHTINGS[..2]));
 }
 
 #[test]

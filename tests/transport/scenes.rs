@@ -7,8 +7,3 @@ fn cornell_box() {
     let (light_paths, iterations, measured) = (40_000, 30, 600);
     Case { name: "cornell-box", light_paths, iterations, measured, ..Case::default() }.check();
 }
-
-#[test]
-fn materials() {
-    Case { name: "materials", ..Case::default() }.check();
-}

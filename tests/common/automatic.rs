@@ -1,0 +1,75 @@
+//! A small box rendered with automatic counts, the same on every machine.
+#![allow(dead_code)] // each program uses its own part
+
+use bdpm::import::load;
+use bdpm::noise::Measure;
+use bdpm::steer::Steer;
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::goal::Goal;
+use bdpm::timing::TimeModel;
+use bdpm::{Renderer, Scene, Settings};
+use std::path::Path;
+use std::time::Duration;
+
+pub const WIDTH: u32 = 24;
+pub const HEIGHT: u32 = 20;
+
+pub fn scene() -> (Scene, Settings) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box-classic");
+    let loaded = load(&folder).unwrap();
+    let settings =
+        Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size()).unwrap();
+    let settings = Settings {
+        width: WIDTH,
+        height: HEIGHT,
+        light_paths: 2000,
+        camera_paths: 3,
+        radius: 4.0 * settings.radius,
+        caustic_radius: 4.0 * settings.radius,
+        ..settings
+    };
+    (loaded.scene, settings)
+}
+
+/// Mean luminance of each iteration's image.
+pub fn image_means(renderer: &mut Renderer, iterations: usize, measure: Measure) -> Vec<f64> {
+    let mut before = renderer.film().mean_luminance() * renderer.film().iterations as f64;
+    let samples = (0..iterations).map(|_| {
+        renderer.iterate(measure);
+        let sum = renderer.film().mean_luminance() * renderer.film().iterations as f64;
+        let sample = sum - before;
+        before = sum;
+        sample
+    });
+    samples.collect()
+}
+
+/// Renders with automatic counts as if an iteration took a second for each 10 camera paths per
+/// pixel, so that the choice is the same on every machine.
+pub fn automatic<'a>(
+    scene: &'a Scene,
+    accel: &'a dyn bdpm::accel::Intersect,
+    settings: Settings,
+    seconds: u64,
+) -> Renderer<'a> {
+    let times = TimeModel {
+        fixed: 0.05,
+        light_path: 1e-5,
+        camera_path: 0.1 / f64::from(WIDTH * HEIGHT),
+        look_up: 0.0,
+        merge_pair: 1e-8,
+        pixels: f64::from(WIDTH * HEIGHT),
+    };
+    let time = Some(Duration::from_secs(seconds));
+    let goal = Goal { time, ..Goal::default() };
+    let mut pilot = Autopilot::new(goal, 1, None).with_times(times);
+    let mut renderer = Renderer::new(scene, accel, settings).unwrap();
+    let mut elapsed = 0.0;
+    while elapsed < seconds as f64 {
+        let measure = pilot.steer(&mut renderer, elapsed).unwrap();
+        renderer.iterate(measure);
+        let counts = &renderer.block().counts;
+        elapsed += times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
+    }
+    renderer
+}
