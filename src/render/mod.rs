@@ -30,6 +30,7 @@ use crate::transport::kernel;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::merge::Merge;
 use crate::transport::mis::Mis;
+use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
@@ -47,6 +48,8 @@ pub struct Renderer<'a> {
     /// At least one; the last is under way.
     blocks: Vec<Block>,
     grain: BatchGrain,
+    /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
+    nesting: Option<PhotonClass>,
     /// Of the surfaces, if the kernel asks for them.
     areas: Option<Areas<'a>>,
     light_paths: LightPaths,
@@ -81,11 +84,29 @@ impl<'a> Renderer<'a> {
             blocks: vec![Block::new(&settings, counts)],
             settings,
             grain: BatchGrain::Tile,
+            nesting: None,
             areas,
             light_paths: LightPaths::default(),
             photon_map: PhotonMap::default(),
             workers: Pool::default(),
         })
+    }
+
+    /// Prepares to render a sample of the image of `settings`: of each square of `stride` by `stride` pixels the
+    /// one in the middle. What is measured of these pixels is what it is in the image.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of_sample(
+        scene: &'a Scene,
+        accel: &'a dyn Intersect,
+        settings: Settings,
+        stride: u32,
+    ) -> Result<Self> {
+        let view = scene.camera.view(settings.width, settings.height).every(stride);
+        let [width, height] =
+            [settings.width, settings.height].map(|pixels| (pixels / stride).max(1));
+        Ok(Self { view, ..Self::new(scene, accel, Settings { width, height, ..settings })? })
     }
 
     /// Goes on after the iterations that `blocks` hold.
@@ -121,9 +142,14 @@ impl<'a> Renderer<'a> {
 
     /// The most light paths that take no more than half of the memory that is left.
     pub fn most_light_paths(&self) -> u32 {
+        Self::most_light_paths_for(self.scene, &self.settings)
+    }
+
+    /// The same for an image of these settings.
+    pub fn most_light_paths_for(scene: &Scene, settings: &Settings) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(&self.settings, MOST_BLOCKS)).max(0.0);
-        let most = for_light / bytes_per_light_path(self.scene, &self.settings);
+        let for_light = 0.5 * (available - film_bytes(settings, MOST_BLOCKS)).max(0.0);
+        let most = for_light / bytes_per_light_path(scene, settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
@@ -136,6 +162,18 @@ impl<'a> Renderer<'a> {
         assert!(self.noise().is_none(), "batches change only before the first measurement");
         self.grain = grain;
         self
+    }
+
+    /// Repeats only merges with photons of one class at nested radii, which tell the bias: that of these merges
+    /// alone. The radii of both classes must not be equal.
+    #[must_use]
+    pub fn nesting(self, class: PhotonClass) -> Self {
+        Self { nesting: Some(class), ..self }
+    }
+
+    /// Whether photons of [`PhotonClass::EveryVertex`] were found in the last iteration.
+    pub fn finds_any_at_every_vertex(&self) -> bool {
+        self.photon_map.any_at_every_vertex()
     }
 
     /// All blocks; the last is under way.
@@ -187,7 +225,8 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let iteration = self.iterations();
         let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
-        let kernel = kernel::Kernel::new(settings, areas.as_ref());
+        let all = kernel::Kernel::new(settings, areas.as_ref());
+        let kernel = self.nesting.map_or(all, |class| all.nesting(class));
         let block = self.blocks.last_mut().expect("there is one");
 
         light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);

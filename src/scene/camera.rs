@@ -192,7 +192,7 @@ impl Camera {
         };
         let (dx, dy) = (self.right * pixel, -self.up * pixel);
         let corner = distance * self.forward - 0.5 * (w * dx + h * dy);
-        View { position: self.position, corner, dx, dy, aperture }
+        View { position: self.position, corner, dx, dy, skipped: 0.0, aperture }
     }
 }
 
@@ -207,6 +207,8 @@ pub struct View {
     dx: Vec3,
     /// One pixel down.
     dy: Vec3,
+    /// Pixels left out after each one that is taken.
+    skipped: f32,
     /// `None` for a pinhole.
     aperture: Option<Aperture>,
 }
@@ -222,6 +224,20 @@ enum Aperture {
 }
 
 impl View {
+    /// The same with the pixel in the middle of each square of so many by so many pixels, as large as it is:
+    /// a sample of the image that has as many times fewer pixels across and down.
+    #[must_use]
+    pub fn every(self, stride: u32) -> Self {
+        let corner = self.corner + (stride / 2) as f32 * (self.dx + self.dy);
+        Self { corner, skipped: (stride - 1) as f32, ..self }
+    }
+
+    /// Where a coordinate of the image lies in the view of all pixels: exactly the same if none is left out.
+    #[inline(always)]
+    fn place(&self, x: f32) -> f32 {
+        x + self.skipped * x.floor()
+    }
+
     /// Whether rays depend on a point of the aperture.
     #[inline]
     pub fn has_aperture(&self) -> bool {
@@ -233,7 +249,7 @@ impl View {
     /// radiance along it in the pixel's value.
     /// theory.md (5).
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
-        let to_pixel = self.corner + x * self.dx + y * self.dy;
+        let to_pixel = self.corner + self.place(x) * self.dx + self.place(y) * self.dy;
         match self.aperture {
             None => (Ray::new(self.position, to_pixel.normalize()), 1.0),
             Some(aperture) => self.ray_through(aperture, to_pixel, lens),
@@ -245,7 +261,8 @@ impl View {
     pub fn pinhole_directions(&self, x: &[f32; LANES], y: &[f32; LANES]) -> Vec3s {
         let mut directions = Vec3s::default();
         for lane in 0..LANES {
-            let to_pixel = self.corner + x[lane] * self.dx + y[lane] * self.dy;
+            let [x, y] = [x[lane], y[lane]].map(|x| self.place(x));
+            let to_pixel = self.corner + x * self.dx + y * self.dy;
             directions.set(lane, to_pixel.normalize());
         }
         directions
@@ -280,6 +297,18 @@ mod tests {
     /// Toward a point of the image of a pinhole camera.
     fn direction(view: &View, x: f32, y: f32) -> Vec3 {
         view.ray(x, y, [0.5; 2]).0.direction
+    }
+
+    #[test]
+    fn a_sample_of_the_pixels_sees_what_they_see() {
+        let camera = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+        let (all, some) = (camera.view(12, 8), camera.view(12, 8).every(4));
+        for (x, y, at) in [(0.25, 0.5, [2.25, 2.5]), (2.75, 1.0, [10.75, 6.0])] {
+            let off = direction(&some, x, y) - direction(&all, at[0], at[1]);
+            assert!(off.length() < 1e-6, "{off}");
+        }
+        let same = camera.view(12, 8).every(1);
+        assert_eq!(direction(&same, 7.3, 2.9), direction(&all, 7.3, 2.9));
     }
 
     #[test]

@@ -22,6 +22,8 @@ const LAST: usize = PhotonClass::LastVertex as usize;
 pub struct Admission {
     /// Squares of the merge radii, scene units squared.
     pub radius2: ByClass<f32>,
+    /// Those of the nested radii: theory.md (68).
+    pub nested2: [ByClass<f32>; 2],
     /// What the dot product of the point's normal with the photon's, 127 units long, must exceed.
     pub limit: f32,
 }
@@ -51,7 +53,12 @@ pub struct Kernel<'a> {
     radii: ByClass<f32>,
     /// What could have sent the photons; discs if none.
     areas: Option<&'a Areas<'a>>,
+    /// Which classes of photons have nested radii; those of the other are the radius again.
+    nests: ByClass<bool>,
 }
+
+/// Nested radii over the merge radius.
+const NESTED: [f32; 2] = [FRAC_1_SQRT_2, 0.5];
 
 /// The kernel at sixteen points.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,15 +87,26 @@ impl<'a> Kernel<'a> {
     pub fn new(settings: &Settings, areas: Option<&'a Areas<'a>>) -> Self {
         let radii = [settings.caustic_radius, settings.radius];
         match settings.kernel {
-            settings::Kernel::Disc => Self { radii, areas: None },
-            settings::Kernel::Area => Self { radii, areas: Some(areas.expect("areas")) },
+            settings::Kernel::Disc => Self::discs(radii),
+            settings::Kernel::Area => {
+                Self { areas: Some(areas.expect("areas")), ..Self::discs(radii) }
+            }
         }
+    }
+
+    /// The same with nested radii only for one class of photons, whose bias they then tell alone. The radii must
+    /// not be equal.
+    #[must_use]
+    pub fn nesting(self, class: PhotonClass) -> Self {
+        let mut nests = [false; 2];
+        nests[class as usize] = true;
+        Self { nests, ..self }
     }
 
     /// The same where there are no photons of every vertex: one radius serves.
     #[must_use]
     pub fn of_last_vertex(self) -> Self {
-        Self { radii: [self.radii[LAST]; 2], ..self }
+        Self { radii: [self.radii[LAST]; 2], nests: [self.nests[LAST]; 2], ..self }
     }
 
     /// A disc of one radius for all photons.
@@ -98,7 +116,7 @@ impl<'a> Kernel<'a> {
 
     /// Discs of these radii.
     pub fn discs(radii: ByClass<f32>) -> Self {
-        Self { radii, areas: None }
+        Self { radii, areas: None, nests: [true; 2] }
     }
 
     /// The radius within which photons are looked up, scene units.
@@ -111,12 +129,22 @@ impl<'a> Kernel<'a> {
         // Photons on a disc count on the same side of the surface; true areas are those of surfaces within
         // 60 degrees.
         let limit = if self.areas.is_some() { super::area::admission::LIMIT } else { 0.0 };
-        Admission { radius2: self.radii.map(|radius| radius * radius), limit }
+        let square = |radii: ByClass<f32>| radii.map(|radius| radius * radius);
+        let nested2 = NESTED.map(|share| square(self.nested(share)));
+        Admission { radius2: square(self.radii), nested2, limit }
+    }
+
+    /// The radii at a share of them.
+    #[inline(always)] // part of vectorized code
+    fn nested(&self, share: f32) -> ByClass<f32> {
+        from_fn(
+            |class| if self.nests[class] { share * self.radii[class] } else { self.radii[class] },
+        )
     }
 
     /// The kernel at the points of these lanes, if wanted with those at smaller radii.
     #[inline(always)] // vectorized
-    pub(super) fn at<const NESTED: bool>(
+    pub(super) fn at<const WITH_NESTED: bool>(
         &self,
         points: &GatherPacket,
         wanted: &Mask,
@@ -126,7 +154,10 @@ impl<'a> Kernel<'a> {
             return PointKernels {
                 inverse_area: [last.recip(); LANES],
                 every: [last / every; LANES],
-                nested: [[[2.0; LANES]; 2], [[4.0; LANES]; 2]],
+                nested: NESTED.map(|share| {
+                    let nested = self.nested(share);
+                    from_fn(|class| [(self.radii[class] / nested[class]).powi(2); LANES])
+                }),
             };
         };
         let facet = from_fn(|lane| {
@@ -135,9 +166,9 @@ impl<'a> Kernel<'a> {
         let query = Query { position: &points.position, facet: &facet, wanted };
         let [every, last] = self.radii;
         if every == last {
-            return self.at_one_radius::<NESTED>(areas, &query);
+            return self.at_one_radius::<WITH_NESTED>(areas, &query);
         }
-        if !NESTED {
+        if !WITH_NESTED {
             let [every, last] = areas.areas(&query, &[every, last]);
             return PointKernels {
                 inverse_area: last.map(f32::recip),
@@ -145,7 +176,7 @@ impl<'a> Kernel<'a> {
                 nested: Default::default(),
             };
         }
-        let radii = [1.0, FRAC_1_SQRT_2, 0.5].map(|share| [share * every, share * last]);
+        let radii = [self.radii, self.nested(NESTED[0]), self.nested(NESTED[1])];
         let areas: [_; 6] = areas.areas(&query, radii.as_flattened().try_into().expect("six"));
         let [every, last, ..] = areas;
         let over = |inner: usize| {
@@ -165,14 +196,15 @@ impl<'a> Kernel<'a> {
 impl Kernel<'_> {
     /// [`Self::at`] where the radius is the same for all photons.
     #[inline(always)] // vectorized
-    fn at_one_radius<const NESTED: bool>(&self, areas: &Areas, query: &Query) -> PointKernels {
+    fn at_one_radius<const WITH_NESTED: bool>(&self, areas: &Areas, query: &Query) -> PointKernels {
         let every = [1.0; LANES];
-        if !NESTED {
+        if !WITH_NESTED {
             let [last] = areas.areas(query, &[self.radii[LAST]]);
             let inverse_area = last.map(f32::recip);
             return PointKernels { inverse_area, every, nested: Default::default() };
         }
-        let radii = [1.0, FRAC_1_SQRT_2, 0.5].map(|share| share * self.radii[LAST]);
+        let [inner, core] = NESTED.map(|share| self.nested(share)[LAST]);
+        let radii = [self.radii[LAST], inner, core];
         let [last, inner, core] = areas.areas(query, &radii);
         let over = |inner: &[f32; LANES]| [from_fn(|lane| last[lane] / inner[lane]); 2];
         PointKernels {

@@ -307,7 +307,7 @@ impl<'a> Merge<'a> {
         let view = &paths.views[point.view as usize];
         let weight = pair_weight(&point, kernel);
         let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), [0.0; 2], 0);
-        let Admission { radius2, .. } = self.admission;
+        let Admission { nested2, .. } = self.admission;
         let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
         self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
             let class = photon.class();
@@ -324,11 +324,10 @@ impl<'a> Merge<'a> {
                     let class = class as usize;
                     let value = weight.dot(flux * kernel.relative()[class]);
                     // theory.md (68)
-                    let at = |share: f32, kernels: &ByClass<f32>| {
-                        let inside = distance2 <= share * radius2[class];
-                        if inside { kernels[class] * value } else { 0.0 }
-                    };
-                    let (inner, core) = (at(0.5, &kernel.nested[0]), at(0.25, &kernel.nested[1]));
+                    let [inner, core] = [0, 1].map(|at| {
+                        let inside = distance2 <= nested2[at][class];
+                        if inside { kernel.nested[at][class] * value } else { 0.0 }
+                    });
                     nested[0] += value - inner;
                     nested[1] += inner - core;
                     pairs.space(count + 1)[count] = Pair { light_path: photon.path, value };

@@ -24,6 +24,7 @@ pub struct Quad {
 pub struct Counting {
     position: [Vec4; 3],
     radius2: ByClass<Vec4>,
+    nested2: [ByClass<Vec4>; 2],
     normal: [Vec4; 3],
     limit: Vec4,
     last: bool,
@@ -63,6 +64,7 @@ impl Counting {
         Self {
             position: look_up.position.to_array().map(Vec4::splat),
             radius2: admission.radius2.map(Vec4::splat),
+            nested2: admission.nested2.map(|nested2| nested2.map(Vec4::splat)),
             normal: look_up.normal.to_array().map(Vec4::splat),
             limit: Vec4::splat(admission.limit),
             last: W::ALL | look_up.last,
@@ -178,13 +180,11 @@ impl Quad {
     /// theory.md (68).
     #[inline(always)]
     pub fn nested(&self, counting: &Counting, values: Vec4) -> [Vec4; 2] {
-        let radius2 = self.of(counting, &counting.radius2);
         let distance2 = self.distance2(&counting.position);
-        let at = |share: f32, kernels: &ByClass<Vec4>| {
-            let inside = distance2.cmple(share * radius2);
-            Vec4::select(inside, self.of(counting, kernels) * values, Vec4::ZERO)
-        };
-        let [inner, core] = [at(0.5, &counting.nested[0]), at(0.25, &counting.nested[1])];
+        let [inner, core] = [0, 1].map(|at| {
+            let inside = distance2.cmple(self.of(counting, &counting.nested2[at]));
+            Vec4::select(inside, self.of(counting, &counting.nested[at]) * values, Vec4::ZERO)
+        });
         [values - inner, inner - core]
     }
 
