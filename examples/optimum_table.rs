@@ -123,7 +123,7 @@ fn candidates(
     time: Duration,
 ) -> Result<Vec<Candidate>> {
     let threads = rayon::current_num_threads();
-    let goal = Goal { iterations: None, time: Some(time / 2), target: None };
+    let goal = Goal { time: Some(time / 2), ..Goal::default() };
     let autopilot = || Autopilot::new(goal, threads, None);
     let renderer = || Renderer::new(scene, accel, settings.clone());
     let pilot = Pilot::new(autopilot().uniform(), renderer()?, threads)?;

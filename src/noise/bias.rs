@@ -38,9 +38,10 @@ impl Bias {
         let luminances = || region.iter().map(|&i| noise.pixels[i].luminance);
         let mean_luminance = luminances().sum::<f64>() / count;
         let floor = 0.01 * mean_luminance.powi(2);
+        let luminance = |pixel: usize| noise.pixels[pixel].luminance;
         let products = LeftOut::new(noise, region, |_| 1.0);
         // theory.md (70a)
-        let relative = LeftOut::new(noise, region, |l| (l * l + floor).recip());
+        let relative = LeftOut::new(noise, region, |i| (luminance(i).powi(2) + floor).recip());
         let s_11 = products.statistic(|[_, s_11, _]| s_11);
         let significant = s_11.value > BIAS_CERTAINTY * s_11.error;
         // Where nothing is seen, how it falls is not seen either.
@@ -56,6 +57,14 @@ impl Bias {
             mean_luminance,
         }
     }
+}
+
+/// Weighted mean square of the bias of an image, and what it falls to from a radius to `1/sqrt(2)` of it.
+/// theory.md (70).
+pub fn weighted_square(noise: &NoiseImage, weights: &[f64]) -> (Statistic, f64) {
+    let all: Vec<usize> = (0..noise.pixels.len()).collect();
+    let products = LeftOut::new(noise, &all, |pixel| weights[pixel]);
+    (products.statistic(|all| square(&all)), falls_to(&products.all))
 }
 
 /// Share of the bias that is left at `1/sqrt(2)` of the radius: theory.md (70).
@@ -85,18 +94,18 @@ struct LeftOut {
 }
 
 impl LeftOut {
-    /// Over the pixels `region`, each weighted by a function of its luminance.
+    /// Over the pixels `region`, each with a weight.
     ///
     /// `S_ab = (sum d_a sum d_b - sum_q d_aq d_bq)/(n^2 - sum_q n_q^2)`, the `d_q` being sums over batches: no
     /// noise of one batch meets itself, so that none adds to the mean: theory.md (69).
-    fn new(noise: &NoiseImage, region: &[usize], weight: impl Fn(f64) -> f64) -> Self {
+    fn new(noise: &NoiseImage, region: &[usize], weight: impl Fn(usize) -> f64) -> Self {
         let counts: [f64; BATCHES] =
             std::array::from_fn(|batch| batch_counts(noise.iterations, batch)[0]);
         let (n, n2) = (counts.iter().sum::<f64>(), counts.iter().map(|n| n * n).sum::<f64>());
         let (mut all, mut without) = ([0.0; 3], [[0.0; 3]; BATCHES]);
         let scale = 1.0 / region.len() as f64;
         for &pixel in region {
-            let weight = scale * weight(noise.pixels[pixel].luminance);
+            let weight = scale * weight(pixel);
             let own = &noise.batches[pixel];
             let sums: [[f64; 2]; BATCHES] =
                 std::array::from_fn(|batch| own[batch].nested.map(|d| d * counts[batch]));

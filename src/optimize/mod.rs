@@ -23,6 +23,7 @@ pub mod subject;
 mod uniform;
 mod whole;
 
+use crate::image::film::luminance_weights;
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
 use search::Criterion;
@@ -256,12 +257,11 @@ impl Problem {
     }
 }
 
-/// Weights `1/(L^2 + 0.01 mean(L)^2)`, scaled to the mean 1; all 1 for a black image.
+/// [`luminance_weights`] scaled to the mean 1; all 1 for a black image.
 /// theory.md, section 20 (`relative`).
 fn relative_weights(luminance: &[f64]) -> Vec<f64> {
     let count = luminance.len() as f64;
-    let floor = 0.01 * (luminance.iter().sum::<f64>() / count).powi(2);
-    let weights: Vec<_> = luminance.iter().map(|l| 1.0 / (l * l + floor)).collect();
+    let weights = luminance_weights(luminance);
     let scale = count / weights.iter().sum::<f64>();
     // Neither 0/0 nor an infinite weight.
     let valid = scale.is_finite() && scale > 0.0;

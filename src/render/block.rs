@@ -176,20 +176,31 @@ pub fn pooled_variance(coefficients: &[Coefficients], counts: &Counts) -> f64 {
     coefficients.iter().enumerate().map(variance).sum::<f64>() / coefficients.len() as f64
 }
 
-/// Weight of an iteration of each block: the reciprocal of its pooled variance, the greatest being 1.
+/// The same with a weight for each pixel.
+pub fn weighted_variance(coefficients: &[Coefficients], counts: &Counts, weights: &[f64]) -> f64 {
+    let n_light = f64::from(counts.light_paths);
+    let variance = |(pixel, (c, weight)): (usize, (&Coefficients, &f64))| {
+        weight * c.variance(n_light, f64::from(counts.camera_paths.at(pixel)))
+    };
+    let all = coefficients.iter().zip(weights).enumerate();
+    all.map(variance).sum::<f64>() / coefficients.len() as f64
+}
+
+/// Weight of an iteration of each block: the reciprocal of its mean variance over pixels of such
+/// importance, the greatest being 1.
 ///
 /// One number for the whole image, and by formula (1) from the coefficients that all blocks share:
 /// weights per pixel, or from a block's own samples, would favor blocks that happened to miss rare
 /// bright paths, and the image would be too dark.
 /// theory.md (73).
-pub fn weights(blocks: &[Block]) -> Vec<f64> {
+pub fn weights(blocks: &[Block], importance: &[f64]) -> Vec<f64> {
     let equal = vec![1.0; blocks.len()];
     if blocks.len() == 1 {
         return equal;
     }
     let Some(coefficients) = coefficients(blocks) else { return equal };
-    let variances: Vec<f64> =
-        blocks.iter().map(|block| pooled_variance(&coefficients, &block.counts)).collect();
+    let variance = |block: &Block| weighted_variance(&coefficients, &block.counts, importance);
+    let variances: Vec<f64> = blocks.iter().map(variance).collect();
     if variances.iter().any(|&variance| variance <= 0.0 || !variance.is_finite()) {
         return equal;
     }
