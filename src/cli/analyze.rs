@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<String> {
 
     let time = args.session.time;
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
-    let goal = Goal { iterations: args.iterations.or(default), time, target: None };
+    let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
     let counts = describe_counts(renderer.block());
     let mut session =
         Session::new(&prepared, (goal, 2), args.session.quiet, ("measuring", &counts))?;

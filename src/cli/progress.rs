@@ -99,7 +99,7 @@ impl Progress {
         let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
         let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
             let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
-            goal.time.filter(|_| goal.target.is_none()).map(rest)
+            goal.time.filter(|_| goal.target.is_none() && goal.error.is_none()).map(rest)
         });
         let fraction = match (left, goal.iterations) {
             (_, Some(n)) => status.iterations as f64 / n as f64,
@@ -153,7 +153,13 @@ fn describe(goal: Goal, totals: &Totals, status: &Status) -> String {
     };
     let luminance = status.standing.as_ref().map_or(0.0, |standing| standing.mean_luminance);
     let percent = |rms: f64| format!("{:.2}%", 100.0 * rms / luminance);
-    if let Some(rms) = status.standing.as_ref().and_then(Standing::rms)
+    if let Some(now) = status.standing.as_ref().and_then(|standing| standing.error(&goal, 1.0)) {
+        state += &format!("  error {:.2}%", 100.0 * now);
+        let forecast = status.standing.as_ref().zip(status.forecast);
+        if let Some(then) = forecast.and_then(|(now, then)| now.error(&goal, then.left)) {
+            state += &format!(" to {:.2}%", 100.0 * then);
+        }
+    } else if let Some(rms) = status.standing.as_ref().and_then(Standing::rms)
         && luminance > 0.0
     {
         state += &format!("  RMS {}", percent(rms));

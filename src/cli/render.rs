@@ -4,13 +4,14 @@ use super::analyze::{check_counts, noise_file};
 use super::json;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
-use super::render_report::{Report, block_reports, describe_counts, text};
+use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::{Prepared, Session, SessionArgs};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
+use bdpm::optimize::Objective;
 use bdpm::pictures;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
@@ -20,13 +21,24 @@ use bdpm::settings::origin::Origin;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::{Goal, Target};
 use bdpm::steer::plan::Plan;
+use bdpm::steer::technique;
+use bdpm::steer::technique::{Chosen, End, Open};
 use bdpm::steer::{Fixed, Replay, Steer};
 use bdpm::timing::{TimeModel, Timings};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// The target when neither --iterations nor --time nor --target-rms is given.
-const DEFAULT_TARGET: Target = Target::Share(0.01);
+/// The relative error to stop at where nothing else says when.
+const DEFAULT_ERROR: f64 = 0.01;
+
+/// Which error is to be small.
+#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
+enum Aim {
+    /// Relative to each pixel's luminance: dark parts count as much as bright ones
+    Relative,
+    /// Pooled over all pixels, by luminance
+    Pooled,
+}
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -39,10 +51,16 @@ pub struct Args {
     /// automatically
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
+    /// Stop at this error, noise and merge bias together: RMS relative to each pixel's luminance
+    /// [default: 1%, without --time, --iterations and --target-rms]
+    #[arg(long, value_name = "X%", value_parser = share, allow_negative_numbers = true)]
+    target_error: Option<f64>,
     /// Stop at this noise: pooled RMS as luminance, or as a share of the mean luminance
-    /// [default: 1%, without --time and --iterations]
     #[arg(long, value_name = "X|X%", allow_negative_numbers = true)]
     target_rms: Option<Target>,
+    /// Which error the automatic choice makes small
+    #[arg(long, default_value = "relative")]
+    objective: Aim,
     /// Take counts, settings and iterations from this image; one that chose its own counts is
     /// rendered again bit for bit
     #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
@@ -85,8 +103,17 @@ pub fn run(args: &Args) -> Result<String> {
         .map(|checkpoint| &checkpoint.origin)
         .zip(args.resume.as_deref())
         .or(planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref()));
-    let prepared = Prepared::new(&args.session, begun)?;
-    let goal = args.goal(&counting);
+    let mut prepared = Prepared::new(&args.session, begun)?;
+    let start = Instant::now();
+    let mut goal = args.goal(&counting);
+    let mut chosen = None;
+    if matches!(counting, Counting::Automatic) && resumed.is_none() {
+        chosen = args.choose(&prepared, &goal)?;
+    }
+    if let Some(chosen) = &chosen {
+        prepared.origin.settings = chosen.best().apply(&prepared.origin.settings);
+        goal.bias2 = chosen.best().bias.powi(2);
+    }
     let mut renderer = prepared.renderer()?;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
@@ -104,13 +131,17 @@ pub fn run(args: &Args) -> Result<String> {
         renderer.resume(checkpoint.blocks.into_owned())?;
     }
     let automatic = matches!(counting, Counting::Automatic);
-    let task = Task { args, prepared: &prepared, goal, outputs, automatic };
+    let task = Task { args, prepared: &prepared, goal, outputs, automatic, chosen, start };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
         Counting::Automatic => {
             let threads = prepared.threads.current_num_threads();
             let pilot = Autopilot::new(goal, threads, state);
+            let pilot = match &task.chosen {
+                Some(chosen) => pilot.starting_at(chosen.best()),
+                None => pilot,
+            };
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
             let pilot = match &args.timings {
@@ -131,17 +162,56 @@ impl Args {
             && self.iterations.is_none()
     }
 
+    /// Tries techniques, as far as the command line leaves them open; the scene file's are where it begins.
+    fn choose(&self, prepared: &Prepared, goal: &Goal) -> Result<Option<Chosen>> {
+        let wishes = &self.session.scene.wishes;
+        let settings = &prepared.origin.settings;
+        let open = Open {
+            strategy: wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
+            direct: wishes.direct.is_none(),
+            radius: wishes.radius.is_none(),
+            caustic_radius: wishes.caustic_radius.is_none(),
+        };
+        let Open { strategy, direct, radius, caustic_radius } = open;
+        if !(strategy || direct || radius || caustic_radius) {
+            return Ok(None);
+        }
+        let end = match (goal.time, goal.error, goal.target) {
+            (Some(time), _, _) => End::Time(time.as_secs_f64()),
+            (None, Some(error), _) => End::Error(error),
+            (None, None, Some(Target::Share(share))) => End::Error(share),
+            (None, None, _) => End::Error(DEFAULT_ERROR),
+        };
+        let task = (open, end);
+        let chosen = prepared
+            .threads
+            .install(|| technique::choose(&prepared.scene, &*prepared.accel, settings, task))?;
+        Ok(Some(chosen))
+    }
+
     fn goal(&self, counting: &Counting) -> Goal {
         let planned = match counting {
             Counting::Replay(plan) => plan.iterations(),
             _ => None,
         };
         let iterations = self.iterations.or(planned);
-        let (time, mut target) = (self.session.time, self.target_rms);
-        if iterations.is_none() && time.is_none() {
-            target = target.or(Some(DEFAULT_TARGET));
+        let (time, target, mut error) = (self.session.time, self.target_rms, self.target_error);
+        if iterations.is_none() && time.is_none() && target.is_none() {
+            error = error.or(Some(DEFAULT_ERROR));
         }
-        Goal { iterations, time, target }
+        let objective = match self.objective {
+            Aim::Relative => Objective::Relative,
+            Aim::Pooled => Objective::Pooled,
+        };
+        Goal { iterations, time, target, error, objective, bias2: 0.0 }
+    }
+}
+
+/// Reads a share such as 2%.
+fn share(text: &str) -> Result<f64> {
+    match text.parse::<Target>() {
+        Ok(Target::Share(share)) => Ok(share),
+        _ => Err(Error::new(format!("`{text}` is no share"), "give a positive share such as 2%")),
     }
 }
 
@@ -189,12 +259,16 @@ struct Task<'a> {
     outputs: Outputs,
     /// Whether counts are chosen on the way.
     automatic: bool,
+    /// The technique, where that was chosen.
+    chosen: Option<Chosen>,
+    /// When rendering began: with the choice of the technique.
+    start: Instant,
 }
 
 impl Task<'_> {
     /// Renders to the goal, writes the files and tells of it.
     fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
-        let Self { args, prepared, goal, outputs, automatic } = self;
+        let Self { args, prepared, goal, outputs, automatic, chosen, start } = self;
         let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
         let announced = if automatic {
             "numbers of paths chosen automatically".to_owned()
@@ -202,7 +276,8 @@ impl Task<'_> {
             describe_counts(renderer.block())
         };
         let quiet = args.session.quiet;
-        let mut session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
+        let session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
+        let mut session = session.begun_at(start);
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
@@ -235,6 +310,8 @@ impl Task<'_> {
             rms_error: error.filter(|error| error.is_finite()),
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
             promise: steer.promise().copied(),
+            error: Shares::new(&renderer, &image, &chosen),
+            technique: chosen,
             half_way,
             merge_bias: MergeBias::new(renderer.blocks(), &image),
             exr: name(&writer.outputs.exr),

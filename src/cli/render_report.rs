@@ -2,10 +2,13 @@
 
 use super::human_time;
 use super::session::{Expectation, RunReport};
+use bdpm::optimize::Objective;
+use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
 use bdpm::steer::autopilot::Promise;
-use bdpm::steer::goal::StoppedBy;
+use bdpm::steer::goal::{Standing, StoppedBy};
+use bdpm::steer::technique::Chosen;
 use serde::Serialize;
 
 /// The result.
@@ -20,8 +23,12 @@ pub struct Report<'a> {
     pub rms: Option<f64>,
     pub rms_error: Option<f64>,
     pub relative_rms: Option<f64>,
+    /// Relative error of the image, if its technique was chosen.
+    pub error: Option<Shares>,
     /// What was expected when the counts were first chosen.
     pub promise: Option<Promise>,
+    /// Techniques that were tried, the chosen one first.
+    pub technique: Option<Chosen>,
     /// What was expected of this run's time when half of it had passed.
     pub half_way: Option<Expectation>,
     pub merge_bias: Option<MergeBias>,
@@ -29,6 +36,25 @@ pub struct Report<'a> {
     pub png: String,
     pub noise: Option<String>,
     pub checkpoint: Option<String>,
+}
+
+/// Relative RMS error of an image, and what it consists of.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Shares {
+    pub total: f64,
+    pub noise: f64,
+    /// As the choice of the technique found it.
+    pub bias: f64,
+}
+
+impl Shares {
+    /// Of an image whose technique was chosen.
+    pub fn new(renderer: &Renderer, image: &Combined, chosen: &Option<Chosen>) -> Option<Self> {
+        let bias = chosen.as_ref()?.best().bias;
+        let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
+        let noise2 = Standing::with_weights(blocks, weights, Objective::Relative).counted?;
+        Some(Self { total: (noise2 + bias * bias).sqrt(), noise: noise2.sqrt(), bias })
+    }
 }
 
 /// Iterations at equal counts.
@@ -92,6 +118,15 @@ pub fn text(report: &Report) -> String {
         run.rays_per_second / 1e6,
         run.mean_luminance
     );
+    if let Some(Shares { total, noise, bias }) = report.error {
+        text += &format!(
+            "relative error {:.2} %: noise {:.2} %, merge bias {:.2} %\n",
+            100.0 * total,
+            100.0 * noise,
+            100.0 * bias
+        );
+    }
+    text += &report.technique.as_ref().map_or(String::new(), technique);
     text += &choice(report);
     if let Some(bias) = &report.merge_bias
         && bias.share_beyond_noise >= 0.01
@@ -104,6 +139,26 @@ pub fn text(report: &Report) -> String {
         );
     }
     text
+}
+
+/// The technique that was chosen, and by how much it beat the next.
+fn technique(chosen: &Chosen) -> String {
+    let best = chosen.best();
+    let mut text = format!(
+        "chosen in {}: {}, radius {:.4}, {:.4} for caustics",
+        human_time(chosen.seconds),
+        best.technique.describe(),
+        best.radius,
+        best.caustic_radius
+    );
+    if let Some(next) = chosen.runner_up() {
+        text += &format!(
+            "; the next best, {}, would have {:.2} times the error",
+            next.technique.describe(),
+            next.error / best.error
+        );
+    }
+    text + "\n"
 }
 
 /// The counts that were chosen, and how what was promised compares to what came.
@@ -122,7 +177,14 @@ fn choice(report: &Report) -> String {
          path per pixel would take {:.2} times as long\n",
         last.light_paths, promise.gain_over_one_each
     );
-    if let Some(rms) = report.rms {
+    if let (Some(error), Some(shares)) = (promise.error, report.error) {
+        text += &format!(
+            "promised after {}: an error of {:.2} %; came: {:.2} %\n",
+            human_time(promise.said_after),
+            100.0 * error,
+            100.0 * shares.total
+        );
+    } else if let Some(rms) = report.rms {
         text += &format!(
             "promised after {}: RMS {:.4} in {}; came: {rms:.4} in {}\n",
             human_time(promise.said_after),

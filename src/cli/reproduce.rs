@@ -155,7 +155,7 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
         iterations += 1;
         totals.add(glimpse.report);
         // Only the time that is left is forecast.
-        let forecast = Some(Forecast { rms: f64::NAN, seconds: glimpse.left });
+        let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: glimpse.left });
         let status = Status { iterations, standing: None, forecast };
         progress.update(&totals, &status, Duration::from_secs_f64(glimpse.seconds));
         match presses.load(Ordering::Relaxed) {

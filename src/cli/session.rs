@@ -224,6 +224,11 @@ impl<'a> Session<'a> {
         self.start.elapsed()
     }
 
+    /// Counts time that passed before.
+    pub fn begun_at(self, start: Instant) -> Self {
+        Self { start, ..self }
+    }
+
     /// Iterates up to the goal or an interrupt; calls `between` after every iteration but the last.
     ///
     /// # Errors
@@ -261,7 +266,8 @@ impl<'a> Session<'a> {
             return;
         }
         self.last_look = elapsed;
-        let standing = Standing::with_weights(renderer.blocks(), steer.weights(renderer.blocks()));
+        let weights = steer.weights(renderer.blocks());
+        let standing = Standing::with_weights(renderer.blocks(), weights, self.goal.objective);
         if standing.variance.is_none() && self.status.standing.is_some() {
             return; // A block's first iteration: what was known before is the better knowledge.
         }
@@ -289,7 +295,7 @@ impl<'a> Session<'a> {
 
     /// Why no further iteration is to be begun, if so.
     fn finished(&self, renderer: &Renderer) -> Option<StoppedBy> {
-        let Goal { iterations, time, target } = self.goal;
+        let Goal { iterations, time, .. } = self.goal;
         let done = self.totals.iterations;
         if iterations.is_some_and(|wanted| renderer.iterations() >= wanted) {
             return Some(StoppedBy::Iterations);
@@ -298,7 +304,7 @@ impl<'a> Session<'a> {
             return None;
         }
         let standing = self.status.standing.as_ref();
-        if target.is_some_and(|target| standing.is_some_and(|now| now.reaches(target))) {
+        if standing.is_some_and(|now| now.is_good_enough(&self.goal)) {
             return Some(StoppedBy::Target);
         }
         // An iteration that would end past the time by more than half of its own is not begun.

@@ -46,6 +46,103 @@ pub const PILOT_LONGEST: f64 = 5.0;
 /// Seconds of each block of the pilot where no time is given.
 pub const PILOT_TIME: f64 = 1.0;
 
+// --- The pilot of techniques ---------------------------------------------------------------------
+
+/// Share of the time that trying techniques takes where the time is given.
+pub const TECHNIQUE_SHARE: f64 = 0.08;
+
+/// The most seconds that it takes.
+pub const TECHNIQUE_LONGEST: f64 = 8.0;
+
+/// Seconds that it takes at first where no time is given.
+pub const TECHNIQUE_TIME: f64 = 0.5;
+
+/// A pilot that may take so many times as long as the first is worth it.
+pub const LONGER_PILOT: f64 = 2.0;
+
+/// Shares of the rounds of trials in that: all techniques, the better ones at large radii, the best.
+pub const ROUNDS: [f64; 3] = [0.25, 0.5, 0.25];
+
+/// A technique is given up if its squared noise at the same radii is so many times the least: no other radius
+/// makes up for that.
+pub const HOPELESS: f64 = 4.0;
+
+/// Pixels that must have found something before a photon map is trusted with direct light: a thin one looks quiet.
+pub const ENOUGH_FOUND: f64 = 64.0;
+
+/// Techniques that are tried once more, at their best radii, until the best of all has been; typically.
+pub const FINALISTS: f64 = 2.0;
+
+/// The largest radius of trials over that of the settings: the bias shows at a large one, and falls with it as it
+/// is known to; between the others noise follows its own law.
+pub const LARGE: f32 = 4.0;
+/// See [`LARGE`].
+pub const SMALL: f32 = 0.5;
+
+/// Radii that are chosen from: the largest over so many powers of the root of 2.
+pub const RADIUS_STEPS: std::ops::Range<i32> = 0..9;
+
+/// Part of all noise that either class of photons has at the least, so that no radius is free.
+pub const LEAST_PART: f64 = 0.05;
+
+/// Camera paths per pixel that techniques are compared at.
+pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
+
+/// Measured iterations of a trial: two in each batch, as standard errors take.
+pub const TRIAL_ITERATIONS: u64 = 32;
+
+/// What a path of either kind takes on one thread, seconds, about: as many fit in an iteration as its time allows.
+pub const TRIAL_PATH: f64 = 5e-7;
+
+/// Light paths, and camera paths in all pixels, of an iteration of a trial.
+pub const TRIAL_PATHS: std::ops::Range<f64> = 1024.0..16_384.0;
+
+/// Camera paths per pixel of an iteration of a trial: the fewest that are measured, for the most pixels.
+pub const TRIAL_CAMERA_PATHS: u32 = 2;
+
+/// A trial whose paths take longer than [`TRIAL_PATH`] ends after so many times its time.
+pub const TRIAL_PATIENCE: f64 = 1.3;
+
+/// Light paths of the timed iterations of a trial: as many as of the others, and so many times as many, so that
+/// what is paid per path and per merge stands out from what is paid anyway.
+pub const TIMED_RATIO: u32 = 16;
+
+/// Their camera paths per pixel, for the same reason.
+pub const TIMED_CAMERA_PATHS: u32 = 6;
+
+/// Timed iterations of either kind at the least, where they fit in the time.
+pub const TRIAL_TIMED: u64 = 2;
+
+/// Share of a trial's time that is measured.
+pub const TRIAL_MEASURING: f64 = 0.75;
+
+/// What trials add to the seed.
+pub const TRIAL_SEED: u64 = 0x5eed_0ff0_7e57_ab1e;
+
+/// What the bias falls to from a radius to `1/sqrt(2)` of it where that is not seen: the squared bias as the cube
+/// of the radius, as along an edge with the kernel by true area.
+pub const TYPICAL_FALL: f64 = 0.5946;
+
+/// The same of light that draws sharp edges, caustics and shadows: as the square.
+pub const TYPICAL_SHARP_FALL: f64 = std::f64::consts::FRAC_1_SQRT_2;
+
+/// Squared relative bias over the cube of the radius, in widths of what the image shows: what Cornell boxes have,
+/// by trial.
+pub const TYPICAL_BIAS: f64 = 70.0;
+
+/// Squared relative bias of caustics over the square of the radius, and of direct light, likewise: by trial.
+pub const TYPICAL_SHARP_BIAS: [f64; 2] = [5.0, 15.0];
+
+/// By how many times itself the bias of a scene may differ from that, before anything is measured. Errors of what is
+/// measured come out too small where light is rare, so that this must not be large.
+pub const PRIOR_SPREAD: f64 = 1.0;
+
+/// Part of it that a bias is never taken to be less than.
+pub const LEAST_OF_PRIOR: f64 = 0.25;
+
+/// Pixels across and down at which the size of what one sees is asked for.
+pub const FOOTPRINTS: u32 = 16;
+
 // --- Choosing counts -----------------------------------------------------------------------------
 
 /// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
@@ -86,6 +183,12 @@ pub const PRIOR_FREEDOM: f64 = 200.0;
 /// Iterations at the least before a target counts as reached: a stop on the first low estimate would
 /// come too early on average.
 pub const LEAST_ITERATIONS_TO_TARGET: u64 = 32;
+
+/// A pixel's own squared luminance says more than that of its neighborhood if noise adds no more than the rest.
+pub const PLAIN_SHARE: f64 = 0.9;
+
+/// Share of the squared error asked for that noise may have at the least, if the bias is not less than that.
+pub const LEAST_NOISE_SHARE: f64 = 0.1;
 
 /// Standard errors from an estimate up to its upper 90 % bound.
 pub const UPPER_BOUND: f64 = 1.2816;

@@ -2,15 +2,16 @@
 //! moments from all that is known by then.
 
 use super::Steer;
-use super::goal::{Goal, Standing};
+use super::goal::{Goal, Standing, importance, luminances};
+use super::technique::Scored;
 use crate::base::error::Result;
 use crate::image::counts::{CameraCounts, Counts};
-use crate::image::film::pool;
+use crate::image::film::{luminance_weights, pool};
 use crate::noise::{Coefficients, Measure};
 use crate::optimize::{CountLimits, Objective, Problem};
 use crate::render::Renderer;
 use crate::render::block;
-use crate::render::block::{Block, Clock};
+use crate::render::block::{Block, Clock, Combined};
 use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
@@ -27,6 +28,8 @@ pub struct Autopilot {
     per_pixel: bool,
     /// Times that are known beforehand.
     times: Option<TimeModel>,
+    /// The first counts, if they are known.
+    start: Option<Counts>,
     /// Rendering time before this run.
     earlier: f64,
     state: State,
@@ -44,6 +47,8 @@ pub struct State {
     next_choice: f64,
     /// What is known of the choice that the promise is about.
     expected: Expected,
+    /// Times on a sample of the image, from a choice of technique before: in proportion to those of the image.
+    sampled: Option<TimeModel>,
     /// What was promised, once a few iterations at the second choice were rendered.
     promise: Option<Promise>,
 }
@@ -76,6 +81,8 @@ enum Stage {
 pub struct Promise {
     /// Pooled RMS at the end, W/(m^2 sr).
     pub rms: f64,
+    /// Relative error at the end, noise and bias, if that is what counts.
+    pub error: Option<f64>,
     /// Rendering time to the end, from the very first iteration, seconds.
     pub seconds: f64,
     /// Rendering time when this was said.
@@ -99,13 +106,22 @@ impl Autopilot {
     /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
     pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
         let state = state.unwrap_or_default();
-        Self { goal, threads, per_pixel: true, times: None, earlier: state.elapsed, state }
+        let earlier = state.elapsed;
+        Self { goal, threads, per_pixel: true, times: None, start: None, earlier, state }
     }
 
     /// Takes the same counts in all pixels.
     #[must_use]
     pub fn uniform(self) -> Self {
         Self { per_pixel: false, ..self }
+    }
+
+    /// Begins with counts that a choice of technique found, and with its times.
+    #[must_use]
+    pub fn starting_at(mut self, chosen: &Scored) -> Self {
+        self.start = Some(chosen.counts());
+        self.state.sampled = Some(chosen.times);
+        self
     }
 
     /// Chooses by times that are known beforehand, instead of by those of the iterations.
@@ -126,7 +142,7 @@ impl Autopilot {
     /// Expectations from the first iterations at the chosen counts.
     /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
-        let standing = Standing::new(renderer.blocks());
+        let standing = self.standing(renderer);
         let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
         let forecast = standing.forecast(&self.goal, variance, tau, elapsed)?;
         let Expected { tau, one_each, uniform } = self.state.expected;
@@ -134,6 +150,7 @@ impl Autopilot {
         let said_after = self.earlier + elapsed;
         Some(Promise {
             rms: forecast.rms,
+            error: standing.error(&self.goal, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
             gain_over_one_each: gain(one_each),
@@ -141,25 +158,30 @@ impl Autopilot {
         })
     }
 
+    fn standing(&self, renderer: &Renderer) -> Standing {
+        Standing::new(renderer.blocks(), self.goal.objective)
+    }
+
     /// The best counts by all that has been measured.
     fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<Choice> {
-        let standing = Standing::new(renderer.blocks());
+        let standing = self.standing(renderer);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
-        let model = match self.times {
-            Some(known) => known,
-            None => times(blocks, settings.pixels(), self.threads)?,
+        let model = match (self.times, self.state.sampled) {
+            (Some(known), _) => known,
+            (None, Some(sampled)) => scaled(&sampled, blocks),
+            (None, None) => times(blocks, settings.pixels(), self.threads)?,
         };
         let measured = block::coefficients(blocks).expect("the pilot measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
-        let luminance = vec![standing.mean_luminance; smoothed.len()];
+        let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
         let problem = |iteration_time| {
             let bounds = CountLimits {
                 light_paths: 2..=renderer.most_light_paths(),
                 camera_paths: 1..=MOST_CAMERA_PATHS,
                 iteration_time,
             };
-            Problem::new(&smoothed, &luminance, Objective::Pooled, model, &bounds)
+            Problem::new(&smoothed, &luminance, self.goal.objective, model, &bounds)
         };
         // Enough iterations must fit in the rest, whose length depends on the counts where a
         // target ends it: a few rounds settle that.
@@ -167,7 +189,7 @@ impl Autopilot {
         let least = problem(longest).least_sensible_time();
         for _ in 0..4 {
             let best = problem(longest).uniform();
-            let (variance, tau) = (best.variance, best.iteration_time);
+            let (variance, tau) = (best.variance * scale, best.iteration_time);
             let rest = standing.forecast(&self.goal, variance, tau, elapsed);
             let share =
                 // theory.md (86), (90)
@@ -189,12 +211,29 @@ impl Autopilot {
         let tau = |counts: &Counts| {
             model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
         };
-        let one_each = problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
-        let expected = Expected { tau: tau(&counts), one_each, uniform: uniform.cost };
+        let one_each = scale * problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
         // The samples of the block tell what its counts cost.
         // theory.md (88)
-        let present = standing.per_iteration.unwrap_or(0.0) * tau(&renderer.block().counts);
-        Ok(Choice { saves: cost < present * (1.0 - WORTHWHILE), counts, expected })
+        let present_tau = tau(&renderer.block().counts);
+        let present = standing.per_iteration.unwrap_or(0.0) * present_tau;
+        let saves = scale * cost < present * (1.0 - WORTHWHILE);
+        let tau = if saves { tau(&counts) } else { present_tau };
+        let expected = Expected { tau, one_each, uniform: scale * uniform.cost };
+        Ok(Choice { saves, counts, expected })
+    }
+
+    /// Luminance of each pixel to allot camera paths by, and the mean of the weights that follow from it.
+    fn luminance(&self, blocks: &[Block], (width, height): (u32, u32)) -> (Vec<f64>, f64) {
+        let image = Combined::new(blocks, vec![1.0; blocks.len()]);
+        let own: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
+        let luminance: Vec<f64> = pool(&own, width, height).into_iter().map(|[l]| l).collect();
+        let scale = match self.goal.objective {
+            Objective::Relative => {
+                luminance_weights(&luminance).iter().sum::<f64>() / luminance.len() as f64
+            }
+            _ => 1.0,
+        };
+        (luminance, scale)
     }
 }
 
@@ -206,6 +245,11 @@ impl Steer for Autopilot {
             renderer.begin_block(counts)
         };
         match self.state.stage {
+            Stage::Start if self.start.is_some() => {
+                self.state.stage = Stage::First;
+                let counts = self.start.take().expect("some");
+                begin(&mut self.state, renderer, counts)?;
+            }
             Stage::Start => {
                 self.state.stage = Stage::FewLightPaths;
                 let counts = pilot_counts(renderer, PILOT_RATIO, PILOT_CAMERA_PATHS[0]);
@@ -229,8 +273,8 @@ impl Steer for Autopilot {
                 self.state.stage = Stage::Chosen;
                 self.state.next_choice = 2.0 * now;
                 let choice = self.choose(renderer, elapsed)?;
+                self.state.expected = choice.expected;
                 if choice.saves {
-                    self.state.expected = choice.expected;
                     begin(&mut self.state, renderer, choice.counts)?;
                 }
             }
@@ -249,7 +293,8 @@ impl Steer for Autopilot {
             _ => {}
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
-        let pilot = self.state.stage < Stage::First;
+        let known = if self.state.sampled.is_some() { Stage::Chosen } else { Stage::First };
+        let pilot = self.state.stage < known;
         let every = if pilot { MEASURE_PILOT_EVERY } else { MEASURE_EVERY };
         let measures = renderer.film().iterations.is_multiple_of(every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
@@ -269,6 +314,10 @@ impl Steer for Autopilot {
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
+    fn weights(&self, blocks: &[Block]) -> Vec<f64> {
+        block::weights(blocks, &importance(blocks, self.goal.objective))
+    }
+
     fn state(&self, elapsed: f64) -> Option<State> {
         Some(State { elapsed: self.earlier + elapsed, ..self.state })
     }
@@ -284,6 +333,26 @@ fn pilot_counts(renderer: &Renderer, fraction: u32, camera_paths: u32) -> Counts
     let light_paths =
         pixels.saturating_mul(2).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
     Counts::uniform((light_paths / fraction).max(2), camera_paths)
+}
+
+/// Times in proportion to `sampled` that explain those of the production iterations of all blocks.
+fn scaled(sampled: &TimeModel, blocks: &[Block]) -> TimeModel {
+    let (mut found, mut expected) = (0.0, 0.0);
+    for Block { counts, clock, .. } in blocks {
+        let each = sampled.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
+        found += clock.times.wall.as_secs_f64();
+        expected += clock.iterations as f64 * each;
+    }
+    let scale = if found > 0.0 && expected > 0.0 { found / expected } else { 1.0 };
+    let TimeModel { fixed, light_path, camera_path, look_up, merge_pair, pixels } = *sampled;
+    TimeModel {
+        fixed: scale * fixed,
+        light_path: scale * light_path,
+        camera_path: scale * camera_path,
+        look_up: scale * look_up,
+        merge_pair: scale * merge_pair,
+        pixels,
+    }
 }
 
 /// Fits the time model to the production iterations of all blocks.

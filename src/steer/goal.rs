@@ -1,8 +1,12 @@
 //! When to stop, how far the image is, and what is to come.
 
 use crate::base::error::{Error, Result};
+use crate::image::film::{luminance, luminance_weights, pool};
+use crate::optimize::Objective;
 use crate::render::block::{Block, Combined, weights};
-use crate::settings::policy::{LEAST_ITERATIONS_TO_TARGET, UPPER_BOUND};
+use crate::settings::policy::{
+    LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, PLAIN_SHARE, UPPER_BOUND,
+};
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
@@ -16,6 +20,52 @@ pub struct Goal {
     pub time: Option<Duration>,
     /// At this much noise.
     pub target: Option<Target>,
+    /// At this relative error, noise and bias.
+    pub error: Option<f64>,
+    /// Which noise counts: the pooled or the relative one.
+    pub objective: Objective,
+    /// Squared relative bias of the image, as far as it is known.
+    pub bias2: f64,
+}
+
+impl Goal {
+    /// Relative variance that the error allows beside the bias; a small part of it even where the bias is too
+    /// much.
+    fn noise2(&self, error: f64) -> f64 {
+        let error2 = error * error;
+        (error2 - self.bias2).max(LEAST_NOISE_SHARE * error2)
+    }
+}
+
+/// Weights of the squared errors of the pixels of an image, by what counts: 1, or by their luminance.
+pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
+    let image = Combined::new(blocks, vec![1.0; blocks.len()]);
+    let pixels = blocks[0].film.pixels();
+    if objective != Objective::Relative {
+        return vec![1.0; pixels];
+    }
+    luminance_weights(&luminances(&image))
+}
+
+/// Luminance of each pixel, W/(m^2 sr), without what noise adds to its square; that of its neighborhood where noise
+/// hides its own.
+pub fn luminances(image: &Combined) -> Vec<f64> {
+    let mean: Vec<f64> =
+        image.mean().into_iter().map(|value| luminance(value.as_dvec3())).collect();
+    match image.variance_of_mean() {
+        Some(variance) => {
+            let squares: Vec<_> =
+                mean.iter().zip(variance).map(|(l, v)| [l * l - v, l * l]).collect();
+            let (width, height) = image.resolution();
+            let pooled = pool(&squares, width, height);
+            let clean = |([own, with_noise], [around, _]): (&[f64; 2], &[f64; 2])| {
+                let is_plain = *own > PLAIN_SHARE * with_noise;
+                if is_plain { *own } else { *around }.max(0.0).sqrt()
+            };
+            squares.iter().zip(&pooled).map(clean).collect()
+        }
+        None => mean,
+    }
 }
 
 /// A pooled RMS, the root of the mean variance over all pixels.
@@ -85,7 +135,9 @@ pub struct Standing {
     pub mean_luminance: f64,
     /// Pooled variance of the image, and its standard error, once it is known.
     pub variance: Option<(f64, f64)>,
-    /// Pooled variance of one iteration at the present counts, once it is known.
+    /// Mean over pixels of their variance by its importance, once it is known: the pooled or the relative one.
+    pub counted: Option<f64>,
+    /// The same of one iteration at the present counts, once it is known.
     pub per_iteration: Option<f64>,
 }
 
@@ -94,27 +146,64 @@ pub struct Standing {
 pub struct Forecast {
     /// Pooled RMS at the end, W/(m^2 sr).
     pub rms: f64,
+    /// Of the variance that counts, the part that is left at the end.
+    pub left: f64,
     /// Rendering time from now to the end, seconds.
     pub seconds: f64,
 }
 
 impl Standing {
     /// Of an image with the weights that its blocks should have.
-    pub fn new(blocks: &[Block]) -> Self {
-        Self::with_weights(blocks, weights(blocks))
+    pub fn new(blocks: &[Block], objective: Objective) -> Self {
+        let importance = importance(blocks, objective);
+        let weights = weights(blocks, &importance);
+        Self::of(blocks, weights, &importance)
     }
 
     /// Of an image with given weights.
-    pub fn with_weights(blocks: &[Block], weights: Vec<f64>) -> Self {
+    pub fn with_weights(blocks: &[Block], weights: Vec<f64>, objective: Objective) -> Self {
+        Self::of(blocks, weights, &importance(blocks, objective))
+    }
+
+    fn of(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = Combined::new(blocks, weights);
+        let counted = |variance: Vec<f64>| {
+            let sum: f64 = variance.iter().zip(importance).map(|(v, weight)| v * weight).sum();
+            sum / importance.len() as f64
+        };
         let film = blocks.last().map(|block| &block.film);
+        let own = film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
         Self {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            per_iteration: film.and_then(|film| film.pooled_variance()).map(|(v, _)| v),
+            counted: combined.variance_of_mean().map(counted),
+            per_iteration: own.map(|(variance, iterations)| counted(variance) * iterations),
             weights: combined.into_weights(),
         }
+    }
+
+    /// Whether an image of this bias has the goal's noise or error.
+    pub fn is_good_enough(&self, goal: &Goal) -> bool {
+        goal.target.is_some_and(|target| self.reaches(target))
+            || goal.error.is_some_and(|error| self.comes_to(goal.noise2(error)))
+    }
+
+    /// Whether the upper 90 % bound of the variance that counts lies under `allowed`. Its relative standard error
+    /// is at most about that of the pooled one, in which few pixels weigh most.
+    fn comes_to(&self, allowed: f64) -> bool {
+        let bound = |(counted, (variance, error)): (f64, (f64, f64))| {
+            counted * (1.0 + UPPER_BOUND * error / variance)
+        };
+        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+            // theory.md (91)
+            && self.counted.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
+    }
+
+    /// Relative error, noise and bias, when a part `left` of the noise's square is left, if that is what counts.
+    pub fn error(&self, goal: &Goal, left: f64) -> Option<f64> {
+        let noise2 = self.counted.filter(|_| goal.objective == Objective::Relative)?;
+        Some((noise2 * left + goal.bias2).sqrt())
     }
 
     /// Pooled RMS, W/(m^2 sr).
@@ -130,33 +219,38 @@ impl Standing {
             && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
     }
 
-    /// What is to come if every further iteration takes `tau` seconds and has the pooled variance
+    /// What is to come if every further iteration takes `tau` seconds and has, of what counts, the variance
     /// `variance`, after `elapsed` seconds of rendering; `None` before the noise is known.
     ///
     /// Information, the reciprocal of the variance, adds up over iterations.
     pub fn forecast(&self, goal: &Goal, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
-        let (now, error) = self.variance?;
+        let ((pooled, error), now) = (self.variance?, self.counted?);
         if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
-            return Some(Forecast { rms: now.sqrt(), seconds: 0.0 });
+            return Some(Forecast { rms: pooled.sqrt(), left: 1.0, seconds: 0.0 });
         }
         let by_count = goal.iterations.map(|n| n.saturating_sub(self.iterations) as f64);
         let by_time = goal.time.map(|time| ((time.as_secs_f64() - elapsed) / tau).max(0.0));
-        let by_target = goal.target.map(|target| {
-            let allowed = target.absolute(self.mean_luminance).powi(2);
+        let by_target = [
+            goal.target.map(|target| target.absolute(self.mean_luminance).powi(2) * now / pooled),
+            goal.error.map(|error| goal.noise2(error)),
+        ];
+        let by_target = by_target.map(|allowed| {
+            let allowed = allowed?;
             // The upper bound must come down to the target; its relative distance falls as the
             // root of the iterations.
-            let distance = UPPER_BOUND * if error.is_finite() { error / now } else { 0.0 };
+            let distance = UPPER_BOUND * if error.is_finite() { error / pooled } else { 0.0 };
             let iterations = self.iterations as f64;
             // theory.md (90)
             let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
             let more = needed(1.0);
             let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
-            more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0)
+            Some(more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
         });
-        let more = [by_count, by_time, by_target].into_iter().flatten().fold(f64::NAN, f64::min);
+        let ends = [by_count, by_time].into_iter().chain(by_target);
+        let more = ends.flatten().fold(f64::NAN, f64::min);
         // theory.md (89)
-        let rms = (1.0 / now + more / variance).recip().sqrt();
-        Some(Forecast { rms, seconds: more * tau })
+        let left = (1.0 + more * now / variance).recip();
+        Some(Forecast { rms: (pooled * left).sqrt(), left, seconds: more * tau })
     }
 }
 
@@ -181,6 +275,7 @@ mod tests {
             iterations,
             mean_luminance: 2.0,
             variance: Some((variance, error)),
+            counted: Some(variance),
             per_iteration: Some(variance * iterations as f64),
         }
     }
@@ -192,7 +287,7 @@ mod tests {
         assert!(!standing(31, 0.009, 0.0005).reaches(target));
         assert!(!standing(32, 0.009, 0.001).reaches(target));
         assert!(!standing(32, 0.009, f64::INFINITY).reaches(target));
-        let unknown = Standing { variance: None, ..standing(32, 0.0, 0.0) };
+        let unknown = Standing { variance: None, counted: None, ..standing(32, 0.0, 0.0) };
         assert!(!unknown.reaches(target));
     }
 
@@ -208,7 +303,7 @@ mod tests {
         let target = Some(Target::Absolute(0.1));
         let by_target = forecast(Goal { target, ..Goal::default() });
         assert!((by_target.rms - 0.1).abs() < 1e-12 && (by_target.seconds - 150.0).abs() < 1e-9);
-        let first = forecast(Goal { iterations: Some(400), time, target });
+        let first = forecast(Goal { iterations: Some(400), time, target, ..Goal::default() });
         assert_eq!(first, by_time);
     }
 

@@ -3,14 +3,17 @@
 pub mod autopilot;
 pub mod goal;
 pub mod plan;
+pub mod technique;
 
 use crate::base::error::Result;
 use crate::noise::Measure;
+use crate::optimize::Objective;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
 use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
 use autopilot::{Promise, State};
+use goal::importance;
 use plan::Plan;
 
 /// Decides about counts and measuring while an image is rendered.
@@ -24,7 +27,7 @@ pub trait Steer: Send {
 
     /// Weight of an iteration of each block.
     fn weights(&self, blocks: &[Block]) -> Vec<f64> {
-        block::weights(blocks)
+        block::weights(blocks, &importance(blocks, Objective::Pooled))
     }
 
     /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run;

@@ -1,7 +1,11 @@
 //! Measured coefficients, what follows from them, and what they rest on.
 
+#[path = "../common/automatic.rs"]
+mod automatic;
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/far_counts.rs"]
+mod far_counts;
 
 mod counts;
 mod estimators;
@@ -10,4 +14,5 @@ mod optimize;
 mod predicts;
 mod reproduce;
 mod scene;
+mod technique;
 mod timing_fit;

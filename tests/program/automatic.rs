@@ -57,7 +57,11 @@ fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
     assert!(found["relative_rms"].as_f64().unwrap() < 0.04, "{found}");
     assert!(iterations(&found) >= 32);
     let blocks = found["blocks"].as_array().unwrap();
-    assert!(blocks.len() >= 3, "a pilot of two blocks, then what was chosen: {found}");
+    let chosen = &found["technique"]["candidates"][0];
+    for name in ["strategy", "merge_vertex", "direct", "light_paths", "camera_paths"] {
+        assert_eq!(found["settings"][name], chosen[name], "{name}");
+    }
+    assert_eq!(blocks[0]["light_paths"], chosen["light_paths"]);
     let sum: u64 = blocks.iter().map(|block| block["iterations"].as_u64().unwrap()).sum();
     assert_eq!(sum, iterations(&found));
 
@@ -85,15 +89,43 @@ fn a_time_is_kept_and_an_interrupted_choice_goes_on() {
     let more = ["--resume", &checkpoint, "--time", "1s"];
     let second = report(render(&at("b.exr"), &more));
     assert!(second["automatic"].as_bool().unwrap() && iterations(&second) > iterations(&first));
-    // What was promised stays promised, and the pilot is not repeated.
+    // What was promised stays promised, and neither the choice nor its first iterations are repeated.
+    assert!(first["technique"].is_object() && second["technique"].is_null());
     assert!(first["promise"].is_object(), "no promise was made");
     assert_eq!(second["promise"], first["promise"]);
-    let pilot = |report: &serde_json::Value| {
-        let count = |k: usize| report["blocks"][k]["iterations"].as_u64().unwrap();
-        [count(0), count(1)]
-    };
-    assert_eq!(pilot(&second), pilot(&first));
+    assert_eq!(second["settings"], first["settings"]);
+    let blocks = |report: &serde_json::Value| report["blocks"].as_array().unwrap().clone();
+    if blocks(&first).len() > 1 {
+        assert_eq!(blocks(&second)[0]["iterations"], blocks(&first)[0]["iterations"]);
+    }
     assert!(second["rms"].as_f64().unwrap() < first["rms"].as_f64().unwrap());
+}
+
+#[test]
+fn what_a_user_chooses_is_kept() {
+    let (_folder, at) = folder();
+    let own = ["--resolution", "24x24", "--time", "300ms", "--radius", "3", "--strategy", "mis"];
+    let found = report(render(&at("a.exr"), &own));
+    let settings = &found["settings"];
+    assert_eq!((&settings["radius"], &settings["strategy"]), (&3.0.into(), &"mis".into()));
+    let candidates = found["technique"]["candidates"].as_array().unwrap();
+    assert!(candidates.iter().all(|it| it["radius"] == 3.0 && it["strategy"] == "mis"), "{found}");
+    let all = ["--merge-vertex", "1", "--direct", "connect", "--caustic-radius", "1"];
+    let own = ["--resolution", "24x24", "--time", "200ms", "--radius", "3"];
+    let found = report(render(&at("a.exr"), &[&own[..], &all[..]].concat()));
+    assert!(found["technique"].is_null(), "nothing is left to choose");
+}
+
+#[test]
+fn an_error_is_reached() {
+    let (_folder, at) = folder();
+    let found = report(render(&at("a.exr"), &["--resolution", "32x32", "--target-error", "5%"]));
+    assert_eq!(found["stopped_by"], "target");
+    let [total, noise, bias] =
+        ["total", "noise", "bias"].map(|part| found["error"][part].as_f64().unwrap());
+    assert!(total <= 0.05 && (noise.hypot(bias) / total - 1.0).abs() < 1e-9, "{found}");
+    let shown = fail(render(&at("b.exr"), &["--target-error", "0.05"]), 2);
+    assert!(shown.contains("positive share such as 2%"), "{shown}");
 }
 
 #[test]

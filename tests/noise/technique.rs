@@ -1,0 +1,74 @@
+//! What choices of technique rest on: samples of the pixels, and nested radii for one kind of photons.
+
+use crate::common::*;
+use bdpm::image::film::luminance;
+use bdpm::noise::Measure;
+use bdpm::noise::film::BatchGrain;
+use bdpm::settings::Direct;
+use bdpm::transport::photon::PhotonClass;
+use bdpm::{Renderer, Settings};
+
+#[test]
+fn a_sample_of_the_pixels_is_what_the_image_has_there() {
+    let scene = furnished_box();
+    let accel = accel(&scene);
+    let all = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(24, 16) };
+    let mut image = Renderer::new(&scene, &*accel, all.clone()).unwrap();
+    let other = Settings { seed: 2, ..all };
+    let mut sample = Renderer::of_sample(&scene, &*accel, other, 4).unwrap();
+    for renderer in [&mut image, &mut sample] {
+        (0..400).for_each(|_| drop(renderer.iterate(Measure::Off)));
+    }
+    assert_eq!(sample.film().resolution(), (6, 4));
+    let parts = |renderer: &Renderer| {
+        let mean: Vec<f64> =
+            renderer.film().mean().into_iter().map(|value| luminance(value.as_dvec3())).collect();
+        (mean, renderer.film().variance_of_mean().unwrap())
+    };
+    let ((all, all_variance), (some, variance)) = (parts(&image), parts(&sample));
+    let mut squares = 0.0;
+    for y in 0..4 {
+        for x in 0..6 {
+            let (own, whole) = (y * 6 + x, (4 * y + 2) * 24 + 4 * x + 2);
+            let error2 = variance[own] + all_variance[whole];
+            squares += (some[own] - all[whole]).powi(2) / error2 / 24.0;
+        }
+    }
+    // 24 squares, some of them of the same light paths: a standard error of .3 or more.
+    assert!((0.2..2.2).contains(&squares), "{squares}");
+}
+
+#[test]
+fn nested_radii_of_either_kind_of_photons_add_up() {
+    let scene = furnished_box();
+    let accel = accel(&scene);
+    // Light straight from the lamp is then merged, too, at a radius of its own.
+    let direct = Direct::PhotonMap;
+    let own = Settings { direct, radius: 0.2, caustic_radius: 0.1, ..settings(8, 8) };
+    let nested = |class: Option<PhotonClass>| {
+        let renderer = Renderer::new(&scene, &*accel, own.clone()).unwrap();
+        let renderer = renderer.with_batches(BatchGrain::Pixel);
+        let mut renderer = match class {
+            Some(class) => renderer.nesting(class),
+            None => renderer,
+        };
+        (0..3).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
+        let noise = renderer.noise_image().unwrap();
+        (renderer.film().clone(), noise.pixels.iter().map(|p| p.noise.nested).collect::<Vec<_>>())
+    };
+    let (film, both) = nested(None);
+    let (last_film, last) = nested(Some(PhotonClass::LastVertex));
+    let (every_film, every) = nested(Some(PhotonClass::EveryVertex));
+    assert!(film == last_film && film == every_film, "the image is the same");
+    let scale = film.mean_luminance();
+    let some = |part: &[[f64; 2]]| part.iter().any(|d| d[0].abs() > 0.01 * scale);
+    assert!(some(&last) && some(&every), "both have a part");
+    for ((both, last), every) in both.iter().zip(&last).zip(&every) {
+        for a in 0..2 {
+            assert!(
+                (last[a] + every[a] - both[a]).abs() < 1e-5 * scale,
+                "{last:?} {every:?} {both:?}"
+            );
+        }
+    }
+}
