@@ -1,11 +1,11 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
-use super::json;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::{Prepared, Session, SessionArgs};
+use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::Measure;
@@ -111,7 +111,14 @@ pub fn run(args: &Args) -> Result<String> {
         chosen = args.choose(&prepared, &goal)?;
     }
     if let Some(chosen) = &chosen {
-        prepared.origin.settings = chosen.best().apply(&prepared.origin.settings);
+        let wishes = &args.session.scene.wishes;
+        let settings = chosen.best().apply(&prepared.origin.settings);
+        prepared.origin.settings = Settings {
+            mis_light_paths: wishes.mis_light_paths.unwrap_or(settings.mis_light_paths),
+            mis_c1: wishes.mis_c1.unwrap_or(settings.mis_c1),
+            mis_c2: wishes.mis_c2.unwrap_or(settings.mis_c2),
+            ..settings
+        };
         goal.bias2 = chosen.best().bias.powi(2);
     }
     let mut renderer = prepared.renderer()?;
@@ -128,6 +135,7 @@ pub fn run(args: &Args) -> Result<String> {
         check_goal(goal, &checkpoint.blocks)?;
         check_grain(args, &checkpoint.blocks)?;
         state = checkpoint.autopilot;
+        goal.bias2 = state.map_or(0.0, |state| state.bias2());
         renderer.resume(checkpoint.blocks.into_owned())?;
     }
     let automatic = matches!(counting, Counting::Automatic);
@@ -182,6 +190,9 @@ impl Args {
             (None, None, Some(Target::Share(share))) => End::Error(share),
             (None, None, _) => End::Error(DEFAULT_ERROR),
         };
+        if !self.session.quiet {
+            say("trying strategies and radii on a sample of the image");
+        }
         let task = (open, end);
         let chosen = prepared
             .threads
@@ -310,7 +321,7 @@ impl Task<'_> {
             rms_error: error.filter(|error| error.is_finite()),
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
             promise: steer.promise().copied(),
-            error: Shares::new(&renderer, &image, &chosen),
+            error: automatic.then(|| Shares::new(&renderer, &image, &goal)).flatten(),
             technique: chosen,
             half_way,
             merge_bias: MergeBias::new(renderer.blocks(), &image),

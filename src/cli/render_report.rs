@@ -2,12 +2,11 @@
 
 use super::human_time;
 use super::session::{Expectation, RunReport};
-use bdpm::optimize::Objective;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
 use bdpm::steer::autopilot::Promise;
-use bdpm::steer::goal::{Standing, StoppedBy};
+use bdpm::steer::goal::{Goal, Standing, StoppedBy};
 use bdpm::steer::technique::Chosen;
 use serde::Serialize;
 
@@ -23,7 +22,7 @@ pub struct Report<'a> {
     pub rms: Option<f64>,
     pub rms_error: Option<f64>,
     pub relative_rms: Option<f64>,
-    /// Relative error of the image, if its technique was chosen.
+    /// Relative error of the image, if that was to be small.
     pub error: Option<Shares>,
     /// What was expected when the counts were first chosen.
     pub promise: Option<Promise>,
@@ -48,12 +47,15 @@ pub struct Shares {
 }
 
 impl Shares {
-    /// Of an image whose technique was chosen.
-    pub fn new(renderer: &Renderer, image: &Combined, chosen: &Option<Chosen>) -> Option<Self> {
-        let bias = chosen.as_ref()?.best().bias;
+    /// Of an image, if that is what its goal counts and its bias is known.
+    pub fn new(renderer: &Renderer, image: &Combined, goal: &Goal) -> Option<Self> {
+        if goal.bias2 <= 0.0 {
+            return None;
+        }
         let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
-        let noise2 = Standing::with_weights(blocks, weights, Objective::Relative).counted?;
-        Some(Self { total: (noise2 + bias * bias).sqrt(), noise: noise2.sqrt(), bias })
+        let standing = Standing::with_weights(blocks, weights, goal.objective);
+        let total = standing.error(goal, 1.0)?;
+        Some(Self { total, noise: standing.counted?.sqrt(), bias: goal.bias2.sqrt() })
     }
 }
 

@@ -183,6 +183,8 @@ pub struct Session<'a> {
     /// What was expected and when, at times that grow by [`REMEMBER_EVERY`].
     expectations: Vec<Expectation>,
     start: Instant,
+    /// When iterating began.
+    first: Instant,
     presses: &'static AtomicU32,
 }
 
@@ -215,6 +217,7 @@ impl<'a> Session<'a> {
             last_look: 0.0,
             expectations: Vec::new(),
             start,
+            first: start,
             presses,
         })
     }
@@ -310,7 +313,7 @@ impl<'a> Session<'a> {
         // An iteration that would end past the time by more than half of its own is not begun.
         let elapsed = self.start.elapsed().as_secs_f64();
         // theory.md (92)
-        let half = 0.5 * elapsed / done.max(1) as f64;
+        let half = 0.5 * self.first.elapsed().as_secs_f64() / done.max(1) as f64;
         let over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
         over.then_some(StoppedBy::Time)
     }

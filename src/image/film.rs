@@ -238,12 +238,13 @@ impl Film {
     }
 }
 
-/// Weights of squared errors relative to the luminance of each pixel, `1/(L^2 + 0.01 mean(L)^2)`; infinite for
-/// a black image.
+/// Weights of squared errors relative to the luminance of each pixel, `1/(L^2 + 0.01 mean(L)^2)`; all 1 for a black
+/// image.
 /// theory.md (70a).
 pub fn luminance_weights(luminance: &[f64]) -> Vec<f64> {
     let floor = 0.01 * (luminance.iter().sum::<f64>() / luminance.len() as f64).powi(2);
-    luminance.iter().map(|l| 1.0 / (l * l + floor)).collect()
+    let weight = |l: &f64| if floor > 0.0 { 1.0 / (l * l + floor) } else { 1.0 };
+    luminance.iter().map(weight).collect()
 }
 
 /// Pixels to each side of one that [`pool`] takes in: squares of 5 by 5.

@@ -49,6 +49,8 @@ pub struct State {
     expected: Expected,
     /// Times on a sample of the image, from a choice of technique before: in proportion to those of the image.
     sampled: Option<TimeModel>,
+    /// Squared relative bias of the image, as far as it is known.
+    bias2: f64,
     /// What was promised, once a few iterations at the second choice were rendered.
     promise: Option<Promise>,
 }
@@ -102,10 +104,18 @@ struct Choice {
     saves: bool,
 }
 
+impl State {
+    /// Squared relative bias of the image, as far as a choice of technique found it.
+    pub fn bias2(&self) -> f64 {
+        self.bias2
+    }
+}
+
 impl Autopilot {
     /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
     pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
-        let state = state.unwrap_or_default();
+        let state = state.unwrap_or(State { bias2: goal.bias2, ..State::default() });
+        let goal = Goal { bias2: state.bias2, ..goal };
         let earlier = state.elapsed;
         Self { goal, threads, per_pixel: true, times: None, start: None, earlier, state }
     }
