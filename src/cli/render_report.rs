@@ -153,12 +153,15 @@ fn technique(chosen: &Chosen) -> String {
         best.radius,
         best.caustic_radius
     );
+    // What was not tried at its best radii may have promised too much.
     if let Some(next) = chosen.runner_up() {
-        text += &format!(
-            "; the next best, {}, would have {:.2} times the error",
-            next.technique.describe(),
-            next.error / best.error
-        );
+        let name = next.technique.describe();
+        let (error, seconds) = (next.error / best.error, next.seconds / best.seconds);
+        if seconds > 1.005 {
+            text += &format!("; the next best, {name}, would take {seconds:.2} times as long");
+        } else if error > 1.005 {
+            text += &format!("; the next best, {name}, would have {error:.2} times the error");
+        }
     }
     text + "\n"
 }

@@ -170,6 +170,9 @@ pub struct Expectation {
 /// Time between two looks at the whole image's noise, seconds, once some have passed.
 const LOOK_EVERY: f64 = 0.5;
 
+/// Before, the share of the time that passes between two.
+const LOOK_SHARE: f64 = 0.02;
+
 /// Iterations under way.
 pub struct Session<'a> {
     prepared: &'a Prepared,
@@ -265,7 +268,7 @@ impl<'a> Session<'a> {
     fn look(&mut self, renderer: &Renderer, steer: &impl Steer) {
         self.status.iterations = renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
-        if elapsed > 10.0 * LOOK_EVERY && elapsed < self.last_look + LOOK_EVERY {
+        if elapsed < self.last_look + LOOK_EVERY.min(LOOK_SHARE * elapsed) {
             return;
         }
         self.last_look = elapsed;

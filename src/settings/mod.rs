@@ -9,6 +9,7 @@ mod table;
 pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
 pub use length::Length;
+pub(crate) use table::shared_by;
 pub use table::{PartialSettings, Settings};
 
 use serde::{Deserialize, Serialize};

@@ -233,7 +233,7 @@ mod read {
 /// `phi` is the share of a merge's variance that belongs to the photons alone. Without a measurement half
 /// of it does; the optimum is flat.
 /// theory.md (47h).
-fn shared_by(camera_paths: u32) -> f64 {
+pub(crate) fn shared_by(camera_paths: u32) -> f64 {
     2.0 / (1.0 + f64::from(camera_paths))
 }
 

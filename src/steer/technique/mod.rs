@@ -2,7 +2,7 @@
 //!
 //! A pilot outside of the image tries each strategy on a sample of the pixels, at a large radius, where the
 //! merge bias is plain, and at a smaller one ([`trial`]). How noise, bias and time depend on the radii is known
-//! ([`model`]), so that a few trials tell about all radii; the two best are then tried where they would render.
+//! ([`model`]), so that a few trials tell about all radii; what looks best is then tried where it would render.
 //! theory.md, section 22a.
 
 mod model;
@@ -15,7 +15,7 @@ use crate::image::film::luminance_weights;
 use crate::render::Renderer;
 use crate::scene::Scene;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Settings, Strategy};
+use crate::settings::{Direct, Settings, Strategy, shared_by};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -149,7 +149,7 @@ impl Scored {
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
         let Technique { strategy, merge_vertex, direct } = technique;
-        let scale = model::scale_of_merges(camera_paths);
+        let scale = shared_by(camera_paths);
         Settings {
             strategy,
             merge_vertex,
@@ -348,7 +348,11 @@ fn keep_the_best(tried: &mut Vec<Tried>, weights: &[f64], demand: &Demand) {
     });
     let noise2 = |tried: &Tried| demand.noise2(&tried.trials[0], weights);
     let least = tried.iter().map(noise2).fold(f64::INFINITY, f64::min);
-    tried.retain(|tried| noise2(tried) <= HOPELESS * least);
+    tried.retain(|tried| {
+        // What is no number stays: one must.
+        let is_hopeless = noise2(tried) > HOPELESS * least;
+        !is_hopeless
+    });
 }
 
 /// Weights of the pixels' squared errors, by their mean luminance in all trials: the same for all techniques,

@@ -109,11 +109,6 @@ pub struct Best {
     pub tried: bool,
 }
 
-/// What merges count in weights if so many camera paths share the photons.
-pub fn scale_of_merges(camera_paths: u32) -> f64 {
-    2.0 / (1.0 + f64::from(camera_paths))
-}
-
 impl Model {
     /// From trials at different radii, with weights of the pixels' squared errors; of an image so many pixels wide
     /// that see discs of the radius `footprint`.
