@@ -1,8 +1,8 @@
 //! Which technique renders an image with the least error: strategy, direct light and merge radii.
 //!
 //! A pilot outside of the image tries each strategy on a sample of the pixels, at a large radius, where the
-//! merge bias is plain, and at a smaller one ([`trial`]). How noise, bias and time depend on the radii is known
-//! ([`model`]), so that a few trials tell about all radii; what looks best is then tried where it would render.
+//! merge bias is plain, and at a smaller one (`trial.rs`). How noise, bias and time depend on the radii is known
+//! (`model.rs`), so that a few trials tell about all radii; what looks best is then tried where it would render.
 //! theory.md, section 22a.
 
 mod model;

@@ -200,7 +200,8 @@ impl Model {
             // Without such photons their radius is of no concern.
             let none = [if open.caustic_radius { 0.25 * last } else { f64::from(wished[EVERY]) }];
             for &every in if every.is_empty() { &none[..] } else { &every[..] } {
-                let radii = if EVERY < LAST { [every, last] } else { [last, every] };
+                let mut radii = [last; 2];
+                radii[EVERY] = every;
                 let own = demand.evaluate(
                     &self.coefficients(radii),
                     &self.times(radii),
@@ -261,7 +262,7 @@ impl Demand {
             let (seconds, noise2) = match self.end {
                 End::Time(time) => (time, cost / time),
                 End::Error(error) => {
-                    let noise2 = (error * error - bias2).max(0.01 * error * error);
+                    let noise2 = (error * error - bias2).max(LEAST_NOISE_SHARE * error * error);
                     // theory.md (91)
                     ((cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau), noise2)
                 }
