@@ -253,21 +253,28 @@ pub const POOL: u32 = 2;
 /// Means over the pixels at most [`POOL`] away along either side. Estimates of single pixels, such
 /// as variances, are pooled before a root is shown.
 pub fn pool<const N: usize>(values: &[[f64; N]], width: u32, height: u32) -> Vec<[f64; N]> {
+    (0..values.len()).map(|index| pooled(values, index, width, height)).collect()
+}
+
+/// The mean of [`pool`] around the pixel `index`.
+pub fn pooled<const N: usize>(
+    values: &[[f64; N]],
+    index: usize,
+    width: u32,
+    height: u32,
+) -> [f64; N] {
     let around = |center: u32, end: u32| center.saturating_sub(POOL)..(center + POOL + 1).min(end);
-    let pixel = |index: usize| {
-        let (x, y) = (index as u32 % width, index as u32 / width);
-        let mut sums = [0.0; N];
-        let mut count = 0.0;
-        for row in around(y, height) {
-            for column in around(x, width) {
-                let values = values[row as usize * width as usize + column as usize];
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
-                count += 1.0;
-            }
+    let (x, y) = (index as u32 % width, index as u32 / width);
+    let mut sums = [0.0; N];
+    let mut count = 0.0;
+    for row in around(y, height) {
+        for column in around(x, width) {
+            let values = values[row as usize * width as usize + column as usize];
+            sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+            count += 1.0;
         }
-        sums.map(|sum| sum / count)
-    };
-    (0..values.len()).map(pixel).collect()
+    }
+    sums.map(|sum| sum / count)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! When to stop, how far the image is, and what is to come.
 
 use crate::base::error::{Error, Result};
-use crate::image::film::{luminance, luminance_weights, pool};
+use crate::image::film::{luminance, luminance_weights, pooled};
 use crate::optimize::Objective;
 use crate::render::block::{Block, Combined, weights};
 use crate::settings::policy::{
@@ -54,15 +54,16 @@ pub fn luminances(image: &Combined) -> Vec<f64> {
         image.mean().into_iter().map(|value| luminance(value.as_dvec3())).collect();
     match image.variance_of_mean() {
         Some(variance) => {
-            let squares: Vec<_> =
-                mean.iter().zip(variance).map(|(l, v)| [l * l - v, l * l]).collect();
+            let squares: Vec<_> = mean.iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
             let (width, height) = image.resolution();
-            let pooled = pool(&squares, width, height);
-            let clean = |([own, with_noise], [around, _]): (&[f64; 2], &[f64; 2])| {
-                let is_plain = *own > PLAIN_SHARE * with_noise;
-                if is_plain { *own } else { *around }.max(0.0).sqrt()
+            let clean = |(index, luminance): (usize, &f64)| {
+                let [own] = squares[index];
+                let is_plain = own > PLAIN_SHARE * luminance * luminance;
+                let [square] =
+                    if is_plain { [own] } else { pooled(&squares, index, width, height) };
+                square.max(0.0).sqrt()
             };
-            squares.iter().zip(&pooled).map(clean).collect()
+            mean.iter().enumerate().map(clean).collect()
         }
         None => mean,
     }
