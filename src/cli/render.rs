@@ -181,7 +181,8 @@ impl Args {
             caustic_radius: wishes.caustic_radius.is_none(),
         };
         let Open { strategy, direct, radius, caustic_radius } = open;
-        if !(strategy || direct || radius || caustic_radius) {
+        // Known times are those of the settings that they were measured with.
+        if self.timings.is_some() || !(strategy || direct || radius || caustic_radius) {
             return Ok(None);
         }
         let end = match (goal.time, goal.error, goal.target) {
