@@ -122,3 +122,14 @@ fn calibrate_shows_a_table_and_refuses_what_it_ignores() {
     assert_refused(&calibrate(SCENE, &bad, &[]), "does not end in .json", "t.json");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
 }
+
+#[test]
+fn times_of_a_file_are_those_of_their_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    succeed(&calibrate(SCENE, Path::new(&at("t.json")), &["--quiet", "--threads", "1"]));
+    let more = ["--timings", &at("t.json"), "--time", "200ms", "--threads", "1"];
+    let to = ["--output", &at("a.exr"), "--json", "--quiet"];
+    let found = json(&bdpm(&[&["render", SCENE][..], &SMALL, &to, &more].concat()));
+    assert_eq!((&found["automatic"], &found["technique"]), (&true.into(), &Value::Null));
+}
