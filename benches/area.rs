@@ -75,7 +75,7 @@ fn area(criterion: &mut Criterion) {
     let (scene, settings) = subject();
     let accel: &dyn Intersect = &*build(Backend::Embree, &scene).unwrap();
     let squares = Squares::new(&scene, accel, &settings, 2048);
-    let areas = Areas::of_scene(&scene, accel, &settings);
+    let areas = Areas::of_scene(&scene, accel, settings.reach());
     let packets = packets(&squares, &areas);
     let points = packets.iter().flat_map(|packet| packet.wanted).filter(|&wanted| wanted).count();
 
@@ -87,7 +87,7 @@ fn area(criterion: &mut Criterion) {
     if !measures() {
         return;
     }
-    let new = Areas::of_scene(&scene, accel, &settings);
+    let new = Areas::of_scene(&scene, accel, settings.reach());
     let first = timed(|| ask(&new, &packets, &settings)).as_secs_f64();
     let later = timed(|| ask(&areas, &packets, &settings)).as_secs_f64();
     let each = |seconds: f64| 1e9 * seconds / points as f64;

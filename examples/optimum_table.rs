@@ -19,12 +19,12 @@ use bdpm::optimize::{CountLimits, Objective, Problem};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
+use bdpm::settings::policy::FIRST_ITERATIONS;
 use bdpm::steer::Steer;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::Goal;
+use bdpm::steer::technique::{self, End, Open};
 use bdpm::timing::TimeModel;
-use bdpm::timing::fit::fit;
-use bdpm::timing::sample::Recorder;
 use bdpm::{Renderer, Result, Scene, Settings};
 use clap::Parser;
 use std::ops::RangeInclusive;
@@ -79,22 +79,16 @@ struct Pilot {
 }
 
 impl Pilot {
-    /// Iterates up to the first choice of `autopilot`.
-    fn new(mut autopilot: Autopilot, mut renderer: Renderer, threads: usize) -> Result<Self> {
-        let (start, mut recorder) = (Instant::now(), Recorder::new(threads));
-        let counts = loop {
+    /// Iterates up to the first choice of `autopilot`, whose times are of a sample of the image.
+    fn new(mut autopilot: Autopilot, mut renderer: Renderer, time: TimeModel) -> Result<Self> {
+        let start = Instant::now();
+        for _ in 0..=FIRST_ITERATIONS {
             let measure = autopilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
-            let counts = &renderer.block().counts;
-            // After two blocks of the pilot.
-            if renderer.blocks().len() > 2 {
-                break counts.clone();
+            if renderer.film().iterations < FIRST_ITERATIONS {
+                renderer.iterate(measure);
             }
-            let size = (f64::from(counts.light_paths), counts.camera_paths.mean());
-            let report = renderer.iterate(measure);
-            if measure == Measure::Off {
-                recorder.add(size.0, size.1, &report.times);
-            }
-        };
+        }
+        let counts = renderer.block().counts.clone();
         let settings = renderer.settings();
         let measured = block::coefficients(renderer.blocks()).expect("the pilot measures");
         let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
@@ -102,7 +96,7 @@ impl Pilot {
         Ok(Self {
             counts,
             coefficients: pooled.into_iter().map(|[a, b, f]| Coefficients { a, b, f }).collect(),
-            time: fit(&recorder.samples(), settings.pixels() as f64)?.model,
+            time,
             most_light_paths: renderer.most_light_paths(),
         })
     }
@@ -122,11 +116,20 @@ fn candidates(
     settings: &Settings,
     time: Duration,
 ) -> Result<Vec<Candidate>> {
-    let threads = rayon::current_num_threads();
     let goal = Goal { time: Some(time / 2), ..Goal::default() };
-    let autopilot = || Autopilot::new(goal, threads, None);
-    let renderer = || Renderer::new(scene, accel, settings.clone());
-    let pilot = Pilot::new(autopilot().uniform(), renderer()?, threads)?;
+    let closed = Open {
+        strategy: false,
+        direct: false,
+        kernel: false,
+        radius: false,
+        caustic_radius: false,
+    };
+    let end = End::Time(0.5 * time.as_secs_f64());
+    let base = Renderer::new(scene, accel, settings.clone())?;
+    let chosen = technique::choose(&base, closed, end)?;
+    let autopilot = || Autopilot::new(goal, chosen.best().times);
+    let renderer = || base.like(chosen.best().apply(settings));
+    let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;
     let longest = time.as_secs_f64() / LEAST_ITERATIONS;
     let problem = pilot.problem(1..=MOST_CAMERA_PATHS, longest);
 
@@ -154,7 +157,7 @@ fn candidates(
     add("best N_F for N_B = 1", single.light_paths, 1);
     add("scene file", settings.light_paths, settings.camera_paths);
 
-    let mut map = Pilot::new(autopilot(), renderer()?, threads)?.counts;
+    let mut map = Pilot::new(autopilot(), renderer()?, chosen.best().times)?.counts;
     let mut name = "per pixel";
     if let CameraCounts::Uniform(_) = map.camera_paths {
         let best = problem.shortest_per_pixel(SLACK);

@@ -19,7 +19,7 @@ use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
 use bdpm::settings::origin::Origin;
 use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, Target};
+use bdpm::steer::goal::{Goal, Target, importance};
 use bdpm::steer::plan::Plan;
 use bdpm::steer::technique;
 use bdpm::steer::technique::{Chosen, End, Open};
@@ -106,10 +106,14 @@ pub fn run(args: &Args) -> Result<String> {
     let mut prepared = Prepared::new(&args.session, begun)?;
     let start = Instant::now();
     let mut goal = args.goal(&counting);
-    let mut chosen = None;
-    if matches!(counting, Counting::Automatic) && resumed.is_none() {
-        chosen = args.choose(&prepared, &goal)?;
-    }
+    // Borrows no more than it needs: the origin is still to change.
+    let (scene, accel) = (&prepared.scene, &*prepared.accel);
+    let settings = prepared.origin.settings.clone();
+    let mut renderer = prepared.threads.install(|| Renderer::new(scene, accel, settings))?;
+    let chosen = match counting {
+        Counting::Automatic if resumed.is_none() => Some(args.choose(&prepared, &renderer, &goal)?),
+        _ => None,
+    };
     if let Some(chosen) = &chosen {
         let wishes = &args.session.scene.wishes;
         let settings = chosen.best().apply(&prepared.origin.settings);
@@ -120,8 +124,8 @@ pub fn run(args: &Args) -> Result<String> {
             ..settings
         };
         goal.bias2 = chosen.best().bias.powi(2);
+        renderer = renderer.like(prepared.origin.settings.clone())?;
     }
-    let mut renderer = prepared.renderer()?;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
         if !matches!(counting, Counting::Automatic) {
@@ -144,11 +148,9 @@ pub fn run(args: &Args) -> Result<String> {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
         Counting::Automatic => {
-            let threads = prepared.threads.current_num_threads();
-            let pilot = Autopilot::new(goal, threads, state);
-            let pilot = match &task.chosen {
-                Some(chosen) => pilot.starting_at(chosen.best()),
-                None => pilot,
+            let pilot = match (&task.chosen, state) {
+                (Some(chosen), _) => Autopilot::new(goal, chosen.best().times),
+                (None, state) => Autopilot::resume(goal, state.expect("it was automatic")),
             };
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
@@ -171,20 +173,17 @@ impl Args {
     }
 
     /// Tries techniques, as far as the command line leaves them open; the scene file's are where it begins.
-    fn choose(&self, prepared: &Prepared, goal: &Goal) -> Result<Option<Chosen>> {
+    fn choose(&self, prepared: &Prepared, renderer: &Renderer, goal: &Goal) -> Result<Chosen> {
         let wishes = &self.session.scene.wishes;
-        let settings = &prepared.origin.settings;
-        let open = Open {
-            strategy: wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
-            direct: wishes.direct.is_none(),
-            radius: wishes.radius.is_none(),
-            caustic_radius: wishes.caustic_radius.is_none(),
-        };
-        let Open { strategy, direct, radius, caustic_radius } = open;
         // Known times are those of the settings that they were measured with.
-        if self.timings.is_some() || !(strategy || direct || radius || caustic_radius) {
-            return Ok(None);
-        }
+        let any = self.timings.is_none();
+        let open = Open {
+            strategy: any && wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
+            direct: any && wishes.direct.is_none(),
+            kernel: any && wishes.kernel.is_none(),
+            radius: any && wishes.radius.is_none(),
+            caustic_radius: any && wishes.caustic_radius.is_none(),
+        };
         let end = match (goal.time, goal.error, goal.target) {
             (Some(time), _, _) => End::Time(time.as_secs_f64()),
             (None, Some(error), _) => End::Error(error),
@@ -192,13 +191,10 @@ impl Args {
             (None, None, _) => End::Error(DEFAULT_ERROR),
         };
         if !self.session.quiet {
-            say("trying strategies and radii on a sample of the image");
+            let what = if open.any() { "strategies and radii" } else { "light and camera paths" };
+            say(&format!("trying {what} on a sample of the image"));
         }
-        let task = (open, end);
-        let chosen = prepared
-            .threads
-            .install(|| technique::choose(&prepared.scene, &*prepared.accel, settings, task))?;
-        Ok(Some(chosen))
+        prepared.threads.install(|| technique::choose(renderer, open, end))
     }
 
     fn goal(&self, counting: &Counting) -> Goal {
@@ -297,14 +293,14 @@ impl Task<'_> {
                     writer.save_checkpoint(renderer, steer, session.elapsed())
                 };
                 schedule.write_when_due(&mut writer, session, save, |writer| {
-                    writer.save_image(&combined(renderer, steer))
+                    writer.save_image(&combined(renderer, steer, goal.objective))
                 });
             })?;
         session.progress.finish();
         let half_way = session.half_way();
         // The checkpoint first: with it, a full disk costs no work.
         writer.save_checkpoint(&renderer, &steer, session.elapsed())?;
-        let image = combined(&renderer, &steer);
+        let image = combined(&renderer, &steer, goal.objective);
         writer.save_image(&image)?;
         if let Some(path) = &args.noise {
             save_noise(path, prepared, &renderer, &session.progress)?;
@@ -340,8 +336,9 @@ impl Task<'_> {
 }
 
 /// The image of all blocks.
-fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer) -> Combined<'a> {
-    Combined::new(renderer.blocks(), steer.weights(renderer.blocks()))
+fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer, objective: Objective) -> Combined<'a> {
+    let importance = importance(renderer.blocks(), objective);
+    Combined::new(renderer.blocks(), steer.weights(renderer.blocks(), &importance))
 }
 
 /// Refuses to go on to fewer iterations than there are.

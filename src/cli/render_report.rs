@@ -6,7 +6,7 @@ use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
 use bdpm::steer::autopilot::Promise;
-use bdpm::steer::goal::{Goal, Standing, StoppedBy};
+use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use bdpm::steer::technique::Chosen;
 use serde::Serialize;
 
@@ -53,7 +53,8 @@ impl Shares {
             return None;
         }
         let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
-        let standing = Standing::with_weights(blocks, weights, goal.objective);
+        let importance = importance(blocks, goal.objective);
+        let standing = Standing::new(blocks, weights, &importance);
         let total = standing.error(goal, 1.0)?;
         Some(Self { total, noise: standing.counted?.sqrt(), bias: goal.bias2.sqrt() })
     }
@@ -147,7 +148,8 @@ pub fn text(report: &Report) -> String {
 fn technique(chosen: &Chosen) -> String {
     let best = chosen.best();
     let mut text = format!(
-        "chosen in {}: {}, radius {:.4}, {:.4} for caustics",
+        "{} in {}: {}, radius {:.4}, {:.4} for caustics",
+        if chosen.open.any() { "chosen" } else { "tried" },
         human_time(chosen.seconds),
         best.technique.describe(),
         best.radius,

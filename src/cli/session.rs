@@ -12,7 +12,7 @@ use bdpm::scene::backend::Backend;
 use bdpm::settings::origin::Origin;
 use bdpm::settings::{PartialSettings, Settings};
 use bdpm::steer::Steer;
-use bdpm::steer::goal::{Goal, Standing, StoppedBy};
+use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -135,7 +135,8 @@ impl Prepared {
 
     /// A renderer from the first iteration.
     pub fn renderer(&self) -> Result<Renderer<'_>> {
-        Renderer::new(&self.scene, &*self.accel, self.origin.settings.clone())
+        let settings = self.origin.settings.clone();
+        self.threads.install(|| Renderer::new(&self.scene, &*self.accel, settings))
     }
 }
 
@@ -272,8 +273,11 @@ impl<'a> Session<'a> {
             return;
         }
         self.last_look = elapsed;
-        let weights = steer.weights(renderer.blocks());
-        let standing = Standing::with_weights(renderer.blocks(), weights, self.goal.objective);
+        let (blocks, objective) = (renderer.blocks(), self.goal.objective);
+        let standing = self.prepared.threads.install(|| {
+            let importance = importance(blocks, objective);
+            Standing::new(blocks, steer.weights(blocks, &importance), &importance)
+        });
         if standing.variance.is_none() && self.status.standing.is_some() {
             return; // A block's first iteration: what was known before is the better knowledge.
         }

@@ -131,6 +131,7 @@ mod tests {
     use crate::image::counts::{CameraCounts, Counts};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use crate::settings::{Direct, Kernel, Roulette, Settings, Strategy};
+    use crate::timing::TimeModel;
     use glam::DVec3;
     use std::fs;
 
@@ -175,10 +176,18 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
+        let times = TimeModel {
+            fixed: 1e-3,
+            light_path: 1e-6,
+            camera_path: 2e-6,
+            look_up: 1e-7,
+            merge_pair: 1e-9,
+            pixels: 35.0,
+        };
         Checkpoint {
             origin,
             blocks: Cow::Owned(vec![first, second]),
-            autopilot: Some(autopilot::State::default()),
+            autopilot: Some(autopilot::State::new(times, 1e-4)),
         }
     }
 

@@ -2,7 +2,9 @@
 
 use crate::base::math::Rgb;
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Side of a tile, pixels.
 const TILE: u32 = 16;
@@ -197,19 +199,45 @@ impl Film {
         }
     }
 
+    /// Where the pixels of a row of the image are stored: a range for each tile.
+    fn row(&self, y: u32) -> impl Iterator<Item = Range<usize>> + use<> {
+        let (width, height) = (self.width, self.height);
+        let top = y - y % TILE;
+        let rows = TILE.min(height - top);
+        (0..width).step_by(TILE as usize).map(move |left| {
+            let columns = TILE.min(width - left);
+            let tile = top as usize * width as usize + left as usize * rows as usize;
+            let start = tile + (y - top) as usize * columns as usize;
+            start..start + columns as usize
+        })
+    }
+
+    /// Calls `change` with each of `values`, row by row, and the pixel's number among the stored ones, on all threads.
+    pub fn zip<T: Send>(&self, values: &mut [T], change: impl Fn(&mut T, usize) + Sync) {
+        let rows = values.par_chunks_mut(self.width as usize).enumerate();
+        rows.for_each(|(y, row)| {
+            row.iter_mut()
+                .zip(self.row(y as u32).flatten())
+                .for_each(|(value, at)| change(value, at));
+        });
+    }
+
+    /// Sums of the pixels by their number.
+    pub fn sums(&self) -> &[PixelSums] {
+        &self.sums
+    }
+
     /// The mean over iterations, row by row; black before the first.
     pub fn mean(&self) -> Vec<Rgb> {
         let mut image = vec![Rgb::ZERO; self.sums.len()];
         let scale = 1.0 / self.iterations.max(1) as f64;
-        self.for_each_pixel(|x, y, sums| {
-            image[(y * self.width + x) as usize] = (sums.radiance * scale).as_vec3();
-        });
+        self.zip(&mut image, |value, at| *value = (self.sums[at].radiance * scale).as_vec3());
         image
     }
 
     /// Mean luminance of the image, W/(m^2 sr).
     pub fn mean_luminance(&self) -> f64 {
-        let sum: f64 = self.sums.iter().map(|sums| luminance(sums.radiance)).sum();
+        let sum = total(&self.sums, |sums| luminance(sums.radiance));
         sum / (self.iterations.max(1) as f64 * self.sums.len() as f64)
     }
 
@@ -228,23 +256,34 @@ impl Film {
         let n = self.iterations as f64;
         (self.iterations >= 2).then(|| {
             let mut variance = vec![0.0; self.sums.len()];
-            self.for_each_pixel(|x, y, sums| {
+            self.zip(&mut variance, |variance, at| {
+                let sums = &self.sums[at];
                 let mean = luminance(sums.radiance) / n;
                 let within = (sums.luminance2 / n - mean * mean).max(0.0);
-                variance[(y * self.width + x) as usize] = within / (n - 1.0);
+                *variance = within / (n - 1.0);
             });
             variance
         })
     }
 }
 
+/// The sum of `of` over all values, on all threads, in the same order by any number of them.
+pub fn total<T: Sync>(values: &[T], of: impl Fn(&T) -> f64 + Sync) -> f64 {
+    let part = |values: &[T]| values.iter().map(&of).sum::<f64>();
+    let parts: Vec<f64> = values.par_chunks(CHUNK).map(part).collect();
+    parts.iter().sum()
+}
+
+/// Values that a thread takes at once.
+const CHUNK: usize = 4096;
+
 /// Weights of squared errors relative to the luminance of each pixel, `1/(L^2 + 0.01 mean(L)^2)`; all 1 for a black
 /// image.
 /// theory.md (70a).
 pub fn luminance_weights(luminance: &[f64]) -> Vec<f64> {
-    let floor = 0.01 * (luminance.iter().sum::<f64>() / luminance.len() as f64).powi(2);
+    let floor = 0.01 * (total(luminance, |l| *l) / luminance.len() as f64).powi(2);
     let weight = |l: &f64| if floor > 0.0 { 1.0 / (l * l + floor) } else { 1.0 };
-    luminance.iter().map(weight).collect()
+    luminance.par_iter().map(weight).collect()
 }
 
 /// Pixels to each side of one that [`pool`] takes in: squares of 5 by 5.
@@ -253,7 +292,7 @@ pub const POOL: u32 = 2;
 /// Means over the pixels at most [`POOL`] away along either side. Estimates of single pixels, such
 /// as variances, are pooled before a root is shown.
 pub fn pool<const N: usize>(values: &[[f64; N]], width: u32, height: u32) -> Vec<[f64; N]> {
-    (0..values.len()).map(|index| pooled(values, index, width, height)).collect()
+    (0..values.len()).into_par_iter().map(|index| pooled(values, index, width, height)).collect()
 }
 
 /// The mean of [`pool`] around the pixel `index`.

@@ -5,12 +5,13 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image::PhaseTimes;
 use crate::image::counts::{CameraCounts, Counts};
-use crate::image::film::{Film, luminance, pool};
+use crate::image::film::{Film, luminance, pool, total};
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::settings::Settings;
 use glam::DVec3;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Consecutive iterations at equal counts.
@@ -133,18 +134,17 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
         // theory.md (72)
         let per_iteration = Coefficients { a: n_light * n_camera, b: n_camera - 1.0, f: n_light };
         weights += per_iteration * noise.iterations as f64;
-        let mut sums = noise.pixels().iter();
-        block.film.for_each_pixel(|x, y, _| {
-            let sums = sums.next().expect("the noise belongs to the film").coefficients;
-            let all = &mut all[block.film.index(x, y)];
+        let pixels = noise.pixels();
+        block.film.zip(&mut all, |all, at| {
+            let sums = pixels[at].coefficients;
             all.a += sums.a * per_iteration.a;
             all.b += sums.b * per_iteration.b;
             all.f += sums.f * per_iteration.f;
         });
     }
-    for all in &mut all {
+    all.par_iter_mut().for_each(|all| {
         *all = Coefficients { a: all.a / weights.a, b: all.b / weights.b, f: all.f / weights.f };
-    }
+    });
     (weights.a > 0.0).then_some(all)
 }
 
@@ -182,8 +182,9 @@ pub fn weighted_variance(coefficients: &[Coefficients], counts: &Counts, weights
     let variance = |(pixel, (c, weight)): (usize, (&Coefficients, &f64))| {
         weight * c.variance(n_light, f64::from(counts.camera_paths.at(pixel)))
     };
-    let all = coefficients.iter().zip(weights).enumerate();
-    all.map(variance).sum::<f64>() / coefficients.len() as f64
+    let all = coefficients.par_iter().zip(weights).enumerate();
+    let terms: Vec<f64> = all.map(variance).collect();
+    total(&terms, |term| *term) / coefficients.len() as f64
 }
 
 /// Weight of an iteration of each block: the reciprocal of its mean variance over pixels of such
@@ -266,20 +267,19 @@ impl<'a> Combined<'a> {
     pub fn mean(&self) -> Vec<Rgb> {
         let mut sums = vec![DVec3::ZERO; self.blocks[0].film.pixels()];
         for (block, weight) in self.pairs() {
-            block.film.for_each_pixel(|x, y, pixel| {
-                sums[block.film.index(x, y)] += pixel.radiance * weight;
-            });
+            let pixels = block.film.sums();
+            block.film.zip(&mut sums, |sum, at| *sum += pixels[at].radiance * weight);
         }
         let scale = self.total().recip();
-        sums.into_iter().map(|sum| (sum * scale).as_vec3()).collect()
+        sums.into_par_iter().map(|sum| (sum * scale).as_vec3()).collect()
     }
 
     /// Mean luminance of the image, W/(m^2 sr).
     pub fn mean_luminance(&self) -> f64 {
-        let mut sum = 0.0;
-        for (block, weight) in self.pairs() {
-            block.film.for_each_pixel(|_, _, pixel| sum += luminance(pixel.radiance) * weight);
-        }
+        let of = |(block, weight): (&Block, f64)| {
+            weight * total(block.film.sums(), |pixel| luminance(pixel.radiance))
+        };
+        let sum: f64 = self.pairs().map(of).sum();
         sum / (self.total() * self.blocks[0].film.pixels() as f64)
     }
 
@@ -311,7 +311,7 @@ impl<'a> Combined<'a> {
         for (block, share) in self.shares()? {
             let scale = share * block.film.iterations as f64;
             let own = block.film.variance_of_mean()?;
-            variance.iter_mut().zip(own).for_each(|(all, own)| *all += scale * own);
+            variance.par_iter_mut().zip(own).for_each(|(all, own)| *all += scale * own);
         }
         Some(variance)
     }

@@ -35,6 +35,7 @@ use crate::transport::photon_map::PhotonMap;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 use tiles::Shares;
 use worker::{Job, Worker};
@@ -51,7 +52,7 @@ pub struct Renderer<'a> {
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
     /// Of the surfaces, if the kernel asks for them.
-    areas: Option<Areas<'a>>,
+    areas: Option<Arc<Areas<'a>>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
     workers: Pool<Worker>,
@@ -63,6 +64,37 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+        Self::with_areas(scene, accel, settings, |settings| match settings.kernel {
+            Kernel::Area => Some(Arc::new(Areas::of_scene(scene, accel, settings.reach()))),
+            Kernel::Disc => None,
+        })
+    }
+
+    /// Prepares to render the same scene with other settings, from the first iteration: what is known of its surfaces
+    /// is kept.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn like(&self, settings: Settings) -> Result<Self> {
+        if settings.kernel != self.settings.kernel {
+            return Self::new(self.scene, self.accel, settings);
+        }
+        Self::with_areas(self.scene, self.accel, settings, |settings| {
+            let areas = self.areas.as_ref()?;
+            Some(if areas.radius() == settings.reach() {
+                Arc::clone(areas)
+            } else {
+                Arc::new(areas.at(settings.reach()))
+            })
+        })
+    }
+
+    fn with_areas(
+        scene: &'a Scene,
+        accel: &'a dyn Intersect,
+        settings: Settings,
+        areas: impl FnOnce(&Settings) -> Option<Arc<Areas<'a>>>,
+    ) -> Result<Self> {
         settings.validate()?;
         check_memory(scene, &settings, settings.light_paths)?;
         if scene.lights().is_empty() {
@@ -73,10 +105,7 @@ impl<'a> Renderer<'a> {
         }
         let view = scene.camera.view(settings.width, settings.height);
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
-        let areas = match settings.kernel {
-            Kernel::Area => Some(Areas::of_scene(scene, accel, &settings)),
-            Kernel::Disc => None,
-        };
+        let areas = areas(&settings);
         Ok(Self {
             scene,
             accel,
@@ -92,21 +121,26 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// Prepares to render a sample of the image of `settings`: of each square of `stride` by `stride` pixels the
+    /// The same for a sample of the image of `settings`: of each square of `stride` by `stride` pixels the
     /// one in the middle. What is measured of these pixels is what it is in the image.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn of_sample(
-        scene: &'a Scene,
-        accel: &'a dyn Intersect,
-        settings: Settings,
-        stride: u32,
-    ) -> Result<Self> {
-        let view = scene.camera.view(settings.width, settings.height).every(stride);
+    pub fn sample(&self, settings: Settings, stride: u32) -> Result<Self> {
+        let view = self.scene.camera.view(settings.width, settings.height).every(stride);
         let [width, height] =
             [settings.width, settings.height].map(|pixels| (pixels / stride).max(1));
-        Ok(Self { view, ..Self::new(scene, accel, Settings { width, height, ..settings })? })
+        Ok(Self { view, ..self.like(Settings { width, height, ..settings })? })
+    }
+
+    /// What it renders.
+    pub(crate) fn subject(&self) -> (&'a Scene, &'a dyn Intersect) {
+        (self.scene, self.accel)
+    }
+
+    /// Areas of the surfaces, if the kernel asks for them.
+    pub(crate) fn areas(&self) -> Option<&Areas<'a>> {
+        self.areas.as_deref()
     }
 
     /// Goes on after the iterations that `blocks` hold.
@@ -142,11 +176,7 @@ impl<'a> Renderer<'a> {
 
     /// The most light paths that take no more than half of the memory that is left.
     pub fn most_light_paths(&self) -> u32 {
-        Self::most_light_paths_for(self.scene, &self.settings)
-    }
-
-    /// The same for an image of these settings.
-    pub fn most_light_paths_for(scene: &Scene, settings: &Settings) -> u32 {
+        let Self { scene, settings, .. } = self;
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
         let for_light = 0.5 * (available - film_bytes(settings, MOST_BLOCKS)).max(0.0);
         let most = for_light / bytes_per_light_path(scene, settings);
@@ -225,7 +255,7 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let iteration = self.iterations();
         let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
-        let all = kernel::Kernel::new(settings, areas.as_ref());
+        let all = kernel::Kernel::new(settings, areas.as_deref());
         let kernel = self.nesting.map_or(all, |class| all.nesting(class));
         let block = self.blocks.last_mut().expect("there is one");
 

@@ -14,42 +14,16 @@ pub const FIXED_PILOT: u64 = 8;
 /// one and a half times as long as another (`docs/performance.md`), so that this costs 6 % at most.
 pub const MEASURE_EVERY: u64 = 8;
 
-/// Of the pilot's own iterations, one in so many: times come from the others.
-pub const MEASURE_PILOT_EVERY: u64 = 2;
-
-// --- The pilot of automatic counts ---------------------------------------------------------------
-
-/// Camera paths per pixel in the two blocks of the pilot: few, but more than the two that measuring
-/// takes, as their sample variance has one degree of freedom less.
-pub const PILOT_CAMERA_PATHS: [u32; 2] = [3, 6];
-
-/// Light paths in the second block over those in the first. Times at two sizes of either kind tell
-/// what is paid per path and what is paid anyway.
-pub const PILOT_RATIO: u32 = 16;
-
-/// Iterations of each block of the pilot at the least, where no time is given.
-pub const PILOT_LEAST: u64 = 8;
-
-/// The same where a time is given: two that are measured and one that is not.
-pub const PILOT_LEAST_IN_HASTE: u64 = 3;
-
-/// Iterations of each block of the pilot at the most: far past the point where more would change the
-/// counts.
-pub const PILOT_MOST: u64 = 512;
-
-/// Share of the time that each block of the pilot takes where the time is given: by trial.
-pub const PILOT_SHARE: f64 = 0.04;
-
-/// The most seconds of a block of the pilot where the time is given.
-pub const PILOT_LONGEST: f64 = 5.0;
-
-/// Seconds of each block of the pilot where no time is given.
-pub const PILOT_TIME: f64 = 1.0;
+/// Of the first iterations of an automatic render, one in so many: times come from the others.
+pub const MEASURE_FIRST_EVERY: u64 = 2;
 
 // --- The pilot of techniques ---------------------------------------------------------------------
 
 /// Share of the time that trying techniques takes where the time is given.
 pub const TECHNIQUE_SHARE: f64 = 0.08;
+
+/// Part of that where nothing is open but counts.
+pub const CLOSED_SHARE: f64 = 0.5;
 
 /// The most seconds that it takes.
 pub const TECHNIQUE_LONGEST: f64 = 8.0;
@@ -103,9 +77,9 @@ pub const TRIAL_CAMERA_PATHS: u32 = 2;
 /// A trial whose paths take longer than [`TRIAL_PATH`] ends after so many times its time.
 pub const TRIAL_PATIENCE: f64 = 1.3;
 
-/// Light paths of the timed iterations of a trial: as many as of the others, and so many times as many, so that
-/// what is paid per path and per merge stands out from what is paid anyway.
-pub const TIMED_RATIO: u32 = 16;
+/// Light paths of the timed iterations of a trial: as many as of the others, and so many times as many, at the least
+/// and at the most, so that what is paid per path and per merge stands out from what is paid anyway.
+pub const TIMED_RATIOS: [u32; 2] = [4, 16];
 
 /// Their camera paths per pixel, for the same reason.
 pub const TIMED_CAMERA_PATHS: u32 = 6;
@@ -139,6 +113,32 @@ pub const PRIOR_SPREAD: f64 = 1.0;
 
 /// Part of it that a bias is never taken to be less than.
 pub const LEAST_OF_PRIOR: f64 = 0.25;
+
+/// Blocks of pixels in which the areas of surfaces are tried, and pixels along their sides.
+pub const CENSUS_BLOCKS: usize = 96;
+/// See [`CENSUS_BLOCKS`].
+pub const BLOCK: u32 = 4;
+
+/// The power of the radius that what areas cost goes with at the most: triangles in reach of as many places.
+pub const CENSUS_POWER: f64 = 3.0;
+
+/// Share of a pilot that trying areas takes at each radius and vertex, about, at the most.
+pub const CENSUS_SHARE: f64 = 0.01;
+
+/// Part of the time that is taken to be left, however long areas take at first.
+pub const LEAST_TIME_SHARE: f64 = 0.02;
+
+/// Discs are tried beside areas that take this share of the time before they are known.
+pub const DISCS_FROM: f64 = 0.05;
+
+/// Techniques that are tried on discs, too.
+pub const MOST_ON_DISCS: usize = 2;
+
+/// Squared bias of discs over that of areas, where nothing is known of it: what Cornell boxes have (docs/kernel.md).
+pub const DISC_BIAS: f64 = 20.0;
+
+/// What it falls to from a radius to `1/sqrt(2)` of it: the square as the radius.
+pub const DISC_FALL: f64 = 0.8409;
 
 /// Pixels across and down at which the size of what one sees is asked for.
 pub const FOOTPRINTS: u32 = 16;

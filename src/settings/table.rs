@@ -91,6 +91,11 @@ macro_rules! settings {
         }
 
         impl Settings {
+    /// The radius within which photons of either class are looked up, scene units.
+    pub fn reach(&self) -> f32 {
+        self.radius.max(self.caustic_radius)
+    }
+
             /// Names of all.
             pub const NAMES: &[&str] = &["width", "height", $(stringify!($name)),+];
 

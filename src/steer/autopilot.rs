@@ -1,9 +1,8 @@
-//! Automatic counts: a pilot that measures noise and times, then the optimum, chosen again at a few
-//! moments from all that is known by then.
+//! Automatic counts: those of the settings at first, which a choice of technique found, then the optimum, chosen
+//! again at a few moments from all that is known by then.
 
 use super::Steer;
 use super::goal::{Goal, Standing, importance, luminances};
-use super::technique::Scored;
 use crate::base::error::Result;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{luminance_weights, pool};
@@ -11,11 +10,9 @@ use crate::noise::{Coefficients, Measure};
 use crate::optimize::{CountLimits, Objective, Problem};
 use crate::render::Renderer;
 use crate::render::block;
-use crate::render::block::{Block, Clock, Combined};
+use crate::render::block::{Block, Combined};
 use crate::settings::policy::*;
 use crate::timing::TimeModel;
-use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Sample};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -23,20 +20,17 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct Autopilot {
     goal: Goal,
-    threads: usize,
     /// Whether counts may differ from pixel to pixel.
     per_pixel: bool,
     /// Times that are known beforehand.
     times: Option<TimeModel>,
-    /// The first counts, if they are known.
-    start: Option<Counts>,
     /// Rendering time before this run.
     earlier: f64,
     state: State,
 }
 
 /// What an interrupted run needs to go on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct State {
     stage: Stage,
     /// Rendering time when it was saved, seconds.
@@ -48,7 +42,7 @@ pub struct State {
     /// What is known of the choice that the promise is about.
     expected: Expected,
     /// Times on a sample of the image, from a choice of technique before: in proportion to those of the image.
-    sampled: Option<TimeModel>,
+    sampled: TimeModel,
     /// Squared relative bias of the image, as far as it is known.
     bias2: f64,
     /// What was promised, once a few iterations at the second choice were rendered.
@@ -66,13 +60,9 @@ struct Expected {
     uniform: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Stage {
-    #[default]
-    Start,
-    FewLightPaths,
-    ManyLightPaths,
-    /// The first iterations at chosen counts.
+    /// The first iterations, at the counts of the settings.
     First,
     Chosen,
 }
@@ -105,6 +95,20 @@ struct Choice {
 }
 
 impl State {
+    /// Before the first iteration.
+    pub fn new(sampled: TimeModel, bias2: f64) -> Self {
+        Self {
+            stage: Stage::First,
+            elapsed: 0.0,
+            block_began: 0.0,
+            next_choice: 0.0,
+            expected: Expected::default(),
+            sampled,
+            bias2,
+            promise: None,
+        }
+    }
+
     /// Squared relative bias of the image, as far as a choice of technique found it.
     pub fn bias2(&self) -> f64 {
         self.bias2
@@ -112,12 +116,16 @@ impl State {
 }
 
 impl Autopilot {
-    /// Begins anew, or goes on from `state`; `threads` are those of the pool that renders.
-    pub fn new(goal: Goal, threads: usize, state: Option<State>) -> Self {
-        let state = state.unwrap_or(State { bias2: goal.bias2, ..State::default() });
+    /// Begins with the counts of a renderer's settings; `sampled` are times in proportion to those of its image, of
+    /// a sample of the pixels.
+    pub fn new(goal: Goal, sampled: TimeModel) -> Self {
+        Self::resume(goal, State::new(sampled, goal.bias2))
+    }
+
+    /// Goes on from `state`, which knows the bias.
+    pub fn resume(goal: Goal, state: State) -> Self {
         let goal = Goal { bias2: state.bias2, ..goal };
-        let earlier = state.elapsed;
-        Self { goal, threads, per_pixel: true, times: None, start: None, earlier, state }
+        Self { goal, per_pixel: true, times: None, earlier: state.elapsed, state }
     }
 
     /// Takes the same counts in all pixels.
@@ -126,27 +134,10 @@ impl Autopilot {
         Self { per_pixel: false, ..self }
     }
 
-    /// Begins with counts that a choice of technique found, and with its times.
-    #[must_use]
-    pub fn starting_at(mut self, chosen: &Scored) -> Self {
-        self.start = Some(chosen.counts());
-        self.state.sampled = Some(chosen.times);
-        self
-    }
-
     /// Chooses by times that are known beforehand, instead of by those of the iterations.
     #[must_use]
     pub fn with_times(self, times: TimeModel) -> Self {
         Self { times: Some(times), ..self }
-    }
-
-    fn pilot_is_over(&self, renderer: &Renderer, now: f64) -> bool {
-        let iterations = renderer.film().iterations;
-        let elapsed = now - self.state.block_began;
-        let share = self.goal.time.map(|time| PILOT_SHARE * time.as_secs_f64());
-        let time = share.map_or(PILOT_TIME, |share| share.min(PILOT_LONGEST));
-        let enough = if share.is_some() { PILOT_LEAST_IN_HASTE } else { PILOT_LEAST };
-        iterations >= PILOT_MOST || iterations >= enough && elapsed >= time
     }
 
     /// Expectations from the first iterations at the chosen counts.
@@ -169,7 +160,9 @@ impl Autopilot {
     }
 
     fn standing(&self, renderer: &Renderer) -> Standing {
-        Standing::new(renderer.blocks(), self.goal.objective)
+        let importance = importance(renderer.blocks(), self.goal.objective);
+        let weights = self.weights(renderer.blocks(), &importance);
+        Standing::new(renderer.blocks(), weights, &importance)
     }
 
     /// The best counts by all that has been measured.
@@ -177,12 +170,8 @@ impl Autopilot {
         let standing = self.standing(renderer);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
-        let model = match (self.times, self.state.sampled) {
-            (Some(known), _) => known,
-            (None, Some(sampled)) => scaled(&sampled, blocks),
-            (None, None) => times(blocks, settings.pixels(), self.threads)?,
-        };
-        let measured = block::coefficients(blocks).expect("the pilot measures");
+        let model = self.times.unwrap_or_else(|| scaled(&self.state.sampled, blocks));
+        let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
         let problem = |iteration_time| {
@@ -255,30 +244,10 @@ impl Steer for Autopilot {
             renderer.begin_block(counts)
         };
         match self.state.stage {
-            Stage::Start if self.start.is_some() => {
-                self.state.stage = Stage::First;
-                let counts = self.start.take().expect("some");
-                begin(&mut self.state, renderer, counts)?;
-            }
-            Stage::Start => {
-                self.state.stage = Stage::FewLightPaths;
-                let counts = pilot_counts(renderer, PILOT_RATIO, PILOT_CAMERA_PATHS[0]);
-                begin(&mut self.state, renderer, counts)?;
-            }
-            Stage::FewLightPaths if self.pilot_is_over(renderer, now) => {
-                self.state.stage = Stage::ManyLightPaths;
-                let counts = pilot_counts(renderer, 1, PILOT_CAMERA_PATHS[1]);
-                begin(&mut self.state, renderer, counts)?;
-            }
-            Stage::ManyLightPaths if self.pilot_is_over(renderer, now) => {
-                self.state.stage = Stage::First;
-                let choice = self.choose(renderer, elapsed)?;
-                self.state.expected = choice.expected;
-                begin(&mut self.state, renderer, choice.counts)?;
-            }
+            Stage::First if renderer.iterations() == 0 => self.state.block_began = now,
             Stage::First | Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
-            // The pilot's coefficients are coarse: the first iterations that follow them correct
-            // them, before anything is promised.
+            // The pilot saw a sample of the pixels: the first iterations tell about all, before anything is
+            // promised.
             Stage::First => {
                 self.state.stage = Stage::Chosen;
                 self.state.next_choice = 2.0 * now;
@@ -303,9 +272,8 @@ impl Steer for Autopilot {
             _ => {}
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
-        let known = if self.state.sampled.is_some() { Stage::Chosen } else { Stage::First };
-        let pilot = self.state.stage < known;
-        let every = if pilot { MEASURE_PILOT_EVERY } else { MEASURE_EVERY };
+        let every =
+            if self.state.stage == Stage::First { MEASURE_FIRST_EVERY } else { MEASURE_EVERY };
         let measures = renderer.film().iterations.is_multiple_of(every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
@@ -314,7 +282,7 @@ impl Steer for Autopilot {
     fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
         let Block { film, clock, .. } = renderer.block();
         let measured = film.iterations.saturating_sub(clock.iterations);
-        let known = self.state.stage >= Stage::First && film.iterations >= MEASURE_EVERY;
+        let known = film.iterations >= MEASURE_EVERY;
         let since = self.earlier + elapsed - self.state.block_began;
         let production = clock.times.wall.as_secs_f64();
         let share = 1.0 / MEASURE_EVERY as f64;
@@ -324,10 +292,6 @@ impl Steer for Autopilot {
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
-    fn weights(&self, blocks: &[Block]) -> Vec<f64> {
-        block::weights(blocks, &importance(blocks, self.goal.objective))
-    }
-
     fn state(&self, elapsed: f64) -> Option<State> {
         Some(State { elapsed: self.earlier + elapsed, ..self.state })
     }
@@ -335,14 +299,6 @@ impl Steer for Autopilot {
     fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
-}
-
-/// Two light paths per pixel, within reason, or a fraction.
-fn pilot_counts(renderer: &Renderer, fraction: u32, camera_paths: u32) -> Counts {
-    let pixels = renderer.settings().pixels() as u32;
-    let light_paths =
-        pixels.saturating_mul(2).clamp(1 << 12, 1 << 20).min(renderer.most_light_paths().max(32));
-    Counts::uniform((light_paths / fraction).max(2), camera_paths)
 }
 
 /// Times in proportion to `sampled` that explain those of the production iterations of all blocks.
@@ -363,24 +319,6 @@ fn scaled(sampled: &TimeModel, blocks: &[Block]) -> TimeModel {
         merge_pair: scale * merge_pair,
         pixels,
     }
-}
-
-/// Fits the time model to the production iterations of all blocks.
-fn times(blocks: &[Block], pixels: usize, threads: usize) -> Result<TimeModel> {
-    let mut samples = Vec::new();
-    for block in blocks.iter().filter(|block| block.clock.iterations > 0) {
-        let Clock { iterations, times } = block.clock;
-        for phase in Phase::ALL {
-            samples.push(Sample {
-                phase,
-                light_paths: f64::from(block.counts.light_paths),
-                camera_paths: block.counts.camera_paths.mean(),
-                seconds: phase.time(&times, threads).as_secs_f64() / iterations as f64,
-                error: None,
-            });
-        }
-    }
-    Ok(fit(&samples, pixels as f64)?.model)
 }
 
 /// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as

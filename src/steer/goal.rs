@@ -1,12 +1,13 @@
 //! When to stop, how far the image is, and what is to come.
 
 use crate::base::error::{Error, Result};
-use crate::image::film::{luminance, luminance_weights, pooled};
+use crate::image::film::{luminance, luminance_weights, pooled, total};
 use crate::optimize::Objective;
-use crate::render::block::{Block, Combined, weights};
+use crate::render::block::{Block, Combined};
 use crate::settings::policy::{
     LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, PLAIN_SHARE, UPPER_BOUND,
 };
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
@@ -51,10 +52,10 @@ pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
 /// hides its own.
 pub fn luminances(image: &Combined) -> Vec<f64> {
     let mean: Vec<f64> =
-        image.mean().into_iter().map(|value| luminance(value.as_dvec3())).collect();
+        image.mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
     match image.variance_of_mean() {
         Some(variance) => {
-            let squares: Vec<_> = mean.iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
+            let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
             let (width, height) = image.resolution();
             let clean = |(index, luminance): (usize, &f64)| {
                 let [own] = squares[index];
@@ -63,7 +64,7 @@ pub fn luminances(image: &Combined) -> Vec<f64> {
                     if is_plain { [own] } else { pooled(&squares, index, width, height) };
                 square.max(0.0).sqrt()
             };
-            mean.iter().enumerate().map(clean).collect()
+            mean.par_iter().enumerate().map(clean).collect()
         }
         None => mean,
     }
@@ -154,31 +155,24 @@ pub struct Forecast {
 }
 
 impl Standing {
-    /// Of an image with the weights that its blocks should have.
-    pub fn new(blocks: &[Block], objective: Objective) -> Self {
-        let importance = importance(blocks, objective);
-        let weights = weights(blocks, &importance);
-        Self::of(blocks, weights, &importance)
-    }
-
-    /// Of an image with given weights.
-    pub fn with_weights(blocks: &[Block], weights: Vec<f64>, objective: Objective) -> Self {
-        Self::of(blocks, weights, &importance(blocks, objective))
-    }
-
-    fn of(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
+    /// Of an image with given weights of its blocks, by the importance of its pixels.
+    pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = Combined::new(blocks, weights);
         let counted = |variance: Vec<f64>| {
-            let sum: f64 = variance.iter().zip(importance).map(|(v, weight)| v * weight).sum();
-            sum / importance.len() as f64
+            let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
+            total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
         let film = blocks.last().map(|block| &block.film);
         let own = film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
+        let of_all = match blocks {
+            [_] => own.clone().map(|(variance, _)| variance),
+            _ => combined.variance_of_mean(),
+        };
         Self {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            counted: combined.variance_of_mean().map(counted),
+            counted: of_all.map(counted),
             per_iteration: own.map(|(variance, iterations)| counted(variance) * iterations),
             weights: combined.into_weights(),
         }

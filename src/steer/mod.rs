@@ -7,17 +7,15 @@ pub mod technique;
 
 use crate::base::error::Result;
 use crate::noise::Measure;
-use crate::optimize::Objective;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
 use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
 use autopilot::{Promise, State};
-use goal::importance;
 use plan::Plan;
 
 /// Decides about counts and measuring while an image is rendered.
-pub trait Steer: Send {
+pub trait Steer: Send + Sync {
     /// Prepares the next iteration, after `elapsed` seconds of this run, and tells whether to
     /// measure.
     ///
@@ -25,9 +23,9 @@ pub trait Steer: Send {
     /// If other counts are to be taken and do not fit in the memory.
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure>;
 
-    /// Weight of an iteration of each block.
-    fn weights(&self, blocks: &[Block]) -> Vec<f64> {
-        block::weights(blocks, &importance(blocks, Objective::Pooled))
+    /// Weight of an iteration of each block, for pixels of such importance.
+    fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
+        block::weights(blocks, importance)
     }
 
     /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run;
@@ -99,7 +97,7 @@ impl Steer for Replay {
         Fixed.steer(renderer, elapsed)
     }
 
-    fn weights(&self, blocks: &[Block]) -> Vec<f64> {
+    fn weights(&self, blocks: &[Block], _: &[f64]) -> Vec<f64> {
         let mut weights = self.plan.weights();
         weights.truncate(blocks.len());
         weights

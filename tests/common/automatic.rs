@@ -62,7 +62,7 @@ pub fn automatic<'a>(
     };
     let time = Some(Duration::from_secs(seconds));
     let goal = Goal { time, ..Goal::default() };
-    let mut pilot = Autopilot::new(goal, 1, None).with_times(times);
+    let mut pilot = Autopilot::new(goal, times).with_times(times);
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut elapsed = 0.0;
     while elapsed < seconds as f64 {

@@ -94,7 +94,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
         replay.steer(&mut again, 0.0).unwrap();
         again.iterate(Measure::Off);
     }
-    let replayed = Combined::new(again.blocks(), replay.weights(again.blocks()));
+    let replayed = Combined::new(again.blocks(), replay.weights(again.blocks(), &[]));
     assert_eq!(replayed.mean(), combined.mean());
     assert_eq!(replayed.variance_of_mean(), combined.variance_of_mean());
 }

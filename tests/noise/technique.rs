@@ -15,7 +15,7 @@ fn a_sample_of_the_pixels_is_what_the_image_has_there() {
     let all = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(24, 16) };
     let mut image = Renderer::new(&scene, &*accel, all.clone()).unwrap();
     let other = Settings { seed: 2, ..all };
-    let mut sample = Renderer::of_sample(&scene, &*accel, other, 4).unwrap();
+    let mut sample = image.sample(other, 4).unwrap();
     for renderer in [&mut image, &mut sample] {
         (0..400).for_each(|_| drop(renderer.iterate(Measure::Off)));
     }

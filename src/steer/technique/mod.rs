@@ -1,29 +1,24 @@
 //! Which technique renders an image with the least error: strategy, direct light and merge radii.
 //!
-//! A pilot outside of the image tries each strategy on a sample of the pixels, at a large radius, where the
-//! merge bias is plain, and at a smaller one (`trial.rs`). How noise, bias and time depend on the radii is known
-//! (`model.rs`), so that a few trials tell about all radii; what looks best is then tried where it would render.
-//! theory.md, section 22a.
+//! A pilot outside of the image (`pilot.rs`) tries each strategy on a sample of the pixels (`trial.rs`), at a large
+//! radius, where the merge bias is plain, and at a smaller one; and what areas of surfaces cost (`census.rs`). How
+//! noise, bias and time depend on the radii is known (`model.rs`), so that a few trials tell about all radii; what
+//! looks best is then tried where it would render. theory.md, section 22a.
 
+mod census;
 mod model;
+mod pilot;
 mod trial;
 
-use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::image::counts::Counts;
-use crate::image::film::luminance_weights;
 use crate::render::Renderer;
-use crate::scene::Scene;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Settings, Strategy, shared_by};
+use crate::settings::{Direct, Kernel, Settings, Strategy, shared_by};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
-use model::{Best, Demand, Model};
 use serde::{Deserialize, Serialize};
-use std::array::from_fn;
-use std::time::Instant;
-use trial::{Site, Trial};
 
 /// How a path is found, whatever the radii and counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,19 +29,35 @@ pub struct Technique {
     pub merge_vertex: u32,
     /// How light is found that comes straight from a light source.
     pub direct: Direct,
+    /// What flux is divided by.
+    pub kernel: Kernel,
 }
 
 /// What the choice is free to decide.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Open {
     /// Strategy and merge vertex.
     pub strategy: bool,
     /// Direct light.
     pub direct: bool,
+    /// Discs instead of areas.
+    pub kernel: bool,
     /// The merge radius.
     pub radius: bool,
     /// The radius for photons without a diffuse bounce.
     pub caustic_radius: bool,
+}
+
+impl Open {
+    /// Whether anything is but the counts.
+    pub fn any(&self) -> bool {
+        let Self { strategy, direct, kernel, radius, caustic_radius } = *self;
+        strategy || direct || kernel || radius || caustic_radius
+    }
+
+    fn any_radius(&self) -> bool {
+        self.radius || self.caustic_radius
+    }
 }
 
 /// A technique at its best radii and counts.
@@ -84,6 +95,8 @@ pub struct Scored {
 pub struct Chosen {
     /// The best first, then the others.
     pub candidates: Vec<Scored>,
+    /// What it was free to decide.
+    pub open: Open,
     /// What the pilot took, seconds.
     pub seconds: f64,
 }
@@ -91,8 +104,8 @@ pub struct Chosen {
 impl Technique {
     /// That of some settings.
     pub fn of(settings: &Settings) -> Self {
-        let Settings { strategy, merge_vertex, direct, .. } = *settings;
-        Self { strategy, merge_vertex, direct }
+        let Settings { strategy, merge_vertex, direct, kernel, .. } = *settings;
+        Self { strategy, merge_vertex, direct, kernel }
     }
 
     /// In words.
@@ -101,18 +114,43 @@ impl Technique {
             Strategy::Mis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
             Strategy::Single => format!("merging at vertex {}", self.merge_vertex),
         };
-        match self.direct {
+        let how = match self.direct {
             Direct::Connect => how,
             Direct::PhotonMap => how + ", direct light from the photon map",
+        };
+        match self.kernel {
+            Kernel::Area => how,
+            Kernel::Disc => how + ", on discs",
         }
+    }
+
+    /// The diffuse vertices of a camera path at which photons are merged.
+    fn vertices(&self) -> Vec<u32> {
+        match self.strategy {
+            Strategy::Single => vec![self.merge_vertex],
+            Strategy::Mis => vec![1, 2],
+        }
+    }
+
+    /// The same on discs, if it is not.
+    fn on_discs(&self) -> Option<Self> {
+        (self.kernel == Kernel::Area).then_some(Self { kernel: Kernel::Disc, ..*self })
     }
 
     /// Settings with it at some radii.
     fn with(self, settings: &Settings, radii: ByClass<f32>) -> Settings {
-        let Self { strategy, merge_vertex, direct } = self;
+        let Self { strategy, merge_vertex, direct, kernel } = self;
         let radius = radii[PhotonClass::LastVertex as usize];
         let caustic_radius = radii[PhotonClass::EveryVertex as usize];
-        Settings { strategy, merge_vertex, direct, radius, caustic_radius, ..settings.clone() }
+        Settings {
+            strategy,
+            merge_vertex,
+            direct,
+            kernel,
+            radius,
+            caustic_radius,
+            ..settings.clone()
+        }
     }
 
     /// All that may be chosen beside `settings`.
@@ -132,6 +170,7 @@ impl Technique {
                 strategy,
                 merge_vertex,
                 direct,
+                kernel: own.kernel,
             })
         });
         // Direct light from the map is worth its noise only where all light is merged at the first vertex.
@@ -148,12 +187,13 @@ impl Scored {
     /// The settings that render so.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
-        let Technique { strategy, merge_vertex, direct } = technique;
+        let Technique { strategy, merge_vertex, direct, kernel } = technique;
         let scale = shared_by(camera_paths);
         Settings {
             strategy,
             merge_vertex,
             direct,
+            kernel,
             radius,
             caustic_radius,
             light_paths,
@@ -192,19 +232,15 @@ pub enum End {
     Error(f64),
 }
 
-/// Tries what is open on the threads of the current rayon pool. Where the time is not known, a short pilot tells
-/// how much a longer one may take.
+/// Tries what is open beside the settings of a renderer, on the threads of the current rayon pool. Where the time is
+/// not known, a short pilot tells how much a longer one may take.
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn choose(
-    scene: &Scene,
-    accel: &dyn Intersect,
-    settings: &Settings,
-    (open, end): (Open, End),
-) -> Result<Chosen> {
-    let pilot = |budget| pilot(scene, accel, settings, (open, end), budget);
-    let share = |time: f64| (TECHNIQUE_SHARE * time).min(TECHNIQUE_LONGEST);
+pub fn choose(renderer: &Renderer, open: Open, end: End) -> Result<Chosen> {
+    let pilot = |budget| pilot::run(renderer, (open, end), budget);
+    let part = if open.any() { 1.0 } else { CLOSED_SHARE };
+    let share = |time: f64| part * (TECHNIQUE_SHARE * time).min(TECHNIQUE_LONGEST);
     match end {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
@@ -217,155 +253,4 @@ pub fn choose(
             Ok(Chosen { seconds: first.seconds + again.seconds, ..again })
         }
     }
-}
-
-/// Tries all techniques at the radii of the settings, those that are not much worse at large ones, the best at their
-/// best ones, in `budget` seconds.
-fn pilot(
-    scene: &Scene,
-    accel: &dyn Intersect,
-    settings: &Settings,
-    (open, end): (Open, End),
-    budget: f64,
-) -> Result<Chosen> {
-    let start = Instant::now();
-    let candidates = Technique::candidates(settings, open);
-    let [screening, wide, last] = ROUNDS.map(|share| share * budget);
-    let each = screening / candidates.len() as f64;
-    let site = Site::new(scene, accel, settings, each);
-    let mut demand = Demand {
-        end: match end {
-            End::Time(time) => End::Time(time - budget),
-            error => error,
-        },
-        most_light_paths: Renderer::most_light_paths_for(scene, settings),
-        open,
-        wished: [settings.caustic_radius, settings.radius],
-        largest: LARGE,
-    };
-    let at = Radii::new(settings, open);
-
-    let mut tried = Vec::new();
-    for technique in candidates {
-        let first = site.trial(&technique.with(settings, at.middle()), None, each)?;
-        tried.push(Tried { technique, trials: vec![first] });
-    }
-    let weights = common_weights(&tried);
-    keep_the_best(&mut tried, &weights, &demand);
-
-    let trials: usize = tried.iter().map(|tried| tried.classes().count()).sum();
-    let seconds = wide / trials as f64;
-    // Areas of surfaces are worked out the first time, from triangles whose number goes as the squared radius.
-    let first = tried.iter().map(|tried| tried.trials[0].first).fold(0.0, f64::max);
-    demand.largest = ((seconds / first).sqrt() as f32).clamp(1.0, LARGE);
-    for tried in &mut tried {
-        let classes: Vec<_> = tried.classes().collect();
-        for nests in classes {
-            let settings = tried.technique.with(settings, at.large(nests, demand.largest));
-            tried.trials.push(site.trial(&settings, Some(nests), seconds)?);
-        }
-    }
-    let weights = common_weights(&tried);
-    let score = |tried: &Tried| {
-        let model =
-            Model::new(tried.technique, &tried.trials, &weights, (settings.width, site.footprint));
-        let best = model.best(&demand);
-        (model, best)
-    };
-    let mut scored: Vec<(Model, Best)> = tried.iter().map(score).collect();
-    // What looks best is tried where it does, until the best has been, or the time is over.
-    loop {
-        scored.sort_by(|one, other| one.1.rank(&demand).total_cmp(&other.1.rank(&demand)));
-        if start.elapsed().as_secs_f64() > budget {
-            scored.sort_by_key(|(_, best)| !best.tried);
-        }
-        let (model, best) = &mut scored[0];
-        if best.tried {
-            break;
-        }
-        let seconds = last / FINALISTS;
-        let trial = site.trial(&best.settings(settings, model.technique), None, seconds)?;
-        *best = model.tried_at(&trial, &weights, &demand);
-    }
-    let candidates = scored.iter().map(|(model, best)| best.scored(model.technique)).collect();
-    Ok(Chosen { candidates, seconds: start.elapsed().as_secs_f64() })
-}
-
-/// A technique and its trials.
-struct Tried {
-    technique: Technique,
-    trials: Vec<Trial>,
-}
-
-/// Merge radii of trials, by class of photons, scene units.
-struct Radii {
-    settings: ByClass<f32>,
-    open: ByClass<bool>,
-}
-
-impl Radii {
-    fn new(settings: &Settings, open: Open) -> Self {
-        let Settings { radius, caustic_radius, .. } = *settings;
-        // Where both are open, one ladder serves them.
-        let caustic_radius = if open.caustic_radius { radius } else { caustic_radius };
-        let mut own = Self { settings: [radius; 2], open: [open.radius; 2] };
-        own.settings[PhotonClass::EveryVertex as usize] = caustic_radius;
-        own.open[PhotonClass::EveryVertex as usize] = open.caustic_radius;
-        own
-    }
-
-    fn scaled(&self, scale: ByClass<f32>) -> ByClass<f32> {
-        from_fn(|class| self.settings[class] * if self.open[class] { scale[class] } else { 1.0 })
-    }
-
-    /// Those of the settings.
-    fn middle(&self) -> ByClass<f32> {
-        self.settings
-    }
-
-    /// Large ones for a class of photons, whose bias then stands out.
-    fn large(&self, class: PhotonClass, largest: f32) -> ByClass<f32> {
-        let mut scale = [SMALL; 2];
-        scale[class as usize] = largest;
-        self.scaled(scale)
-    }
-}
-
-impl Tried {
-    /// Classes of photons that it merges.
-    fn classes(&self) -> impl Iterator<Item = PhotonClass> + use<> {
-        let every = self.trials[0].any_at_every_vertex.then_some(PhotonClass::EveryVertex);
-        [PhotonClass::LastVertex].into_iter().chain(every)
-    }
-}
-
-/// Takes out what has much more noise than the best at the same radii, and, where direct light may be had otherwise,
-/// its search in a photon map that is too thin to tell.
-fn keep_the_best(tried: &mut Vec<Tried>, weights: &[f64], demand: &Demand) {
-    tried.retain(|Tried { technique, trials }| {
-        let is_choice = demand.open.direct && technique.direct == Direct::PhotonMap;
-        !is_choice || model::found(&trials[0], weights) >= ENOUGH_FOUND
-    });
-    let noise2 = |tried: &Tried| demand.noise2(&tried.trials[0], weights);
-    let least = tried.iter().map(noise2).fold(f64::INFINITY, f64::min);
-    tried.retain(|tried| {
-        // What is no number stays: one must.
-        let is_hopeless = noise2(tried) > HOPELESS * least;
-        !is_hopeless
-    });
-}
-
-/// Weights of the pixels' squared errors, by their mean luminance in all trials: the same for all techniques,
-/// whatever noise each has.
-fn common_weights(tried: &[Tried]) -> Vec<f64> {
-    let (mut luminance, mut count) = (Vec::new(), 0.0);
-    for trial in tried.iter().flat_map(|tried| &tried.trials) {
-        luminance.resize(trial.noise.pixels.len(), 0.0);
-        for (sum, pixel) in luminance.iter_mut().zip(&trial.noise.pixels) {
-            *sum += pixel.luminance;
-        }
-        count += 1.0;
-    }
-    luminance.iter_mut().for_each(|sum| *sum /= count);
-    luminance_weights(&luminance)
 }

@@ -4,13 +4,14 @@
 //! shared by what a pixel's camera paths see, which is the disc convolved with the pixel's own area: `f` goes as
 //! `1/(r^2 + g^2)`. Both kinds of photons add, each at its own radius; `b` does not depend on either. theory.md (93a).
 
+use super::census::Census;
 use super::trial::Trial;
 use super::{End, Open, Scored, Technique};
 use crate::noise::Coefficients;
 use crate::noise::bias::weighted_square;
 use crate::noise::image::Statistic;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Settings};
+use crate::settings::{Direct, Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -22,6 +23,8 @@ const LAST: usize = PhotonClass::LastVertex as usize;
 /// What a technique costs at any radii.
 pub struct Model {
     pub technique: Technique,
+    /// The largest radius to choose, over that which was asked for.
+    largest: f32,
     /// Second moment of the pairs, relative, times the squared radius.
     pairs: ByClass<f64>,
     /// The light main effect, relative, times the squared radius and footprint.
@@ -33,6 +36,24 @@ pub struct Model {
     footprint: f64,
     /// With the time of merging per pair over the squared reach.
     times: TimeModel,
+    surfaces: Surfaces,
+}
+
+/// What areas of surfaces cost an image before they are known.
+#[derive(Clone, Debug, Default)]
+pub struct Surfaces {
+    /// At two radii, of each vertex at which they are asked for; none without areas.
+    pub census: Vec<[(f64, Census); 2]>,
+    /// Pixels of the image over threads.
+    pub pixels_per_thread: f64,
+}
+
+impl Surfaces {
+    /// Seconds at a reach after so many camera paths per pixel.
+    pub fn cost(&self, reach: f64, visits: f64) -> f64 {
+        let of = |census: &[(f64, Census); 2]| Census::between(*census, reach).cost(visits);
+        self.pixels_per_thread * self.census.iter().map(of).sum::<f64>()
+    }
 }
 
 /// Squared relative bias at a radius, and how it falls.
@@ -54,12 +75,16 @@ struct Typical {
 
 impl Typical {
     /// At a radius in widths of what the image shows.
-    fn new(class: PhotonClass, direct: Direct, radius: f64) -> Self {
-        match (class, direct) {
-            (PhotonClass::LastVertex, _) => {
+    fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
+        match (class, technique.kernel) {
+            (PhotonClass::LastVertex, Kernel::Area) => {
                 Self { square: TYPICAL_BIAS * radius.powi(3), falls_to: TYPICAL_FALL }
             }
-            (PhotonClass::EveryVertex, direct) => {
+            (PhotonClass::LastVertex, Kernel::Disc) => {
+                Self { square: DISC_BIAS * TYPICAL_BIAS * radius.powi(3), falls_to: DISC_FALL }
+            }
+            (PhotonClass::EveryVertex, _) => {
+                let direct = technique.direct;
                 let scale = TYPICAL_SHARP_BIAS[usize::from(direct == Direct::PhotonMap)];
                 Self { square: scale * radius.powi(2), falls_to: TYPICAL_SHARP_FALL }
             }
@@ -91,8 +116,6 @@ pub struct Demand {
     pub open: Open,
     /// Radii that were asked for.
     pub wished: ByClass<f32>,
-    /// The largest to choose, over that.
-    pub largest: f32,
 }
 
 /// The best radii and counts of a technique, and what they lead to.
@@ -113,10 +136,11 @@ impl Model {
     /// From trials at different radii, with weights of the pixels' squared errors; of an image so many pixels wide
     /// that see discs of the radius `footprint`.
     pub fn new(
-        technique: Technique,
+        (technique, largest): (Technique, f32),
         trials: &[Trial],
         weights: &[f64],
         (width, footprint): (u32, f64),
+        surfaces: &Surfaces,
     ) -> Self {
         let across = f64::from(width) * footprint * PI.sqrt();
         let measured: Vec<_> = trials.iter().map(|trial| relative(trial, weights)).collect();
@@ -132,18 +156,20 @@ impl Model {
         for trial in trials {
             if let Some(class) = trial.nests {
                 let radius = trial.radii[class as usize];
-                let typical = Typical::new(class, technique.direct, radius / across);
+                let typical = Typical::new(class, technique, radius / across);
                 bias[class as usize] = Some(Bias::new(trial, radius, weights, typical));
             }
         }
         Self {
             technique,
+            largest,
             pairs: parts(&inverse(0.0), &moments, both),
             light: parts(&inverse(g2), &shared, both),
             camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
             bias,
             footprint,
             times: mean_times(trials),
+            surfaces: surfaces.clone(),
         }
     }
 
@@ -183,7 +209,7 @@ impl Model {
                 return vec![wished];
             }
             (RADIUS_STEPS)
-                .map(|step| wished * f64::from(demand.largest) * 0.5f64.powf(0.5 * f64::from(step)))
+                .map(|step| wished * f64::from(self.largest) * 0.5f64.powf(0.5 * f64::from(step)))
                 .collect()
         };
         let last = steps(open.radius, wished[LAST]);
@@ -207,6 +233,7 @@ impl Model {
                     &self.times(radii),
                     self.bias(radii),
                     radii,
+                    &self.surfaces,
                 );
                 if best.is_none_or(|best| own.rank(demand) < best.rank(demand)) {
                     best = Some(own);
@@ -216,20 +243,41 @@ impl Model {
         best.expect("there is a step")
     }
 
-    /// The counts and what they lead to by a trial at the very radii.
+    /// The counts and what they lead to by a trial at the very radii, if that has found enough.
     pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &Demand) -> Best {
         let radii = trial.radii;
-        let coefficients = relative(trial, weights);
-        let best = demand.evaluate(&coefficients, &trial.times, self.bias(radii), radii);
+        let own = relative(trial, weights);
+        // What few pixels have found looks quiet.
+        let coefficients = if found(trial, weights) < ENOUGH_FOUND {
+            let model = self.coefficients(radii);
+            Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
+        } else {
+            own
+        };
+        let bias = self.bias(radii);
+        let best = demand.evaluate(&coefficients, &trial.times, bias, radii, &self.surfaces);
         Best { tried: true, ..best }
     }
 }
 
 impl Demand {
     /// Squared noise, or the time that it takes to be small enough, at the best counts by a single trial.
-    pub fn noise2(&self, trial: &Trial, weights: &[f64]) -> f64 {
-        let best = self.evaluate(&relative(trial, weights), &trial.times, [0.0; 2], trial.radii);
-        best.rank(self)
+    pub fn noise2(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> f64 {
+        self.noise(trial, weights, surfaces).rank(self)
+    }
+
+    /// Share of the time that areas take before they are known, at some reach, about.
+    pub fn share(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces, reach: f64) -> f64 {
+        let Best { light_paths, camera_paths, seconds, times, .. } =
+            self.noise(trial, weights, &Surfaces::default());
+        let camera_paths = f64::from(camera_paths);
+        let visits = camera_paths * seconds / times.iteration(light_paths, camera_paths);
+        surfaces.cost(reach, visits) / seconds
+    }
+
+    fn noise(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> Best {
+        let coefficients = relative(trial, weights);
+        self.evaluate(&coefficients, &trial.times, [0.0; 2], trial.radii, surfaces)
     }
 
     /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
@@ -239,7 +287,9 @@ impl Demand {
         times: &TimeModel,
         [bias2, bias2_error]: [f64; 2],
         radii: ByClass<f64>,
+        surfaces: &Surfaces,
     ) -> Best {
+        let reach = radii[EVERY].max(radii[LAST]);
         let Coefficients { a, b, f } = coefficients.clamped();
         let mut best: Option<Best> = None;
         for camera_paths in CAMERA_STEPS {
@@ -259,12 +309,19 @@ impl Demand {
             let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
             let tau = base + per_light_path * light_paths;
             let cost = tau * (camera + light / light_paths);
+            // theory.md (93f)
+            let first = |seconds: f64| surfaces.cost(reach, n_camera * seconds / tau);
             let (seconds, noise2) = match self.end {
-                End::Time(time) => (time, cost / time),
+                End::Time(time) => {
+                    let least = LEAST_TIME_SHARE * time;
+                    let left = (time - first(time)).max(least);
+                    (time, cost / (time - first(left)).max(least))
+                }
                 End::Error(error) => {
                     let noise2 = (error * error - bias2).max(LEAST_NOISE_SHARE * error * error);
                     // theory.md (91)
-                    ((cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau), noise2)
+                    let known = (cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
+                    (known + first(known), noise2)
                 }
             };
             let own = Best {
@@ -400,8 +457,9 @@ mod tests {
     }
 
     fn demand(end: End) -> Demand {
-        let open = Open { strategy: true, direct: true, radius: true, caustic_radius: true };
-        Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2], largest: 4.0 }
+        let open =
+            Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
+        Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
     }
 
     #[test]
@@ -422,7 +480,8 @@ mod tests {
     #[test]
     fn counts_are_the_best_of_all_that_are_tried() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let at = |end| demand(end).evaluate(&coefficients, &times(), [1e-5, 0.0], [1.0; 2]);
+        let none = Surfaces::default();
+        let at = |end| demand(end).evaluate(&coefficients, &times(), [1e-5, 0.0], [1.0; 2], &none);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;
         for n_camera in CAMERA_STEPS {
@@ -451,6 +510,7 @@ mod tests {
             strategy: crate::settings::Strategy::Single,
             merge_vertex: 1,
             direct: Direct::Connect,
+            kernel: Kernel::Area,
         };
         let bias = Bias { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
         let mut known = [None; 2];
@@ -458,8 +518,17 @@ mod tests {
         let (mut pairs, mut light) = ([0.0; 2], [0.0; 2]);
         (pairs[LAST], light[LAST]) = (1e4, 6e3);
         let camera = 0.04;
-        let model =
-            Model { technique, pairs, light, camera, bias: known, footprint: 0.1, times: times() };
+        let model = Model {
+            technique,
+            largest: 4.0,
+            pairs,
+            light,
+            camera,
+            bias: known,
+            footprint: 0.1,
+            times: times(),
+            surfaces: Surfaces::default(),
+        };
         let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];
         let radii = [1.0, 100.0, 1e4].map(radius);
         assert!(radii[0] > radii[1] && radii[1] > radii[2], "{radii:?}");

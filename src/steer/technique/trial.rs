@@ -1,5 +1,8 @@
 //! One technique at given radii on a sample of the pixels: its noise, its nested radii and its times.
 
+use super::Technique;
+use super::census::{Census, Ground};
+use super::model::Surfaces;
 use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::image::counts::Counts;
@@ -8,8 +11,8 @@ use crate::noise::film::BatchGrain;
 use crate::noise::image::NoiseImage;
 use crate::render::Renderer;
 use crate::scene::{Placement, Scene};
-use crate::settings::Settings;
 use crate::settings::policy::*;
+use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Sample};
@@ -21,16 +24,19 @@ use std::time::Instant;
 
 /// Where trials take place.
 pub struct Site<'a> {
-    scene: &'a Scene,
-    accel: &'a dyn Intersect,
-    /// Those of the image.
-    pub settings: &'a Settings,
+    ground: Ground<'a>,
+    /// What areas cost at some vertices and radii.
+    census: Vec<(u32, f64, Census)>,
+    /// Some that know areas for different radii, which further trials use.
+    known: Vec<Renderer<'a>>,
     /// Of so many by so many pixels one is taken.
     stride: u32,
     /// Of an iteration of a trial.
     light_paths: u32,
     /// That the memory allows.
     most_light_paths: u32,
+    /// Of the image.
+    pixels: f64,
     /// Area of the surfaces on which photons are merged, scene units squared.
     area: f64,
     /// Radius of a disc of the area that a pixel sees, typically, scene units.
@@ -57,13 +63,13 @@ pub struct Trial {
 }
 
 impl<'a> Site<'a> {
-    /// For the image of these settings, and trials of so many seconds or more.
-    pub fn new(
-        scene: &'a Scene,
-        accel: &'a dyn Intersect,
-        settings: &'a Settings,
-        seconds: f64,
-    ) -> Self {
+    /// For the image of this renderer, and trials of so many seconds or more.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn new(renderer: &Renderer<'a>, seconds: f64) -> Result<Self> {
+        let (scene, accel) = renderer.subject();
+        let settings = renderer.settings();
         let threads = rayon::current_num_threads() as f64;
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
         let paths = (0.5 * each * threads / TRIAL_PATH).clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
@@ -71,9 +77,21 @@ impl<'a> Site<'a> {
         let stride = (settings.pixels() as f64 / sample).sqrt() as u32;
         let stride = stride.clamp(1, settings.width.min(settings.height));
         let (area, footprint) = (merging_area(scene), footprint(scene, accel, settings));
-        let most_light_paths = Renderer::most_light_paths_for(scene, settings);
-        let light_paths = (paths as u32).min(most_light_paths);
-        Self { scene, accel, settings, stride, light_paths, most_light_paths, area, footprint }
+        let most_light_paths = renderer.most_light_paths();
+        let view = scene.camera.view(settings.width, settings.height);
+        let resolution = [settings.width, settings.height];
+        let seed = settings.seed.wrapping_add(TRIAL_SEED);
+        Ok(Self {
+            ground: Ground { scene, accel, view, resolution, seed },
+            census: Vec::new(),
+            known: vec![renderer.sample(settings.clone(), stride)?],
+            stride,
+            light_paths: (paths as u32).min(most_light_paths),
+            most_light_paths,
+            pixels: settings.pixels() as f64,
+            area,
+            footprint,
+        })
     }
 
     /// Tries the strategy, radii and weights of `settings` for so long; one class of photons may be merged at
@@ -82,7 +100,7 @@ impl<'a> Site<'a> {
     /// # Errors
     /// As [`Renderer::new`].
     pub fn trial(
-        &self,
+        &mut self,
         settings: &Settings,
         nests: Option<PhotonClass>,
         seconds: f64,
@@ -93,8 +111,7 @@ impl<'a> Site<'a> {
         // Its samples are none of the image's.
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
         let own = Settings { light_paths, camera_paths, seed, ..settings.clone() };
-        let renderer = Renderer::of_sample(self.scene, self.accel, own.clone(), self.stride)?;
-        let renderer = renderer.with_batches(BatchGrain::Pixel);
+        let renderer = self.renderer(own.clone())?.with_batches(BatchGrain::Pixel);
         let mut renderer = match nests {
             Some(class) if own.radius != own.caustic_radius => renderer.nesting(class),
             _ => renderer,
@@ -113,12 +130,12 @@ impl<'a> Site<'a> {
         let noise = renderer.noise_image()?;
         let any_at_every_vertex = renderer.finds_any_at_every_vertex();
         let mut samples = Vec::new();
-        let many = light_paths.saturating_mul(TIMED_RATIO).min(self.most_light_paths);
-        for light_paths in [light_paths, many] {
+        let share = 0.5 * (1.0 - TRIAL_MEASURING) * seconds;
+        let (mut light_paths, mut per_light_path) = (light_paths, 0.0);
+        for _ in 0..2 {
             renderer.begin_block(Counts::uniform(light_paths, TIMED_CAMERA_PATHS))?;
             let begun = elapsed();
             let mut timed = 0;
-            let share = 0.5 * (1.0 - TRIAL_MEASURING) * seconds;
             while timed < 1
                 || elapsed() < begun + share
                 || timed < TRIAL_TIMED && elapsed() < TRIAL_PATIENCE * seconds
@@ -127,14 +144,23 @@ impl<'a> Site<'a> {
                 timed += 1;
             }
             samples.extend(times(&renderer));
+            // As many more as fit in the time, and no less than tell a difference.
+            let threads = rayon::current_num_threads() as f64;
+            let light = renderer.block().clock.times.light.as_secs_f64() / (timed as f64 * threads);
+            per_light_path = light / f64::from(light_paths);
+            let fits = share / light;
+            let ratio = (fits as u32).clamp(TIMED_RATIOS[0], TIMED_RATIOS[1]);
+            light_paths = light_paths.saturating_mul(ratio).min(self.most_light_paths);
         }
         let pixels = f64::from(noise.width * noise.height);
         let model = fit(&samples, pixels)?.model;
+        // Two times tell the part that is paid anyway badly: it is no more than half.
+        let light_path = model.light_path.max(0.5 * per_light_path);
         Ok(Trial {
             radii: [own.caustic_radius, own.radius].map(f64::from),
             nests,
             noise,
-            times: TimeModel { pixels: self.settings.pixels() as f64, ..model },
+            times: TimeModel { light_path, pixels: self.pixels, ..model },
             even: self.even(&own, photons as f64 / iterations as f64),
             first,
             any_at_every_vertex,
@@ -142,7 +168,49 @@ impl<'a> Site<'a> {
     }
 }
 
-impl Site<'_> {
+impl<'a> Site<'a> {
+    /// What areas cost a technique before they are known, within two reaches, scene units; `seconds` for each
+    /// vertex and reach.
+    pub fn surfaces(&mut self, technique: &Technique, reaches: [f64; 2], seconds: f64) -> Surfaces {
+        let Some(areas) = self.known[0].areas() else { return Surfaces::default() };
+        if technique.kernel == Kernel::Disc {
+            return Surfaces::default();
+        }
+        let mut at = |vertex: u32, reach: f64| {
+            let is_known = |known: &&(u32, f64, Census)| (known.0, known.1) == (vertex, reach);
+            let known = self.census.iter().find(is_known).map(|known| known.2);
+            let take = || self.ground.census(&areas.at(reach as f32), vertex, seconds);
+            let census = known.unwrap_or_else(take);
+            self.census.push((vertex, reach, census));
+            (reach, census)
+        };
+        let census = technique.vertices().into_iter().map(|vertex| {
+            let [near, far] = reaches;
+            let low = at(vertex, near);
+            // What would take too long to try is taken to be as bad as it can be.
+            let worst = low.1.times((far / near).powf(CENSUS_POWER));
+            let high = if worst.least_time() > seconds { (far, worst) } else { at(vertex, far) };
+            [low, high]
+        });
+        let census = census.collect();
+        let threads = rayon::current_num_threads();
+        Surfaces { census, pixels_per_thread: self.pixels / threads as f64 }
+    }
+
+    /// One that shares areas with another of the same reach: most of what trials see is the same.
+    fn renderer(&mut self, settings: Settings) -> Result<Renderer<'a>> {
+        let is_same = |known: &&Renderer| {
+            let known = known.settings();
+            (known.kernel, known.reach()) == (settings.kernel, settings.reach())
+        };
+        if let Some(known) = self.known.iter().find(is_same) {
+            return known.sample(settings, self.stride);
+        }
+        let new = self.known[0].sample(settings.clone(), self.stride)?;
+        self.known.push(new);
+        self.renderer(settings)
+    }
+
     /// A photon is one of so many that share the area, and is found on a disc of it.
     /// theory.md (93e).
     fn even(&self, settings: &Settings, photons: f64) -> f64 {

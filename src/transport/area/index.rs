@@ -11,8 +11,8 @@ use crate::lanes::simd::vectorized;
 use crate::lanes::{LANES, Mask, Vec3s, lanes_of};
 use glam::Vec3;
 use std::f32::consts::PI;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
 
 /// Less than this share of the disc is taken for so much.
 pub const LEAST: f32 = 0.05;
@@ -23,16 +23,21 @@ const CHUNK: usize = 64;
 /// The area that could have sent photons to a point, for all points of a scene and spheres of up to
 /// one radius.
 pub struct Areas<'a> {
-    surfaces: Box<dyn Surfaces + 'a>,
-    sides: Sides,
-    reach: Reach,
+    ground: Arc<Ground<'a>>,
     radius: f32,
-    /// Number of the first triangle of each place.
-    first: Vec<u32>,
     /// Of each side of each triangle, some at a time.
     patches: Box<[OnceLock<Chunk>]>,
     kept: AtomicUsize,
     budget: usize,
+}
+
+/// What areas of any radius rest on.
+struct Ground<'a> {
+    surfaces: Box<dyn Surfaces + 'a>,
+    sides: Sides,
+    reach: Reach,
+    /// Number of the first triangle of each place.
+    first: Vec<u32>,
 }
 
 type Chunk = Box<[OnceLock<Box<Patch>>; CHUNK]>;
@@ -67,13 +72,20 @@ impl<'a> Areas<'a> {
             let count = geometry.meshes[place.mesh as usize].triangles.len();
             first.push(first[first.len() - 1] + count as u32);
         }
-        let facets = 2 * first[first.len() - 1] as usize;
+        Self::on(Arc::new(Ground { surfaces, sides, reach, first }), radius, budget)
+    }
+
+    /// The same surfaces for another radius.
+    #[must_use]
+    pub fn at(&self, radius: f32) -> Self {
+        Self::on(Arc::clone(&self.ground), radius, self.budget)
+    }
+
+    fn on(ground: Arc<Ground<'a>>, radius: f32, budget: usize) -> Self {
+        let facets = 2 * ground.first[ground.first.len() - 1] as usize;
         Self {
-            surfaces,
-            sides,
-            reach,
+            ground,
             radius,
-            first,
             patches: (0..facets.div_ceil(CHUNK)).map(|_| OnceLock::new()).collect(),
             kept: AtomicUsize::new(0),
             budget,
@@ -83,13 +95,13 @@ impl<'a> Areas<'a> {
     /// Number of the side of a triangle.
     #[inline]
     pub fn facet(&self, place: u32, triangle: u32, front: bool) -> u32 {
-        2 * (self.first[place as usize] + triangle) + u32::from(!front)
+        2 * (self.ground.first[place as usize] + triangle) + u32::from(!front)
     }
 
     /// The same by the numbers that gather points keep; see [`Facet`](crate::scene::diffuse::Facet).
     #[inline(always)] // vectorized
     pub fn number(&self, mesh: u32, side: u32) -> u32 {
-        2 * self.first[mesh as usize] + side
+        2 * self.ground.first[mesh as usize] + side
     }
 
     /// Largest radius that can be asked for.
@@ -97,12 +109,16 @@ impl<'a> Areas<'a> {
         self.radius
     }
 
+    /// Bytes that are kept at the most, about.
+    pub fn budget(&self) -> usize {
+        self.budget
+    }
+
     /// Bytes taken.
     pub fn memory(&self) -> Memory {
-        let fixed = self.reach.bytes()
-            + self.sides.bytes()
-            + 4 * self.first.capacity()
-            + size_of_val(&*self.patches);
+        let Ground { sides, reach, first, .. } = &*self.ground;
+        let fixed =
+            reach.bytes() + sides.bytes() + 4 * first.capacity() + size_of_val(&*self.patches);
         Memory { fixed, kept: self.kept.load(Relaxed) }
     }
 
@@ -194,7 +210,7 @@ impl<'a> Areas<'a> {
     fn elsewhere<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
         let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
         let make = || {
-            let geometry = self.surfaces.geometry();
+            let geometry = self.ground.surfaces.geometry();
             let place = &geometry.places[own.place as usize];
             let corners = corners(geometry, place, own.triangle);
             Box::new(Patch::new(corners, own.normal, self.radius.into()))
@@ -231,8 +247,8 @@ impl<'a> Areas<'a> {
     ) -> [f32; N] {
         let Place { index, at } = grid.place(local);
         let make = || {
-            let Self { surfaces, sides, reach, radius, .. } = self;
-            let maker = Maker { surfaces: &**surfaces, sides, reach, radius: (*radius).into() };
+            let Ground { surfaces, sides, reach, .. } = &*self.ground;
+            let maker = Maker { surfaces: &**surfaces, sides, reach, radius: self.radius.into() };
             maker.cell(own, grid, index)
         };
         let made;
@@ -254,7 +270,7 @@ impl<'a> Areas<'a> {
                 radii2.map(|radius2| half_plane(height.max(0.0), radius2))
             }
             Cell::List(list) => list.areas(at, radii2),
-            Cell::Holed(list) => list.areas(&*self.surfaces, self.radius, at, radii2),
+            Cell::Holed(list) => list.areas(&*self.ground.surfaces, self.radius, at, radii2),
             Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
         }
     }
@@ -266,13 +282,14 @@ impl<'a> Areas<'a> {
 
     /// The side of a triangle of this number; `None` if it has no area.
     fn own(&self, facet: u32) -> Option<Own> {
+        let Ground { surfaces, sides, first, .. } = &*self.ground;
         let number = facet / 2;
-        let place = self.first.partition_point(|&first| first <= number) - 1;
-        let (place, triangle) = (place as u32, number - self.first[place]);
-        let normal = self.surfaces.normal(place, triangle);
+        let place = first.partition_point(|&first| first <= number) - 1;
+        let (place, triangle) = (place as u32, number - first[place]);
+        let normal = surfaces.normal(place, triangle);
         let front = facet.is_multiple_of(2);
-        let side = self.sides.of(place, triangle, front);
-        let holes = self.surfaces.has_holes(place);
+        let side = sides.of(place, triangle, front);
+        let holes = surfaces.has_holes(place);
         let normal = if front { normal } else { -normal };
         (normal != Vec3::ZERO).then_some(Own { place, triangle, normal, side, holes })
     }

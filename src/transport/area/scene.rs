@@ -5,7 +5,6 @@ use super::{Areas, Hole, Surfaces};
 use crate::accel::{Geometry, Intersect};
 use crate::base::math::Frame;
 use crate::scene::{Placement, Scene};
-use crate::settings::Settings;
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
@@ -26,11 +25,10 @@ struct SceneSurfaces<'a> {
 
 impl<'a> Areas<'a> {
     /// Of all surfaces of a scene that light reaches, which light paths of its own find out, the same for any
-    /// settings and number of threads.
-    pub fn of_scene(scene: &'a Scene, accel: &dyn Intersect, settings: &Settings) -> Self {
+    /// settings and number of threads; for spheres of up to `radius`, scene units.
+    pub fn of_scene(scene: &'a Scene, accel: &dyn Intersect, radius: f32) -> Self {
         let surfaces = SceneSurfaces { scene, geometry: scene.geometry() };
         let sides = pilot::reached(scene, accel, &surfaces);
-        let radius = settings.radius.max(settings.caustic_radius);
         Self::new(Box::new(surfaces), sides, radius, BUDGET)
     }
 }

@@ -1,0 +1,239 @@
+//! The pilot: all techniques at the radii of the settings, those that are not much worse at large ones, the best at
+//! their best ones.
+
+use super::model::{self, Best, Demand, Model, Surfaces};
+use super::trial::{Site, Trial};
+use super::{Chosen, End, Open, Technique};
+use crate::base::error::Result;
+use crate::image::film::luminance_weights;
+use crate::render::Renderer;
+use crate::settings::policy::*;
+use crate::settings::{Direct, Settings};
+use crate::transport::kernel::ByClass;
+use crate::transport::photon::PhotonClass;
+use std::array::from_fn;
+use std::time::Instant;
+
+/// Tries what is open, in about `budget` seconds.
+///
+/// # Errors
+/// As [`Renderer::new`].
+pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result<Chosen> {
+    let start = Instant::now();
+    let settings = renderer.settings();
+    let candidates = Technique::candidates(settings, open);
+    let [screening, wide, last] = ROUNDS.map(|share| share * budget);
+    let each = screening / candidates.len() as f64;
+    let demand = Demand {
+        end: match end {
+            End::Time(time) => End::Time(time - budget),
+            error => error,
+        },
+        most_light_paths: renderer.most_light_paths(),
+        open,
+        wished: [settings.caustic_radius, settings.radius],
+    };
+    let site = Site::new(renderer, each)?;
+    let at = Radii::new(settings, open);
+    let mut pilot = Pilot { settings, demand, site, at, start, budget, tried: Vec::new() };
+    pilot.screen(candidates, each)?;
+    pilot.add_discs(each)?;
+    pilot.widen(wide)?;
+    let candidates = pilot.finish(last / FINALISTS)?;
+    let candidates = candidates.iter().map(|(model, best)| best.scored(model.technique)).collect();
+    Ok(Chosen { candidates, open, seconds: start.elapsed().as_secs_f64() })
+}
+
+struct Pilot<'a> {
+    settings: &'a Settings,
+    demand: Demand,
+    site: Site<'a>,
+    at: Radii,
+    start: Instant,
+    /// Seconds.
+    budget: f64,
+    tried: Vec<Tried>,
+}
+
+/// A technique and its trials.
+struct Tried {
+    technique: Technique,
+    trials: Vec<Trial>,
+    surfaces: Surfaces,
+    /// The largest radius of trials over that of the settings.
+    largest: f32,
+}
+
+impl Pilot<'_> {
+    /// Tries techniques at the radii of the settings, each for so many seconds, and keeps those that are not much
+    /// worse than the best.
+    fn screen(&mut self, techniques: Vec<Technique>, seconds: f64) -> Result<()> {
+        for technique in techniques {
+            let settings = technique.with(self.settings, self.at.middle());
+            let first = self.site.trial(&settings, None, seconds)?;
+            let asking = CENSUS_SHARE * self.budget;
+            let surfaces = self.site.surfaces(&technique, self.at.reaches(), asking);
+            self.tried.push(Tried { technique, trials: vec![first], surfaces, largest: LARGE });
+        }
+        let weights = common_weights(&self.tried);
+        let noise2 =
+            |tried: &Tried| self.demand.noise2(&tried.trials[0], &weights, &tried.surfaces);
+        self.tried.sort_by(|one, other| noise2(one).total_cmp(&noise2(other)));
+        // A photon map in which few pixels have found anything looks quiet.
+        let is_known = |tried: &&Tried| !tried.is_thin(&weights[..]);
+        let least = self.tried.iter().find(is_known).unwrap_or(&self.tried[0]);
+        let least = noise2(least);
+        self.tried.retain(|tried| {
+            // What is no number stays: one must.
+            let is_hopeless = noise2(tried) > HOPELESS * least;
+            !is_hopeless
+        });
+        Ok(())
+    }
+
+    /// Tries the best techniques whose areas take much of the time before they are known on discs, too.
+    fn add_discs(&mut self, seconds: f64) -> Result<()> {
+        if !self.demand.open.kernel {
+            return Ok(());
+        }
+        let (weights, reaches) = (common_weights(&self.tried), self.at.reaches());
+        let takes_long = |tried: &&Tried| {
+            let share =
+                |reach| self.demand.share(&tried.trials[0], &weights, &tried.surfaces, reach);
+            reaches.into_iter().any(|reach| share(reach) > DISCS_FROM)
+        };
+        let costly = self.tried.iter().filter(takes_long);
+        let twins: Vec<_> = costly.filter_map(|tried| tried.technique.on_discs()).collect();
+        if twins.is_empty() {
+            return Ok(());
+        }
+        self.screen(twins.into_iter().take(MOST_ON_DISCS).collect(), seconds)
+    }
+
+    /// Tries what is left at large radii, the best first, as long as there is time.
+    fn widen(&mut self, seconds: f64) -> Result<()> {
+        let trials: usize = self.tried.iter().map(|tried| tried.classes().count()).sum();
+        let seconds = seconds / trials as f64;
+        let mut widened = 0;
+        for tried in &mut self.tried {
+            if widened > 0 && self.start.elapsed().as_secs_f64() > self.budget {
+                break;
+            }
+            // Areas are worked out the first time, from triangles whose number goes as the squared radius.
+            let most = (seconds / tried.trials[0].first).sqrt() as f32;
+            tried.largest = most.clamp(1.0, LARGE);
+            let classes: Vec<_> = tried.classes().collect();
+            for nests in classes {
+                let radii = self.at.large(nests, tried.largest);
+                let settings = tried.technique.with(self.settings, radii);
+                tried.trials.push(self.site.trial(&settings, Some(nests), seconds)?);
+            }
+            widened += 1;
+        }
+        // Of the others the bias is not known.
+        self.tried.truncate(widened);
+        let weights = common_weights(&self.tried);
+        if self.tried.iter().any(|tried| !tried.is_thin(&weights)) {
+            self.tried.retain(|tried| !tried.is_thin(&weights));
+        }
+        Ok(())
+    }
+
+    /// Tries what looks best where it does, until the best has been, or the time is over; the best first.
+    fn finish(&mut self, seconds: f64) -> Result<Vec<(Model, Best)>> {
+        let Self { settings, demand, site, tried, .. } = self;
+        let weights = common_weights(tried);
+        let score = |tried: &Tried| {
+            let Tried { technique, trials, surfaces, largest } = tried;
+            let across = (settings.width, site.footprint);
+            let model = Model::new((*technique, *largest), trials, &weights, across, surfaces);
+            let mut best = model.best(demand);
+            // Where no radius is open, all trials were at the very radii.
+            best.tried = !demand.open.any_radius();
+            (model, best)
+        };
+        let mut scored: Vec<(Model, Best)> = tried.iter().map(score).collect();
+        loop {
+            scored.sort_by(|one, other| one.1.rank(demand).total_cmp(&other.1.rank(demand)));
+            if self.start.elapsed().as_secs_f64() > self.budget {
+                scored.sort_by_key(|(_, best)| !best.tried);
+            }
+            let (model, best) = &mut scored[0];
+            if best.tried {
+                return Ok(scored);
+            }
+            let settings = best.settings(settings, model.technique);
+            let trial = site.trial(&settings, None, seconds)?;
+            *best = model.tried_at(&trial, &weights, demand);
+        }
+    }
+}
+
+impl Tried {
+    /// Whether direct light is looked for in a photon map in which few pixels have found anything.
+    fn is_thin(&self, weights: &[f64]) -> bool {
+        let found = self.trials.iter().map(|trial| model::found(trial, weights));
+        self.technique.direct == Direct::PhotonMap && found.fold(0.0, f64::max) < ENOUGH_FOUND
+    }
+
+    /// Classes of photons that it merges.
+    fn classes(&self) -> impl Iterator<Item = PhotonClass> + use<> {
+        let every = self.trials[0].any_at_every_vertex.then_some(PhotonClass::EveryVertex);
+        [PhotonClass::LastVertex].into_iter().chain(every)
+    }
+}
+
+/// Merge radii of trials, by class of photons, scene units.
+struct Radii {
+    settings: ByClass<f32>,
+    open: ByClass<bool>,
+}
+
+impl Radii {
+    fn new(settings: &Settings, open: Open) -> Self {
+        let Settings { radius, caustic_radius, .. } = *settings;
+        // Where both are open, one ladder serves them.
+        let caustic_radius = if open.caustic_radius { radius } else { caustic_radius };
+        let mut own = Self { settings: [radius; 2], open: [open.radius; 2] };
+        own.settings[PhotonClass::EveryVertex as usize] = caustic_radius;
+        own.open[PhotonClass::EveryVertex as usize] = open.caustic_radius;
+        own
+    }
+
+    fn scaled(&self, scale: ByClass<f32>) -> ByClass<f32> {
+        from_fn(|class| self.settings[class] * if self.open[class] { scale[class] } else { 1.0 })
+    }
+
+    /// Those of the settings.
+    fn middle(&self) -> ByClass<f32> {
+        self.settings
+    }
+
+    /// What photons are looked up within there, and at the largest, scene units.
+    fn reaches(&self) -> [f64; 2] {
+        let largest = |radii: ByClass<f32>| f64::from(radii[0].max(radii[1]));
+        [largest(self.settings), largest(self.scaled([LARGE; 2]))]
+    }
+
+    /// Large ones for a class of photons, whose bias then stands out.
+    fn large(&self, class: PhotonClass, largest: f32) -> ByClass<f32> {
+        let mut scale = [SMALL; 2];
+        scale[class as usize] = largest;
+        self.scaled(scale)
+    }
+}
+
+/// Weights of the pixels' squared errors, by their mean luminance in all trials: the same for all techniques,
+/// whatever noise each has.
+fn common_weights(tried: &[Tried]) -> Vec<f64> {
+    let (mut luminance, mut count) = (Vec::new(), 0.0);
+    for trial in tried.iter().flat_map(|tried| &tried.trials) {
+        luminance.resize(trial.noise.pixels.len(), 0.0);
+        for (sum, pixel) in luminance.iter_mut().zip(&trial.noise.pixels) {
+            *sum += pixel.luminance;
+        }
+        count += 1.0;
+    }
+    luminance.iter_mut().for_each(|sum| *sum /= count);
+    luminance_weights(&luminance)
+}
