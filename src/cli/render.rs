@@ -1,6 +1,7 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
+use super::outputs::Attempts;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
@@ -77,7 +78,7 @@ pub struct Args {
     pub checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
-    resume: Option<PathBuf>,
+    pub resume: Option<PathBuf>,
 }
 
 /// Where the counts come from.
@@ -88,7 +89,7 @@ enum Counting {
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let outputs = Outputs::new(args)?;
+    let mut outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
     let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
     let counting = match (&resumed, planned.as_ref()) {
@@ -103,7 +104,12 @@ pub fn run(args: &Args) -> Result<String> {
         .map(|checkpoint| &checkpoint.origin)
         .zip(args.resume.as_deref())
         .or(planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref()));
+    let times = args.timings.as_deref().map(Timings::load).transpose()?;
     let mut prepared = Prepared::new(&args.session, begun)?;
+    if outputs.spare_inputs(args)? && !args.session.quiet {
+        let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
+        say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
+    }
     let start = Instant::now();
     let mut goal = args.goal(&counting);
     let mut chosen = None;
@@ -152,8 +158,8 @@ pub fn run(args: &Args) -> Result<String> {
             };
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
-            let pilot = match &args.timings {
-                Some(path) => pilot.with_times(known_times(path, &prepared)?),
+            let pilot = match times.zip(args.timings.as_deref()) {
+                Some((times, path)) => pilot.with_times(fitting(&times, path, &prepared)?),
                 None => pilot,
             };
             task.render(renderer, pilot)
@@ -254,13 +260,12 @@ fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
     Ok((plan, origin))
 }
 
-/// Times that belong to this scene and these settings.
-fn known_times(path: &Path, prepared: &Prepared) -> Result<TimeModel> {
-    let timings = Timings::load(path)?;
+/// The model of times that belong to this scene and these settings.
+fn fitting(times: &Timings, path: &Path, prepared: &Prepared) -> Result<TimeModel> {
     let Settings { width, height, .. } = prepared.origin.settings;
     let facts = prepared.origin.to_metadata();
-    timings.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
-    Ok(timings.model)
+    times.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
+    Ok(times.model)
 }
 
 /// A render that is ready to begin.
@@ -293,22 +298,24 @@ impl Task<'_> {
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
-                let save = |writer: &mut Writer| {
-                    writer.save_checkpoint(renderer, steer, session.elapsed())
+                let save = |writer: &mut Writer, attempts: &mut Attempts| {
+                    writer.save_checkpoint(renderer, steer, session.elapsed(), attempts);
                 };
-                schedule.write_when_due(&mut writer, session, save, |writer| {
-                    writer.save_image(&combined(renderer, steer))
+                schedule.write_when_due(&mut writer, session, save, |writer, attempts| {
+                    writer.save_image(&combined(renderer, steer), attempts);
                 });
             })?;
         session.progress.finish();
         let half_way = session.half_way();
-        // The checkpoint first: with it, a full disk costs no work.
-        writer.save_checkpoint(&renderer, &steer, session.elapsed())?;
+        // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer);
-        writer.save_image(&image)?;
+        let mut attempts = Attempts::default();
+        writer.save_image(&image, &mut attempts);
         if let Some(path) = &args.noise {
-            save_noise(path, prepared, &renderer, &session.progress)?;
+            attempts.add(path, || save_noise(path, prepared, &renderer, &session.progress));
         }
+        writer.save_checkpoint(&renderer, &steer, session.elapsed(), &mut attempts);
+        attempts.finish()?;
 
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let (variance, luminance) = (image.pooled_variance(), image.mean_luminance());

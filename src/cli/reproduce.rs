@@ -135,7 +135,7 @@ fn identity(prepared: &Prepared, time: Duration) -> Result<Identity> {
 /// Measures what is left; returns whether all is complete.
 fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
     let mut progress = Progress::new(Goal { time: Some(time), ..Goal::default() }, quiet);
-    let presses = catch_interrupts(progress.clone())?;
+    let interrupted = catch_interrupts(progress.clone())?;
     let (done, all) = (run.experiment().done.len(), Part::all().len());
     let Identity { setup, .. } = &run.experiment().identity;
     progress.note(&match done {
@@ -158,9 +158,9 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
         let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: glimpse.left });
         let status = Status { iterations, standing: None, forecast };
         progress.update(&totals, &status, Duration::from_secs_f64(glimpse.seconds));
-        match presses.load(Ordering::Relaxed) {
-            0 => ControlFlow::Continue(()),
-            _ => ControlFlow::Break(()),
+        match interrupted.load(Ordering::Relaxed) {
+            false => ControlFlow::Continue(()),
+            true => ControlFlow::Break(()),
         }
     });
     progress.finish();

@@ -15,7 +15,7 @@ use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
@@ -139,18 +139,29 @@ impl Prepared {
     }
 }
 
-/// Counts Ctrl-C (and requests to terminate); the second one ends the program at once.
-pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicU32> {
-    static PRESSES: AtomicU32 = AtomicU32::new(0);
-    ctrlc::set_handler(move || {
-        if PRESSES.fetch_add(1, Ordering::Relaxed) > 0 {
-            // The customary status of a program that SIGINT ended.
-            std::process::exit(130);
+/// Signals within this time of the first are of the same wish: `timeout` and terminals send one to a
+/// program and to its group.
+const ONE_WISH: Duration = Duration::from_secs(2);
+
+/// Tells of Ctrl-C (and requests to terminate); a second one later ends the program at once.
+pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicBool> {
+    static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+    let mut first: Option<Instant> = None;
+    ctrlc::set_handler(move || match first {
+        None => {
+            first = Some(Instant::now());
+            INTERRUPTED.store(true, Ordering::Relaxed);
+            let after = ONE_WISH.as_secs();
+            progress.note(&format!(
+                "finishing this iteration; press Ctrl-C again after {after} seconds to abort"
+            ));
         }
-        progress.note("finishing this iteration; press Ctrl-C again to abort");
+        Some(first) if first.elapsed() < ONE_WISH => {}
+        // The customary status of a program that SIGINT ended.
+        Some(_) => std::process::exit(130),
     })
     .map_err(|e| Error::new(format!("cannot catch Ctrl-C: {e}"), "report this as a bug"))?;
-    Ok(&PRESSES)
+    Ok(&INTERRUPTED)
 }
 
 /// Relative growth of the time between two expectations that are remembered.
@@ -188,7 +199,7 @@ pub struct Session<'a> {
     start: Instant,
     /// When iterating began.
     first: Instant,
-    presses: &'static AtomicU32,
+    interrupted: &'static AtomicBool,
 }
 
 impl<'a> Session<'a> {
@@ -200,7 +211,7 @@ impl<'a> Session<'a> {
         (verb, counts): (&str, &str),
     ) -> Result<Self> {
         let progress = Progress::new(goal, quiet);
-        let presses = catch_interrupts(progress.clone())?;
+        let interrupted = catch_interrupts(progress.clone())?;
         let Settings { width, height, .. } = prepared.origin.settings;
         progress.note(&format!("read {}", prepared.summary));
         progress.note(&format!(
@@ -221,7 +232,7 @@ impl<'a> Session<'a> {
             expectations: Vec::new(),
             start,
             first: start,
-            presses,
+            interrupted,
         })
     }
 
@@ -257,7 +268,7 @@ impl<'a> Session<'a> {
             self.warn_of_bad_pixels(&report, renderer.iterations() - 1);
             self.look(renderer, steer);
             self.progress.update(&self.totals, &self.status, self.start.elapsed());
-            if self.presses.load(Ordering::Relaxed) > 0 {
+            if self.interrupted.load(Ordering::Relaxed) {
                 return Ok(StoppedBy::Interrupt);
             }
             between(self, renderer, steer);

@@ -5,6 +5,7 @@
 
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input::read_if_begins;
 use crate::render::block::Block;
 use crate::settings::origin::Origin;
 use crate::steer::autopilot;
@@ -43,10 +44,13 @@ impl Checkpoint<'_> {
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
         write_atomically(path, |to| {
-            let mut hashing = Hashing { to, hash: Xxh3Default::new() };
+            let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
             hashing.write_all(&FORMAT.to_le_bytes())?;
-            postcard::to_io(self, &mut hashing).map_err(io::Error::other)?;
+            if let Err(e) = postcard::to_io(self, &mut hashing) {
+                // The encoder does not say why it could not write.
+                return Err(hashing.failure.unwrap_or_else(|| io::Error::other(e)));
+            }
             let digest = hashing.hash.digest();
             hashing.to.write_all(&digest.to_le_bytes())
         })
@@ -60,7 +64,7 @@ impl Checkpoint<'static> {
     /// If the file cannot be read, is no checkpoint, is from another format version, or is
     /// damaged; names it.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_if_begins(path, &MAGIC)?;
         Self::decode(&bytes).map_err(|e| e.at(path))
     }
 
@@ -111,13 +115,23 @@ impl Checkpoint<'static> {
 struct Hashing<W> {
     to: W,
     hash: Xxh3Default,
+    /// Of the last write.
+    failure: Option<io::Error>,
 }
 
 impl<W: Write> Write for Hashing<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.to.write(bytes)?;
-        self.hash.update(&bytes[..written]);
-        Ok(written)
+        match self.to.write(bytes) {
+            Ok(written) => {
+                self.hash.update(&bytes[..written]);
+                Ok(written)
+            }
+            Err(e) => {
+                let same = e.raw_os_error().map_or(e.kind().into(), io::Error::from_raw_os_error);
+                self.failure = Some(e);
+                Err(same)
+            }
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -1,8 +1,10 @@
 //! OpenEXR: 32-bit floats without loss, one part whose channel names carry the layers.
 
+use super::exr_header::SortedHeader;
 use super::{Image, Layer, Metadata, Value};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input;
 use exr::meta::attribute::Chromaticities;
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
@@ -11,11 +13,14 @@ use exr::prelude::{
     Text, Vec2, WritableImage,
 };
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 /// Goes before the name of every custom attribute.
 const PREFIX: &str = "bdpm.";
+
+/// What every EXR file begins with.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
 /// with losses to a few thousand where all pixels are the same.
@@ -29,7 +34,7 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Writes all layers and metadata to `path`.
+/// Writes all layers and metadata to `path`. Equal images become equal files.
 ///
 /// # Errors
 /// If the file cannot be written; names it.
@@ -69,7 +74,7 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     let part = exr::prelude::Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
     let file = exr::prelude::Image::new(shared, part);
     write_atomically(path, |to| {
-        file.write().to_buffered(to).map_err(|e| match e {
+        file.write().to_buffered(SortedHeader::new(to)).map_err(|e| match e {
             exr::error::Error::Io(e) => e,
             e => std::io::Error::other(e.to_string()),
         })
@@ -81,13 +86,21 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
 pub fn read_exr(path: &Path) -> Result<Image> {
+    let file = input::open(path)?;
+    check_magic(&file).map_err(|e| Error::io("read", path, e))?.map_err(|e| e.at(path))?;
     let broken = |e: exr::error::Error| match e {
         exr::error::Error::Io(e) => Error::io("read", path, e),
-        e => {
-            Error::new(format!("cannot read it as an EXR image: {e}"), "give an .exr file").at(path)
-        }
+        exr::error::Error::NotSupported(what) => Error::new(
+            format!("this kind of EXR image cannot be read: {what}"),
+            "save it again, with flat channels",
+        )
+        .at(path),
+        e => Error::new(
+            format!("the EXR image is cut off or damaged: {e}"),
+            "copy it again from where it came, or make it anew",
+        )
+        .at(path),
     };
-    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
     check_size(&file).map_err(broken)?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -134,6 +147,19 @@ pub fn read_exr(path: &Path) -> Result<Image> {
     };
     let (width, height) = (side(part.size.0)?, side(part.size.1)?);
     Ok(Image { width, height, layers, metadata })
+}
+
+/// Refuses what is no EXR file at all; goes back to the beginning.
+fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
+    let mut begin = Vec::new();
+    file.take(MAGIC.len() as u64).read_to_end(&mut begin)?;
+    file.rewind()?;
+    let problem = match &begin[..] {
+        [] => "the file is empty",
+        begin if MAGIC.starts_with(begin) => return Ok(Ok(())),
+        _ => "this is no EXR image",
+    };
+    Ok(Err(Error::new(problem, "give an .exr file")))
 }
 
 /// Refuses more pixels than a file of this size can hold, before memory is taken for them; goes back to
@@ -205,6 +231,23 @@ mod tests {
     }
 
     #[test]
+    fn equal_images_are_equal_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = |name: &str| {
+            let path = folder.path().join(name);
+            let mut image = image(20, 40);
+            for i in 0..30 {
+                image.metadata.insert(format!("fact {i}"), Value::Number(f64::from(i)));
+            }
+            write_exr(&path, &image).unwrap();
+            assert_eq!(read_exr(&path).unwrap().metadata, image.metadata);
+            fs::read(&path).unwrap()
+        };
+        // By chance two orders of 30 are the same once in 10^32 times.
+        assert_eq!(bytes("a.exr"), bytes("b.exr"));
+    }
+
+    #[test]
     fn the_file_says_what_its_colors_mean_and_who_wrote_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
@@ -225,8 +268,12 @@ mod tests {
         for length in (0..whole.len()).step_by(37) {
             fs::write(&path, &whole[..length]).unwrap();
             let shown = read_exr(&path).unwrap_err().to_string();
-            assert!(shown.contains("a.exr") && shown.contains("\nhelp: "), "{length}: {shown}");
+            let problem = if length == 0 { "the file is empty" } else { "cut off or damaged" };
+            assert!(shown.contains(problem) && shown.contains("\nhelp: "), "{length}: {shown}");
         }
+        fs::write(&path, b"v/1 is no magic number").unwrap();
+        let shown = read_exr(&path).unwrap_err().to_string();
+        assert!(shown.contains("a.exr: this is no EXR image\nhelp: give an .exr file"), "{shown}");
         let missing = read_exr(&folder.path().join("none.exr")).unwrap_err().to_string();
         assert!(missing.contains("none.exr"), "{missing}");
     }
