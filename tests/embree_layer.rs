@@ -266,7 +266,7 @@ fn bad_meshes_are_refused_with_their_place() {
     }
     let text = refusal(&[Vec3::ZERO, Vec3::X, Vec3::Y * -1e30], &[[0, 1, 2]]);
     assert!(text.starts_with("mesh 1: vertex 2 is too far out: "), "{text}");
-    assert!(text.ends_with("coordinates must be below 1e12"), "{text}");
+    assert!(text.ends_with("coordinates must be at most 1e12"), "{text}");
 }
 
 /// Both backends hit all that validation lets pass.

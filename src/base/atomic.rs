@@ -22,9 +22,10 @@ pub fn write_atomically(
     let target = destination(path);
     let file = temporary(&folder(&target)).map_err(|e| Error::io("write", path, e))?;
     let save = || {
-        let mut buffered = BufWriter::with_capacity(1 << 18, file);
+        // To the file itself: errors are about `path`, not about its temporary name.
+        let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
         write(&mut buffered)?;
-        let file = buffered.into_inner()?;
+        buffered.into_inner()?;
         // Without this, a power failure after the renaming could leave an empty file.
         file.as_file().sync_all()?;
         file.persist(&target)?;

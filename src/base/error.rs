@@ -58,6 +58,7 @@ impl Error {
             std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
                 "free some disk space"
             }
+            std::io::ErrorKind::FileTooLarge => "allow larger files: ulimit -f",
             _ => "check the file and its folder",
         };
         Self {

@@ -26,6 +26,9 @@ use std::time::Instant;
 /// with 16 iterations in each, sums over regions are near enough to normal.
 const DEFAULT_ITERATIONS: u64 = 256;
 
+/// Of one iteration there is no sample variance.
+const LEAST_ITERATIONS: u64 = 2;
+
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -82,16 +85,20 @@ pub fn run(args: &Args) -> Result<String> {
     let mut renderer = prepared.renderer()?.with_batches(BatchGrain::Pixel);
 
     let time = args.session.time;
+    if let Some(time) = time {
+        let counts = &renderer.block().counts;
+        prepared.check_time(time, LEAST_ITERATIONS, counts, args.session.quiet)?;
+    }
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
     let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
     let counts = describe_counts(renderer.block());
     let mut session =
-        Session::new(&prepared, (goal, 2), args.session.quiet, ("measuring", &counts))?;
+        Session::new(&prepared, (goal, LEAST_ITERATIONS), args.session.quiet, ("measuring", &counts))?;
     let mut measuring = Measuring(args.estimator);
     let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| {})?;
     let film = renderer.film();
     session.progress.finish();
-    if film.iterations < 2 {
+    if film.iterations < LEAST_ITERATIONS {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {

@@ -8,8 +8,12 @@ use bdpm::pictures::digits;
 use std::fmt::Write;
 
 /// `value +- error`, aligned at the sign between them.
+/// Relative errors below this are none.
+const ROUNDING: f64 = 1e-9;
+
 pub fn with_error(value: f64, error: Option<f64>) -> String {
-    let error = error.filter(|error| error.is_finite());
+    // What is certain but for rounding has no error: a time relative to itself.
+    let error = error.filter(|error| error.is_finite() && *error > ROUNDING * value.abs());
     let digits = digits(value, error.unwrap_or(0.0));
     match error {
         Some(error) => format!("{value:>12.digits$} +- {error:<10.digits$}"),

@@ -5,10 +5,11 @@ use super::outputs::Attempts;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
-use super::session::{Prepared, Session, SessionArgs};
+use super::session::{Begun, Prepared, Session, SessionArgs};
 use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
+use bdpm::image::counts::Counts;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
@@ -18,7 +19,7 @@ use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
-use bdpm::settings::origin::Origin;
+use bdpm::settings::origin::{Origin, Reuse};
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::{Goal, Target};
 use bdpm::steer::plan::Plan;
@@ -99,11 +100,12 @@ pub fn run(args: &Args) -> Result<String> {
         (None, None) if args.counts_are_open() => Counting::Automatic,
         (None, None) => Counting::Fixed,
     };
-    let begun = resumed
-        .as_ref()
-        .map(|checkpoint| &checkpoint.origin)
-        .zip(args.resume.as_deref())
-        .or(planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref()));
+    let begun = |origin, file, reuse| Begun { origin, file, reuse };
+    let resumes = resumed.as_ref().map(|checkpoint| &checkpoint.origin).zip(args.resume.as_deref());
+    let plans = planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref());
+    let begun = resumes
+        .map(|(origin, file)| begun(origin, file, Reuse::Resume))
+        .or(plans.map(|(origin, file)| begun(origin, file, Reuse::Plan)));
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
     let mut prepared = Prepared::new(&args.session, begun)?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
@@ -126,6 +128,9 @@ pub fn run(args: &Args) -> Result<String> {
             ..settings
         };
         goal.bias2 = chosen.best().bias.powi(2);
+    }
+    if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
+        prepared.check_time(time, 1, &counts, args.session.quiet)?;
     }
     let mut renderer = prepared.renderer()?;
     if args.noise.is_some() {
@@ -164,6 +169,16 @@ pub fn run(args: &Args) -> Result<String> {
             };
             task.render(renderer, pilot)
         }
+    }
+}
+
+/// The counts of all iterations, where they are the same and their number is open.
+fn fixed_counts(counting: &Counting, prepared: &Prepared) -> Option<Counts> {
+    let Settings { light_paths, camera_paths, .. } = prepared.origin.settings;
+    match counting {
+        Counting::Fixed => Some(Counts::uniform(light_paths, camera_paths)),
+        Counting::Replay(plan) if plan.iterations().is_none() => Some(plan.steps[0].counts.clone()),
+        Counting::Replay(_) | Counting::Automatic => None,
     }
 }
 

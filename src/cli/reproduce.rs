@@ -2,7 +2,7 @@
 
 use super::progress::{Progress, Status, Totals};
 use super::session::{Prepared, SessionArgs, catch_interrupts};
-use super::{human_time, json};
+use super::{human_time, json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::check_memory;
 use bdpm::noise::region;
@@ -89,6 +89,9 @@ pub fn run(args: &Args) -> Result<String> {
     let bench =
         Bench { scene: &prepared.scene, accel: &*prepared.accel, threads: &prepared.threads };
     let mut run = Run::new(bench, folder.clone(), experiment);
+    if run.experiment().done.is_empty() && !args.session.quiet {
+        warn_of_haste(&run, time)?;
+    }
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
             (true, _) => json(&Report { complete: false, report: None, results: None }),
@@ -130,6 +133,20 @@ fn identity(prepared: &Prepared, time: Duration) -> Result<Identity> {
         region: region::find(Some(REGION), &scene.regions)?,
         time_budget: time.as_secs_f64(),
     })
+}
+
+/// Every part has a least number of iterations, for its standard errors.
+fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
+    let least = run.least_time()?;
+    if least > budget.as_secs_f64() {
+        say(&format!(
+            "warning: the least number of iterations of all parts takes at least about {}, longer than \
+             --time-budget {}\nhelp: lower --resolution, or give more time: the errors will be large",
+            human_time(least),
+            humantime::format_duration(budget)
+        ));
+    }
+    Ok(())
 }
 
 /// Measures what is left; returns whether all is complete.

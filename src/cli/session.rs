@@ -1,18 +1,19 @@
 //! What `render` and `analyze` have in common: from the arguments to the last iteration.
 
 use super::progress::{Progress, Status, Totals};
-use super::{SceneArgs, say};
+use super::{SceneArgs, human_time, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
+use bdpm::image::counts::Counts;
 use bdpm::import::SceneSummary;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
-use bdpm::settings::origin::Origin;
+use bdpm::settings::origin::{Origin, Reuse};
 use bdpm::settings::{PartialSettings, Settings};
-use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy};
+use bdpm::steer::{Steer, pace};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -68,6 +69,14 @@ pub struct Seconds {
     write: f64,
 }
 
+/// What there is of an image: what it was made of, its file, and what is done with it.
+#[derive(Clone, Copy)]
+pub struct Begun<'a> {
+    pub origin: &'a Origin,
+    pub file: &'a Path,
+    pub reuse: Reuse,
+}
+
 /// A scene ready to render.
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
@@ -80,9 +89,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Loads the scene and builds its hierarchy; `begun` is what the image to go on with was made
-    /// of, and its file.
-    pub fn new(args: &SessionArgs, begun: Option<(&Origin, &Path)>) -> Result<Self> {
+    /// Loads the scene and builds its hierarchy, for an image that may have begun.
+    pub fn new(args: &SessionArgs, begun: Option<Begun>) -> Result<Self> {
         Self::with_wishes(args, args.scene.wishes.clone(), begun)
     }
 
@@ -97,7 +105,7 @@ impl Prepared {
     fn with_wishes(
         args: &SessionArgs,
         asked: PartialSettings,
-        begun: Option<(&Origin, &Path)>,
+        begun: Option<Begun>,
     ) -> Result<Self> {
         let threads = rayon::ThreadPoolBuilder::new()
             .num_threads(args.threads.unwrap_or(0).into())
@@ -111,9 +119,9 @@ impl Prepared {
         }
         let (scene, summary) = (loaded.scene, loaded.summary);
         // A resumed image has its own settings; arguments that agree with them do no harm.
-        let defaults = begun.map_or(loaded.defaults, |(origin, _)| (&origin.settings).into());
+        let defaults = begun.map_or(loaded.defaults, |begun| (&begun.origin.settings).into());
         let settings = Settings::resolve(&asked, &defaults, scene.size())?;
-        let begun_backend = begun.and_then(|(origin, _)| {
+        let begun_backend = begun.and_then(|Begun { origin, .. }| {
             Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
         });
         let backend = args.scene.accel.or(begun_backend).unwrap_or_default();
@@ -124,8 +132,8 @@ impl Prepared {
             backend: backend.name().into(),
             settings,
         };
-        if let Some((begun, file)) = begun {
-            begun.check_agrees(&origin).map_err(|e| e.at(file))?;
+        if let Some(Begun { origin: begun, file, reuse }) = begun {
+            begun.check_agrees(&origin, reuse).map_err(|e| e.at(file))?;
         }
         let start = Instant::now();
         let accel = threads.install(|| backend::build(backend, &scene))?;
@@ -136,6 +144,49 @@ impl Prepared {
     /// A renderer from the first iteration.
     pub fn renderer(&self) -> Result<Renderer<'_>> {
         Renderer::new(&self.scene, &*self.accel, self.origin.settings.clone())
+    }
+}
+
+/// So many times the time that was given, an iteration is refused.
+const FAR_OVER: f64 = 4.0;
+
+/// So many times the time that was given, it is warned of.
+const OVER: f64 = 1.5;
+
+/// Shorter times are as good as this, seconds: whoever gives 0 wants the least that there is.
+const LEAST_TIME: f64 = 1.0;
+
+impl Prepared {
+    /// Refuses counts of which the `least` number of iterations would take far longer than the `time`, which
+    /// a quick measurement tells, and warns of those that would take somewhat longer.
+    pub fn check_time(&self, time: Duration, least: u64, counts: &Counts, quiet: bool) -> Result<()> {
+        let settings = &self.origin.settings;
+        let measure = || pace::least_times(&self.scene, &*self.accel, settings);
+        let (light, camera) = (counts.light_paths, counts.camera_paths.mean());
+        let iteration = self.threads.install(measure)?.iteration(light.into(), camera);
+        let over = least as f64 * iteration / time.as_secs_f64().max(LEAST_TIME);
+        if over < OVER {
+            return Ok(());
+        }
+        let (what, take) = match least {
+            1 => ("an iteration".into(), "takes"),
+            _ => (format!("the least {least} iterations"), "take"),
+        };
+        let problem = format!(
+            "{what} of {light} light paths and {camera} camera paths per pixel {take} about {}, longer \
+             than --time {}",
+            human_time(least as f64 * iteration),
+            humantime::format_duration(time)
+        );
+        let advice = "lower --camera-paths, --light-paths or --resolution, or give more --time; \
+                      --iterations instead of --time takes as long as it takes";
+        if over >= FAR_OVER {
+            return Err(Error::new(problem, advice));
+        }
+        if !quiet {
+            say(&format!("warning: {problem}\nhelp: {advice}"));
+        }
+        Ok(())
     }
 }
 

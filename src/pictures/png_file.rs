@@ -37,7 +37,12 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate:
 /// If there are not three bytes per pixel.
 pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> crate::Result<()> {
     assert_eq!(bytes.len(), 3 * width as usize * height as usize);
-    write_atomically(path, |to| Ok(encode(to, width, height, bytes)?))
+    write_atomically(path, |to| {
+        encode(to, width, height, bytes).map_err(|e| match e {
+            png::EncodingError::IoError(e) => e,
+            e => e.into(),
+        })
+    })
 }
 
 /// Whether `path` is a PNG file that this program has written.

@@ -136,13 +136,13 @@ fn coordinates_that_are_not_finite_or_too_large() {
         ("nan", "not finite"),
         ("-inf", "not finite"),
         ("1e39", "not finite"),
-        ("2e15", "beyond 1e15"),
+        ("2e12", "beyond 1e12"),
     ] {
         let content = format!("v 0 0 0\nv 1 {word} 0\n");
         obj(&content).refused(&["a.obj:2: the vertex has a coordinate", problem, "help: "]);
     }
     changed("[0, 0, 5]", "[0, nan, 5]").refused(&["s.toml:2: a number is not finite"]);
-    changed("[0, 0, 5]", "[0, 2e15, 5]").refused(&["s.toml:2: a coordinate is beyond 1e15"]);
+    changed("[0, 0, 5]", "[0, 2e12, 5]").refused(&["s.toml:2: a coordinate is beyond 1e12"]);
 }
 
 #[test]
