@@ -38,7 +38,7 @@ pub fn open(path: &Path) -> Result<File> {
 
 /// Opens whatever there is, which may have no end.
 fn open_any(path: &Path) -> Result<File> {
-    let file = File::open(path).map_err(|e| Error::io("open the file", path, e))?;
+    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
     if let Some(identity) = Identity::of(path) {
         let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
         read.entry(identity).or_insert_with(|| path.to_owned());
@@ -96,7 +96,9 @@ fn read_at_most(from: &mut impl Read, path: &Path, most: u64) -> Result<Vec<u8>>
     if bytes.len() as u64 > most {
         let problem = match most {
             MAX_TEXT => format!("it is larger than the {} MiB of any such file", MAX_TEXT >> 20),
-            most => format!("it is larger than the {:.1} GiB that memory allows", most as f64 / GIB),
+            most => {
+                format!("it is larger than the {:.1} GiB that memory allows", most as f64 / GIB)
+            }
         };
         return Err(Error::new(problem, "check the path").at(path));
     }

@@ -92,8 +92,12 @@ pub fn run(args: &Args) -> Result<String> {
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
     let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
     let counts = describe_counts(renderer.block());
-    let mut session =
-        Session::new(&prepared, (goal, LEAST_ITERATIONS), args.session.quiet, ("measuring", &counts))?;
+    let mut session = Session::new(
+        &prepared,
+        (goal, LEAST_ITERATIONS),
+        args.session.quiet,
+        ("measuring", &counts),
+    )?;
     let mut measuring = Measuring(args.estimator);
     let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| {})?;
     let film = renderer.film();

@@ -63,14 +63,16 @@ impl Outputs {
     /// nobody gave a name, moves out of the way of what is no preview; returns whether it did.
     pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
         let beside = self.png.clone();
-        self.png = preview::aside(&beside);
+        self.png = preview::aside(&beside)?;
         let mut all = self.all(args);
         if *self.png != beside {
             outputs::check(&all)?;
         }
         let resumed = args.resume.as_deref().and_then(Identity::of);
         all.retain(|output| {
-            output.what != "--checkpoint" || resumed.is_none() || Identity::of(output.path) != resumed
+            output.what != "--checkpoint"
+                || resumed.is_none()
+                || Identity::of(output.path) != resumed
         });
         outputs::spare_inputs(&all)?;
         Ok(self.png != beside)

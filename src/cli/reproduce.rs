@@ -89,8 +89,11 @@ pub fn run(args: &Args) -> Result<String> {
     let bench =
         Bench { scene: &prepared.scene, accel: &*prepared.accel, threads: &prepared.threads };
     let mut run = Run::new(bench, folder.clone(), experiment);
-    if run.experiment().done.is_empty() && !args.session.quiet {
-        warn_of_haste(&run, time)?;
+    if let Some(budget) = args.time_budget
+        && run.experiment().done.is_empty()
+        && !args.session.quiet
+    {
+        warn_of_haste(&run, budget)?;
     }
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
@@ -140,8 +143,8 @@ fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
     let least = run.least_time()?;
     if least > budget.as_secs_f64() {
         say(&format!(
-            "warning: the least number of iterations of all parts takes at least about {}, longer than \
-             --time-budget {}\nhelp: lower --resolution, or give more time: the errors will be large",
+            "warning: the least iterations of all parts take about {}, longer than --time-budget {}\n\
+             help: lower --resolution, or give more time; at the least the errors are large",
             human_time(least),
             humantime::format_duration(budget)
         ));

@@ -159,7 +159,13 @@ const LEAST_TIME: f64 = 1.0;
 impl Prepared {
     /// Refuses counts of which the `least` number of iterations would take far longer than the `time`, which
     /// a quick measurement tells, and warns of those that would take somewhat longer.
-    pub fn check_time(&self, time: Duration, least: u64, counts: &Counts, quiet: bool) -> Result<()> {
+    pub fn check_time(
+        &self,
+        time: Duration,
+        least: u64,
+        counts: &Counts,
+        quiet: bool,
+    ) -> Result<()> {
         let settings = &self.origin.settings;
         let measure = || pace::least_times(&self.scene, &*self.accel, settings);
         let (light, camera) = (counts.light_paths, counts.camera_paths.mean());

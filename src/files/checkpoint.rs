@@ -6,7 +6,7 @@
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_if_begins;
-use crate::render::block::Block;
+use crate::render::block::{Block, Clock};
 use crate::settings::origin::Origin;
 use crate::steer::autopilot;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -27,7 +27,7 @@ const HEADER: usize = MAGIC.len() + size_of::<u32>();
 const TRAILER: usize = size_of::<u64>();
 
 /// An image under way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint<'a> {
     /// What it was made of.
     pub origin: Origin,
@@ -37,17 +37,36 @@ pub struct Checkpoint<'a> {
     pub autopilot: Option<autopilot::State>,
 }
 
+/// A checkpoint as it is written.
+#[derive(Serialize, Deserialize)]
+struct Payload<'a> {
+    origin: Cow<'a, Origin>,
+    blocks: Cow<'a, [Block]>,
+    autopilot: Option<autopilot::State>,
+    /// Times of the blocks, which only automatic counts depend on: without them, equal images have equal
+    /// checkpoints.
+    clocks: Vec<Clock>,
+}
+
 impl Checkpoint<'_> {
-    /// Writes it to `path` in place of what was there.
+    /// Writes it to `path` in place of what was there. Times of iterations are kept only where the counts
+    /// are chosen by them.
     ///
     /// # Errors
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
+        let Self { origin, blocks, autopilot } = self;
+        let clocks = match autopilot {
+            Some(_) => blocks.iter().map(|block| block.clock).collect(),
+            None => Vec::new(),
+        };
+        let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
+        let payload = Payload { origin, blocks, autopilot: *autopilot, clocks };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
             hashing.write_all(&FORMAT.to_le_bytes())?;
-            if let Err(e) = postcard::to_io(self, &mut hashing) {
+            if let Err(e) = postcard::to_io(&payload, &mut hashing) {
                 // The encoder does not say why it could not write.
                 return Err(hashing.failure.unwrap_or_else(|| io::Error::other(e)));
             }
@@ -98,16 +117,20 @@ impl Checkpoint<'static> {
             ));
         }
         // Only a file whose checksum somebody has forged fails below.
-        let (checkpoint, rest): (Self, _) =
+        let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let settings = &checkpoint.origin.settings;
-        settings.validate()?;
-        let blocks = &checkpoint.blocks;
-        let fits = blocks.iter().all(|block| block.is_consistent(settings));
-        if blocks.is_empty() || !fits || !rest.is_empty() {
+        let Payload { origin, blocks, autopilot, clocks } = payload;
+        let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
+        origin.settings.validate()?;
+        let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings));
+        let timed = if autopilot.is_some() { blocks.len() } else { 0 };
+        if blocks.is_empty() || !fits || clocks.len() != timed || !rest.is_empty() {
             return Err(damaged());
         }
-        Ok(checkpoint)
+        for (block, clock) in blocks.iter_mut().zip(clocks) {
+            block.clock = clock;
+        }
+        Ok(Self { origin, blocks: Cow::Owned(blocks), autopilot })
     }
 }
 
@@ -194,6 +217,24 @@ mod tests {
             blocks: Cow::Owned(vec![first, second]),
             autopilot: Some(autopilot::State::default()),
         }
+    }
+
+    #[test]
+    fn times_are_kept_where_counts_are_chosen_by_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ckpt");
+        let with = |iterations: u64, autopilot| {
+            let mut own = Checkpoint { autopilot, ..checkpoint() };
+            own.blocks.to_mut()[1].clock.iterations = iterations;
+            own.save(&path).unwrap();
+            (Checkpoint::load(&path).unwrap().blocks[1].clock, fs::read(&path).unwrap())
+        };
+        let (clock, automatic) = with(3, Some(autopilot::State::default()));
+        assert_eq!(clock.iterations, 3);
+        assert_ne!(automatic, with(4, Some(autopilot::State::default())).1);
+        let (clock, fixed) = with(3, None);
+        assert_eq!(clock, Clock::default());
+        assert_eq!(fixed, with(4, None).1);
     }
 
     fn saved() -> Vec<u8> {

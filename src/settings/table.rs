@@ -1,8 +1,8 @@
 //! Every setting, once: what it means, its type, its default and its bounds.
 
 use super::checks::{
-    as_serde, check_camera_paths, check_light_paths, check_merge_vertex, check_radius, check_resolution,
-    check_scale, check_strategy, checked,
+    as_serde, check_camera_paths, check_light_paths, check_merge_vertex, check_radius,
+    check_resolution, check_scale, check_strategy, checked,
 };
 use super::exactly::Exactly;
 use super::{Direct, Kernel, Length, Roulette, Strategy};

@@ -33,7 +33,8 @@ pub fn least_times(scene: &Scene, accel: &dyn Intersect, settings: &Settings) ->
     let stride = (settings.width.min(settings.height) / SIDE).max(1);
     let many = settings.light_paths.clamp(RATIO, MOST_LIGHT_PATHS);
     let few = many / RATIO;
-    let own = Settings { light_paths: few, camera_paths: 1, kernel: Kernel::Disc, ..settings.clone() };
+    let own =
+        Settings { light_paths: few, camera_paths: 1, kernel: Kernel::Disc, ..settings.clone() };
     let mut renderer = Renderer::of_sample(scene, accel, own, stride)?;
     renderer.iterate(Measure::Off);
     let mut recorder = Recorder::new(rayon::current_num_threads());
