@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 /// Most bytes of a text: settings, times and lists are far smaller.
 pub const MAX_TEXT: u64 = 16 << 20;
 
-/// What this process has read, by its names at that time.
+/// What this process has read, by the last name for each file.
 static READ: Mutex<BTreeMap<Identity, PathBuf>> = Mutex::new(BTreeMap::new());
 
 /// Opens a regular file for reading. Folders are refused with a better word than the system's; devices
@@ -41,15 +41,18 @@ fn open_any(path: &Path) -> Result<File> {
     let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
     if let Some(identity) = Identity::of(path) {
         let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
-        read.entry(identity).or_insert_with(|| path.to_owned());
+        read.insert(identity, path.to_owned());
     }
     Ok(file)
 }
 
 /// The name by which this process has read the file that writing to `path` would replace, if it has.
 pub fn read_as(path: &Path) -> Option<PathBuf> {
+    let identity = Identity::of(path)?;
     let read = READ.lock().unwrap_or_else(PoisonError::into_inner);
-    read.get(&Identity::of(path)?).cloned()
+    let name = read.get(&identity)?;
+    // Systems give the numbers of files that are gone to new ones.
+    (Identity::of(name)? == identity).then(|| name.clone())
 }
 
 /// Refuses a path for writing where this process has read the file that is there; `what` is to be

@@ -1,9 +1,10 @@
 //! `bdpm calibrate SCENE`.
 
+use super::interrupts::catch_interrupts;
 use super::json;
 use super::outputs::{self, Output};
 use super::progress::{Progress, Status, Totals};
-use super::session::{Prepared, SessionArgs, catch_interrupts};
+use super::session::{Prepared, SessionArgs};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::Measure;
 use bdpm::render::Renderer;

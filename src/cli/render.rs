@@ -4,29 +4,27 @@ use super::analyze::{check_counts, noise_file};
 use super::outputs::Attempts;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
+use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::{Begun, Prepared, Session, SessionArgs};
 use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
-use bdpm::image::counts::Counts;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::optimize::Objective;
-use bdpm::pictures;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
-use bdpm::render::block::{Block, Combined};
+use bdpm::render::block::Combined;
 use bdpm::settings::Settings;
-use bdpm::settings::origin::{Origin, Reuse};
+use bdpm::settings::origin::Reuse;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::{Goal, Target};
-use bdpm::steer::plan::Plan;
 use bdpm::steer::technique;
 use bdpm::steer::technique::{Chosen, End, Open};
 use bdpm::steer::{Fixed, Replay, Steer};
-use bdpm::timing::{TimeModel, Timings};
+use bdpm::timing::Timings;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -80,13 +78,6 @@ pub struct Args {
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     pub resume: Option<PathBuf>,
-}
-
-/// Where the counts come from.
-enum Counting {
-    Fixed,
-    Automatic,
-    Replay(Plan),
 }
 
 pub fn run(args: &Args) -> Result<String> {
@@ -172,16 +163,6 @@ pub fn run(args: &Args) -> Result<String> {
     }
 }
 
-/// The counts of all iterations, where they are the same and their number is open.
-fn fixed_counts(counting: &Counting, prepared: &Prepared) -> Option<Counts> {
-    let Settings { light_paths, camera_paths, .. } = prepared.origin.settings;
-    match counting {
-        Counting::Fixed => Some(Counts::uniform(light_paths, camera_paths)),
-        Counting::Replay(plan) if plan.iterations().is_none() => Some(plan.steps[0].counts.clone()),
-        Counting::Replay(_) | Counting::Automatic => None,
-    }
-}
-
 impl Args {
     /// Whether nothing on the command line says how many paths to take.
     fn counts_are_open(&self) -> bool {
@@ -246,41 +227,6 @@ fn share(text: &str) -> Result<f64> {
         Ok(Target::Share(share)) => Ok(share),
         _ => Err(Error::new(format!("`{text}` is no share"), "give a positive share such as 2%")),
     }
-}
-
-/// Reads a plan with what it belongs to. Where its iterations are open, seed and version are as well.
-fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
-    let image = pictures::read_exr(path)?;
-    let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
-    let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
-    let Settings { width, height, .. } = origin.settings;
-    if (image.width, image.height) != (width, height) {
-        let size = format!("{}x{}", image.width, image.height);
-        return Err(Error::new(
-            format!("the image has {size} pixels, but says that it was made with {width}x{height}"),
-            "give the file as bdpm wrote it",
-        )
-        .at(path));
-    }
-    if plan.iterations().is_none() {
-        origin.version = env!("CARGO_PKG_VERSION").into();
-        origin.settings.seed = args.session.scene.wishes.seed.unwrap_or(origin.settings.seed);
-    } else if args.checkpoint.is_some() {
-        return Err(Error::new(
-            "an image is replayed in one go, without checkpoints",
-            "leave --checkpoint out",
-        )
-        .at(path));
-    }
-    Ok((plan, origin))
-}
-
-/// The model of times that belong to this scene and these settings.
-fn fitting(times: &Timings, path: &Path, prepared: &Prepared) -> Result<TimeModel> {
-    let Settings { width, height, .. } = prepared.origin.settings;
-    let facts = prepared.origin.to_metadata();
-    times.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
-    Ok(times.model)
 }
 
 /// A render that is ready to begin.
@@ -364,33 +310,6 @@ impl Task<'_> {
 /// The image of all blocks.
 fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer) -> Combined<'a> {
     Combined::new(renderer.blocks(), steer.weights(renderer.blocks()))
-}
-
-/// Refuses to go on to fewer iterations than there are.
-fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
-    let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
-    match goal.iterations {
-        Some(wanted) if wanted < done => Err(Error::new(
-            format!("the checkpoint holds {done} iterations, more than {wanted}"),
-            format!("give --iterations {done} or more, or --time"),
-        )),
-        _ => Ok(()),
-    }
-}
-
-/// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
-fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
-    let Some(path) = &args.noise else { return Ok(()) };
-    let by_tile =
-        |block: &Block| block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile);
-    if blocks.iter().any(by_tile) {
-        return Err(Error::new(
-            "the checkpoint was begun without --noise and lacks the batches of single pixels",
-            "resume without --noise, or begin anew with it",
-        )
-        .at(path));
-    }
-    Ok(())
 }
 
 /// Writes what the measuring iterations of the block with the most of them found.

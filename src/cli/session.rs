@@ -1,10 +1,10 @@
 //! What `render` and `analyze` have in common: from the arguments to the last iteration.
 
+use super::interrupts::catch_interrupts;
 use super::progress::{Progress, Status, Totals};
-use super::{SceneArgs, human_time, say};
+use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
-use bdpm::image::counts::Counts;
 use bdpm::import::SceneSummary;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
@@ -12,8 +12,8 @@ use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
 use bdpm::settings::origin::{Origin, Reuse};
 use bdpm::settings::{PartialSettings, Settings};
+use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy};
-use bdpm::steer::{Steer, pace};
 use serde::Serialize;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -145,80 +145,6 @@ impl Prepared {
     pub fn renderer(&self) -> Result<Renderer<'_>> {
         Renderer::new(&self.scene, &*self.accel, self.origin.settings.clone())
     }
-}
-
-/// So many times the time that was given, an iteration is refused.
-const FAR_OVER: f64 = 4.0;
-
-/// So many times the time that was given, it is warned of.
-const OVER: f64 = 1.5;
-
-/// Shorter times are as good as this, seconds: whoever gives 0 wants the least that there is.
-const LEAST_TIME: f64 = 1.0;
-
-impl Prepared {
-    /// Refuses counts of which the `least` number of iterations would take far longer than the `time`, which
-    /// a quick measurement tells, and warns of those that would take somewhat longer.
-    pub fn check_time(
-        &self,
-        time: Duration,
-        least: u64,
-        counts: &Counts,
-        quiet: bool,
-    ) -> Result<()> {
-        let settings = &self.origin.settings;
-        let measure = || pace::least_times(&self.scene, &*self.accel, settings);
-        let (light, camera) = (counts.light_paths, counts.camera_paths.mean());
-        let iteration = self.threads.install(measure)?.iteration(light.into(), camera);
-        let over = least as f64 * iteration / time.as_secs_f64().max(LEAST_TIME);
-        if over < OVER {
-            return Ok(());
-        }
-        let (what, take) = match least {
-            1 => ("an iteration".into(), "takes"),
-            _ => (format!("the least {least} iterations"), "take"),
-        };
-        let problem = format!(
-            "{what} of {light} light paths and {camera} camera paths per pixel {take} about {}, longer \
-             than --time {}",
-            human_time(least as f64 * iteration),
-            humantime::format_duration(time)
-        );
-        let advice = "lower --camera-paths, --light-paths or --resolution, or give more --time; \
-                      --iterations instead of --time takes as long as it takes";
-        if over >= FAR_OVER {
-            return Err(Error::new(problem, advice));
-        }
-        if !quiet {
-            say(&format!("warning: {problem}\nhelp: {advice}"));
-        }
-        Ok(())
-    }
-}
-
-/// Signals within this time of the first are of the same wish: `timeout` and terminals send one to a
-/// program and to its group.
-const ONE_WISH: Duration = Duration::from_secs(2);
-
-/// Tells of Ctrl-C (and requests to terminate); a second one later ends the program at once.
-pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicBool> {
-    static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-    let mut first: Option<Instant> = None;
-    ctrlc::set_handler(move || match first {
-        None => {
-            first = Some(Instant::now());
-            INTERRUPTED.store(true, Ordering::Relaxed);
-            let after = ONE_WISH.as_secs();
-            progress.note(&format!(
-                "finishing this iteration; press Ctrl-C again after {after} seconds to abort"
-            ));
-        }
-        Some(first) if first.elapsed() < ONE_WISH => {}
-        // The customary status of a program that SIGINT ended.
-        Some(_) => std::process::exit(130),
-    })
-    .map_err(|e| Error::new(format!("cannot catch Ctrl-C: {e}"), "report this as a bug"))?;
-    Ok(&INTERRUPTED)
 }
 
 /// Relative growth of the time between two expectations that are remembered.

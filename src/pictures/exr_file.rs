@@ -5,6 +5,7 @@ use super::{Image, Layer, Metadata, Value};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input;
+use crate::base::memory::{GIB, available_memory};
 use exr::meta::attribute::Chromaticities;
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
@@ -25,6 +26,9 @@ const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
 /// with losses to a few thousand where all pixels are the same.
 const MAX_RATIO: u128 = 100_000;
+
+/// Bytes of memory that a number of an image takes while it is read: as decoded, and as 32-bit float.
+const COPIES: f64 = 8.0;
 
 /// Chromaticities of Rec. 709 with its white point D65.
 const REC_709: Chromaticities = Chromaticities {
@@ -101,7 +105,10 @@ pub fn read_exr(path: &Path) -> Result<Image> {
         )
         .at(path),
     };
-    check_size(&file).map_err(broken)?;
+    let meta = MetaData::read_from_unbuffered(&file, false).map_err(broken)?;
+    let length = file.metadata().and_then(|metadata| (&file).rewind().map(|()| metadata.len()));
+    let length = length.map_err(|e| Error::io("read", path, e))?;
+    check_size(&meta, length, available_memory()).map_err(|e| e.at(path))?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -162,24 +169,33 @@ fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
     Ok(Err(Error::new(problem, "give an .exr file")))
 }
 
-/// Refuses more pixels than a file of this size can hold, before memory is taken for them; goes back to
-/// the beginning.
-fn check_size(mut file: &File) -> exr::error::UnitResult {
-    let most = u128::from(file.metadata()?.len()) * MAX_RATIO;
-    for header in MetaData::read_from_unbuffered(file, false)?.headers {
+/// Refuses more pixels than a file of `length` bytes or the memory can hold, before they are read.
+fn check_size(meta: &MetaData, length: u64, available: Option<f64>) -> Result<()> {
+    for header in &meta.headers {
         let area = |size: Vec2<usize>| size.width() as u128 * size.height() as u128;
         let block = match header.blocks {
             BlockDescription::ScanLines => 0,
             BlockDescription::Tiles(tiles) => area(tiles.tile_size),
         };
+        let Vec2(width, height) = header.layer_size;
         let pixels = area(header.layer_size).max(block);
-        if pixels * header.channels.bytes_per_pixel as u128 > most {
-            let Vec2(width, height) = header.layer_size;
-            let problem = format!("the file is too small for {width}x{height} pixels");
-            return Err(exr::error::Error::Invalid(problem.into()));
+        if pixels * header.channels.bytes_per_pixel as u128 > u128::from(length) * MAX_RATIO {
+            let problem = format!(
+                "the EXR image is cut off or damaged: the file is too small for {width}x{height} pixels"
+            );
+            return Err(Error::new(problem, "copy it again from where it came"));
+        }
+        let needed = COPIES * (pixels as f64) * header.channels.list.len() as f64;
+        if let Some(available) = available.filter(|available| needed > *available) {
+            let problem = format!(
+                "{width}x{height} pixels take about {:.1} GiB of memory, but {:.1} GiB are available",
+                needed / GIB,
+                available / GIB
+            );
+            return Err(Error::new(problem, "give a smaller image"));
         }
     }
-    Ok(file.rewind()?)
+    Ok(())
 }
 
 /// UTF-8, the encoding that readers expect; a NUL would end the text, so none is let through.
@@ -228,6 +244,20 @@ mod tests {
             };
             assert_eq!(bits(a), bits(b), "signs of zeros too");
         }
+    }
+
+    #[test]
+    fn images_that_memory_cannot_hold_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        write_exr(&path, &image(64, 32)).unwrap();
+        let meta = MetaData::read_from_file(&path, false).unwrap();
+        let needed = 64.0 * 32.0 * 4.0 * COPIES;
+        check_size(&meta, 5000, Some(needed)).unwrap();
+        let shown = check_size(&meta, 5000, Some(needed - 1.0)).unwrap_err().to_string();
+        assert!(shown.contains("64x32 pixels take about"), "{shown}");
+        let shown = check_size(&meta, 0, None).unwrap_err().to_string();
+        assert!(shown.contains("too small for 64x32 pixels"), "{shown}");
     }
 
     #[test]

@@ -47,6 +47,9 @@ pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> cr
 
 /// Whether `path` is a PNG file that this program has written.
 pub fn is_ours(path: &Path) -> bool {
+    if !path.is_file() {
+        return false; // opening a pipe would wait for its writer
+    }
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(BEGINNING).read_to_end(&mut bytes));
     let [key, value] = SOFTWARE;

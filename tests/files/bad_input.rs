@@ -402,7 +402,7 @@ fn impossible_transforms_and_materials() {
     with("scale = 1e30").refused(&["s.toml:6: the transform moves the mesh out of the range"]);
     let matrix = "matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
     for (from, to, count) in [("0,1]]", "0,1,0]]", 5), ("],[0,0,0,1]", "]", 3)] {
-        let problem = format!("s.toml:6: the list has {count} entries");
+        let problem = format!("s.toml:8: the list has {count} entries");
         with(&matrix.replace(from, to)).refused(&[&problem, "give 4"]);
     }
     with(&format!("{matrix}\nscale = 2")).refused(&["s.toml:6: the mesh has a `matrix` besides"]);
