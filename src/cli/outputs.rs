@@ -66,13 +66,18 @@ impl Attempts {
         }
     }
 
-    /// All failures; says what there is nevertheless.
+    /// All failures.
+    pub fn failures(self) -> Result<()> {
+        Error::all(self.failures)
+    }
+
+    /// The same; says what there is nevertheless.
     pub fn finish(self) -> Result<()> {
         if !(self.failures.is_empty() || self.written.is_empty()) {
             let names = self.written.iter().map(|path| path.display().to_string());
             say(&format!("written: {}", names.collect::<Vec<_>>().join(", ")));
         }
-        Error::all(self.failures)
+        self.failures()
     }
 }
 

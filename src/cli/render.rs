@@ -44,7 +44,8 @@ enum Aim {
 pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
-    /// Image to write; the PNG preview beside it has the same name
+    /// Image to write; the PNG preview beside it has the same name, or ends in .preview.png where that
+    /// is another picture
     #[arg(long, short, value_name = "OUT.exr")]
     pub output: PathBuf,
     /// Iterations in all, those of a resumed image included; the counts are then not chosen

@@ -102,7 +102,7 @@ impl Schedule {
         let attempt = |writer: &mut Writer, save: &dyn Fn(&mut Writer, &mut Attempts)| {
             let mut attempts = Attempts::default();
             save(writer, &mut attempts);
-            warn_of_failure(&session.progress, attempts.finish());
+            warn_of_failure(&session.progress, attempts.failures());
         };
         if session.elapsed() >= self.next_checkpoint {
             attempt(writer, &save_checkpoint);

@@ -23,7 +23,8 @@ use std::time::{Duration, Instant};
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration
+    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration, which must not take
+    /// far longer
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
     /// Number of threads; the image does not depend on it [default: all processors]
