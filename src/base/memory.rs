@@ -9,7 +9,9 @@ pub(crate) const GIB: f64 = (1u64 << 30) as f64;
 /// Memory that can still be had, bytes, where the system tells (Linux): of the machine, of this process,
 /// and of the container that it runs in, whichever is the least.
 pub(crate) fn available_memory() -> Option<f64> {
-    let all = [of_machine(), of_process(), of_container()];
+    let groups = read_to_string("/proc/self/cgroup").ok();
+    let container = groups.and_then(|groups| of_groups(&groups, Path::new("/sys/fs/cgroup")));
+    let all = [of_machine(), of_process(), container];
     all.into_iter().flatten().reduce(f64::min).map(|bytes| bytes.max(0.0))
 }
 
@@ -25,9 +27,8 @@ fn of_process() -> Option<f64> {
     Some(limit - kib(&read_to_string("/proc/self/status").ok()?, "VmSize:")?)
 }
 
-/// Up to the least limit of the control groups (version 2) that it is in.
-fn of_container() -> Option<f64> {
-    let groups = read_to_string("/proc/self/cgroup").ok()?;
+/// Up to the least limit of the control groups (version 2) that it is in, which are folders of `root`.
+fn of_groups(groups: &str, root: &Path) -> Option<f64> {
     let group = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
     let left = |folder: &Path| {
         let number = |name: &str| -> Option<f64> {
@@ -40,7 +41,6 @@ fn of_container() -> Option<f64> {
         let cache: f64 = cache.and_then(|bytes| bytes.parse().ok()).unwrap_or(0.0);
         Some(limit - number("memory.current")? + cache)
     };
-    let root = Path::new("/sys/fs/cgroup");
     let own = root.join(group);
     let folders = own.ancestors().take_while(|folder| folder.starts_with(root));
     folders.filter_map(left).reduce(f64::min)
@@ -62,5 +62,29 @@ mod tests {
         let available = available_memory().unwrap();
         let all = kib(&read_to_string("/proc/meminfo").unwrap(), "MemTotal:").unwrap();
         assert!(available > 0.0 && available < all, "{available} of {all} bytes");
+    }
+
+    #[test]
+    fn the_least_limit_of_all_groups_counts() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("a/b");
+        std::fs::create_dir_all(&folder).unwrap();
+        let write = |folder: &Path, limit: &str, used: &str| {
+            let stat = "anon 10\ninactive_file 30\nactive_file 7\n";
+            for (name, text) in
+                [("memory.max", limit), ("memory.current", used), ("memory.stat", stat)]
+            {
+                std::fs::write(folder.join(name), text).unwrap();
+            }
+        };
+        let left = |groups| of_groups(groups, root.path());
+        assert_eq!(left("0::/a/b\n"), None);
+        write(&folder, "max\n", "400\n");
+        assert_eq!(left("0::/a/b\n"), None);
+        write(&root.path().join("a"), "1000\n", "500\n");
+        assert_eq!(left("4:memory:/x\n0::/a/b\n"), Some(530.0));
+        write(&folder, "450\n", "400\n");
+        assert_eq!((left("0::/a/b\n"), left("0::/a\n")), (Some(80.0), Some(530.0)));
+        assert_eq!((left("0::/\n"), left("4:memory:/a\n")), (None, None));
     }
 }

@@ -2,7 +2,6 @@
 
 use super::analyze::{check_counts, noise_file};
 use super::outputs::Attempts;
-use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
@@ -16,7 +15,7 @@ use bdpm::noise::film::BatchGrain;
 use bdpm::optimize::Objective;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
-use bdpm::render::block::Combined;
+use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
 use bdpm::settings::origin::Reuse;
 use bdpm::steer::autopilot::Autopilot;
@@ -274,7 +273,12 @@ impl Task<'_> {
         let mut attempts = Attempts::default();
         writer.save_image(&image, &mut attempts);
         if let Some(path) = &args.noise {
-            attempts.add(path, || save_noise(path, prepared, &renderer, &session.progress));
+            match best_measured(&renderer) {
+                Some(block) => _ = attempts.add(path, || save_noise(path, prepared, block)),
+                None => session
+                    .progress
+                    .note("warning: too few iterations to tell the noise; --noise wrote nothing"),
+            }
         }
         writer.save_checkpoint(&renderer, &steer, session.elapsed(), &mut attempts);
         attempts.finish()?;
@@ -313,20 +317,15 @@ fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer) -> Combined<'a> {
     Combined::new(renderer.blocks(), steer.weights(renderer.blocks()))
 }
 
-/// Writes what the measuring iterations of the block with the most of them found.
-fn save_noise(
-    path: &Path,
-    prepared: &Prepared,
-    renderer: &Renderer,
-    progress: &Progress,
-) -> Result<()> {
-    let measured =
-        renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
-    let most = measured.max_by_key(|(_, noise)| noise.iterations);
-    let Some((block, _)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
-        progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
-        return Ok(());
-    };
+/// The block with the most measuring iterations, if they tell its noise.
+fn best_measured<'a>(renderer: &'a Renderer) -> Option<&'a Block> {
+    let measured = |block: &Block| block.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let best = renderer.blocks().iter().max_by_key(|block| measured(block));
+    best.filter(|block| measured(block) >= 2)
+}
+
+/// Writes what its measuring iterations found.
+fn save_noise(path: &Path, prepared: &Prepared, block: &Block) -> Result<()> {
     let noise = block.noise_image()?;
     noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -313,7 +313,15 @@ fn a_second_interrupt_ends_the_program_at_once() {
     let (_folder, at) = folder();
     // One iteration of this takes far longer than anybody waits.
     let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
-    command.args(["--camera-paths", "4000000", "--light-paths", "1000", "--output"]);
+    command.args([
+        "--camera-paths",
+        "4000000",
+        "--light-paths",
+        "1000",
+        "--threads",
+        "1",
+        "--output",
+    ]);
     command.arg(at("a.exr")).stderr(Stdio::piped()).stdout(Stdio::null());
     let mut child = command.spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
