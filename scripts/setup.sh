@@ -41,7 +41,7 @@ has_libclang() {
 
 # Before anything is installed for it.
 check_rust() {
-    local need=1.88 version
+    local need=1.89 version
     command -v cargo >/dev/null ||
         die "cargo is not on the PATH; install Rust $need or newer with rustup first"
     version=$(cargo --version | cut -d' ' -f2)

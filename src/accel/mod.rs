@@ -177,7 +177,7 @@ pub struct TriangleMesh<'a> {
 }
 
 impl TriangleMesh<'_> {
-    /// Coordinates must be smaller than this in magnitude, for products of three of them, which
+    /// Coordinates must be at most this in magnitude, for products of three of them, which
     /// triangle tests need, to stay within `f32`. (Embree itself leaves out triangles beyond about
     /// 1.8e18 without a word, and misses those near it.)
     pub const MAX_COORDINATE: f32 = 1e12;
@@ -198,7 +198,7 @@ impl TriangleMesh<'_> {
         }
         let is_bad = |position: &Vec3| {
             // `max_element` may pass over a NaN.
-            position.is_nan() || position.abs().max_element() >= Self::MAX_COORDINATE
+            position.is_nan() || position.abs().max_element() > Self::MAX_COORDINATE
         };
         if let Some(vertex) = self.positions.iter().position(is_bad) {
             let position = self.positions[vertex];
@@ -239,9 +239,9 @@ pub enum MeshError {
         /// Its position.
         position: Vec3,
     },
-    /// A coordinate is [`TriangleMesh::MAX_COORDINATE`] or more.
+    /// A coordinate is beyond [`TriangleMesh::MAX_COORDINATE`].
     #[error(
-        "vertex {vertex} is too far out: {position}; coordinates must be below {:e}",
+        "vertex {vertex} is too far out: {position}; coordinates must be at most {:e}",
         TriangleMesh::MAX_COORDINATE
     )]
     TooLarge {
@@ -255,7 +255,7 @@ pub enum MeshError {
     Transform,
     /// An instance reaches beyond [`TriangleMesh::MAX_COORDINATE`].
     #[error(
-        "an instance is too far out: {position}; coordinates must be below {:e}",
+        "an instance is too far out: {position}; coordinates must be at most {:e}",
         TriangleMesh::MAX_COORDINATE
     )]
     TooFar {

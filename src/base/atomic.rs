@@ -1,11 +1,17 @@
 //! Files that appear complete or not at all.
 
 use super::error::{Error, Result};
+use super::identity::{destination, folder};
+use std::fs::{File, TryLockError};
 use std::io::{BufWriter, Seek, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// Lets `write` fill a temporary file beside `path`, which takes its place when all is written.
+/// Around the names of files that are being written.
+const TEMPORARY: [&str; 2] = [".bdpm-", ".tmp"];
+
+/// Lets `write` fill a temporary file beside `path`, which takes its place when all is written. A symbolic
+/// link stays, and what it leads to is replaced.
 ///
 /// # Errors
 /// Names `path`. Whatever was there before is then still there.
@@ -13,14 +19,16 @@ pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut (dyn WriteSeek + '_)) -> std::io::Result<()>,
 ) -> Result<()> {
-    let file = temporary(path).map_err(|e| Error::io("write", path, e))?;
+    let target = destination(path);
+    let file = temporary(&folder(&target)).map_err(|e| Error::io("write", path, e))?;
     let save = || {
-        let mut buffered = BufWriter::with_capacity(1 << 18, file);
+        // To the file itself: errors are about `path`, not about its temporary name.
+        let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
         write(&mut buffered)?;
-        let file = buffered.into_inner()?;
+        buffered.into_inner()?;
         // Without this, a power failure after the renaming could leave an empty file.
         file.as_file().sync_all()?;
-        file.persist(path)?;
+        file.persist(&target)?;
         Ok(())
     };
     save().map_err(|e| Error::io("write", path, e))
@@ -31,11 +39,12 @@ pub trait WriteSeek: Write + Seek {}
 
 impl<T: Write + Seek> WriteSeek for T {}
 
-/// Finds out before hours of rendering whether `path` can be written, without touching it.
+/// Finds out before hours of rendering whether `path` can be written, without touching it. Removes what
+/// programs that were killed left in its folder.
 ///
 /// # Errors
 /// If its extension is not `extension` (if given), its folder is missing or not writable, or it is
-/// a folder or a read-only file.
+/// a folder, a device, a pipe or a read-only file.
 pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
     let refuse = |problem: &str, advice: String| Err(Error::new(problem, advice).at(path));
     if let Some(wanted) = extension {
@@ -52,6 +61,12 @@ pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
         if existing.is_dir() {
             return refuse("cannot write: it is a folder", "give the name of a file".into());
         }
+        if !existing.is_file() {
+            return refuse(
+                "cannot write: it is a device or a pipe, which a file would replace",
+                "give the name of a file".into(),
+            );
+        }
         if existing.permissions().readonly() {
             return refuse(
                 "cannot write: the file is read-only",
@@ -59,22 +74,26 @@ pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
             );
         }
     }
-    match folder(path).metadata() {
+    let folder = folder(&destination(path));
+    match folder.metadata() {
         Ok(found) if !found.is_dir() => {
-            let advice = format!("{} is no folder; give another path", folder(path).display());
+            let advice = format!("{} is no folder; give another path", folder.display());
             return refuse("cannot write", advice);
         }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            let advice = format!("create the folder: mkdir -p {}", folder(path).display());
+            let advice = format!("create the folder: mkdir -p {}", folder.display());
             return refuse("cannot write: its folder does not exist", advice);
         }
         _ => {}
     }
-    temporary(path).map(drop).map_err(|e| Error::io("write", path, e))
+    sweep(&folder);
+    temporary(&folder).map(drop).map_err(|e| Error::io("write", path, e))
 }
 
-/// A file in the folder of `path` that vanishes unless it is renamed.
-fn temporary(path: &Path) -> std::io::Result<NamedTempFile> {
+/// A file in `folder` that vanishes unless it is renamed. It is locked for as long as it is being written,
+/// which tells it from what a killed program left.
+fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
+    let [prefix, suffix] = TEMPORARY;
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
@@ -82,13 +101,31 @@ fn temporary(path: &Path) -> std::io::Result<NamedTempFile> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    builder.prefix(".bdpm-").suffix(".tmp").tempfile_in(folder(path))
+    loop {
+        let file = builder.prefix(prefix).suffix(suffix).tempfile_in(folder)?;
+        match file.as_file().try_lock() {
+            Err(TryLockError::WouldBlock) => {} // another process sweeps it away
+            _ if file.path().exists() => return Ok(file),
+            _ => {}
+        }
+    }
 }
 
-fn folder(path: &Path) -> PathBuf {
-    match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.into(),
-        _ => ".".into(),
+/// Removes temporary files that nobody writes to any more. What cannot be removed does no harm.
+pub fn sweep(folder: &Path) {
+    let [prefix, suffix] = TEMPORARY;
+    let Ok(entries) = folder.read_dir() else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && name.starts_with(prefix) && name.ends_with(suffix) {
+            // The lock of a dead process is gone, on whatever machine it was.
+            let lock = File::open(entry.path());
+            if lock.as_ref().is_ok_and(|file| file.try_lock().is_ok()) {
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
     }
 }
 
@@ -139,6 +176,11 @@ mod tests {
         fs::write(at("old.exr"), "old").unwrap();
         check("old.exr").unwrap();
         check("new.EXR").unwrap();
+        #[cfg(unix)]
+        {
+            let shown = check_writable(Path::new("/dev/null"), None).unwrap_err().to_string();
+            assert!(shown.contains("is a device"), "{shown}");
+        }
         assert_eq!(fs::read(at("old.exr")).unwrap(), b"old");
         let mut permissions = fs::metadata(at("old.exr")).unwrap().permissions();
         permissions.set_readonly(true);
@@ -147,5 +189,45 @@ mod tests {
         let mut names = names(folder.path());
         names.sort();
         assert_eq!(names, ["file", "folder.exr", "old.exr"]);
+    }
+
+    #[test]
+    fn what_the_dead_left_is_swept_away_and_what_the_living_write_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in [".bdpm-x1Y2z3.tmp", ".bdpm-.exr", "bdpm-a.tmp"] {
+            fs::write(at(name), "half").unwrap();
+        }
+        fs::create_dir(at(".bdpm-folder.tmp")).unwrap();
+        let living = temporary(folder.path()).unwrap();
+        write_atomically(&at("a.exr"), |file| {
+            file.write_all(b"new")?;
+            check_writable(&at("b.exr"), Some("exr")).unwrap();
+            Ok(())
+        })
+        .unwrap();
+        let own = living.path().file_name().unwrap().to_str().unwrap().to_owned();
+        let mut left = names(folder.path());
+        left.sort();
+        let mut expected = [".bdpm-.exr", "bdpm-a.tmp", ".bdpm-folder.tmp", "a.exr", &own];
+        expected.sort_unstable();
+        assert_eq!(left, expected);
+        drop(living);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_what_it_leads_to_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("disk")).unwrap();
+        std::os::unix::fs::symlink("disk/a.exr", at("a.exr")).unwrap();
+        for content in [b"1", b"2"] {
+            check_writable(&at("a.exr"), Some("exr")).unwrap();
+            write_atomically(&at("a.exr"), |file| file.write_all(content)).unwrap();
+            assert_eq!(fs::read(at("disk/a.exr")).unwrap(), content);
+            assert!(at("a.exr").is_symlink());
+        }
+        assert_eq!(names(&at("disk")), ["a.exr"]);
     }
 }

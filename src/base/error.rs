@@ -19,6 +19,8 @@ pub struct Error {
     advice: String,
     place: Option<Box<Place>>,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
+    /// What else went wrong.
+    others: Vec<Error>,
 }
 
 /// Where in a file a problem is.
@@ -32,7 +34,20 @@ struct Place {
 impl Error {
     /// A problem in one sentence without a full stop, and what to do about it.
     pub fn new(problem: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self { problem: problem.into(), advice: advice.into(), place: None, source: None }
+        let (problem, advice) = (problem.into(), advice.into());
+        Self { problem, advice, place: None, source: None, others: Vec::new() }
+    }
+
+    /// Several independent problems, shown one after the other.
+    ///
+    /// # Errors
+    /// If there is any.
+    pub fn all(problems: impl IntoIterator<Item = Self>) -> Result<()> {
+        let mut problems = problems.into_iter();
+        match problems.next() {
+            Some(first) => Err(Self { others: problems.collect(), ..first }),
+            None => Ok(()),
+        }
     }
 
     /// A failed operation on a file: `action` completes "cannot ...".
@@ -40,7 +55,10 @@ impl Error {
         let advice = match source.kind() {
             std::io::ErrorKind::NotFound => "check the path",
             std::io::ErrorKind::PermissionDenied => "check the permissions",
-            std::io::ErrorKind::StorageFull => "free some disk space",
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                "free some disk space"
+            }
+            std::io::ErrorKind::FileTooLarge => "allow larger files: ulimit -f",
             _ => "check the file and its folder",
         };
         Self {
@@ -116,7 +134,8 @@ impl fmt::Display for Error {
             let shown: String = text.chars().take(120).map(visible).collect();
             write!(f, "\n  {number} | {shown}")?;
         }
-        write!(f, "\nhelp: {}", self.advice)
+        write!(f, "\nhelp: {}", self.advice)?;
+        self.others.iter().try_for_each(|other| write!(f, "\nerror: {other}"))
     }
 }
 
@@ -130,6 +149,14 @@ mod tests {
         let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
         let shown = error.at_offset(text, 8).to_string();
         assert_eq!(shown, "x.toml:2: unknown key `albdo`\n  2 | albdo = 0.5\nhelp: use `albedo`");
+    }
+
+    #[test]
+    fn several_problems_are_shown_one_after_the_other() {
+        Error::all([]).unwrap();
+        let all = ["a", "b"].map(|file| Error::new("full", "free space").at(file));
+        let shown = Error::all(all).unwrap_err().to_string();
+        assert_eq!(shown, "a: full\nhelp: free space\nerror: b: full\nhelp: free space");
     }
 
     #[test]

@@ -1,7 +1,10 @@
-//! What all stages use: errors, vectors and sampling, random numbers, memory, files that appear whole.
+//! What all stages use: errors, vectors and sampling, random numbers, memory, files: which one a path stands for,
+//! those that are read, and those that appear whole.
 
 pub mod atomic;
 pub mod error;
+pub mod identity;
+pub mod input;
 pub mod math;
 pub(crate) mod memory;
 pub(crate) mod pool;

@@ -2,9 +2,9 @@
 
 use super::analyze_text::text;
 use super::json;
+use super::outputs::{self, Attempts, Output};
 use super::render_report::describe_counts;
 use super::session::{Prepared, RunReport, Session, SessionArgs};
-use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::film::Film;
 use bdpm::noise::Measure;
@@ -25,6 +25,9 @@ use std::time::Instant;
 /// Iterations when neither --iterations nor --time is given. Standard errors come from 16 batches;
 /// with 16 iterations in each, sums over regions are near enough to normal.
 const DEFAULT_ITERATIONS: u64 = 256;
+
+/// Of one iteration there is no sample variance.
+const LEAST_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -64,13 +67,17 @@ pub struct Report<'a> {
 pub fn run(args: &Args) -> Result<String> {
     let exr = &args.output;
     let (terms_png, rms_png) = (exr.with_extension("terms.png"), exr.with_extension("rms.png"));
-    check_writable(exr, Some("exr"))?;
-    check_writable(&terms_png, None)?;
-    check_writable(&rms_png, None)?;
+    let files = [
+        Output::new("--output", exr, Some("exr")),
+        Output::new("the picture of the terms", &terms_png, None),
+        Output::new("the picture of the RMS", &rms_png, None),
+    ];
+    outputs::check(&files)?;
     if let Some(iterations @ ..2) = args.iterations {
         return Err(too_few(iterations));
     }
     let prepared = Prepared::new(&args.session, None)?;
+    outputs::spare_inputs(&files)?;
     let settings = &prepared.origin.settings;
     check_counts(settings)?;
     let region = region::find(args.region.as_deref(), &prepared.scene.regions)?;
@@ -78,16 +85,24 @@ pub fn run(args: &Args) -> Result<String> {
     let mut renderer = prepared.renderer()?.with_batches(BatchGrain::Pixel);
 
     let time = args.session.time;
+    if let Some(time) = time {
+        let counts = &renderer.block().counts;
+        prepared.check_time(time, LEAST_ITERATIONS, counts, args.session.quiet)?;
+    }
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
     let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
     let counts = describe_counts(renderer.block());
-    let mut session =
-        Session::new(&prepared, (goal, 2), args.session.quiet, ("measuring", &counts))?;
+    let mut session = Session::new(
+        &prepared,
+        (goal, LEAST_ITERATIONS),
+        args.session.quiet,
+        ("measuring", &counts),
+    )?;
     let mut measuring = Measuring(args.estimator);
     let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| {})?;
     let film = renderer.film();
     session.progress.finish();
-    if film.iterations < 2 {
+    if film.iterations < LEAST_ITERATIONS {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
@@ -101,9 +116,12 @@ pub fn run(args: &Args) -> Result<String> {
     let light_paths = session.totals.iterations as f64 * f64::from(settings.light_paths);
     let photons = session.totals.photons as f64 / light_paths;
     file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), Value::Number(photons));
-    file.write(exr)?;
-    let terms_picture = write_terms(&terms_png, &file.noise)?;
-    write_rms(&rms_png, &file.noise)?;
+    let mut attempts = Attempts::default();
+    attempts.add(exr, || file.write(exr));
+    let terms_picture = attempts.add(&terms_png, || write_terms(&terms_png, &file.noise));
+    attempts.add(&rms_png, || write_rms(&rms_png, &file.noise));
+    attempts.finish()?;
+    let terms_picture = terms_picture.expect("nothing failed");
     let write_time = start.elapsed();
 
     let name = |path: &Path| path.to_string_lossy().into_owned();

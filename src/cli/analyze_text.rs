@@ -8,8 +8,12 @@ use bdpm::pictures::digits;
 use std::fmt::Write;
 
 /// `value +- error`, aligned at the sign between them.
+/// Relative errors below this are none.
+const ROUNDING: f64 = 1e-9;
+
 pub fn with_error(value: f64, error: Option<f64>) -> String {
-    let error = error.filter(|error| error.is_finite());
+    // What is certain but for rounding has no error: a time relative to itself.
+    let error = error.filter(|error| error.is_finite() && *error > ROUNDING * value.abs());
     let digits = digits(value, error.unwrap_or(0.0));
     match error {
         Some(error) => format!("{value:>12.digits$} +- {error:<10.digits$}"),
@@ -108,6 +112,8 @@ mod tests {
         assert_eq!(with_error(1234.5, Some(210.0)).trim(), "1234 +- 210");
         assert_eq!(with_error(0.5, None).trim(), "0.5000");
         assert_eq!(with_error(1.0, Some(f64::INFINITY)).trim(), "1.000");
-        assert_eq!(with_error(0.0, Some(0.0)).trim(), "0.0000 +- 0.0000");
+        // Certain, but for rounding.
+        assert_eq!(with_error(0.0, Some(0.0)).trim(), "0.0000");
+        assert_eq!(with_error(1.0, Some(2e-16)).trim(), "1.000");
     }
 }

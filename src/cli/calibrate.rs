@@ -1,9 +1,10 @@
 //! `bdpm calibrate SCENE`.
 
+use super::interrupts::catch_interrupts;
 use super::json;
+use super::outputs::{self, Output};
 use super::progress::{Progress, Status, Totals};
-use super::session::{Prepared, SessionArgs, catch_interrupts};
-use bdpm::base::atomic::check_writable;
+use super::session::{Prepared, SessionArgs};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::Measure;
 use bdpm::render::Renderer;
@@ -66,8 +67,10 @@ pub fn run(args: &Args) -> Result<String> {
             "leave out --light-paths and --camera-paths; its result is for all of them",
         ));
     }
-    check_writable(&args.output, Some("json"))?;
+    let files = [Output::new("--output", &args.output, Some("json"))];
+    outputs::check(&files)?;
     let prepared = Prepared::new(&args.session, None)?;
+    outputs::spare_inputs(&files)?;
     let setup = Setup::new(&prepared.origin, prepared.threads.current_num_threads());
     let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
     let timings = Timings::new(fit(&recorder.samples(), setup.pixels())?, setup);
@@ -93,7 +96,7 @@ fn measure(prepared: &Prepared, setup: &Setup, args: &Args) -> Result<(Recorder,
     let time = args.session.time.unwrap_or(DEFAULT_TIME);
     let goal = Goal { time: Some(time), ..Goal::default() };
     let mut progress = Progress::new(goal, args.session.quiet);
-    let presses = catch_interrupts(progress.clone())?;
+    let interrupted = catch_interrupts(progress.clone())?;
     let sizes = grid::sizes(prepared.origin.settings.pixels());
     progress.note(&format!("measuring the times of {} sizes: {setup}", sizes.len()));
 
@@ -113,7 +116,7 @@ fn measure(prepared: &Prepared, setup: &Setup, args: &Args) -> Result<(Recorder,
                 totals.add(&report);
                 let status = Status { iterations: totals.iterations, ..Status::default() };
                 progress.update(&totals, &status, start.elapsed());
-                if presses.load(Ordering::Relaxed) > 0 {
+                if interrupted.load(Ordering::Relaxed) {
                     progress.finish();
                     return Err(Error::new(
                         "interrupted: nothing was written",

@@ -4,8 +4,8 @@ use super::json;
 use super::optimize_plot::plot;
 use super::optimize_rows::{Candidates, Row};
 use super::optimize_text::text;
+use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
-use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
@@ -93,6 +93,7 @@ pub struct Report {
 pub fn run(args: &Args) -> Result<String> {
     let (from, timings) = args.checked()?;
     let file = args.file.as_deref().map(NoiseFile::read).transpose()?;
+    outputs::spare_inputs(&args.outputs())?;
     let mut region_name = None;
     let pixels;
     let source = match (&file, &args.coefficients) {
@@ -117,12 +118,14 @@ pub fn run(args: &Args) -> Result<String> {
     let candidates = Candidates::new(&subject, &problem, &light_paths, pixels, args.per_pixel);
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
+    let mut attempts = Attempts::default();
     if let (Some(path), Some(file)) = (&args.output, &file) {
-        write_plan(path, file, candidates.recommended())?;
+        attempts.add(path, || write_plan(path, file, candidates.recommended()));
     }
     if let Some(path) = &args.plot {
-        plot(path, &problem, &light_paths, end)?;
+        attempts.add(path, || plot(path, &problem, &light_paths, end));
     }
+    attempts.finish()?;
     let report = Report {
         region: region_name,
         objective: args.objective,
@@ -138,6 +141,12 @@ pub fn run(args: &Args) -> Result<String> {
 }
 
 impl Args {
+    fn outputs(&self) -> Vec<Output<'_>> {
+        let plan = self.output.as_deref().map(|path| Output::new("--output", path, Some("exr")));
+        let plot = self.plot.as_deref().map(|path| Output::new("--plot", path, Some("svg")));
+        plan.into_iter().chain(plot).collect()
+    }
+
     /// Finds problems with the arguments before any work is done.
     fn checked(&self) -> Result<(&Path, Timings)> {
         if self.file.is_none() {
@@ -158,12 +167,7 @@ impl Args {
                 }
             }
         }
-        if let Some(path) = &self.output {
-            check_writable(path, Some("exr"))?;
-        }
-        if let Some(path) = &self.plot {
-            check_writable(path, Some("svg"))?;
-        }
+        outputs::check(&self.outputs())?;
         let from = self.timings.as_deref().ok_or_else(|| {
             Error::new(
                 "the best numbers of paths depend on how long an iteration takes",

@@ -1,10 +1,11 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
-use super::progress::Progress;
+use super::outputs::Attempts;
 use super::render_files::{Outputs, Schedule, Writer};
+use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
-use super::session::{Prepared, Session, SessionArgs};
+use super::session::{Begun, Prepared, Session, SessionArgs};
 use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
@@ -12,19 +13,17 @@ use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::optimize::Objective;
-use bdpm::pictures;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
-use bdpm::settings::origin::Origin;
+use bdpm::settings::origin::Reuse;
 use bdpm::steer::autopilot::Autopilot;
 use bdpm::steer::goal::{Goal, Target, importance};
-use bdpm::steer::plan::Plan;
 use bdpm::steer::technique;
 use bdpm::steer::technique::{Chosen, End, Open};
 use bdpm::steer::{Fixed, Replay, Steer};
-use bdpm::timing::{TimeModel, Timings};
+use bdpm::timing::Timings;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -44,7 +43,8 @@ enum Aim {
 pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
-    /// Image to write; the PNG preview beside it has the same name
+    /// Image to write; the PNG preview beside it has the same name, or ends in .preview.png where that
+    /// is another picture
     #[arg(long, short, value_name = "OUT.exr")]
     pub output: PathBuf,
     /// Iterations in all, those of a resumed image included; the counts are then not chosen
@@ -77,18 +77,11 @@ pub struct Args {
     pub checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
-    resume: Option<PathBuf>,
-}
-
-/// Where the counts come from.
-enum Counting {
-    Fixed,
-    Automatic,
-    Replay(Plan),
+    pub resume: Option<PathBuf>,
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let outputs = Outputs::new(args)?;
+    let mut outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
     let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
     let counting = match (&resumed, planned.as_ref()) {
@@ -98,12 +91,18 @@ pub fn run(args: &Args) -> Result<String> {
         (None, None) if args.counts_are_open() => Counting::Automatic,
         (None, None) => Counting::Fixed,
     };
-    let begun = resumed
-        .as_ref()
-        .map(|checkpoint| &checkpoint.origin)
-        .zip(args.resume.as_deref())
-        .or(planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref()));
+    let begun = |origin, file, reuse| Begun { origin, file, reuse };
+    let resumes = resumed.as_ref().map(|checkpoint| &checkpoint.origin).zip(args.resume.as_deref());
+    let plans = planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref());
+    let begun = resumes
+        .map(|(origin, file)| begun(origin, file, Reuse::Resume))
+        .or(plans.map(|(origin, file)| begun(origin, file, Reuse::Plan)));
+    let times = args.timings.as_deref().map(Timings::load).transpose()?;
     let mut prepared = Prepared::new(&args.session, begun)?;
+    if outputs.spare_inputs(args)? && !args.session.quiet {
+        let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
+        say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
+    }
     let start = Instant::now();
     let mut goal = args.goal(&counting);
     // Borrows no more than it needs: the origin is still to change.
@@ -125,6 +124,9 @@ pub fn run(args: &Args) -> Result<String> {
         };
         goal.bias2 = chosen.best().bias.powi(2);
         renderer = renderer.like(prepared.origin.settings.clone())?;
+    }
+    if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
+        prepared.check_time(time, 1, &counts, args.session.quiet)?;
     }
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
@@ -154,8 +156,8 @@ pub fn run(args: &Args) -> Result<String> {
             };
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
-            let pilot = match &args.timings {
-                Some(path) => pilot.with_times(known_times(path, &prepared)?),
+            let pilot = match times.zip(args.timings.as_deref()) {
+                Some((times, path)) => pilot.with_times(fitting(&times, path, &prepared)?),
                 None => pilot,
             };
             task.render(renderer, pilot)
@@ -223,42 +225,6 @@ fn share(text: &str) -> Result<f64> {
     }
 }
 
-/// Reads a plan with what it belongs to. Where its iterations are open, seed and version are as well.
-fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
-    let image = pictures::read_exr(path)?;
-    let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
-    let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
-    let Settings { width, height, .. } = origin.settings;
-    if (image.width, image.height) != (width, height) {
-        let size = format!("{}x{}", image.width, image.height);
-        return Err(Error::new(
-            format!("the image has {size} pixels, but says that it was made with {width}x{height}"),
-            "give the file as bdpm wrote it",
-        )
-        .at(path));
-    }
-    if plan.iterations().is_none() {
-        origin.version = env!("CARGO_PKG_VERSION").into();
-        origin.settings.seed = args.session.scene.wishes.seed.unwrap_or(origin.settings.seed);
-    } else if args.checkpoint.is_some() {
-        return Err(Error::new(
-            "an image is replayed in one go, without checkpoints",
-            "leave --checkpoint out",
-        )
-        .at(path));
-    }
-    Ok((plan, origin))
-}
-
-/// Times that belong to this scene and these settings.
-fn known_times(path: &Path, prepared: &Prepared) -> Result<TimeModel> {
-    let timings = Timings::load(path)?;
-    let Settings { width, height, .. } = prepared.origin.settings;
-    let facts = prepared.origin.to_metadata();
-    timings.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
-    Ok(timings.model)
-}
-
 /// A render that is ready to begin.
 struct Task<'a> {
     args: &'a Args,
@@ -289,22 +255,29 @@ impl Task<'_> {
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
-                let save = |writer: &mut Writer| {
-                    writer.save_checkpoint(renderer, steer, session.elapsed())
+                let save = |writer: &mut Writer, attempts: &mut Attempts| {
+                    writer.save_checkpoint(renderer, steer, session.elapsed(), attempts);
                 };
-                schedule.write_when_due(&mut writer, session, save, |writer| {
-                    writer.save_image(&combined(renderer, steer, goal.objective))
+                schedule.write_when_due(&mut writer, session, save, |writer, attempts| {
+                    writer.save_image(&combined(renderer, steer, goal.objective), attempts);
                 });
             })?;
         session.progress.finish();
         let half_way = session.half_way();
-        // The checkpoint first: with it, a full disk costs no work.
-        writer.save_checkpoint(&renderer, &steer, session.elapsed())?;
+        // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer, goal.objective);
-        writer.save_image(&image)?;
+        let mut attempts = Attempts::default();
+        writer.save_image(&image, &mut attempts);
         if let Some(path) = &args.noise {
-            save_noise(path, prepared, &renderer, &session.progress)?;
+            match best_measured(&renderer) {
+                Some(block) => _ = attempts.add(path, || save_noise(path, prepared, block)),
+                None => session
+                    .progress
+                    .note("warning: too few iterations to tell the noise; --noise wrote nothing"),
+            }
         }
+        writer.save_checkpoint(&renderer, &steer, session.elapsed(), &mut attempts);
+        attempts.finish()?;
 
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let (variance, luminance) = (image.pooled_variance(), image.mean_luminance());
@@ -341,47 +314,15 @@ fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer, objective: Objective
     Combined::new(renderer.blocks(), steer.weights(renderer.blocks(), &importance))
 }
 
-/// Refuses to go on to fewer iterations than there are.
-fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
-    let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
-    match goal.iterations {
-        Some(wanted) if wanted < done => Err(Error::new(
-            format!("the checkpoint holds {done} iterations, more than {wanted}"),
-            format!("give --iterations {done} or more, or --time"),
-        )),
-        _ => Ok(()),
-    }
+/// The block with the most measuring iterations, if they tell its noise.
+fn best_measured<'a>(renderer: &'a Renderer) -> Option<&'a Block> {
+    let measured = |block: &Block| block.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let best = renderer.blocks().iter().max_by_key(|block| measured(block));
+    best.filter(|block| measured(block) >= 2)
 }
 
-/// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
-fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
-    let Some(path) = &args.noise else { return Ok(()) };
-    let by_tile =
-        |block: &Block| block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile);
-    if blocks.iter().any(by_tile) {
-        return Err(Error::new(
-            "the checkpoint was begun without --noise and lacks the batches of single pixels",
-            "resume without --noise, or begin anew with it",
-        )
-        .at(path));
-    }
-    Ok(())
-}
-
-/// Writes what the measuring iterations of the block with the most of them found.
-fn save_noise(
-    path: &Path,
-    prepared: &Prepared,
-    renderer: &Renderer,
-    progress: &Progress,
-) -> Result<()> {
-    let measured =
-        renderer.blocks().iter().filter_map(|block| Some((block, block.noise.as_ref()?)));
-    let most = measured.max_by_key(|(_, noise)| noise.iterations);
-    let Some((block, _)) = most.filter(|(_, noise)| noise.iterations >= 2) else {
-        progress.note("warning: too few iterations to tell the noise; --noise wrote nothing");
-        return Ok(());
-    };
+/// Writes what its measuring iterations found.
+fn save_noise(path: &Path, prepared: &Prepared, block: &Block) -> Result<()> {
     let noise = block.noise_image()?;
     noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -1,10 +1,12 @@
 //! The files that `bdpm render` writes, and when.
 
+use super::outputs::{self, Attempts, Output};
+use super::preview;
 use super::progress::Progress;
 use super::render::Args;
 use super::session::Session;
-use bdpm::base::atomic::check_writable;
-use bdpm::base::error::{Error, Result};
+use bdpm::base::error::Result;
+use bdpm::base::identity::Identity;
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::pictures;
 use bdpm::pictures::{Image, Layer, Value};
@@ -39,31 +41,41 @@ pub struct Outputs {
 impl Outputs {
     /// Finds problems with the files before any work is done.
     pub fn new(args: &Args) -> Result<Self> {
-        let exr = args.output.clone();
-        let png = exr.with_extension("png");
-        check_writable(&exr, Some("exr"))?;
-        check_writable(&png, Some("png"))?;
-        if let Some(noise) = &args.noise {
-            check_writable(noise, Some("exr"))?;
-            if *noise == exr {
-                return Err(Error::new(
-                    "the coefficients and the image have the same name",
-                    "give --noise another one",
-                )
-                .at(noise));
-            }
+        let (exr, checkpoint) = (args.output.clone(), args.checkpoint.clone());
+        let files = Self { png: preview::beside(&exr), exr, checkpoint };
+        outputs::check(&files.all(args))?;
+        Ok(files)
+    }
+
+    fn all<'a>(&'a self, args: &'a Args) -> Vec<Output<'a>> {
+        let mut all = vec![
+            Output::new("--output", &self.exr, Some("exr")),
+            Output::new("the preview of --output", &self.png, Some("png")),
+        ];
+        let noise = args.noise.as_deref();
+        all.extend(noise.map(|path| Output::new("--noise", path, Some("exr"))));
+        let checkpoint = self.checkpoint.as_deref();
+        all.extend(checkpoint.map(|path| Output::new("--checkpoint", path, None)));
+        all
+    }
+
+    /// Refuses to replace what was read, but for the checkpoint that is continued. The preview, which
+    /// nobody gave a name, moves out of the way of what is no preview; returns whether it did.
+    pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
+        let beside = self.png.clone();
+        self.png = preview::aside(&beside)?;
+        let mut all = self.all(args);
+        if *self.png != beside {
+            outputs::check(&all)?;
         }
-        if let Some(checkpoint) = &args.checkpoint {
-            check_writable(checkpoint, None)?;
-            if *checkpoint == exr || *checkpoint == png {
-                return Err(Error::new(
-                    "the checkpoint and the image have the same name",
-                    "give --checkpoint another one",
-                )
-                .at(checkpoint));
-            }
-        }
-        Ok(Self { exr, png, checkpoint: args.checkpoint.clone() })
+        let resumed = args.resume.as_deref().and_then(Identity::of);
+        all.retain(|output| {
+            output.what != "--checkpoint"
+                || resumed.is_none()
+                || Identity::of(output.path) != resumed
+        });
+        outputs::spare_inputs(&all)?;
+        Ok(self.png != beside)
     }
 }
 
@@ -84,16 +96,21 @@ impl Schedule {
         &mut self,
         writer: &mut Writer,
         session: &Session,
-        save_checkpoint: impl Fn(&mut Writer) -> Result<()>,
-        save_image: impl Fn(&mut Writer) -> Result<()>,
+        save_checkpoint: impl Fn(&mut Writer, &mut Attempts),
+        save_image: impl Fn(&mut Writer, &mut Attempts),
     ) {
+        let attempt = |writer: &mut Writer, save: &dyn Fn(&mut Writer, &mut Attempts)| {
+            let mut attempts = Attempts::default();
+            save(writer, &mut attempts);
+            warn_of_failure(&session.progress, attempts.failures());
+        };
         if session.elapsed() >= self.next_checkpoint {
-            warn_of_failure(&session.progress, save_checkpoint(writer));
+            attempt(writer, &save_checkpoint);
             self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
         }
         if session.elapsed() >= self.next_image {
             let before = Instant::now();
-            warn_of_failure(&session.progress, save_image(writer));
+            attempt(writer, &save_image);
             let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
             self.next_image = session.elapsed() + pause;
         }
@@ -119,20 +136,21 @@ impl Writer<'_> {
         renderer: &Renderer,
         steer: &impl Steer,
         elapsed: Duration,
-    ) -> Result<()> {
-        let Some(path) = &self.outputs.checkpoint else { return Ok(()) };
+        attempts: &mut Attempts,
+    ) {
+        let Some(path) = &self.outputs.checkpoint else { return };
         let start = Instant::now();
         let checkpoint = Checkpoint {
             origin: self.origin.clone(),
             blocks: Cow::Borrowed(renderer.blocks()),
             autopilot: steer.state(elapsed.as_secs_f64()),
         };
-        let saved = checkpoint.save(path);
+        attempts.add(path, || checkpoint.save(path));
         self.time += start.elapsed();
-        saved
     }
 
-    pub fn save_image(&mut self, combined: &Combined) -> Result<()> {
+    /// The image and its preview.
+    pub fn save_image(&mut self, combined: &Combined, attempts: &mut Attempts) {
         let start = Instant::now();
         let (width, height) = combined.resolution();
         let pixels = combined.mean();
@@ -145,10 +163,9 @@ impl Writer<'_> {
         metadata.insert("iterations".into(), iterations);
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
-        let saved = pictures::write_exr(&self.outputs.exr, &image).and_then(|()| {
-            pictures::write_png(&self.outputs.png, width, height, &pixels).map(|_exposure| ())
-        });
+        let Outputs { exr, png, .. } = &self.outputs;
+        attempts.add(exr, || pictures::write_exr(exr, &image));
+        attempts.add(png, || pictures::write_png(png, width, height, &pixels));
         self.time += start.elapsed();
-        saved
     }
 }

@@ -1,8 +1,9 @@
 //! `bdpm reproduce`.
 
+use super::interrupts::catch_interrupts;
 use super::progress::{Progress, Status, Totals};
-use super::session::{Prepared, SessionArgs, catch_interrupts};
-use super::{human_time, json};
+use super::session::{Prepared, SessionArgs};
+use super::{human_time, json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::check_memory;
 use bdpm::noise::region;
@@ -89,6 +90,12 @@ pub fn run(args: &Args) -> Result<String> {
     let bench =
         Bench { scene: &prepared.scene, accel: &*prepared.accel, threads: &prepared.threads };
     let mut run = Run::new(bench, folder.clone(), experiment);
+    if let Some(budget) = args.time_budget
+        && run.experiment().done.is_empty()
+        && !args.session.quiet
+    {
+        warn_of_haste(&run, budget)?;
+    }
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
             (true, _) => json(&Report { complete: false, report: None, results: None }),
@@ -132,10 +139,24 @@ fn identity(prepared: &Prepared, time: Duration) -> Result<Identity> {
     })
 }
 
+/// Every part has a least number of iterations, for its standard errors.
+fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
+    let least = run.least_time()?;
+    if least > budget.as_secs_f64() {
+        say(&format!(
+            "warning: the least iterations of all parts take about {}, longer than --time-budget {}\n\
+             help: lower --resolution, or give more time; at the least the errors are large",
+            human_time(least),
+            humantime::format_duration(budget)
+        ));
+    }
+    Ok(())
+}
+
 /// Measures what is left; returns whether all is complete.
 fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
     let mut progress = Progress::new(Goal { time: Some(time), ..Goal::default() }, quiet);
-    let presses = catch_interrupts(progress.clone())?;
+    let interrupted = catch_interrupts(progress.clone())?;
     let (done, all) = (run.experiment().done.len(), Part::all().len());
     let Identity { setup, .. } = &run.experiment().identity;
     progress.note(&match done {
@@ -158,9 +179,9 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
         let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: glimpse.left });
         let status = Status { iterations, standing: None, forecast };
         progress.update(&totals, &status, Duration::from_secs_f64(glimpse.seconds));
-        match presses.load(Ordering::Relaxed) {
-            0 => ControlFlow::Continue(()),
-            _ => ControlFlow::Break(()),
+        match interrupted.load(Ordering::Relaxed) {
+            false => ControlFlow::Continue(()),
+            true => ControlFlow::Break(()),
         }
     });
     progress.finish();

@@ -1,5 +1,6 @@
 //! What `render` and `analyze` have in common: from the arguments to the last iteration.
 
+use super::interrupts::catch_interrupts;
 use super::progress::{Progress, Status, Totals};
 use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
@@ -9,20 +10,21 @@ use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
-use bdpm::settings::origin::Origin;
+use bdpm::settings::origin::{Origin, Reuse};
 use bdpm::settings::{PartialSettings, Settings};
 use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use serde::Serialize;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration
+    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration, which must not take
+    /// far longer
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
     /// Number of threads; the image does not depend on it [default: all processors]
@@ -68,6 +70,14 @@ pub struct Seconds {
     write: f64,
 }
 
+/// What there is of an image: what it was made of, its file, and what is done with it.
+#[derive(Clone, Copy)]
+pub struct Begun<'a> {
+    pub origin: &'a Origin,
+    pub file: &'a Path,
+    pub reuse: Reuse,
+}
+
 /// A scene ready to render.
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
@@ -80,9 +90,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Loads the scene and builds its hierarchy; `begun` is what the image to go on with was made
-    /// of, and its file.
-    pub fn new(args: &SessionArgs, begun: Option<(&Origin, &Path)>) -> Result<Self> {
+    /// Loads the scene and builds its hierarchy, for an image that may have begun.
+    pub fn new(args: &SessionArgs, begun: Option<Begun>) -> Result<Self> {
         Self::with_wishes(args, args.scene.wishes.clone(), begun)
     }
 
@@ -97,7 +106,7 @@ impl Prepared {
     fn with_wishes(
         args: &SessionArgs,
         asked: PartialSettings,
-        begun: Option<(&Origin, &Path)>,
+        begun: Option<Begun>,
     ) -> Result<Self> {
         let threads = rayon::ThreadPoolBuilder::new()
             .num_threads(args.threads.unwrap_or(0).into())
@@ -111,9 +120,9 @@ impl Prepared {
         }
         let (scene, summary) = (loaded.scene, loaded.summary);
         // A resumed image has its own settings; arguments that agree with them do no harm.
-        let defaults = begun.map_or(loaded.defaults, |(origin, _)| (&origin.settings).into());
+        let defaults = begun.map_or(loaded.defaults, |begun| (&begun.origin.settings).into());
         let settings = Settings::resolve(&asked, &defaults, scene.size())?;
-        let begun_backend = begun.and_then(|(origin, _)| {
+        let begun_backend = begun.and_then(|Begun { origin, .. }| {
             Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
         });
         let backend = args.scene.accel.or(begun_backend).unwrap_or_default();
@@ -124,8 +133,8 @@ impl Prepared {
             backend: backend.name().into(),
             settings,
         };
-        if let Some((begun, file)) = begun {
-            begun.check_agrees(&origin).map_err(|e| e.at(file))?;
+        if let Some(Begun { origin: begun, file, reuse }) = begun {
+            begun.check_agrees(&origin, reuse).map_err(|e| e.at(file))?;
         }
         let start = Instant::now();
         let accel = threads.install(|| backend::build(backend, &scene))?;
@@ -138,20 +147,6 @@ impl Prepared {
         let settings = self.origin.settings.clone();
         self.threads.install(|| Renderer::new(&self.scene, &*self.accel, settings))
     }
-}
-
-/// Counts Ctrl-C (and requests to terminate); the second one ends the program at once.
-pub fn catch_interrupts(progress: Progress) -> Result<&'static AtomicU32> {
-    static PRESSES: AtomicU32 = AtomicU32::new(0);
-    ctrlc::set_handler(move || {
-        if PRESSES.fetch_add(1, Ordering::Relaxed) > 0 {
-            // The customary status of a program that SIGINT ended.
-            std::process::exit(130);
-        }
-        progress.note("finishing this iteration; press Ctrl-C again to abort");
-    })
-    .map_err(|e| Error::new(format!("cannot catch Ctrl-C: {e}"), "report this as a bug"))?;
-    Ok(&PRESSES)
 }
 
 /// Relative growth of the time between two expectations that are remembered.
@@ -189,7 +184,7 @@ pub struct Session<'a> {
     start: Instant,
     /// When iterating began.
     first: Instant,
-    presses: &'static AtomicU32,
+    interrupted: &'static AtomicBool,
 }
 
 impl<'a> Session<'a> {
@@ -201,7 +196,7 @@ impl<'a> Session<'a> {
         (verb, counts): (&str, &str),
     ) -> Result<Self> {
         let progress = Progress::new(goal, quiet);
-        let presses = catch_interrupts(progress.clone())?;
+        let interrupted = catch_interrupts(progress.clone())?;
         let Settings { width, height, .. } = prepared.origin.settings;
         progress.note(&format!("read {}", prepared.summary));
         progress.note(&format!(
@@ -222,7 +217,7 @@ impl<'a> Session<'a> {
             expectations: Vec::new(),
             start,
             first: start,
-            presses,
+            interrupted,
         })
     }
 
@@ -258,7 +253,7 @@ impl<'a> Session<'a> {
             self.warn_of_bad_pixels(&report, renderer.iterations() - 1);
             self.look(renderer, steer);
             self.progress.update(&self.totals, &self.status, self.start.elapsed());
-            if self.presses.load(Ordering::Relaxed) > 0 {
+            if self.interrupted.load(Ordering::Relaxed) {
                 return Ok(StoppedBy::Interrupt);
             }
             between(self, renderer, steer);

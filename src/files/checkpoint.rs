@@ -5,7 +5,8 @@
 
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
-use crate::render::block::Block;
+use crate::base::input::read_if_begins;
+use crate::render::block::{Block, Clock};
 use crate::settings::origin::Origin;
 use crate::steer::autopilot;
 use serde::{Deserialize, Serialize};
@@ -17,7 +18,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 7;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -26,7 +27,7 @@ const HEADER: usize = MAGIC.len() + size_of::<u32>();
 const TRAILER: usize = size_of::<u64>();
 
 /// An image under way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint<'a> {
     /// What it was made of.
     pub origin: Origin,
@@ -36,17 +37,39 @@ pub struct Checkpoint<'a> {
     pub autopilot: Option<autopilot::State>,
 }
 
+/// A checkpoint as it is written.
+#[derive(Serialize, Deserialize)]
+struct Payload<'a> {
+    origin: Cow<'a, Origin>,
+    blocks: Cow<'a, [Block]>,
+    autopilot: Option<autopilot::State>,
+    /// Times of the blocks, which only automatic counts depend on: without them, equal images have equal
+    /// checkpoints.
+    clocks: Vec<Clock>,
+}
+
 impl Checkpoint<'_> {
-    /// Writes it to `path` in place of what was there.
+    /// Writes it to `path` in place of what was there. Times of iterations are kept only where the counts
+    /// are chosen by them.
     ///
     /// # Errors
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
+        let Self { origin, blocks, autopilot } = self;
+        let clocks = match autopilot {
+            Some(_) => blocks.iter().map(|block| block.clock).collect(),
+            None => Vec::new(),
+        };
+        let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
+        let payload = Payload { origin, blocks, autopilot: *autopilot, clocks };
         write_atomically(path, |to| {
-            let mut hashing = Hashing { to, hash: Xxh3Default::new() };
+            let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
             hashing.write_all(&FORMAT.to_le_bytes())?;
-            postcard::to_io(self, &mut hashing).map_err(io::Error::other)?;
+            if let Err(e) = postcard::to_io(&payload, &mut hashing) {
+                // The encoder does not say why it could not write.
+                return Err(hashing.failure.unwrap_or_else(|| io::Error::other(e)));
+            }
             let digest = hashing.hash.digest();
             hashing.to.write_all(&digest.to_le_bytes())
         })
@@ -60,7 +83,7 @@ impl Checkpoint<'static> {
     /// If the file cannot be read, is no checkpoint, is from another format version, or is
     /// damaged; names it.
     pub fn load(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io("read", path, e))?;
+        let bytes = read_if_begins(path, &MAGIC)?;
         Self::decode(&bytes).map_err(|e| e.at(path))
     }
 
@@ -94,16 +117,20 @@ impl Checkpoint<'static> {
             ));
         }
         // Only a file whose checksum somebody has forged fails below.
-        let (checkpoint, rest): (Self, _) =
+        let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let settings = &checkpoint.origin.settings;
-        settings.validate()?;
-        let blocks = &checkpoint.blocks;
-        let fits = blocks.iter().all(|block| block.is_consistent(settings));
-        if blocks.is_empty() || !fits || !rest.is_empty() {
+        let Payload { origin, blocks, autopilot, clocks } = payload;
+        let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
+        origin.settings.validate()?;
+        let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings));
+        let timed = if autopilot.is_some() { blocks.len() } else { 0 };
+        if blocks.is_empty() || !fits || clocks.len() != timed || !rest.is_empty() {
             return Err(damaged());
         }
-        Ok(checkpoint)
+        for (block, clock) in blocks.iter_mut().zip(clocks) {
+            block.clock = clock;
+        }
+        Ok(Self { origin, blocks: Cow::Owned(blocks), autopilot })
     }
 }
 
@@ -111,13 +138,23 @@ impl Checkpoint<'static> {
 struct Hashing<W> {
     to: W,
     hash: Xxh3Default,
+    /// Of the last write.
+    failure: Option<io::Error>,
 }
 
 impl<W: Write> Write for Hashing<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.to.write(bytes)?;
-        self.hash.update(&bytes[..written]);
-        Ok(written)
+        match self.to.write(bytes) {
+            Ok(written) => {
+                self.hash.update(&bytes[..written]);
+                Ok(written)
+            }
+            Err(e) => {
+                let same = e.raw_os_error().map_or(e.kind().into(), io::Error::from_raw_os_error);
+                self.failure = Some(e);
+                Err(same)
+            }
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -134,6 +171,18 @@ mod tests {
     use crate::timing::TimeModel;
     use glam::DVec3;
     use std::fs;
+
+    fn state() -> autopilot::State {
+        let times = TimeModel {
+            fixed: 1e-3,
+            light_path: 1e-6,
+            camera_path: 2e-6,
+            look_up: 1e-7,
+            merge_pair: 1e-9,
+            pixels: 35.0,
+        };
+        autopilot::State::new(times, 1e-4)
+    }
 
     fn checkpoint() -> Checkpoint<'static> {
         let settings = Settings {
@@ -176,19 +225,25 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
-        let times = TimeModel {
-            fixed: 1e-3,
-            light_path: 1e-6,
-            camera_path: 2e-6,
-            look_up: 1e-7,
-            merge_pair: 1e-9,
-            pixels: 35.0,
+        Checkpoint { origin, blocks: Cow::Owned(vec![first, second]), autopilot: Some(state()) }
+    }
+
+    #[test]
+    fn times_are_kept_where_counts_are_chosen_by_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ckpt");
+        let with = |iterations: u64, autopilot| {
+            let mut own = Checkpoint { autopilot, ..checkpoint() };
+            own.blocks.to_mut()[1].clock.iterations = iterations;
+            own.save(&path).unwrap();
+            (Checkpoint::load(&path).unwrap().blocks[1].clock, fs::read(&path).unwrap())
         };
-        Checkpoint {
-            origin,
-            blocks: Cow::Owned(vec![first, second]),
-            autopilot: Some(autopilot::State::new(times, 1e-4)),
-        }
+        let (clock, automatic) = with(3, Some(state()));
+        assert_eq!(clock.iterations, 3);
+        assert_ne!(automatic, with(4, Some(state())).1);
+        let (clock, fixed) = with(3, None);
+        assert_eq!(clock, Clock::default());
+        assert_eq!(fixed, with(4, None).1);
     }
 
     fn saved() -> Vec<u8> {

@@ -2,30 +2,13 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+pub(super) use crate::base::input::open;
+
 /// Largest accepted scene file, bytes. Geometry belongs into OBJ files, which have no limit.
 const MAX_SCENE_FILE: u64 = 16 << 20;
-
-/// Opens a regular file. Folders are refused with a better word than the system's; devices and
-/// pipes because they may never end.
-pub(super) fn open(path: &Path) -> Result<File> {
-    // Look before opening: opening a pipe waits for its writer.
-    let metadata = std::fs::metadata(path).map_err(|e| Error::io("read the file", path, e))?;
-    if metadata.is_dir() {
-        return Err(Error::new("this is a folder, not a file", "name a file in it").at(path));
-    }
-    if !metadata.is_file() {
-        return Err(Error::new(
-            "this is neither a regular file nor a folder",
-            "copy its content to a file",
-        )
-        .at(path));
-    }
-    File::open(path).map_err(|e| Error::io("open the file", path, e))
-}
 
 /// Reads a small text file as a whole, without its byte order mark.
 pub(super) fn read(path: &Path) -> Result<String> {

@@ -1,8 +1,11 @@
 //! OpenEXR: 32-bit floats without loss, one part whose channel names carry the layers.
 
+use super::exr_header::SortedHeader;
 use super::{Image, Layer, Metadata, Value};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input;
+use crate::base::memory::{GIB, available_memory};
 use exr::meta::attribute::Chromaticities;
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
@@ -11,15 +14,21 @@ use exr::prelude::{
     Text, Vec2, WritableImage,
 };
 use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 /// Goes before the name of every custom attribute.
 const PREFIX: &str = "bdpm.";
 
+/// What every EXR file begins with.
+const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
 /// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
 /// with losses to a few thousand where all pixels are the same.
 const MAX_RATIO: u128 = 100_000;
+
+/// Bytes of memory that a number of an image takes while it is read: as decoded, and as 32-bit float.
+const COPIES: f64 = 8.0;
 
 /// Chromaticities of Rec. 709 with its white point D65.
 const REC_709: Chromaticities = Chromaticities {
@@ -29,7 +38,7 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Writes all layers and metadata to `path`.
+/// Writes all layers and metadata to `path`. Equal images become equal files.
 ///
 /// # Errors
 /// If the file cannot be written; names it.
@@ -69,7 +78,7 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     let part = exr::prelude::Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
     let file = exr::prelude::Image::new(shared, part);
     write_atomically(path, |to| {
-        file.write().to_buffered(to).map_err(|e| match e {
+        file.write().to_buffered(SortedHeader::new(to)).map_err(|e| match e {
             exr::error::Error::Io(e) => e,
             e => std::io::Error::other(e.to_string()),
         })
@@ -81,14 +90,25 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
 pub fn read_exr(path: &Path) -> Result<Image> {
+    let file = input::open(path)?;
+    check_magic(&file).map_err(|e| Error::io("read", path, e))?.map_err(|e| e.at(path))?;
     let broken = |e: exr::error::Error| match e {
         exr::error::Error::Io(e) => Error::io("read", path, e),
-        e => {
-            Error::new(format!("cannot read it as an EXR image: {e}"), "give an .exr file").at(path)
-        }
+        exr::error::Error::NotSupported(what) => Error::new(
+            format!("this kind of EXR image cannot be read: {what}"),
+            "save it again, with flat channels",
+        )
+        .at(path),
+        e => Error::new(
+            format!("the EXR image is cut off or damaged: {e}"),
+            "copy it again from where it came, or make it anew",
+        )
+        .at(path),
     };
-    let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
-    check_size(&file).map_err(broken)?;
+    let meta = MetaData::read_from_unbuffered(&file, false).map_err(broken)?;
+    let length = file.metadata().and_then(|metadata| (&file).rewind().map(|()| metadata.len()));
+    let length = length.map_err(|e| Error::io("read", path, e))?;
+    check_size(&meta, length, available_memory()).map_err(|e| e.at(path))?;
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -136,24 +156,46 @@ pub fn read_exr(path: &Path) -> Result<Image> {
     Ok(Image { width, height, layers, metadata })
 }
 
-/// Refuses more pixels than a file of this size can hold, before memory is taken for them; goes back to
-/// the beginning.
-fn check_size(mut file: &File) -> exr::error::UnitResult {
-    let most = u128::from(file.metadata()?.len()) * MAX_RATIO;
-    for header in MetaData::read_from_unbuffered(file, false)?.headers {
+/// Refuses what is no EXR file at all; goes back to the beginning.
+fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
+    let mut begin = Vec::new();
+    file.take(MAGIC.len() as u64).read_to_end(&mut begin)?;
+    file.rewind()?;
+    let problem = match &begin[..] {
+        [] => "the file is empty",
+        begin if MAGIC.starts_with(begin) => return Ok(Ok(())),
+        _ => "this is no EXR image",
+    };
+    Ok(Err(Error::new(problem, "give an .exr file")))
+}
+
+/// Refuses more pixels than a file of `length` bytes or the memory can hold, before they are read.
+fn check_size(meta: &MetaData, length: u64, available: Option<f64>) -> Result<()> {
+    for header in &meta.headers {
         let area = |size: Vec2<usize>| size.width() as u128 * size.height() as u128;
         let block = match header.blocks {
             BlockDescription::ScanLines => 0,
             BlockDescription::Tiles(tiles) => area(tiles.tile_size),
         };
+        let Vec2(width, height) = header.layer_size;
         let pixels = area(header.layer_size).max(block);
-        if pixels * header.channels.bytes_per_pixel as u128 > most {
-            let Vec2(width, height) = header.layer_size;
-            let problem = format!("the file is too small for {width}x{height} pixels");
-            return Err(exr::error::Error::Invalid(problem.into()));
+        if pixels * header.channels.bytes_per_pixel as u128 > u128::from(length) * MAX_RATIO {
+            let problem = format!(
+                "the EXR image is cut off or damaged: the file is too small for {width}x{height} pixels"
+            );
+            return Err(Error::new(problem, "copy it again from where it came"));
+        }
+        let needed = COPIES * (pixels as f64) * header.channels.list.len() as f64;
+        if let Some(available) = available.filter(|available| needed > *available) {
+            let problem = format!(
+                "{width}x{height} pixels take about {:.1} GiB of memory, but {:.1} GiB are available",
+                needed / GIB,
+                available / GIB
+            );
+            return Err(Error::new(problem, "give a smaller image"));
         }
     }
-    Ok(file.rewind()?)
+    Ok(())
 }
 
 /// UTF-8, the encoding that readers expect; a NUL would end the text, so none is let through.
@@ -205,6 +247,37 @@ mod tests {
     }
 
     #[test]
+    fn images_that_memory_cannot_hold_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        write_exr(&path, &image(64, 32)).unwrap();
+        let meta = MetaData::read_from_file(&path, false).unwrap();
+        let needed = 64.0 * 32.0 * 4.0 * COPIES;
+        check_size(&meta, 5000, Some(needed)).unwrap();
+        let shown = check_size(&meta, 5000, Some(needed - 1.0)).unwrap_err().to_string();
+        assert!(shown.contains("64x32 pixels take about"), "{shown}");
+        let shown = check_size(&meta, 0, None).unwrap_err().to_string();
+        assert!(shown.contains("too small for 64x32 pixels"), "{shown}");
+    }
+
+    #[test]
+    fn equal_images_are_equal_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = |name: &str| {
+            let path = folder.path().join(name);
+            let mut image = image(20, 40);
+            for i in 0..30 {
+                image.metadata.insert(format!("fact {i}"), Value::Number(f64::from(i)));
+            }
+            write_exr(&path, &image).unwrap();
+            assert_eq!(read_exr(&path).unwrap().metadata, image.metadata);
+            fs::read(&path).unwrap()
+        };
+        // By chance two orders of 30 are the same once in 10^32 times.
+        assert_eq!(bytes("a.exr"), bytes("b.exr"));
+    }
+
+    #[test]
     fn the_file_says_what_its_colors_mean_and_who_wrote_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
@@ -225,8 +298,12 @@ mod tests {
         for length in (0..whole.len()).step_by(37) {
             fs::write(&path, &whole[..length]).unwrap();
             let shown = read_exr(&path).unwrap_err().to_string();
-            assert!(shown.contains("a.exr") && shown.contains("\nhelp: "), "{length}: {shown}");
+            let problem = if length == 0 { "the file is empty" } else { "cut off or damaged" };
+            assert!(shown.contains(problem) && shown.contains("\nhelp: "), "{length}: {shown}");
         }
+        fs::write(&path, b"v/1 is no magic number").unwrap();
+        let shown = read_exr(&path).unwrap_err().to_string();
+        assert!(shown.contains("a.exr: this is no EXR image\nhelp: give an .exr file"), "{shown}");
         let missing = read_exr(&folder.path().join("none.exr")).unwrap_err().to_string();
         assert!(missing.contains("none.exr"), "{missing}");
     }

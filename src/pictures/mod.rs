@@ -6,6 +6,7 @@
 #[cfg(feature = "cli")]
 mod canvas;
 mod exr_file;
+mod exr_header;
 mod png_file;
 mod scale;
 mod tone;
@@ -13,7 +14,7 @@ mod tone;
 #[cfg(feature = "cli")]
 pub use canvas::Canvas;
 pub use exr_file::{read_exr, write_exr};
-pub use png_file::{encode_png, write_png, write_png_bytes};
+pub use png_file::{encode_png, is_ours, write_png, write_png_bytes};
 pub use scale::{digits, number, quantile, tick_step};
 pub use tone::{auto_exposure, tone_map};
 

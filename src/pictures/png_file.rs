@@ -3,8 +3,15 @@
 use super::{auto_exposure, tone_map};
 use crate::base::atomic::write_atomically;
 use crate::base::math::Rgb;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path;
+
+/// The text by which our files are known.
+const SOFTWARE: [&str; 2] = ["Software", "bdpm"];
+
+/// Bytes of a file's beginning within which that text is.
+const BEGINNING: u64 = 1 << 10;
 
 /// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`]; returns the exposure.
 ///
@@ -30,7 +37,24 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate:
 /// If there are not three bytes per pixel.
 pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> crate::Result<()> {
     assert_eq!(bytes.len(), 3 * width as usize * height as usize);
-    write_atomically(path, |to| Ok(encode(to, width, height, bytes)?))
+    write_atomically(path, |to| {
+        encode(to, width, height, bytes).map_err(|e| match e {
+            png::EncodingError::IoError(e) => e,
+            e => e.into(),
+        })
+    })
+}
+
+/// Whether `path` is a PNG file that this program has written.
+pub fn is_ours(path: &Path) -> bool {
+    if !path.is_file() {
+        return false; // opening a pipe would wait for its writer
+    }
+    let mut bytes = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(BEGINNING).read_to_end(&mut bytes));
+    let [key, value] = SOFTWARE;
+    let text = [b"tEXt", key.as_bytes(), b"\0", value.as_bytes()].concat();
+    read.is_ok() && bytes.starts_with(b"\x89PNG") && memchr::memmem::find(&bytes, &text).is_some()
 }
 
 /// The bytes of a PNG file of 8-bit sRGB pixels, row by row.
@@ -50,7 +74,8 @@ fn encode(to: impl Write, width: u32, height: u32, bytes: &[u8]) -> Result<(), p
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    encoder.add_text_chunk("Software".into(), "bdpm".into())?;
+    let [key, value] = SOFTWARE;
+    encoder.add_text_chunk(key.into(), value.into())?;
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;
     writer.finish()
@@ -68,12 +93,28 @@ mod tests {
         let pixels: Vec<Rgb> =
             (0..35).map(|i| Rgb::new(i as f32, 0.5 * i as f32, 1.0) * 0.05).collect();
         let exposure = write_png(&path, 7, 5, &pixels).unwrap();
-        let file = BufReader::new(std::fs::File::open(&path).unwrap());
+        let file = BufReader::new(File::open(&path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut bytes).unwrap();
         assert_eq!((info.width, info.height), (7, 5));
         let expected: Vec<u8> = pixels.iter().flat_map(|&p| tone_map(p, exposure)).collect();
         assert_eq!(bytes, expected);
+    }
+
+    #[test]
+    fn our_files_are_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        write_png(&at("ours.png"), 2, 1, &[Rgb::ONE; 2]).unwrap();
+        assert!(is_ours(&at("ours.png")));
+        let file = File::create(at("other.png")).unwrap();
+        let mut writer = png::Encoder::new(file, 1, 1).write_header().unwrap();
+        writer.write_image_data(&[7]).unwrap();
+        writer.finish().unwrap();
+        std::fs::write(at("text.png"), "tEXtSoftware\0bdpm").unwrap();
+        for name in ["other.png", "text.png", "none.png"] {
+            assert!(!is_ours(&at(name)), "{name}");
+        }
     }
 }

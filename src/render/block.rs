@@ -23,7 +23,8 @@ pub struct Block {
     pub film: Film,
     /// Sums of the measuring ones.
     pub noise: Option<NoiseFilm>,
-    /// Times of the others.
+    /// Times of the others; not part of the image, nor of its files.
+    #[serde(skip)]
     pub clock: Clock,
 }
 

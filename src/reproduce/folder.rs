@@ -1,8 +1,9 @@
 //! The files of an experiment: what was measured so far, and what is under way.
 
 use super::part::Part;
-use crate::base::atomic::write_atomically;
+use crate::base::atomic::{sweep, write_atomically};
 use crate::base::error::{Error, Result};
+use crate::base::input::read_as;
 use crate::files::checkpoint::Checkpoint;
 use crate::noise::file::NoiseFile;
 use crate::noise::image::Statistic;
@@ -66,12 +67,20 @@ pub struct Measured {
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes the folder if there is none.
+    /// Makes the folder if there is none; before anything in it is read.
     ///
     /// # Errors
-    /// If it cannot be made; names it.
+    /// If it cannot be made, or holds files of the scene, which was read; names it.
     pub fn new(path: &Path) -> Result<Self> {
-        fs::create_dir_all(path).map_err(|e| Error::io("make the folder", path, e))?;
+        let failed = |e| Error::io("make the folder", path, e);
+        fs::create_dir_all(path).map_err(failed)?;
+        for entry in path.read_dir().map_err(failed)?.flatten() {
+            if let Some(read) = read_as(&entry.path()) {
+                let problem = format!("the folder holds {}, which was read", read.display());
+                return Err(Error::new(problem, "give a folder of its own as --output").at(path));
+            }
+        }
+        sweep(path);
         Ok(Self(path.into()))
     }
 

@@ -14,6 +14,7 @@ use crate::render::{IterationReport, Renderer};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::origin::Origin;
+use crate::steer::pace;
 use crate::timing::sample::Recorder;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -61,6 +62,26 @@ impl<'a> Run<'a> {
     /// Goes on with `experiment`.
     pub fn new(bench: Bench<'a>, folder: Folder, experiment: Experiment) -> Self {
         Self { bench, folder, experiment }
+    }
+
+    /// Rendering time that all parts take at the least, seconds, whatever the budget; by a quick measurement.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn least_time(&self) -> Result<f64> {
+        let Bench { scene, accel, threads } = self.bench;
+        let settings = &self.experiment.identity.settings;
+        let times = threads.install(|| pace::least_times(scene, accel, settings))?;
+        let measured = LEAST_IN_BATCH * BATCHES as u64;
+        let time = |part: Part| {
+            let iterations = (0..).scan(0, |done, iteration| {
+                *done += u64::from(part.measure(iteration) != Measure::Off);
+                (*done <= measured).then_some(())
+            });
+            let (light, camera) = (part.light_paths.into(), part.camera_paths.into());
+            iterations.count() as f64 * times.iteration(light, camera)
+        };
+        Ok(Part::all().into_iter().map(time).sum())
     }
 
     /// What is complete.

@@ -51,7 +51,7 @@ pub(super) fn interpolate<T: Copy + Add<Output = T> + Mul<f32, Output = T>>(
 }
 
 /// Normal of a triangle, twice its area long. In f64 neither overflow nor underflow is possible for
-/// f32 corners of up to 1e15.
+/// f32 corners of up to 1e12.
 fn long_normal([a, b, c]: [Vec3; 3]) -> DVec3 {
     (b - a).as_dvec3().cross((c - a).as_dvec3())
 }

@@ -1,6 +1,7 @@
 //! Everything besides the scene that determines an image, validated.
 
 mod checks;
+mod exactly;
 mod length;
 pub mod origin;
 pub mod policy;
@@ -8,6 +9,7 @@ mod table;
 
 pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
+pub(crate) use exactly::Exactly;
 pub use length::Length;
 pub(crate) use table::shared_by;
 pub use table::{PartialSettings, Settings};

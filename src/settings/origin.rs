@@ -20,6 +20,15 @@ pub struct Origin {
     pub settings: Settings,
 }
 
+/// What is done with an image that was begun.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reuse {
+    /// Its iterations are gone on with.
+    Resume,
+    /// Its plan is rendered.
+    Plan,
+}
+
 impl Origin {
     /// As facts about an image.
     pub fn to_metadata(&self) -> Metadata {
@@ -87,11 +96,11 @@ impl Origin {
         })
     }
 
-    /// Refuses to continue an image that `self` made with `other`.
+    /// Refuses to reuse an image that `self` made for one of `other`.
     ///
     /// # Errors
     /// Names everything that differs, with both values.
-    pub fn check_agrees(&self, other: &Self) -> Result<()> {
+    pub fn check_agrees(&self, other: &Self, reuse: Reuse) -> Result<()> {
         let mut differences = Vec::new();
         if self.fingerprint != other.fingerprint {
             differences.push(if self.scene == other.scene {
@@ -115,11 +124,18 @@ impl Origin {
         if differences.is_empty() {
             return Ok(());
         }
-        Err(Error::new(
-            format!("cannot continue this image: its {}", differences.join("; its ")),
-            "resume with the scene and settings that it was begun with, or render anew without \
-             --resume",
-        ))
+        let (problem, advice) = match reuse {
+            Reuse::Resume => (
+                "cannot continue this image",
+                "resume with the scene and settings that it was begun with, or render anew without \
+                 --resume",
+            ),
+            Reuse::Plan => (
+                "this plan is for another image",
+                "give the scene and settings that it was made for, or leave --plan out",
+            ),
+        };
+        Err(Error::new(format!("{problem}: its {}", differences.join("; its ")), advice))
     }
 }
 
@@ -175,16 +191,20 @@ mod tests {
     #[test]
     fn every_difference_is_named_with_both_values() {
         let begun = origin();
-        begun.check_agrees(&begun).unwrap();
+        begun.check_agrees(&begun, Reuse::Resume).unwrap();
         let mut other = begun.clone();
         other.scene = "sphere".into();
-        begun.check_agrees(&other).expect("a renamed scene is the same scene");
+        begun.check_agrees(&other, Reuse::Plan).expect("a renamed scene is the same scene");
         other.fingerprint = 1;
         other.backend = "embree".into();
         other.settings.radius = 0.2;
         other.settings.light_paths = 50;
         other.settings.direct = Direct::PhotonMap;
-        let shown = begun.check_agrees(&other).unwrap_err().to_string();
+        let shown = begun.check_agrees(&other, Reuse::Plan).unwrap_err().to_string();
+        assert!(shown.starts_with("this plan is for another image"), "{shown}");
+        assert!(shown.contains("--plan") && !shown.contains("resume"), "{shown}");
+        let shown = begun.check_agrees(&other, Reuse::Resume).unwrap_err().to_string();
+        assert!(shown.contains("without --resume") && !shown.contains("plan"), "{shown}");
         for part in [
             "scene is `box`, not `sphere`",
             "backend is bvh, not embree",

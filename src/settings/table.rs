@@ -1,9 +1,10 @@
 //! Every setting, once: what it means, its type, its default and its bounds.
 
 use super::checks::{
-    check_camera_paths, check_light_paths, check_merge_vertex, check_radius, check_resolution,
-    check_scale, check_strategy, checked,
+    as_serde, check_camera_paths, check_light_paths, check_merge_vertex, check_radius,
+    check_resolution, check_scale, check_strategy, checked,
 };
+use super::exactly::Exactly;
 use super::{Direct, Kernel, Length, Roulette, Strategy};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -215,6 +216,14 @@ settings! {
 mod read {
     use super::*;
 
+    pub fn resolution<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> std::result::Result<Option<[u32; 2]>, D::Error> {
+        let Exactly(pixels) = Exactly::deserialize(from)?;
+        check_resolution(&pixels).map_err(as_serde)?;
+        Ok(Some(pixels))
+    }
+
     macro_rules! checked {
         ($($name:ident: $wish:ty, $check:ident;)+) => {$(
             pub fn $name<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Option<$wish>, D::Error> {
@@ -224,7 +233,6 @@ mod read {
     }
 
     checked! {
-        resolution: [u32; 2], check_resolution;
         light_paths: u32, check_light_paths;
         camera_paths: u32, check_camera_paths;
         merge_vertex: u32, check_merge_vertex;

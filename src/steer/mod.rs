@@ -2,6 +2,7 @@
 
 pub mod autopilot;
 pub mod goal;
+pub mod pace;
 pub mod plan;
 pub mod technique;
 

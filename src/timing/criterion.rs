@@ -10,6 +10,7 @@ use super::sample::{Phase, Sample};
 use super::setup::Setup;
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input::read_text;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -92,14 +93,10 @@ impl Timings {
             false => folder.join(GROUP),
         };
         let path = folder.join(SIDECAR);
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Err(Error::new("there are no times in this folder", ADVICE).at(path));
-            }
-            Err(e) => return Err(Error::io("read", &path, e)),
-        };
-        let sidecar: Sidecar = from_json(&text, ADVICE).map_err(|e| e.at(&path))?;
+        if !path.exists() {
+            return Err(Error::new("there are no times in this folder", ADVICE).at(path));
+        }
+        let sidecar: Sidecar = from_json(&read_text(&path)?, ADVICE).map_err(|e| e.at(&path))?;
         sidecar.setup.validate().map_err(|e| e.at(&path))?;
         if !sidecar.completed {
             return Err(Error::new("the benchmarks did not all run", ADVICE).at(path));
@@ -128,13 +125,10 @@ struct Estimate {
 fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
     let path: PathBuf = folder.join(&entry.id).join("new").join("estimates.json");
     let refuse = |problem: &str| Error::new(problem, ADVICE).at(&path);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return Err(refuse("this estimate is missing"));
-        }
-        Err(e) => return Err(Error::io("read", &path, e)),
-    };
+    if !path.exists() {
+        return Err(refuse("this estimate is missing"));
+    }
+    let text = read_text(&path)?;
     let written = path.metadata().and_then(|file| file.modified());
     let written = written.map_err(|e| Error::io("read", &path, e))?;
     // File systems may keep times to two seconds only; estimates of one run are minutes apart from

@@ -5,6 +5,7 @@ use super::model::TimeModel;
 use super::setup::Setup;
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input::read_text;
 use crate::pictures::Metadata;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -49,8 +50,7 @@ impl Timings {
         if path.is_dir() {
             return Self::from_criterion(path);
         }
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io("read", path, e))?;
-        Self::parse(&text).map_err(|e| e.at(path))
+        Self::parse(&read_text(path)?).map_err(|e| e.at(path))
     }
 
     /// Reads the text of a file.

@@ -136,13 +136,13 @@ fn coordinates_that_are_not_finite_or_too_large() {
         ("nan", "not finite"),
         ("-inf", "not finite"),
         ("1e39", "not finite"),
-        ("2e15", "beyond 1e15"),
+        ("2e12", "beyond 1e12"),
     ] {
         let content = format!("v 0 0 0\nv 1 {word} 0\n");
         obj(&content).refused(&["a.obj:2: the vertex has a coordinate", problem, "help: "]);
     }
     changed("[0, 0, 5]", "[0, nan, 5]").refused(&["s.toml:2: a number is not finite"]);
-    changed("[0, 0, 5]", "[0, 2e15, 5]").refused(&["s.toml:2: a coordinate is beyond 1e15"]);
+    changed("[0, 0, 5]", "[0, 2e12, 5]").refused(&["s.toml:2: a coordinate is beyond 1e12"]);
 }
 
 #[test]
@@ -242,6 +242,12 @@ fn wrong_types() {
         .refused(&["s.toml:2: wrong type: string \"here\"", "3 numbers"]);
     changed("= [0, 0, 5]", "= [0, 5]").refused(&["s.toml:2: the list has 2 numbers", "give 3"]);
     changed("= [0, 0, 5]", "= 5").refused(&["s.toml:2: a single number stands for a point"]);
+    for (list, count) in [("[]", 0), ("[1]", 1), ("[1, 2, 3]", 3)] {
+        toml(&format!("{SCENE}[render]\nresolution = {list}\n"))
+            .refused(&[&format!("s.toml:14: the list has {count} entries"), "give 2"]);
+    }
+    toml(&format!("{SCENE}[regions]\nr = [[0, 0, 1, 1, 1]]\n"))
+        .refused(&["s.toml:14: the list has 5 entries", "give 4"]);
     changed("\"a.obj\"", "3").refused(&["s.toml:7: wrong type: integer `3`", "give a string"]);
     changed("40", "true").refused(&["s.toml:4: wrong type: boolean `true`", "give a number"]);
     toml(&format!("{SCENE}[render]\nlight_paths = 1e5\n"))
@@ -395,6 +401,10 @@ fn impossible_transforms_and_materials() {
     with("translate = 5").refused(&["s.toml:6: `translate` is a single number"]);
     with("scale = 1e30").refused(&["s.toml:6: the transform moves the mesh out of the range"]);
     let matrix = "matrix = [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    for (from, to, count) in [("0,1]]", "0,1,0]]", 5), ("],[0,0,0,1]", "]", 3)] {
+        let problem = format!("s.toml:8: the list has {count} entries");
+        with(&matrix.replace(from, to)).refused(&[&problem, "give 4"]);
+    }
     with(&format!("{matrix}\nscale = 2")).refused(&["s.toml:6: the mesh has a `matrix` besides"]);
     with(&matrix.replace("0,1]]", "0,2]]")).refused(&["s.toml:6: the last row"]);
     with("material = \"x\"").refused(&["s.toml:8: unknown material `x`", "[materials.x]"]);

@@ -159,18 +159,20 @@ fn coordinates_may_be_huge_or_tiny() {
     let reference = images(&obj(SQUARE).scene);
     let lit = reference[0].iter().filter(|pixel| **pixel > 0.1).count();
     assert!(lit > 30, "{lit} of 256 pixels are lit");
-    for scale in ["1e14", "1e9", "1e-9"] {
+    for scale in ["1e11", "1e9", "1e-9"] {
         let content = SQUARE.replace("v 1 ", &format!("v {scale} "));
         let content = content.replace(" 1 0\n", &format!(" {scale} 0\n"));
-        for (image, reference) in images(&obj(content).scene).iter().zip(&reference) {
+        let all = images(&obj(content).scene);
+        assert_eq!(all.len(), reference.len(), "{scale}: a backend refuses it");
+        for (image, reference) in all.iter().zip(&reference) {
             let close = |(a, b): &(&f64, &f64)| (*a - *b).abs() < 0.05 * b.abs().max(0.01);
             let agree = image.iter().zip(reference).filter(close).count();
             assert!(agree > 240, "{scale}: {agree} of 256 pixels agree");
         }
     }
-    let far = SQUARE.replace("v 1 1 0", "v 1 1e15 0");
-    assert_eq!(obj(far).scene.bounds().max.y, 1e15);
-    refused(&SQUARE.replace("v 1 1 0", "v 1 1.1e15 0"), "a.obj:3: the vertex has a coordinate");
+    let far = SQUARE.replace("v 1 1 0", "v 1 1e12 0");
+    assert_eq!(obj(far).scene.bounds().max.y, 1e12);
+    refused(&SQUARE.replace("v 1 1 0", "v 1 1.1e12 0"), "a.obj:3: the vertex has a coordinate");
     refused(&SQUARE.replace("v 1 1 0", "v 1 1e999 0"), "a.obj:3: the vertex has a coordinate");
     refused(&SQUARE.replace("v 1 1 0", "v 1 nan 0"), "a.obj:3: the vertex has a coordinate");
     refused(&SQUARE.replace("v 1 1 0", "v 1 1 0 0"), "a.obj:3: the vertex has a coordinate");

@@ -4,8 +4,10 @@
 mod program;
 
 mod automatic;
+mod limits;
 mod noise;
 mod optimize;
+mod outputs;
 mod render;
 mod reproduce;
 mod timings;

@@ -2,7 +2,7 @@
 
 use bdpm::pictures::{Value, read_exr};
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
@@ -209,6 +209,8 @@ fn another_image_is_not_continued() {
     let checkpoint = at("c.ckpt");
     let checkpoint = checkpoint.to_str().unwrap();
     succeed(render(&at("a.exr"), &["--iterations", "1", "--checkpoint", checkpoint]));
+    let plan = at("a.exr");
+    let plan = plan.to_str().unwrap();
     for (flag, value, expected) in [
         ("--seed", "77", "seed is 1, not 77"),
         ("--radius", "3", "not 3"),
@@ -220,10 +222,17 @@ fn another_image_is_not_continued() {
         let shown = fail(render(&at("b.exr"), &["--resume", checkpoint, flag, value]), 1);
         assert!(shown.contains(expected) && shown.contains("c.ckpt"), "{shown}");
     }
-    let mut other =
-        bdpm(&["render", concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic")]);
-    other.arg("--output").arg(at("b.exr")).args(["--resume", checkpoint]);
-    assert!(fail(other, 1).contains("scene"));
+    for (option, file, advice) in
+        [("--resume", checkpoint, "without --resume"), ("--plan", plan, "leave --plan out")]
+    {
+        let classic = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+        let mut other = bdpm(&["render", classic, "--output"]);
+        other.arg(at("b.exr")).args([option, file]);
+        let shown = fail(other, 1);
+        assert!(shown.contains("its scene is `cornell-box`"), "{shown}");
+        assert!(shown.contains(advice), "{shown}");
+        assert_eq!(shown.contains("resum"), option == "--resume", "{shown}");
+    }
     fs::write(at("notes.txt"), "no checkpoint").unwrap();
     let foreign = render(&at("b.exr"), &["--resume", at("notes.txt").to_str().unwrap()]);
     assert!(fail(foreign, 1).contains("notes.txt: this is no checkpoint"));
@@ -281,13 +290,38 @@ fn an_interrupt_writes_what_there_is() {
     assert_eq!(bits(&at("d.exr")), bits(&at("e.exr")));
 }
 
+/// As `timeout` does, which sends it to the program and to its group.
+#[cfg(unix)]
+#[test]
+fn two_signals_at_once_are_one() {
+    let (folder, at) = folder();
+    let (child, mut stderr) = endless(&at("a.exr"), &[]);
+    let kill = format!("kill -INT {0}; kill -TERM {0}; kill -INT {0}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let mut rest = String::new();
+    stderr.read_to_string(&mut rest).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{rest}");
+    assert!(text(&output.stdout).contains("interrupted"), "{}", text(&output.stdout));
+    assert_eq!(rest.matches("finishing this iteration").count(), 1, "{rest}");
+    assert_eq!(names(&folder), ["a.exr", "a.png"]);
+}
+
 #[cfg(unix)]
 #[test]
 fn a_second_interrupt_ends_the_program_at_once() {
     let (_folder, at) = folder();
     // One iteration of this takes far longer than anybody waits.
     let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
-    command.args(["--camera-paths", "4000000", "--light-paths", "1000", "--output"]);
+    command.args([
+        "--camera-paths",
+        "4000000",
+        "--light-paths",
+        "1000",
+        "--threads",
+        "1",
+        "--output",
+    ]);
     command.arg(at("a.exr")).stderr(Stdio::piped()).stdout(Stdio::null());
     let mut child = command.spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
@@ -298,6 +332,10 @@ fn a_second_interrupt_ends_the_program_at_once() {
     wait_for("rendering");
     interrupt(&child);
     wait_for("finishing this iteration");
+    // What comes at once is of the same wish.
+    interrupt(&child);
+    std::thread::sleep(std::time::Duration::from_millis(2500));
+    assert!(child.try_wait().unwrap().is_none());
     interrupt(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(!at("a.exr").exists());
@@ -350,7 +388,7 @@ fn output_problems_are_found_before_rendering() {
     refuse("b.exr", &[], "b.png");
     refuse("old.jpg", &[], "does not end in .exr");
     refuse("old.exr", &["--checkpoint", at("none/c").to_str().unwrap()], "none/c");
-    refuse("old.exr", &["--checkpoint", at("old.exr").to_str().unwrap()], "the same name");
+    refuse("old.exr", &["--checkpoint", at("old.exr").to_str().unwrap()], "the same file");
     refuse("old.exr", &["--resume", at("none").to_str().unwrap()], "cannot read");
     assert_eq!(names(&folder), before);
     assert_eq!(fs::read(at("old.jpg")).unwrap(), b"old");

@@ -137,5 +137,5 @@ fn beyond(bounds: &Bounds, to_scene: DAffine3) -> Option<Vec3> {
     (0..8)
         .map(|corner| DVec3::from_array([0, 1, 2].map(|axis| sides[corner >> axis & 1][axis])))
         .map(|corner| to_scene.transform_point3(corner).as_vec3())
-        .find(|position| position.abs().max_element() >= TriangleMesh::MAX_COORDINATE)
+        .find(|position| position.abs().max_element() > TriangleMesh::MAX_COORDINATE)
 }

@@ -2,6 +2,7 @@
 
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
+use crate::base::input::check_not_read;
 use crate::import::text::list;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -31,7 +32,7 @@ impl<'a> Folder<'a> {
     /// Makes the folders; returns the number of files.
     ///
     /// # Errors
-    /// If one is there, unless it is to be replaced.
+    /// If one is there, unless it is to be replaced; in any case if it was read.
     pub fn begin(&self) -> Result<usize> {
         let there = |name: &&String| self.path(name).symlink_metadata().is_ok();
         let there: Vec<&str> = self.planned.iter().filter(there).map(String::as_str).collect();
@@ -43,8 +44,9 @@ impl<'a> Folder<'a> {
             )
             .at(self.root));
         }
-        for name in &self.planned {
-            let path = self.path(name);
+        let paths = self.planned.iter().map(|name| self.path(name));
+        paths.clone().try_for_each(|path| check_not_read(&path, "the copy"))?;
+        for path in paths {
             let folder = path.parent().unwrap_or(self.root);
             std::fs::create_dir_all(folder).map_err(|e| Error::io("make the folder", folder, e))?;
         }

@@ -32,7 +32,7 @@ pub struct Saved {
 /// Writes `loaded`, which came from a file called `origin`, as `folder`.
 ///
 /// # Errors
-/// If a file is there already and not to be replaced, or one cannot be written; then files that were
+/// If a file is there already and not to be replaced or this process has read it, or one cannot be written; then files that were
 /// not there before may be.
 pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Saved> {
     let Loaded { scene, defaults, .. } = loaded;
