@@ -15,6 +15,8 @@
 //! - The three that should have the least error after the time are rendered, in turn with renders without options,
 //!   each with [`SEEDS`]. The regret is the root mean square of the latter's errors over that of the best of the three.
 //!
+//! A line before it has the least error of each strategy of the grid, and of discs.
+//!
 //! What was done is kept in `target/regret`, so that it can be stopped and goes on where it was.
 
 use bdpm::image::film::{luminance, luminance_weights, pool};
@@ -242,6 +244,25 @@ fn main() -> Result<()> {
         let expected = |found: &Found| found.noise2 * MEASURED / seconds + found.bias2.max(0.0);
         let mut best: Vec<_> = grid.iter().filter(|(_, found)| found.noise2 > 0.0).collect();
         best.sort_by(|one, other| expected(&one.1).total_cmp(&expected(&other.1)));
+        // The second table: the least error of each strategy, at its best radii.
+        let least = |of: &dyn Fn(&Place) -> bool| {
+            let own = best.iter().find(|(place, _)| of(place));
+            own.map_or("-".into(), |(_, found)| format!("{:.2} %", 100.0 * expected(found).sqrt()))
+        };
+        let area = |strategy, vertex, direct| {
+            least(&move |place: &Place| {
+                let kernel = Kernel::Area;
+                place.technique == Technique { strategy, merge_vertex: vertex, direct, kernel }
+            })
+        };
+        println!(
+            "strategies | {scene} | {side} | {seconds} s | {} | {} | {} | {} | {} |",
+            area(Strategy::Single, 1, Direct::Connect),
+            area(Strategy::Single, 1, Direct::PhotonMap),
+            area(Strategy::Single, 2, Direct::Connect),
+            area(Strategy::Mis, 2, Direct::Connect),
+            least(&|place| place.technique.kernel == Kernel::Disc),
+        );
         best.truncate(FINALISTS);
         let mut squares = vec![0.0; best.len() + 1];
         let mut promises = Vec::new();

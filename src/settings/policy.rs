@@ -65,16 +65,13 @@ pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 9
 /// Measured iterations of a trial: two in each batch, as standard errors take.
 pub const TRIAL_ITERATIONS: u64 = 32;
 
-/// What a path of either kind takes on one thread, seconds, about: as many fit in an iteration as its time allows.
-pub const TRIAL_PATH: f64 = 5e-7;
-
 /// Light paths, and camera paths in all pixels, of an iteration of a trial.
 pub const TRIAL_PATHS: std::ops::Range<f64> = 1024.0..16_384.0;
 
 /// Camera paths per pixel of an iteration of a trial: the fewest that are measured, for the most pixels.
 pub const TRIAL_CAMERA_PATHS: u32 = 2;
 
-/// A trial whose paths take longer than [`TRIAL_PATH`] ends after so many times its time.
+/// A trial that has not come to [`TRIAL_ITERATIONS`] ends after so many times its time.
 pub const TRIAL_PATIENCE: f64 = 1.3;
 
 /// Light paths of the timed iterations of a trial: as many as of the others, and so many times as many, at the least

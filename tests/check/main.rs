@@ -25,6 +25,7 @@ mod strategies;
 #[path = "../common/true_bias.rs"]
 mod true_bias;
 
+mod choice;
 mod counts;
 mod kernel;
 mod materials_light;

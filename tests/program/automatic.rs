@@ -83,7 +83,7 @@ fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
 fn a_time_is_kept_and_an_interrupted_choice_goes_on() {
     let (_folder, at) = folder();
     let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
-    let wishes = ["--resolution", "32x32", "--time", "2s", "--checkpoint", &checkpoint];
+    let wishes = ["--resolution", "24x24", "--time", "3s", "--checkpoint", &checkpoint];
     let first = report(render(&at("a.exr"), &wishes));
     assert_eq!(first["stopped_by"], "time");
     let more = ["--resume", &checkpoint, "--time", "1s"];
@@ -110,10 +110,16 @@ fn what_a_user_chooses_is_kept() {
     assert_eq!((&settings["radius"], &settings["strategy"]), (&3.0.into(), &"mis".into()));
     let candidates = found["technique"]["candidates"].as_array().unwrap();
     assert!(candidates.iter().all(|it| it["radius"] == 3.0 && it["strategy"] == "mis"), "{found}");
-    let all = ["--merge-vertex", "1", "--direct", "connect", "--caustic-radius", "1"];
+    let all = ["--merge-vertex=1", "--direct=connect", "--caustic-radius=1", "--kernel=area"];
     let own = ["--resolution", "24x24", "--time", "200ms", "--radius", "3"];
     let found = report(render(&at("a.exr"), &[&own[..], &all[..]].concat()));
-    assert!(found["technique"].is_null(), "nothing is left to choose");
+    let (technique, candidates) = (&found["technique"], &found["technique"]["candidates"]);
+    let open = technique["open"].as_object().unwrap();
+    assert!(open.values().all(|open| open == false), "nothing is left to choose: {technique}");
+    assert_eq!(candidates.as_array().unwrap().len(), 1);
+    // Its bias is part of the error all the same.
+    assert!(candidates[0]["bias"].as_f64().unwrap() > 0.0);
+    assert_eq!(found["error"]["bias"], candidates[0]["bias"]);
 }
 
 #[test]

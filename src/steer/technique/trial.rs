@@ -70,12 +70,17 @@ impl<'a> Site<'a> {
     pub fn new(renderer: &Renderer<'a>, seconds: f64) -> Result<Self> {
         let (scene, accel) = renderer.subject();
         let settings = renderer.settings();
-        let threads = rayon::current_num_threads() as f64;
+        let stride = |paths: f64| {
+            let sample = paths / f64::from(TRIAL_CAMERA_PATHS);
+            let stride = (settings.pixels() as f64 / sample).sqrt() as u32;
+            stride.clamp(1, settings.width.min(settings.height))
+        };
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
-        let paths = (0.5 * each * threads / TRIAL_PATH).clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
-        let sample = paths / f64::from(TRIAL_CAMERA_PATHS);
-        let stride = (settings.pixels() as f64 / sample).sqrt() as u32;
-        let stride = stride.clamp(1, settings.width.min(settings.height));
+        let probe = stride(TRIAL_PATHS.start);
+        // Half of them are light paths.
+        let paths = 0.5 * each / seconds_per_path(renderer, probe)?;
+        let paths = paths.clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
+        let stride = stride(paths);
         let (area, footprint) = (merging_area(scene), footprint(scene, accel, settings));
         let most_light_paths = renderer.most_light_paths();
         let view = scene.camera.view(settings.width, settings.height);
@@ -218,6 +223,20 @@ impl<'a> Site<'a> {
         let per_light_path = photons.max(1.0) / f64::from(settings.light_paths);
         (self.area / (PI * reach * reach * per_light_path)).max(1.0)
     }
+}
+
+/// Wall-clock time of a path of either kind in trials that take one of so many by so many pixels.
+fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
+    let light_paths = (TRIAL_PATHS.start as u32).min(renderer.most_light_paths());
+    let camera_paths = TRIAL_CAMERA_PATHS;
+    let own = Settings { light_paths, camera_paths, ..renderer.settings().clone() };
+    let mut probe = renderer.sample(own, stride)?;
+    let paths = probe.settings().pixels() as f64 * f64::from(camera_paths) + f64::from(light_paths);
+    // The first one meets cold memory.
+    probe.iterate(Measure::Pairs);
+    let start = Instant::now();
+    probe.iterate(Measure::Pairs);
+    Ok(start.elapsed().as_secs_f64() / paths)
 }
 
 /// Area of all surfaces on which photons are merged, scene units squared.
