@@ -1,6 +1,7 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
+use super::darkness;
 use super::progress::Progress;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
@@ -306,6 +307,7 @@ impl Task<'_> {
         writer.save_checkpoint(&renderer, &steer, session.elapsed())?;
         let image = combined(&renderer, &steer);
         writer.save_image(&image)?;
+        darkness::warn(&image, &session.progress);
         if let Some(path) = &args.noise {
             save_noise(path, prepared, &renderer, &session.progress)?;
         }

@@ -4,7 +4,10 @@
 
 mod arrange;
 mod builder;
+mod environment;
+mod fallback;
 mod framing;
+mod glance;
 mod gltf;
 mod lines;
 mod load;
@@ -17,6 +20,7 @@ mod summary;
 mod text;
 mod texture_file;
 
+pub use environment::EnvironmentSource;
 pub use load::{LoadOptions, Loaded, load, load_with};
 pub use notes::{Note, NoteKind};
 pub use save::{Saved, save};

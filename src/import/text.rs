@@ -2,9 +2,10 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest accepted scene file, bytes. Geometry belongs into OBJ files, which have no limit.
 const MAX_SCENE_FILE: u64 = 16 << 20;
@@ -80,6 +81,37 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
         bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
     }
     Ok(bytes)
+}
+
+/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and no two names become one.
+pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
+    }
+}
+
+/// The file that a model calls so, as text that was [`decoded`]: perhaps with the separators of another system,
+/// and perhaps by bytes that are no UTF-8.
+pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+    let names = [name.to_owned(), name.replace('\\', "/")];
+    let as_text = names.iter().map(PathBuf::from);
+    let as_bytes = names.iter().filter_map(|name| latin1_path(name));
+    as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
+}
+
+/// The name as the bytes of Latin-1, if it has characters that UTF-8 would write otherwise.
+#[cfg(unix)]
+fn latin1_path(name: &str) -> Option<PathBuf> {
+    use std::os::unix::ffi::OsStringExt;
+    let bytes: Option<Vec<u8>> = name.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
+    let bytes = bytes.filter(|bytes| !bytes.is_ascii())?;
+    Some(std::ffi::OsString::from_vec(bytes).into())
+}
+
+#[cfg(not(unix))]
+fn latin1_path(_: &str) -> Option<PathBuf> {
+    None
 }
 
 /// The first word and what follows it, without white space around either.

@@ -1,97 +1,68 @@
-//! PNG and JPEG files as textures.
+//! Picture files as textures: PNG, JPEG, WebP, TIFF, BMP and TGA.
 
 use super::text;
 use crate::base::error::{Error, Result};
 use crate::scene::Texture;
+use image::{ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read};
 use std::path::Path;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Most texels across and down.
 const MAX_SIZE: u32 = 16_384;
 /// Largest accepted file, bytes.
 const MAX_FILE: u64 = 1 << 30;
+/// Most memory for decoding one, bytes: as much as the largest takes with 16 bits per channel.
+const MAX_MEMORY: u64 = 1 << 31;
 
 impl Texture {
-    /// Reads a PNG or JPEG file, whichever its content is.
+    /// Reads a picture file of whatever kind its content is. TGA files, which do not tell, are known by their
+    /// name.
     ///
     /// # Errors
-    /// If it cannot be read, or is neither.
+    /// If it cannot be read, or is of no known kind.
     pub(super) fn load(path: &Path) -> Result<Self> {
         let mut bytes = Vec::new();
         text::open(path)?
             .take(MAX_FILE)
             .read_to_end(&mut bytes)
             .map_err(|e| Error::io("read the texture", path, e))?;
-        Self::decode(bytes).map_err(|error| error.at(path))
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        let is_tga = extension.is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
+        let unsaid = is_tga.then_some(ImageFormat::Tga);
+        Self::decode_as(&bytes, unsaid).map_err(|error| error.at(path))
     }
 
-    /// From the content of a PNG or JPEG file, whichever it is.
+    /// From the content of a picture file, whichever kind that is.
     ///
     /// # Errors
-    /// If it is neither, or broken.
-    pub(super) fn decode(bytes: Vec<u8>) -> Result<Self> {
-        let read = match bytes.as_slice() {
-            [0x89, b'P', b'N', b'G', ..] => png(bytes),
-            [0xff, 0xd8, ..] => jpeg(bytes),
-            _ => Err("it is neither a PNG nor a JPEG file".to_owned()),
-        };
-        read.map_err(|problem| {
+    /// If it is of no known kind, or broken.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Self> {
+        Self::decode_as(bytes, None)
+    }
+
+    /// The same; `unsaid` is the kind of what does not tell its own.
+    fn decode_as(bytes: &[u8], unsaid: Option<ImageFormat>) -> Result<Self> {
+        decoded(bytes, unsaid).map_err(|problem| {
             let problem = format!("the texture cannot be read: {problem}");
             Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
         })
     }
 }
 
-/// What decoders say: the problem alone, in words.
-type Decoded<T> = std::result::Result<T, String>;
-
-/// Refuses pictures without texels and those that memory might not hold.
-fn check_size(width: u32, height: u32) -> Decoded<()> {
-    if (1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height) {
-        return Ok(());
+/// The texture, or the problem alone in words.
+fn decoded(bytes: &[u8], unsaid: Option<ImageFormat>) -> std::result::Result<Texture, String> {
+    let known = image::guess_format(bytes).ok().filter(ImageFormat::reading_enabled);
+    let format = known.or(unsaid).ok_or("it is no PNG, JPEG, WebP, TIFF, BMP or TGA file")?;
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIZE), Some(MAX_SIZE));
+    limits.max_alloc = Some(MAX_MEMORY);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
+    let (width, height) = picture.dimensions();
+    if width == 0 || height == 0 {
+        return Err("it has no texels".to_owned());
     }
-    Err(format!("it has {width}x{height} texels; at most {MAX_SIZE} across and down are taken"))
-}
-
-fn png(bytes: Vec<u8>) -> Decoded<Texture> {
-    let mut decoder = png::Decoder::new(Cursor::new(bytes));
-    decoder.set_transformations(png::Transformations::normalize_to_color8());
-    let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
-    let (width, height) = (reader.info().width, reader.info().height);
-    check_size(width, height)?;
-    let size = reader.output_buffer_size().ok_or("it is too large")?;
-    let mut data = vec![0; size];
-    let frame = reader.next_frame(&mut data).map_err(|e| e.to_string())?;
-    let data = &data[..frame.buffer_size()];
-    let texels = match frame.color_type {
-        png::ColorType::Grayscale => data.iter().map(|&v| [v, v, v, 255]).collect(),
-        png::ColorType::GrayscaleAlpha => {
-            data.chunks_exact(2).map(|c| [c[0], c[0], c[0], c[1]]).collect()
-        }
-        png::ColorType::Rgb => data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect(),
-        png::ColorType::Rgba => data.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect(),
-        png::ColorType::Indexed => return Err("its palette cannot be read".to_owned()),
-    };
-    Ok(Texture::new(width, height, texels))
-}
-
-fn jpeg(bytes: Vec<u8>) -> Decoded<Texture> {
-    let options = DecoderOptions::default()
-        .set_max_width(MAX_SIZE as usize)
-        .set_max_height(MAX_SIZE as usize)
-        .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let data = decoder.decode().map_err(|e| e.to_string())?;
-    let (width, height) = decoder.dimensions().ok_or("it has no size")?;
-    let (width, height) = (width as u32, height as u32);
-    check_size(width, height)?;
-    let texels: Vec<_> = data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect();
-    if texels.len() != width as usize * height as usize {
-        return Err("it is cut off".to_owned());
-    }
+    let texels = picture.pixels().map(|pixel| pixel.0).collect();
     Ok(Texture::new(width, height, texels))
 }

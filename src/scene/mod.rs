@@ -187,11 +187,24 @@ impl Scene {
         &self.bounds
     }
 
-    /// The scene with light from all around.
+    /// The scene with light from all around, or without.
     #[must_use]
-    pub fn with_environment(mut self, mut environment: Environment) -> Self {
-        environment.enclose(&self.bounds);
+    pub fn with_environment(mut self, environment: impl Into<Option<Environment>>) -> Self {
+        let mut environment = environment.into();
+        environment.iter_mut().for_each(|environment| environment.enclose(&self.bounds));
         self.lights.set_environment(environment);
+        self
+    }
+
+    /// The scene with a light, which has power and is no triangle, before all others.
+    #[must_use]
+    pub fn with_light(mut self, light: Emitter) -> Self {
+        assert!(light.has_power(), "a light without power would have no number");
+        let environment = self.lights.environment().cloned();
+        let emitters = self.lights.emitters().iter().cloned();
+        self.lights = Lights::new(std::iter::once(light).chain(emitters).collect());
+        self.lights.set_environment(environment);
+        self.emitting.iter_mut().for_each(|(_, number)| *number += 1);
         self
     }
 

@@ -351,7 +351,7 @@ fn cameras_are_chosen_by_name() {
     let (sin, cos) = FRAC_PI_4.sin_cos();
     model.node(json!({ "camera": 2, "translation": [9, 0, 0], "rotation": [0, sin, 0, cos] }));
     let files = model.files();
-    let choose = |camera| load_with(&files.1, &LoadOptions { camera, strict: false });
+    let choose = |camera| load_with(&files.1, &LoadOptions { camera, ..LoadOptions::default() });
     let first = choose(None).unwrap_or_else(|e| panic!("{e}"));
     let camera = &first.scene.camera;
     assert_eq!((camera.position(), camera.direction()), (Vec3::new(0.0, 0.0, 9.0), -Vec3::Z));

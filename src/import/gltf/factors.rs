@@ -84,7 +84,8 @@ pub(super) fn factors(
         share(b, "pbrMetallicRoughness.baseColorFactor")?,
     );
     let mut picture = |info: &Option<TextureInfo>, key: &str| {
-        info.as_ref().map(|info| pictures.get(info, &at(key))).transpose()
+        let found = info.as_ref().map(|info| pictures.get(info, &at(key))).transpose();
+        found.map(Option::flatten)
     };
     let base_texture = picture(&pbr.base_color_texture, "pbrMetallicRoughness.baseColorTexture")?;
     let other = "pbrMetallicRoughness.metallicRoughnessTexture";

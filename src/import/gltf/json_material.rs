@@ -15,6 +15,21 @@ pub(super) struct Image {
 pub(super) struct Texture {
     pub source: Option<usize>,
     pub sampler: Option<usize>,
+    pub extensions: SourceExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct SourceExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: OtherSource,
+}
+
+/// A picture of another kind.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct OtherSource {
+    pub source: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -19,7 +19,7 @@ mod texture;
 
 use super::arrange::Part;
 use super::builder::{Builder, Rest};
-use super::load::Loaded;
+use super::load::{LoadOptions, Loaded};
 use super::notes::Note;
 use super::text::list;
 use crate::base::error::{Error, Result, visible};
@@ -42,21 +42,26 @@ fn fault(place: impl Display, problem: impl Display) -> Error {
     Error::new(format!("{place}: {problem}"), AGAIN)
 }
 
-/// Loads a glTF file as seen by the camera of this name, else its first, else one that sees everything.
+/// Loads a glTF file as seen by the camera of the name that is asked for, else its first, else one that sees
+/// everything.
 ///
 /// # Errors
 /// Names the file, and the element that is malformed or not supported.
-pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Loaded> {
-    read(path, camera).map_err(|error| if error.is_placed() { error } else { error.at(path) })
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    read(path, options).map_err(|error| if error.is_placed() { error } else { error.at(path) })
 }
 
-fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (document, bin) = file::read(path)?;
     let shown = path.display().to_string();
     let mut builder = Builder::new(notes(&document, &shown));
-    let nodes = nodes::placed(&document)?;
+    let (nodes, is_odd) = nodes::placed(&document)?;
+    if is_odd {
+        let note = "the scene lists nodes below others, or twice; each is shown once";
+        builder.notes.push(Note::chosen(format!("{shown}: {note}")));
+    }
     let cameras = camera::candidates(&document, &nodes)?;
-    let chosen = camera::choose(&cameras, camera, &mut builder.notes)?;
+    let chosen = camera::choose(&cameras, options.camera, &mut builder.notes)?;
     let view = chosen.map(|chosen| chosen.camera()).transpose()?;
     let mut lights = Vec::new();
     let mut light_names = Vec::new();
@@ -94,15 +99,16 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
         })?;
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
+    builder.notes.extend(pictures.notes(&shown));
     builder.arrange(path)?;
 
     let (camera, resolution) = match view {
         Some(view) => view,
         None => (builder.place_camera(path)?, None),
     };
-    let lights = builder.lights_or_one(lights, &camera, path);
     let defaults = PartialSettings { resolution, ..PartialSettings::default() };
-    let mut loaded = builder.finish(path, lights, camera, Rest { defaults, ..Rest::default() })?;
+    let rest = Rest { defaults, ..options.rest(&mut builder.notes)? };
+    let mut loaded = builder.finish(path, lights, camera, rest)?;
     loaded.summary.light_names = light_names;
     loaded.summary.cameras = cameras.iter().map(|camera| camera.name.clone()).collect();
     loaded.summary.camera = chosen.map(|camera| camera.name.clone());

@@ -40,6 +40,9 @@ pub(super) struct Model {
     material: Option<String>,
     pub before: Before,
     pub ignored_elements: u64,
+    /// As in its pieces.
+    pub lost: u64,
+    pub mended: u64,
     /// Unknown keywords and where they first appeared.
     pub unknown: BTreeMap<String, usize>,
 }
@@ -57,6 +60,8 @@ impl Model {
             material: None,
             before: Before::default(),
             ignored_elements: 0,
+            lost: 0,
+            mended: 0,
             unknown: BTreeMap::new(),
         }
     }
@@ -76,7 +81,7 @@ impl Model {
         for item in chunk.items {
             match item {
                 Item::Name(name) => self.name = name,
-                Item::Material(material) => self.material = Some(material),
+                Item::Material(material) => self.material = material,
                 Item::Faces { layout, faces: face_count, indices: index_count } => {
                     let faces = self.faces(layout);
                     faces.corners.extend(corners.split_off(..face_count).unwrap_or_default());
@@ -85,6 +90,8 @@ impl Model {
             }
         }
         self.ignored_elements += chunk.ignored_elements;
+        self.lost += chunk.lost;
+        self.mended += chunk.mended;
         for (word, line) in chunk.unknown {
             if self.unknown.len() < MAX_UNKNOWN {
                 self.unknown.entry(word).or_insert(self.before.lines + line);

@@ -82,22 +82,25 @@ pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<Vec3> {
     Ok(point)
 }
 
-/// At least so many finite numbers of up to three; the rest are 0.
-pub(super) fn numbers(lines: &Lines<'_>, text: &[u8], least: usize) -> Result<[f32; 3]> {
+/// At least so many numbers of up to three; the rest are 0. With how many are no numbers, such as the `-nan(ind)`
+/// of some programs, or too large ones: these become 0 as well.
+pub(super) fn numbers(lines: &Lines<'_>, text: &[u8], least: usize) -> Result<([f32; 3], u64)> {
     let mut numbers = [0.0; 3];
-    let mut count = 0;
+    let (mut count, mut mended) = (0, 0);
     for (number, word) in numbers.iter_mut().zip(words(without_comment(text))) {
-        *number = float(word).unwrap_or(f32::NAN);
+        let read = float(word).filter(|number| number.abs() <= MAX_COORDINATE);
+        mended += u64::from(read.is_none());
+        *number = read.unwrap_or(0.0);
         count += 1;
     }
-    if count < least || !numbers.iter().all(|number| number.abs() <= MAX_COORDINATE) {
+    if count < least {
         let keyword = shown(split_keyword(lines.bytes()).0);
         return Err(lines.error(
-            format!("`{keyword}` needs {least} or more finite numbers"),
+            format!("`{keyword}` needs {least} or more numbers"),
             format!("write them, such as `{keyword}{}`", &" 0.5 0.5 0.5"[..4 * least]),
         ));
     }
-    Ok(numbers)
+    Ok((numbers, mended))
 }
 
 #[cfg(test)]
