@@ -73,6 +73,11 @@ impl Uses {
         Some(())
     }
 
+    /// Whether nothing was added.
+    pub fn is_empty(&self) -> bool {
+        self.uses.is_empty()
+    }
+
     /// Number of triangles that the scene will hold, those without area included.
     pub fn stored(&self) -> u64 {
         let shared = self.things.iter().filter(|thing| thing.is_shared());

@@ -116,6 +116,11 @@ impl Builder {
         Some(())
     }
 
+    /// Whether nothing was placed.
+    pub fn is_empty(&self) -> bool {
+        self.uses.is_empty()
+    }
+
     /// Adds meshes that belong together at one of their places; `None` if a point moves out of range.
     pub fn place(&mut self, parts: &[Part<'_>], transform: &Transform) -> Option<()> {
         for part in parts {

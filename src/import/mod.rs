@@ -16,6 +16,7 @@ mod notes;
 mod obj;
 mod save;
 mod scene_file;
+mod srgb;
 mod summary;
 mod text;
 mod texture_file;

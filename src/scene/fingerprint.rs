@@ -82,6 +82,10 @@ impl Hash {
             self.text("tangents");
             mesh.tangents.iter().for_each(|&tangent| self.vec3(tangent));
         }
+        if !mesh.colors.is_empty() {
+            self.text("colors");
+            mesh.colors.iter().for_each(|&color| self.rgb(color));
+        }
         self.count(mesh.triangles.len());
         mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
@@ -331,12 +335,13 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 57] = [
+        let changes: [fn(&mut Parts); 58] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
             |p| p.mesh.normals = vec![Vec3::Y; 4],
             |p| p.mesh.uvs = vec![Vec2::X; 4],
+            |p| p.mesh.colors = vec![Rgb::splat(0.5); 4],
             |p| p.mesh.tangents = vec![Vec3::X; 4],
             |p| p.mesh.triangles.push([1, 2, 3]),
             |p| p.material.bsdf = Bsdf::diffuse(Rgb::splat(0.6)),

@@ -83,13 +83,14 @@ impl Material {
         self.opacity_texture.as_ref().filter(|_| self.emission == Rgb::ZERO)
     }
 
-    /// How it scatters at `uv`, if that varies.
-    pub(super) fn bsdf_at(&self, uv: Vec2) -> Option<Bsdf> {
+    /// How it scatters at `uv` of a mesh of this color there, if that varies.
+    pub(super) fn bsdf_at(&self, uv: Vec2, color: Option<Rgb>) -> Option<Bsdf> {
         let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
-        if albedo.is_none() && data.is_none() {
+        if albedo.is_none() && data.is_none() && color.is_none() {
             return None;
         }
-        let color = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
+        let picture = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
+        let color = picture * color.unwrap_or(Rgb::ONE);
         match self.bsdf {
             Bsdf::Lambertian { albedo, two_sided } => {
                 Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })

@@ -2,6 +2,7 @@
 
 use super::triangle::{Corners, to_front};
 use crate::accel::TriangleMesh;
+use crate::base::math::Rgb;
 use glam::{Vec2, Vec3};
 
 /// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
@@ -19,6 +20,8 @@ pub struct Mesh {
     /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
     /// triangle's texture coordinates. Which way `v` grows, these tell.
     pub tangents: Vec<Vec3>,
+    /// What the albedo is multiplied with, linear and in [0, 1], one per position, or none.
+    pub colors: Vec<Rgb>,
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`](super::Scene::materials).
@@ -26,6 +29,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether anything varies over its triangles, whatever they are made of.
+    pub(super) fn varies(&self) -> bool {
+        !(self.normals.is_empty() && self.colors.is_empty())
+    }
+
     /// The geometry alone.
     pub fn as_triangles(&self) -> TriangleMesh<'_> {
         TriangleMesh { positions: &self.positions, triangles: &self.triangles }

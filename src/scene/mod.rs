@@ -91,7 +91,7 @@ impl Scene {
         let arrangement = arrangement.into();
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
-        let mut varies: Vec<_> = meshes.iter().map(|mesh| !mesh.normals.is_empty()).collect();
+        let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
         // What to put into stored triangles: of shared meshes, any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
         for Placement { mesh, material, transform } in &placements {

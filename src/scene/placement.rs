@@ -52,6 +52,7 @@ impl Mesh {
             positions: self.positions.iter().map(point).collect(),
             normals: self.normals.iter().map(|normal| transform.normal(*normal)).collect(),
             uvs: self.uvs.clone(),
+            colors: self.colors.clone(),
             tangents: self.tangents.iter().map(|t| transform.tangent(*t)).collect(),
             triangles: self.triangles.iter().map(|t| transform.corners(*t)).collect(),
             material: self.material,

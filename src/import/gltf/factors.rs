@@ -42,6 +42,9 @@ pub(super) struct Factors {
     pub has_other_uvs: bool,
     /// 1.5 if nothing is said.
     pub ior: f32,
+    /// What the reflectance of what is no metal is multiplied with at normal incidence, with the mean of its
+    /// textures.
+    pub specular: Rgb,
     /// With the mean of its texture.
     pub transmission: f32,
     /// Whether the surface bounds a volume rather than being a sheet.
@@ -94,6 +97,20 @@ pub(super) fn factors(
     let transmission = &extensions.transmission;
     let key = "extensions.KHR_materials_transmission.transmissionTexture";
     let transmitted = picture(&transmission.transmission_texture, key)?;
+
+    let own = &extensions.specular;
+    let key = "extensions.KHR_materials_specular.specularTexture";
+    let strengths = picture(&own.specular_texture, key)?;
+    let key = "extensions.KHR_materials_specular.specularColorTexture";
+    let tints = picture(&own.specular_color_texture, key)?;
+    let strength = strengths.map_or(1.0, |picture| picture.mean_opacity())
+        * share(own.specular_factor, "extensions.KHR_materials_specular.specularFactor")?;
+    let tint = Rgb::from_array(own.specular_color_factor);
+    if !(tint.is_finite() && tint.min_element() >= 0.0) {
+        let key = at("extensions.KHR_materials_specular.specularColorFactor");
+        return Err(fault(key, "it is negative or not finite"));
+    }
+    let specular = strength * tint * tints.map_or(Rgb::ONE, |picture| picture.mean_color());
 
     let normals = material.normal_texture.as_ref();
     let normal_picture = picture(&normals.map(|normals| normals.info.clone()), "normalTexture")?;
@@ -151,6 +168,7 @@ pub(super) fn factors(
         uv_source: uv_sources.first().copied(),
         has_other_uvs: uv_sources.iter().any(|uv| *uv != uv_sources[0]),
         ior,
+        specular,
         transmission: red
             * share(transmission.transmission_factor, "extensions.KHR_materials_transmission")?,
         thick: extensions.volume.thickness_factor > 0.0,

@@ -130,6 +130,8 @@ pub(super) struct MaterialExtensions {
     pub emissive_strength: EmissiveStrength,
     #[serde(rename = "KHR_materials_ior")]
     pub ior: Ior,
+    #[serde(rename = "KHR_materials_specular")]
+    pub specular: Specular,
     #[serde(rename = "KHR_materials_transmission")]
     pub transmission: Transmission,
     #[serde(rename = "KHR_materials_unlit")]
@@ -169,6 +171,26 @@ pub(super) struct Ior {
 impl Default for Ior {
     fn default() -> Self {
         Self { ior: 1.5 }
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Specular {
+    pub specular_factor: f32,
+    pub specular_texture: Option<TextureInfo>,
+    pub specular_color_factor: [f32; 3],
+    pub specular_color_texture: Option<TextureInfo>,
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_texture: None,
+            specular_color_factor: [1.0; 3],
+            specular_color_texture: None,
+        }
     }
 }
 

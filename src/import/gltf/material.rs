@@ -3,7 +3,7 @@
 use super::factors::{Alpha, Factors};
 use super::remarks::Remarks;
 use super::texture::{Coverage, coverage};
-use crate::base::math::Rgb;
+use crate::base::math::{Rgb, luminance};
 use crate::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
@@ -81,11 +81,16 @@ fn bsdf(factors: &Factors, remarks: &mut Remarks) -> Bsdf {
     if is_coated {
         return Bsdf::Coated(Coated::new(base_color, DEFAULT_IOR));
     }
+    let specular = luminance(factors.specular);
+    if metalness < 1.0 && factors.specular != Rgb::splat(specular) {
+        remarks.skipped("took the luminance of the specular color of", name);
+    }
     // Of the index of the air nothing reflects but metal.
-    if ior <= 1.0 && metalness == 0.0 {
+    if (ior <= 1.0 || specular == 0.0) && metalness == 0.0 {
         return Bsdf::diffuse(base_color);
     }
-    Bsdf::Glossy(Glossy::new(base_color, metalness, ior, roughness * roughness))
+    let glossy = Glossy::new(base_color, metalness, ior, roughness * roughness);
+    Bsdf::Glossy(if specular == 1.0 { glossy } else { glossy.reflecting(specular) })
 }
 
 fn glass(factors: &Factors, alpha: f32, remarks: &mut Remarks) -> Bsdf {

@@ -8,12 +8,14 @@ mod camera;
 mod factors;
 mod file;
 mod geometry;
+mod instances;
 mod json;
 mod json_material;
 mod light;
 mod material;
 mod meshes;
 mod nodes;
+mod pose;
 mod remarks;
 mod texture;
 
@@ -26,9 +28,11 @@ use crate::base::error::{Error, Result, visible};
 use crate::scene::transform::Transform;
 use crate::settings::PartialSettings;
 use buffers::Buffers;
+use glam::DAffine3;
 use json::Document;
 use meshes::Meshes;
 use nodes::Placed;
+use pose::Pose;
 use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::path::Path;
@@ -78,25 +82,42 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     builder.count(placed, new, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
     let mut pictures = Pictures::new(&document, &buffers, folder);
+    let all_maps = nodes.iter().map(|placed| (placed.index, placed.map)).collect();
     // Each mesh with each of its places.
     for placed in &nodes {
         let Some(index) = placed.node.mesh else { continue };
         let name = mesh_name(&document, placed, index);
-        let Ok(transform) = Transform::new(placed.map) else {
-            // The map is finite.
-            meshes.remarks.chosen("left out what its transform flattens:", &name);
-            continue;
+        let pose = Pose::new(&document, &buffers, placed, index, &all_maps)?;
+        // A skin's joints say where its mesh is, whatever its node does.
+        let maps = match pose.is_placed() {
+            true => vec![DAffine3::IDENTITY],
+            false => instances::maps(&document, &buffers, placed)?,
         };
-        let parts = meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?;
+        let materials = &mut builder.materials;
+        let parts = meshes.get((index, placed), &pose, &buffers, &mut pictures, materials)?;
+        let parts: Vec<_> = parts.to_vec();
         let parts: Vec<_> = parts
             .iter()
             .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
             .collect();
-        builder.place(&parts, &transform).ok_or_else(|| {
-            let problem = "its transform moves the mesh out of the range of coordinates";
-            let place = format!("nodes[{}]", placed.index);
-            Error::new(format!("{place}: {problem}"), "scale or move it less")
-        })?;
+        for map in maps {
+            let Ok(transform) = Transform::new(map) else {
+                // The map is finite.
+                meshes.remarks.chosen("left out what its transform flattens:", &name);
+                continue;
+            };
+            builder.place(&parts, &transform).ok_or_else(|| {
+                let problem = "its transform moves the mesh out of the range of coordinates";
+                let place = format!("nodes[{}]", placed.index);
+                Error::new(format!("{place}: {problem}"), "scale or move it less")
+            })?;
+        }
+    }
+    if builder.is_empty() && !meshes.hidden.is_empty() {
+        let names = list(meshes.hidden.iter().map(String::as_str));
+        let problem = format!("nothing is to be seen: the opacity is below the cutoff all over {names}");
+        let advice = "lower their alphaCutoff, raise the alpha of their base color, or set alphaMode to OPAQUE";
+        return Err(Error::new(problem, advice));
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
     builder.notes.extend(pictures.notes(&shown));

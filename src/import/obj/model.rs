@@ -5,6 +5,7 @@ use super::libraries::Library;
 use super::records::{Before, Chunk, Item, Layout, MAX_UNKNOWN};
 use super::vertices::Vertices;
 use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
@@ -31,6 +32,8 @@ pub(super) struct Faces {
 #[derive(Debug)]
 pub(super) struct Model {
     pub positions: Vec<Vec3>,
+    /// Of the first positions; the others are white.
+    pub colors: Vec<Rgb>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     parts: Vec<(Key, Faces)>,
@@ -52,6 +55,7 @@ impl Model {
     pub fn new(name: String) -> Self {
         Self {
             positions: Vec::new(),
+            colors: Vec::new(),
             uvs: Vec::new(),
             normals: Vec::new(),
             parts: Vec::new(),
@@ -73,6 +77,10 @@ impl Model {
                 let index = &mut chunk.indices[*place as usize];
                 *index = index.wrapping_add(first);
             }
+        }
+        if !chunk.colors.is_empty() {
+            self.colors.resize(self.positions.len(), Rgb::ONE);
+            self.colors.append(&mut chunk.colors);
         }
         self.positions.append(&mut chunk.positions);
         self.uvs.append(&mut chunk.uvs);
@@ -134,7 +142,7 @@ impl Model {
 
     /// All meshes, and how many polygons were too large to be cut well.
     pub fn meshes(self) -> (Vec<ObjMesh>, u64) {
-        let mut vertices = Vertices::new(&self.positions, &self.uvs, &self.normals);
+        let mut vertices = Vertices::new(&self.positions, &self.uvs, &self.normals).colored(&self.colors);
         let mut meshes = Vec::with_capacity(self.parts.len());
         for (Key { name, material, layout }, faces) in self.parts {
             let mesh = Arc::new(Mesh { name, ..vertices.mesh(layout, &faces) });

@@ -1,7 +1,9 @@
 //! Words of OBJ records, and the numbers among them.
 
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::import::lines::Lines;
+use crate::import::srgb::decode;
 use crate::scene::transform::MAX_COORDINATE;
 use glam::Vec3;
 
@@ -50,7 +52,7 @@ fn without_comment(text: &[u8]) -> &[u8] {
 }
 
 /// The position of a `v` record: three numbers, a fourth that divides them, or three more of a color.
-pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<Vec3> {
+pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<(Vec3, Option<Rgb>)> {
     let advice = "give three numbers, such as `v 0.5 1 -2`";
     let mut numbers = [0.0; 4];
     let mut count = 0;
@@ -79,7 +81,14 @@ pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<Vec3> {
             "scale the model down",
         ));
     }
-    Ok(point)
+    // Read once more, with all digits that lead back to a linear color.
+    let color = (count >= 6).then(|| {
+        let mut codes = words(without_comment(text)).skip(3).map(|word| {
+            std::str::from_utf8(word).ok().and_then(|word| word.parse().ok()).unwrap_or(1.0)
+        });
+        decode(std::array::from_fn(|_| codes.next().unwrap_or(1.0)))
+    });
+    Ok((point, color))
 }
 
 /// At least so many numbers of up to three; the rest are 0. With how many are no numbers, such as the `-nan(ind)`

@@ -9,6 +9,7 @@
 use super::libraries::Library;
 use super::numbers::{integer, numbers, position, shown, split_keyword, words};
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::import::lines::Lines;
 use crate::import::text::decoded;
 use glam::{Vec2, Vec3};
@@ -73,6 +74,8 @@ pub(super) enum Item {
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     pub positions: Vec<Vec3>,
+    /// Of the first positions; the others are white.
+    pub colors: Vec<Rgb>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     pub items: Vec<Item>,
@@ -143,7 +146,14 @@ impl Parser<'_> {
         let Self { lines, chunk, .. } = self;
         let (keyword, rest) = split_keyword(lines.bytes());
         match keyword {
-            b"v" => chunk.positions.push(position(lines, rest)?),
+            b"v" => {
+                let (position, color) = position(lines, rest)?;
+                if let Some(color) = color {
+                    chunk.colors.resize(chunk.positions.len(), Rgb::ONE);
+                    chunk.colors.push(color);
+                }
+                chunk.positions.push(position);
+            }
             b"vt" => {
                 let ([u, v, _], mended) = numbers(lines, rest, 1)?;
                 chunk.uvs.push(Vec2::new(u, v));

@@ -6,6 +6,7 @@ use super::names::{Names, for_file, for_line};
 use super::numbers::unnormalized;
 use crate::base::error::Result;
 use crate::import::notes::Note;
+use crate::import::srgb::encode;
 use crate::import::text::list;
 use crate::scene::{Mesh, Placement, Scene};
 use rayon::prelude::*;
@@ -62,10 +63,14 @@ impl<'a> Meshes<'a> {
 }
 
 fn write(mesh: &Mesh, to: &mut dyn Write) -> io::Result<()> {
-    let Mesh { positions, normals, uvs, triangles, .. } = mesh;
+    let Mesh { positions, normals, uvs, colors, triangles, .. } = mesh;
     writeln!(to, "o {}", for_line(&mesh.name, "mesh"))?;
-    for p in positions {
-        writeln!(to, "v {} {} {}", p.x, p.y, p.z)?;
+    for (i, p) in positions.iter().enumerate() {
+        write!(to, "v {} {} {}", p.x, p.y, p.z)?;
+        match colors.get(i).map(|color| encode(*color)) {
+            None => writeln!(to),
+            Some([r, g, b]) => writeln!(to, " {r} {g} {b}"),
+        }?;
     }
     for uv in uvs {
         writeln!(to, "vt {} {}", uv.x, uv.y)?;
