@@ -91,10 +91,10 @@ fn materials_become_the_documented_ones() {
         (coat(pbr(0.25, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), "ignored the metal in"),
         (coat(pbr(0.0, 0.5), 0.25), glossy(0.0, 1.5, 0.25), "ignored the clear coat of"),
         (coat(pbr(1.0, 0.5), 1.0), glossy(1.0, 1.5, 0.25), "ignored the clear coat of"),
-        (thick(0.0), Bsdf::Dielectric(Dielectric { eta: 1.25 }), ""),
+        (thick(0.0), Bsdf::Dielectric(Dielectric::new(1.25)), ""),
         (thick(0.5), Bsdf::RoughDielectric(RoughDielectric::new(1.25, 0.25)), ""),
-        (glass(0.0), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), ""),
-        (glass(0.5), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), "of the thin glass"),
+        (glass(0.0), Bsdf::ThinDielectric(ThinDielectric::new(1.25)), ""),
+        (glass(0.5), Bsdf::ThinDielectric(ThinDielectric::new(1.25)), "of the thin glass"),
         (
             with(
                 thick(0.0),
@@ -103,7 +103,7 @@ fn materials_become_the_documented_ones() {
                     "thicknessFactor": 1, "attenuationDistance": 1, "attenuationColor": [1, 0, 0]
                 }),
             ),
-            Bsdf::Dielectric(Dielectric { eta: 1.25 }),
+            Bsdf::Dielectric(Dielectric::new(1.25)),
             "ignored the color of the glass",
         ),
         (with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})), Bsdf::diffuse(color), "no shading"),

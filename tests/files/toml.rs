@@ -330,17 +330,17 @@ fn every_type_of_material_can_be_written() {
         ("albedo = 0.2", Bsdf::diffuse(Vec3::splat(0.2))),
         ("two_sided = false", Bsdf::Lambertian { albedo: Vec3::splat(0.5), two_sided: false }),
         ("type = 'mirror'", Bsdf::Mirror { reflectance: Vec3::ONE }),
-        ("type = 'dielectric'", Bsdf::Dielectric(Dielectric { eta: 1.5 })),
+        ("type = 'dielectric'", Bsdf::Dielectric(Dielectric::new(1.5))),
         (
             "type = 'dielectric'\nior = 1.2\noutside_ior = 1.6",
-            Bsdf::Dielectric(Dielectric { eta: 1.2 / 1.6 }),
+            Bsdf::Dielectric(Dielectric::new(1.2 / 1.6)),
         ),
         (
             "type = 'dielectric'\nroughness = 0.5",
             Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.25)),
         ),
         ("type = 'dielectric'\nalpha = 0.3", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.3))),
-        ("type = 'thin-dielectric'\nior = 2", Bsdf::ThinDielectric(ThinDielectric { eta: 2.0 })),
+        ("type = 'thin-dielectric'\nior = 2", Bsdf::ThinDielectric(ThinDielectric::new(2.0))),
         (
             "type = 'metal'\nmetal = 'gold'\nroughness = 0.5",
             Bsdf::Conductor(Conductor::new(gold, 0.25)),
@@ -383,7 +383,7 @@ fn mtl_records_become_the_documented_materials() {
         ("Kd .5\nPr .5\nPm .25", glossy(0.25, 1.5, 0.25), ""),
         ("illum 3\nKd 0\nKs 1\nNs 5", Bsdf::Mirror { reflectance: Vec3::ONE }, ""),
         ("illum 5\nKd .5\nKs 1", coat(1.5), ""),
-        ("illum 7\nd 0.1\nNi 1.3", Bsdf::Dielectric(Dielectric { eta: 1.3 }), ""),
+        ("illum 7\nd 0.1\nNi 1.3", Bsdf::Dielectric(Dielectric::new(1.3)), ""),
         ("illum 4\nNi 1.3\nPr .5", Bsdf::RoughDielectric(RoughDielectric::new(1.3, 0.25)), ""),
     ] {
         let (read, notes) = bsdf(&format!("newmtl m\n{records}\n"), "", "m");

@@ -120,8 +120,8 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
     let mut lossless = vec![
         Bsdf::diffuse(Vec3::ONE),
         Bsdf::Mirror { reflectance: Vec3::ONE },
-        Bsdf::Dielectric(Dielectric { eta: 1.5 }),
-        Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+        Bsdf::Dielectric(Dielectric::new(1.5)),
+        Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
         coated(1.0),
     ];
     for alpha in [0.0, 0.01, 0.1, 0.25, 0.5, 1.0] {
@@ -286,8 +286,8 @@ fn delta_lobes_go_where_optics_sends_them() {
     let tangent = -(at.wo - 0.8 * NORMAL) / 0.6;
     let refracted = 0.4 * tangent - (1.0_f32 - 0.16).sqrt() * NORMAL;
     for (bsdf, beyond, scale) in [
-        (Bsdf::Dielectric(Dielectric { eta: 1.5 }), refracted, 1.0 / 2.25),
-        (Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }), -at.wo, 1.0),
+        (Bsdf::Dielectric(Dielectric::new(1.5)), refracted, 1.0 / 2.25),
+        (Bsdf::ThinDielectric(ThinDielectric::new(1.5)), -at.wo, 1.0),
     ] {
         let mut passed = 0;
         for _ in 0..1000 {
@@ -304,7 +304,7 @@ fn delta_lobes_go_where_optics_sends_them() {
         assert!((850..1000).contains(&passed), "{passed}");
     }
     // From inside at 0.8 (sin 0.6 * 1.5 = 0.9) light gets out, at 0.7 none does.
-    let glass = Bsdf::Dielectric(Dielectric { eta: 1.5 });
+    let glass = Bsdf::Dielectric(Dielectric::new(1.5));
     for _ in 0..1000 {
         let sample =
             glass.sample(&seen(0.7, false), Transport::Flux, Wanted::All, &mut rng).unwrap();

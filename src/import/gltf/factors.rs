@@ -1,7 +1,7 @@
 //! What a glTF material says, checked, with its defaults and pictures: what `material.rs` starts from.
 
 use super::json::{Document, get};
-use super::json_material::{Ior, Material, TextureInfo};
+use super::json_material::{Ior, Material, TextureInfo, Volume};
 use super::texture::{Pictures, UvSource};
 use super::{fault, first_name};
 use crate::base::error::Result;
@@ -49,7 +49,7 @@ pub(super) struct Factors {
     pub transmission: f32,
     /// Whether the surface bounds a volume rather than being a sheet.
     pub thick: bool,
-    /// What is left of light in the volume at the attenuation distance.
+    /// What is left of light that went through the volume where it is as thick as the material says.
     pub attenuation: Rgb,
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
@@ -172,7 +172,7 @@ pub(super) fn factors(
         transmission: red
             * share(transmission.transmission_factor, "extensions.KHR_materials_transmission")?,
         thick: extensions.volume.thickness_factor > 0.0,
-        attenuation: Rgb::from_array(extensions.volume.attenuation_color),
+        attenuation: attenuation(&extensions.volume, &place)?,
         clearcoat: share(coat.clearcoat_factor, "extensions.KHR_materials_clearcoat")?,
         clearcoat_roughness: share(
             coat.clearcoat_roughness_factor,
@@ -190,6 +190,21 @@ fn share(value: f32, place: &str, key: &str) -> Result<f32> {
         return Ok(value.clamp(0.0, 1.0));
     }
     Err(fault(format!("{place}.{key}"), format!("{value} is not between 0 and 1")))
+}
+
+/// What is left of light after the thickness of a volume, by Beer's law.
+fn attenuation(volume: &Volume, place: &str) -> Result<Rgb> {
+    let key = "extensions.KHR_materials_volume.attenuationColor";
+    let [r, g, b] = volume.attenuation_color;
+    let color = Rgb::new(share(r, place, key)?, share(g, place, key)?, share(b, place, key)?);
+    let Some(distance) = volume.attenuation_distance else { return Ok(Rgb::ONE) };
+    let lengths = volume.thickness_factor / distance;
+    // Written so that NaN fails.
+    if !(distance > 0.0 && lengths >= 0.0) {
+        let key = "extensions.KHR_materials_volume.attenuationDistance";
+        return Err(fault(format!("{place}.{key}"), "it is not positive"));
+    }
+    Ok(color.map(|share| if share > 0.0 { share.powf(lengths) } else { 0.0 }))
 }
 
 fn alpha(material: &Material, place: &str) -> Result<Alpha> {

@@ -206,10 +206,12 @@ pub(super) struct Transmission {
 pub(super) struct Volume {
     pub thickness_factor: f32,
     pub attenuation_color: [f32; 3],
+    /// None is without end.
+    pub attenuation_distance: Option<f32>,
 }
 
 impl Default for Volume {
     fn default() -> Self {
-        Self { thickness_factor: 0.0, attenuation_color: [1.0; 3] }
+        Self { thickness_factor: 0.0, attenuation_color: [1.0; 3], attenuation_distance: None }
     }
 }

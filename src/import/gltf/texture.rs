@@ -165,6 +165,23 @@ pub(super) enum Coverage {
     Nowhere,
     /// Where this opacity is at least a half.
     Partly(Arc<Texture>),
+    /// For this share of the rays, times this opacity.
+    Share(Option<Arc<Texture>>, f32),
+}
+
+/// For the share of the rays that the alpha channel times `factor` tells.
+pub(super) fn blended(picture: Option<&Arc<Texture>>, factor: f32) -> Coverage {
+    let has = |holds: fn(u8) -> bool| {
+        picture.is_some_and(|picture| picture.texels().iter().any(|texel| holds(texel[3])))
+    };
+    if factor == 0.0 || picture.is_some() && !has(|alpha| alpha > 0) {
+        return Coverage::Nowhere;
+    }
+    let picture = picture.filter(|_| has(|alpha| alpha < 255)).cloned();
+    match picture {
+        None if factor == 1.0 => Coverage::Everywhere,
+        picture => Coverage::Share(picture, factor),
+    }
 }
 
 /// Where the alpha channel times `factor` is at least `cutoff`. Opacities are moved to where a half is

@@ -110,7 +110,7 @@ pub(super) fn load(
         (ignored.unreadable, "some textures:"),
         (ignored.textures, "some textures (of another use, or with options) of"),
         (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
-        (ignored.transparent, "the transparency of"),
+        (ignored.transparent, "the opacity of 0 of"),
     ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
