@@ -24,7 +24,8 @@ impl FromStr for EnvironmentSource {
 
     /// Reads a number, one for each of red, green and blue with commas in between, or else a file's name.
     fn from_str(text: &str) -> Result<Self> {
-        let numbers: Option<Vec<f32>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+        let numbers: Option<Vec<f32>> =
+            text.split(',').map(|word| word.trim().parse().ok()).collect();
         let radiance = match numbers.as_deref() {
             None => return Ok(Self::File(text.into())),
             Some(&[grey]) => Rgb::splat(grey),

@@ -4,8 +4,8 @@ use super::environment::{SOFT, soft};
 use super::framing;
 use super::glance::Glance;
 use super::notes::Note;
-use crate::scene::backend::{Backend, build};
 use crate::scene::Scene;
+use crate::scene::backend::{Backend, build};
 use std::path::Path;
 
 /// Of the surfaces that the camera sees, the share that must not be black.

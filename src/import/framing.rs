@@ -32,11 +32,7 @@ pub(super) fn camera(bounds: &Bounds) -> Result<Camera> {
 /// A point light for a camera between walls: above it, half way to what is there. With its position, and its
 /// intensity of all channels, W/sr: a white surface at the distance whose square is `distance2` and that faces
 /// it has radiance 1.
-pub(super) fn lamp(
-    scene: &Scene,
-    accel: &dyn Intersect,
-    distance2: f32,
-) -> (Emitter, Vec3, f32) {
+pub(super) fn lamp(scene: &Scene, accel: &dyn Intersect, distance2: f32) -> (Emitter, Vec3, f32) {
     let camera = &scene.camera;
     let hit = accel.closest_hit(&Ray::new(camera.position(), camera.up()));
     let position = camera.position() + 0.5 * hit.t.min(scene.size()) * camera.up();

@@ -105,7 +105,9 @@ impl Eye<'_> {
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
             let sample = surface.bsdf.sample(&at, Transport::Radiance, Wanted::All, rng);
-            let Some(sample) = sample.filter(|sample| surface.agrees(&at, sample.wi)) else { break };
+            let Some(sample) = sample.filter(|sample| surface.agrees(&at, sample.wi)) else {
+                break;
+            };
             unconnected = sample.lobe == Lobe::Delta;
             throughput *= sample.weight;
             ray = Ray::new(surface.start(sample.wi), sample.wi);

@@ -11,8 +11,8 @@ use std::path::Path;
 const MAX_SIZE: u32 = 16_384;
 /// Largest accepted file, bytes.
 const MAX_FILE: u64 = 1 << 30;
-/// Most memory for decoding one, bytes: as much as the largest takes with 16 bits per channel.
-const MAX_MEMORY: u64 = 1 << 31;
+/// Most memory for decoding one, bytes: as much as the largest takes with 8 bits per channel.
+const MAX_MEMORY: u64 = 1 << 30;
 
 impl Texture {
     /// Reads a picture file of whatever kind its content is. TGA files, which do not tell, are known by their

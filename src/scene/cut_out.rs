@@ -4,7 +4,7 @@
 //! same ray finds the same whoever asks and how often; no two rays of an image are the same, for each begins or
 //! goes where random numbers say. Camera paths, light paths and connections so meet a surface of opacity `a`
 //! with probability `a`, and what they carry needs no weight.
-//! theory.md, section 13.
+//! theory.md, section 4.
 
 use super::{Mesh, Placement, Scene, Texture};
 use crate::accel::packet::used;

@@ -20,8 +20,8 @@ pub(crate) mod transform;
 mod triangle;
 mod validate;
 
-pub use cut_out::CutOut;
 pub use camera::{Camera, FieldOfView, Optics, View};
+pub use cut_out::CutOut;
 pub use hit::Seen;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;

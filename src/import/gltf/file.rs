@@ -15,7 +15,8 @@ const MAX_FILE: u64 = 1 << 32;
 const MAX_OBJECTS: usize = 2_000_000;
 
 /// What to do about older versions.
-const UPGRADE: &str = "export the model as glTF 2.0, or convert it: `npx gltf-pipeline -i OLD -o NEW.gltf`";
+const UPGRADE: &str =
+    "export the model as glTF 2.0, or convert it: `npx gltf-pipeline -i OLD -o NEW.gltf`";
 
 /// What to do about compressed meshes.
 const DECOMPRESS: &str = "decompress the model: `npx @gltf-transform/cli cp OLD NEW.glb`; or export it \
@@ -172,7 +173,8 @@ fn check_compression(document: &Document) -> Result<()> {
             let position = primitive.attributes.get("POSITION");
             if primitive.extensions.draco.is_some() && position.is_some_and(unplaced) {
                 let place = format!("meshes[{index}].primitives[{part}]");
-                let problem = "it is compressed by KHR_draco_mesh_compression, which is not supported";
+                let problem =
+                    "it is compressed by KHR_draco_mesh_compression, which is not supported";
                 return Err(Error::new(format!("{place}: {problem}"), DECOMPRESS));
             }
         }

@@ -183,7 +183,9 @@ fn colors(
     }
     let color = |vertex: &u32| {
         let [r, g, b] = match with_opacity {
-            true => colors.numbers::<4>((*vertex).into()).first_chunk().copied().unwrap_or_default(),
+            true => {
+                colors.numbers::<4>((*vertex).into()).first_chunk().copied().unwrap_or_default()
+            }
             false => colors.numbers::<3>((*vertex).into()),
         };
         // Written so that NaN is 0.

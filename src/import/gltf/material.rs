@@ -32,7 +32,10 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
         (factors.unlit, "shaded what has no shading, the material"),
         (factors.has_other_uvs, "laid all textures like the first of the material"),
         (emits && factors.double_sided, "let only front sides emit light, of the material"),
-        (emits && (opacity_texture.is_some() || opacity.is_some()), "filled the holes in the lamps of the material"),
+        (
+            emits && (opacity_texture.is_some() || opacity.is_some()),
+            "filled the holes in the lamps of the material",
+        ),
     ] {
         if left_out {
             remarks.skipped(what, name);

@@ -115,7 +115,8 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     if builder.is_empty() && !meshes.hidden.is_empty() {
         let names = list(meshes.hidden.iter().map(String::as_str));
-        let problem = format!("nothing is to be seen: the opacity is below the cutoff all over {names}");
+        let problem =
+            format!("nothing is to be seen: the opacity is below the cutoff all over {names}");
         let advice = "lower their alphaCutoff, raise the alpha of their base color, or set alphaMode to OPAQUE";
         return Err(Error::new(problem, advice));
     }

@@ -55,9 +55,7 @@ impl Pose {
             if *weight == 0.0 {
                 continue;
             }
-            for (name, own) in
-                [("POSITION", &mut mesh.positions), ("NORMAL", &mut mesh.normals)]
-            {
+            for (name, own) in [("POSITION", &mut mesh.positions), ("NORMAL", &mut mesh.normals)] {
                 let at = format!("{place}.targets[{index}].{name}");
                 let Some(accessor) = target.get(name) else { continue };
                 let reader = Reader::open(document, buffers, *accessor, "VEC3", &at)?;

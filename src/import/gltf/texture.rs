@@ -93,7 +93,8 @@ impl<'a> Pictures<'a> {
     /// What cannot be read.
     pub fn notes(&self, file: &str) -> Option<Note> {
         let names = list(self.unreadable.iter().map(String::as_str));
-        let note = || Note::skipped(format!("{file}: ignored textures that cannot be read: {names}"));
+        let note =
+            || Note::skipped(format!("{file}: ignored textures that cannot be read: {names}"));
         (!self.unreadable.is_empty()).then(note)
     }
 

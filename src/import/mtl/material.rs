@@ -67,7 +67,9 @@ impl MtlMaterial {
             emission: self.emission.unwrap_or(unsaid),
             albedo_texture: self.albedo_texture.clone(),
             opacity_texture: self.opacity_texture.clone(),
-            opacity: self.opacity.filter(|opacity| !glass && (f32::MIN_POSITIVE..1.0).contains(opacity)),
+            opacity: self
+                .opacity
+                .filter(|opacity| !glass && (f32::MIN_POSITIVE..1.0).contains(opacity)),
             normal_map: normal_map.map(|texture| NormalMap { texture, scale: 1.0 }),
             emission_texture: self.emission_texture.clone(),
             ..Material::new(&self.name, bsdf)
@@ -96,7 +98,9 @@ impl MtlMaterial {
         }
         match self.model {
             // Refraction, and glass.
-            Some(4 | 6 | 7 | 9) if has_ior => (dielectric(ior, alpha, Rgb::ONE), Ignored::default()),
+            Some(4 | 6 | 7 | 9) if has_ior => {
+                (dielectric(ior, alpha, Rgb::ONE), Ignored::default())
+            }
             // Reflection by ray tracing.
             Some(3 | 5 | 8) if diffuse == Rgb::ZERO && alpha == 0.0 => {
                 (Bsdf::Mirror { reflectance: specular }, kept)

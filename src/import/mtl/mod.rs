@@ -84,19 +84,17 @@ pub(super) fn load(
             _ => None,
         };
         match map {
-            Some(map) if !rest.is_empty() && !rest.starts_with('-') => {
-                match texture(path, rest) {
-                    Some(Ok(texture)) => *map = Some(texture),
-                    Some(Err(error)) => {
-                        *map = None;
-                        ignored.unreadable.insert(format!("{rest}: {}", error.problem()));
-                    }
-                    None => {
-                        *map = None;
-                        ignored.missing.insert(rest.to_owned());
-                    }
+            Some(map) if !rest.is_empty() && !rest.starts_with('-') => match texture(path, rest) {
+                Some(Ok(texture)) => *map = Some(texture),
+                Some(Err(error)) => {
+                    *map = None;
+                    ignored.unreadable.insert(format!("{rest}: {}", error.problem()));
                 }
-            }
+                None => {
+                    *map = None;
+                    ignored.missing.insert(rest.to_owned());
+                }
+            },
             _ if is_map => drop(ignored.textures.insert(material.name.clone())),
             _ => {}
         }

@@ -142,7 +142,8 @@ impl Model {
 
     /// All meshes, and how many polygons were too large to be cut well.
     pub fn meshes(self) -> (Vec<ObjMesh>, u64) {
-        let mut vertices = Vertices::new(&self.positions, &self.uvs, &self.normals).colored(&self.colors);
+        let mut vertices =
+            Vertices::new(&self.positions, &self.uvs, &self.normals).colored(&self.colors);
         let mut meshes = Vec::with_capacity(self.parts.len());
         for (Key { name, material, layout }, faces) in self.parts {
             let mesh = Arc::new(Mesh { name, ..vertices.mesh(layout, &faces) });

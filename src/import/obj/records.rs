@@ -63,11 +63,7 @@ pub(super) enum Item {
     /// None is the one of what names none.
     Material(Option<String>),
     /// So many faces, with so many indices in all.
-    Faces {
-        layout: Layout,
-        faces: usize,
-        indices: usize,
-    },
+    Faces { layout: Layout, faces: usize, indices: usize },
 }
 
 /// What a piece of a file holds.

@@ -58,11 +58,17 @@ impl<'a> Meshes<'a> {
 
     pub fn write(&self, out: &Folder) -> Result<()> {
         let all = self.scene.meshes().par_iter().zip(&self.files);
-        all.try_for_each(|(mesh, file)| out.write_part(file, |to| write(mesh, to)))
+        // What is moved when it is read is moved as it is; all else is normalized alone.
+        let mut moved = vec![false; self.files.len()];
+        for Placement { mesh, transform, .. } in self.scene.placements() {
+            moved[*mesh as usize] |= transform.is_some();
+        }
+        all.zip(moved)
+            .try_for_each(|((mesh, file), moved)| out.write_part(file, |to| write(mesh, moved, to)))
     }
 }
 
-fn write(mesh: &Mesh, to: &mut dyn Write) -> io::Result<()> {
+fn write(mesh: &Mesh, moved: bool, to: &mut dyn Write) -> io::Result<()> {
     let Mesh { positions, normals, uvs, colors, triangles, .. } = mesh;
     writeln!(to, "o {}", for_line(&mesh.name, "mesh"))?;
     for (i, p) in positions.iter().enumerate() {
@@ -76,7 +82,7 @@ fn write(mesh: &Mesh, to: &mut dyn Write) -> io::Result<()> {
         writeln!(to, "vt {} {}", uv.x, uv.y)?;
     }
     for normal in normals {
-        let n = unnormalized(*normal);
+        let n = if moved { *normal } else { unnormalized(*normal) };
         writeln!(to, "vn {} {} {}", n.x, n.y, n.z)?;
     }
     for corners in triangles {
