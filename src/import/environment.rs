@@ -91,15 +91,15 @@ const SOFT_RISE: f32 = 0.6;
 /// Rows of its map: more than eyes tell apart in a preview.
 const SOFT_ROWS: u32 = 256;
 
-/// Its least and greatest radiance.
+/// Its least and greatest radiance, W/(m^2 sr), for a white surface of radiance 1.
 pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
 
-/// A neutral light from all around, brighter from above (+y): `0.6 (1 + y)`. A white surface that faces up has
-/// radiance 1, for the mean of `y` over its cosines is 2/3.
-pub(super) fn soft() -> Environment {
+/// A neutral light from all around, brighter from above (+y): `0.6 (1 + y)` times the radiance of a `white`
+/// surface that faces up, W/(m^2 sr), for the mean of `y` over its cosines is 2/3.
+pub(super) fn soft(white: f32) -> Environment {
     let row = |row: u32| {
         let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
-        Rgb::splat(SOFT_MEAN + SOFT_RISE * latitude.cos())
+        Rgb::splat(white * (SOFT_MEAN + SOFT_RISE * latitude.cos()))
     };
     Environment::new(1, SOFT_ROWS, (0..SOFT_ROWS).map(row).collect(), 0.0)
 }
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn a_white_surface_in_the_soft_light_has_the_radiance_it_should() {
         // Facing up, sideways and down: mean radiance plus 2/3 of the rise times the normal's height.
-        let map = soft();
+        let map = soft(1.0);
         let n = 400;
         for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {
             let normal = glam::Vec3::new((1.0_f32 - y * y).sqrt(), y, 0.0);

@@ -22,6 +22,9 @@ const PANES: u32 = 16;
 /// Of display white; pixels below are black to eyes: a fiftieth of the key of the preview's exposure.
 const BLACK: f32 = 0.004;
 
+/// Of display white, what the preview's exposure makes of it.
+const EXPOSED: f32 = 0.2;
+
 /// What a few pixels showed.
 pub(super) struct Glance {
     pixels: Vec<Pixel>,
@@ -62,6 +65,14 @@ impl Glance {
             0 => 1.0,
             seen => lit as f64 / seen as f64,
         }
+    }
+
+    /// Radiance of what is lit, W/(m^2 sr), by its geometric mean; `None` if nothing is.
+    pub fn typical(&self) -> Option<f32> {
+        let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
+        let is_lit = radiances.iter().any(|radiance| luminance(*radiance) > 0.0);
+        // Within what leaves room for the power of an environment.
+        is_lit.then(|| (EXPOSED / auto_exposure(&radiances)).clamp(1e-12, 1e12))
     }
 
     /// Mean square of the distances of what is seen, scene units squared; 0 if there is nothing.

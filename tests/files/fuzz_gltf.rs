@@ -101,9 +101,10 @@ fn rich() -> Model {
             "type": "perspective", "perspective": { "yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1 },
         }),
     );
+    let sizes = model.points(&[[1.0, 2.0, 0.5]; 4]);
     let instances = json!({
         "EXT_mesh_gpu_instancing": {
-            "attributes": { "TRANSLATION": normals, "ROTATION": weights, "SCALE": corners },
+            "attributes": { "TRANSLATION": normals, "ROTATION": weights, "SCALE": sizes },
         },
     });
     let matrix = [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, -2, 0, 1, 2, 3, 1];
@@ -275,7 +276,7 @@ fn the_untouched_files_load() {
         [("a.gltf", rich_text()), ("a.glb", RICH.glb()), ("b.glb", as_glb(&RICH))]
     {
         let loaded = files(&[(name, &content)]).load();
-        assert_eq!(loaded.scene.meshes().len(), 4, "{}", loaded.notes_text());
+        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.notes_text());
         assert_eq!(loaded.scene.materials().len(), 3);
         assert_eq!(loaded.scene.lights().emitters().len(), 3 + 2);
     }

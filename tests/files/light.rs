@@ -91,6 +91,26 @@ fn a_dark_room_gets_a_lamp_and_a_lit_one_keeps_its_own() {
 }
 
 #[test]
+fn placed_lights_count_where_they_light_a_fifth_and_set_the_measure() {
+    let spot = |outer: f32| {
+        let mut model = square();
+        let cones = json!({ "innerConeAngle": 0.9 * outer, "outerConeAngle": outer });
+        let light = json!({ "type": "spot", "intensity": 1, "spot": cones });
+        model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+        let light = json!({ "KHR_lights_punctual": { "light": 0 } });
+        model.node(json!({ "translation": [0, 0, 1], "extensions": light }));
+        model.load()
+    };
+    let wide = spot(0.8);
+    assert!(wide.scene.lights().environment().is_none(), "{}", wide.notes_text());
+    // It lights 0.03 of an area of 4, with a radiance of 0.5/pi/683 in the middle.
+    let narrow = spot(0.1);
+    let above = narrow.scene.lights().beyond(Vec3::Y).x;
+    let typical = 0.5 / std::f32::consts::PI / 683.0;
+    assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.notes_text());
+}
+
+#[test]
 fn a_metal_in_a_void_has_something_to_mirror() {
     let metal = json!({ "pbrMetallicRoughness": { "roughnessFactor": 0.0 } });
     let mut model = square();
