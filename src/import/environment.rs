@@ -133,7 +133,7 @@ fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
     let mut decoder =
-        zune_hdr::HdrDecoder::new(zune_jpeg::zune_core::bytestream::ZCursor::new(bytes));
+        zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
     let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
     let (width, height) = decoder.dimensions().ok_or_else(|| broken("it has no size".into()))?;
     let pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
