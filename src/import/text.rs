@@ -137,6 +137,18 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
+/// A few problems for a message, one after the other.
+pub(super) fn problems<'a>(all: impl IntoIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 4;
+    let mut all = all.into_iter();
+    let short = |text: &str| text.chars().take(200).collect::<String>();
+    let shown: Vec<String> = all.by_ref().take(SHOWN).map(short).collect();
+    match all.count() {
+        0 => shown.join("; "),
+        more => format!("{}; and {more} more", shown.join("; ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -145,5 +157,7 @@ mod tests {
     fn long_lists_are_cut() {
         assert_eq!(list(["a", "b"]), "`a`, `b`");
         assert!(list(["x"; 20]).ends_with("and 8 more"));
+        assert_eq!(problems(["no a", "no b"]), "no a; no b");
+        assert!(problems(["x"; 20]).ends_with("; and 16 more"));
     }
 }

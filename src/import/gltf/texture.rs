@@ -7,7 +7,7 @@ use super::json::{Document, get};
 use super::json_material::{TextureInfo, TextureTransform};
 use crate::base::error::Result;
 use crate::import::notes::Note;
-use crate::import::text::list;
+use crate::import::text::problems;
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::{BTreeSet, HashMap};
@@ -84,7 +84,10 @@ impl<'a> Pictures<'a> {
             }
         };
         let read = bytes.and_then(|bytes| Texture::decode(&bytes));
-        let read = read.map_err(|e| self.unreadable.insert(format!("{place}: {}", e.problem())));
+        let read = read.map_err(|e| match e.problem() {
+            placed if placed.starts_with(place) => self.unreadable.insert(placed.to_owned()),
+            problem => self.unreadable.insert(format!("{place}: {problem}")),
+        });
         let read = read.ok();
         self.read.insert(source, read.clone());
         Ok(read)
@@ -92,9 +95,8 @@ impl<'a> Pictures<'a> {
 
     /// What cannot be read.
     pub fn notes(&self, file: &str) -> Option<Note> {
-        let names = list(self.unreadable.iter().map(String::as_str));
-        let note =
-            || Note::skipped(format!("{file}: ignored textures that cannot be read: {names}"));
+        let all = problems(self.unreadable.iter().map(String::as_str));
+        let note = || Note::skipped(format!("{file}: ignored textures that cannot be read: {all}"));
         (!self.unreadable.is_empty()).then(note)
     }
 

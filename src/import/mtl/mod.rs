@@ -4,7 +4,7 @@ pub(super) mod material;
 
 use super::lines::Lines;
 use super::notes::Note;
-use super::text::{find, list, read_lines, split_keyword};
+use super::text::{find, list, problems, read_lines, split_keyword};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::bsdf::Bsdf;
@@ -102,10 +102,14 @@ pub(super) fn load(
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
+    if !ignored.unreadable.is_empty() {
+        let all = problems(ignored.unreadable.iter().map(String::as_str));
+        let note = format!("{}: ignored some textures: {all}", path.display());
+        notes.push(Note::skipped(note));
+    }
     for (names, what) in [
         (ignored.twice, "all but the last definition of"),
         (ignored.missing, "some textures, for there are no files"),
-        (ignored.unreadable, "some textures:"),
         (ignored.textures, "some textures (of another use, or with options) of"),
         (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
         (ignored.transparent, "the opacity of 0 of"),
