@@ -14,7 +14,8 @@ fn code(linear: f64) -> f64 {
 
 /// The linear color of these codes; what is beyond 0 and 1, or no number, is moved there.
 pub(super) fn decode(codes: [f64; 3]) -> Rgb {
-    Rgb::from_array(codes.map(|code| linear(code.max(0.0).min(1.0)) as f32))
+    let share = |code: f64| if code.is_nan() { 0.0 } else { code.clamp(0.0, 1.0) };
+    Rgb::from_array(codes.map(|code| linear(share(code)) as f32))
 }
 
 /// The codes of a linear color.

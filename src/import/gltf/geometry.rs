@@ -188,8 +188,8 @@ fn colors(
             }
             false => colors.numbers::<3>((*vertex).into()),
         };
-        // Written so that NaN is 0.
-        Rgb::from_array([r, g, b].map(|share: f32| share.max(0.0).min(1.0)))
+        let share = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
+        Rgb::from_array([r, g, b].map(share))
     };
     let colors: Vec<Rgb> = used.iter().map(color).collect();
     Ok(if colors.iter().all(|color| *color == Rgb::ONE) { Vec::new() } else { colors })

@@ -13,12 +13,15 @@ use crate::scene::{Material, Mesh};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
 
+/// The parts of a mesh, with the indices of their materials in the scene.
+type Parts = Vec<(Arc<Mesh>, u32)>;
+
 /// What is read of meshes and materials.
 pub(super) struct Meshes<'a> {
     document: &'a Document,
     /// By index, and by the node for a pose of its own: the parts of a mesh, with the indices of their materials
     /// in the scene.
-    read: HashMap<(usize, Option<usize>), Vec<(Arc<Mesh>, u32)>>,
+    read: HashMap<(usize, Option<usize>), Parts>,
     /// By index, or none for the standard's default; none for those that are nowhere to be seen.
     looks: HashMap<Option<usize>, Option<Look>>,
     /// Names of materials that are nowhere to be seen.
@@ -115,7 +118,7 @@ impl<'a> Meshes<'a> {
         buffers: &Buffers,
         pictures: &mut Pictures,
         materials: &mut Vec<Material>,
-    ) -> Result<Vec<(Arc<Mesh>, u32)>> {
+    ) -> Result<Parts> {
         let document = self.document;
         let mesh = get(&document.meshes, "meshes", index, "nodes")?;
         let name = first_name([&mesh.name], || format!("meshes[{index}]"));
