@@ -146,31 +146,7 @@ fn placed(mesh: &Mesh, name: &str, transform: Option<&Transform>, material: u32)
     let count = triangles.len();
     triangles.retain(|corners| triangle_area(corners.map(|i| positions[i as usize])) > 0.0);
     if triangles.len() < count {
-        compact(&mut own);
+        own.renumber();
     }
     own
-}
-
-/// Leaves out vertices that no triangle uses, and numbers the others by their first use, as readers do.
-fn compact(mesh: &mut Mesh) {
-    let mut numbers = vec![u32::MAX; mesh.positions.len()];
-    let mut order = Vec::with_capacity(mesh.positions.len());
-    for corner in mesh.triangles.as_flattened_mut() {
-        let number = &mut numbers[*corner as usize];
-        if *number == u32::MAX {
-            *number = order.len() as u32;
-            order.push(*corner as usize);
-        }
-        *corner = *number;
-    }
-    fn pick<T: Copy>(list: &mut Vec<T>, order: &[usize]) {
-        if !list.is_empty() {
-            *list = order.iter().map(|vertex| list[*vertex]).collect();
-        }
-    }
-    pick(&mut mesh.positions, &order);
-    pick(&mut mesh.normals, &order);
-    pick(&mut mesh.uvs, &order);
-    pick(&mut mesh.tangents, &order);
-    pick(&mut mesh.colors, &order);
 }

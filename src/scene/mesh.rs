@@ -34,6 +34,28 @@ impl Mesh {
         !(self.normals.is_empty() && self.colors.is_empty())
     }
 
+    /// Numbers vertices by their first use, as readers do, and leaves out those that no triangle uses.
+    pub(crate) fn renumber(&mut self) {
+        let mut numbers = vec![u32::MAX; self.positions.len()];
+        let mut order = Vec::with_capacity(self.positions.len());
+        for corner in self.triangles.as_flattened_mut() {
+            let number = &mut numbers[*corner as usize];
+            if *number == u32::MAX {
+                *number = order.len() as u32;
+                order.push(*corner as usize);
+            }
+            *corner = *number;
+        }
+        fn pick<T: Copy>(list: &mut Vec<T>, order: &[usize]) {
+            if !list.is_empty() {
+                *list = order.iter().map(|vertex| list[*vertex]).collect();
+            }
+        }
+        let Self { positions, normals, uvs, tangents, colors, .. } = self;
+        [positions, normals, tangents, colors].into_iter().for_each(|list| pick(list, &order));
+        pick(uvs, &order);
+    }
+
     /// The geometry alone.
     pub fn as_triangles(&self) -> TriangleMesh<'_> {
         TriangleMesh { positions: &self.positions, triangles: &self.triangles }
