@@ -57,7 +57,7 @@ fn squares(camera: Camera, lens: Vec<bdpm::scene::Mesh>, side: u32) -> Vec<[f64;
         let center = center.extend(-distance).as_vec3();
         meshes.push(square(center, Vec3::Z, half as f32, 0));
     }
-    let glass = Material::new("glass", Bsdf::Dielectric(Dielectric { eta: 1.5 }));
+    let glass = Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5)));
     let materials = vec![gray(0.0, RADIANCE as f32), gray(0.0, 0.0), glass];
     let scene = scene(meshes, materials, vec![], camera);
     let settings = Settings { camera_paths: 32, light_paths: 2, ..settings(side, side) };

@@ -16,6 +16,8 @@ pub enum Stream {
     Reference = 4,
     /// One stream per light path that finds out what light reaches.
     Pilot = 5,
+    /// One stream per pixel of a quick look at a scene.
+    Glance = 6,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

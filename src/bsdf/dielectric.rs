@@ -11,9 +11,16 @@ use glam::Vec3;
 pub struct Dielectric {
     /// Refractive index behind the surface over that in front.
     pub eta: f32,
+    /// What light that crosses the surface is multiplied with, in [0, 1].
+    pub transmittance: Rgb,
 }
 
 impl Dielectric {
+    /// A clear one.
+    pub const fn new(eta: f32) -> Self {
+        Self { eta, transmittance: Rgb::ONE }
+    }
+
     pub(super) fn sample(
         &self,
         wo: Vec3,
@@ -27,7 +34,8 @@ impl Dielectric {
             return mirrored(wo, Rgb::ONE);
         }
         let wi = Vec3::new(-wo.x / eta, -wo.y / eta, -cos_t);
-        BsdfSample { wi, weight: Rgb::splat(transmission_scale(transport, eta)), lobe: Lobe::Delta }
+        let weight = self.transmittance * transmission_scale(transport, eta);
+        BsdfSample { wi, weight, lobe: Lobe::Delta }
     }
 }
 
@@ -54,9 +62,16 @@ pub(super) fn transmission_scale(transport: Transport, eta: f32) -> f32 {
 pub struct ThinDielectric {
     /// Refractive index of the sheet over that of its surroundings.
     pub eta: f32,
+    /// What light that goes straight on is multiplied with, in [0, 1].
+    pub transmittance: Rgb,
 }
 
 impl ThinDielectric {
+    /// A clear one.
+    pub const fn new(eta: f32) -> Self {
+        Self { eta, transmittance: Rgb::ONE }
+    }
+
     pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> BsdfSample {
         let (once, _) = fresnel::dielectric(wo.z, self.eta);
         // R + T R T + T R^3 T + ... = 2 R / (1 + R)
@@ -65,6 +80,6 @@ impl ThinDielectric {
         if rng.next_1d() < reflected {
             return mirrored(wo, Rgb::ONE);
         }
-        BsdfSample { wi: -wo, weight: Rgb::ONE, lobe: Lobe::Delta }
+        BsdfSample { wi: -wo, weight: self.transmittance, lobe: Lobe::Delta }
     }
 }

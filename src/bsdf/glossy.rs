@@ -56,6 +56,14 @@ impl Glossy {
         Self::with_normal(self.albedo * albedo, self.metallic * metallic, self.normal, alpha)
     }
 
+    /// The same with the reflectance of the dielectric at normal incidence multiplied by a factor of at least 0,
+    /// up to all. Toward grazing incidence it still grows to 1.
+    #[must_use]
+    pub fn reflecting(&self, factor: f32) -> Self {
+        let normal = (self.normal * factor).min(1.0);
+        Self::with_normal(self.albedo, self.metallic, normal, self.facets.alpha)
+    }
+
     /// Color of the base, and of the metal at normal incidence.
     pub fn albedo(&self) -> Rgb {
         self.albedo

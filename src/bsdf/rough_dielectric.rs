@@ -14,13 +14,27 @@ use glam::Vec3;
 pub struct RoughDielectric {
     /// Refractive index behind the surface over that in front.
     eta: f32,
+    /// What light that crosses the surface is multiplied with, in [0, 1].
+    transmittance: Rgb,
     facets: Ggx,
 }
 
 impl RoughDielectric {
     /// An interface of GGX width `alpha`, at least [`SMOOTH_ALPHA`], at most 1.
     pub fn new(eta: f32, alpha: f32) -> Self {
-        Self { eta, facets: Ggx { alpha: alpha.clamp(SMOOTH_ALPHA, 1.0) } }
+        let facets = Ggx { alpha: alpha.clamp(SMOOTH_ALPHA, 1.0) };
+        Self { eta, transmittance: Rgb::ONE, facets }
+    }
+
+    /// The same where light that crosses it is multiplied with `transmittance`, in [0, 1].
+    #[must_use]
+    pub fn tinted(self, transmittance: Rgb) -> Self {
+        Self { transmittance, ..self }
+    }
+
+    /// What light that crosses it is multiplied with.
+    pub fn transmittance(&self) -> Rgb {
+        self.transmittance
     }
 
     /// Refractive index behind the surface over that in front.
@@ -54,7 +68,8 @@ impl RoughDielectric {
         }
         let scale = transmission_scale(Transport::Radiance, eta);
         // theory.md (29)
-        Rgb::splat((1.0 - reflected) * visible * wo.dot(m) * refraction(wo, wi, m, eta) * scale)
+        let value = (1.0 - reflected) * visible * wo.dot(m) * refraction(wo, wi, m, eta) * scale;
+        self.transmittance * value
     }
 
     pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3, front: bool) -> f32 {
@@ -81,10 +96,10 @@ impl RoughDielectric {
         let (reflected, cos_t) = fresnel::dielectric(cos, eta);
         let mirrored = rng.next_1d() < reflected;
         let (wi, scale) = if mirrored {
-            (reflect(wo, m), 1.0)
+            (reflect(wo, m), Rgb::ONE)
         } else {
             let wi = ((cos / eta - cos_t) * m - wo / eta).normalize();
-            (wi, transmission_scale(transport, eta))
+            (wi, self.transmittance * transmission_scale(transport, eta))
         };
         // On the wrong side of the surface it meets another facet, and is lost.
         if wi.z == 0.0 || (wi.z > 0.0) != mirrored {
@@ -92,7 +107,7 @@ impl RoughDielectric {
         }
         // theory.md (29)
         let visible = self.facets.g2(wo, wi) / self.facets.g1(wo);
-        Some(BsdfSample { wi, weight: Rgb::splat(visible * scale), lobe: Lobe::Rough })
+        Some(BsdfSample { wi, weight: visible * scale, lobe: Lobe::Rough })
     }
 }
 

@@ -1,9 +1,9 @@
 //! `bdpm convert SCENE OUT`.
 
-use super::{json, say};
+use super::{LightArgs, json, say};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{LoadOptions, Note, SceneSummary, load, load_with, save};
+use bdpm::import::{Note, SceneSummary, load, load_with, save};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -19,6 +19,8 @@ pub struct Args {
     /// Refuse scenes of which anything is skipped
     #[arg(long)]
     strict: bool,
+    #[command(flatten)]
+    light: LightArgs,
     /// Replace files that are there
     #[arg(long)]
     force: bool,
@@ -38,7 +40,7 @@ struct Report<'a> {
 }
 
 pub fn run(args: &Args) -> Result<String> {
-    let options = LoadOptions { camera: args.camera.as_deref(), strict: args.strict };
+    let options = args.light.options(args.camera.as_deref(), args.strict);
     let loaded = load_with(&args.scene, &options)?;
     let origin = args.scene.file_name().map(|name| name.to_string_lossy().into_owned());
     let origin = origin.unwrap_or_else(|| loaded.scene.name.clone());

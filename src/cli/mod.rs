@@ -7,6 +7,7 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod convert;
+mod darkness;
 mod haste;
 mod info;
 mod interrupts;
@@ -26,7 +27,7 @@ mod reproduce;
 mod session;
 
 use bdpm::base::error::{Error, Result};
-use bdpm::import::{LoadOptions, Loaded, load_with};
+use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
 use bdpm::settings::PartialSettings;
 use serde::Serialize;
@@ -120,6 +121,8 @@ struct SceneArgs {
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
+    light: LightArgs,
+    #[command(flatten)]
     wishes: PartialSettings,
     /// What finds intersections [default: embree if built with it, else bvh]
     #[arg(long)]
@@ -132,8 +135,28 @@ struct SceneArgs {
 impl SceneArgs {
     /// Loads the scene.
     fn load(&self) -> Result<Loaded> {
-        let options = LoadOptions { camera: self.camera.as_deref(), strict: self.strict };
-        load_with(&self.scene, &options)
+        load_with(&self.scene, &self.light.options(self.camera.as_deref(), self.strict))
+    }
+}
+
+/// Light that is not the scene's own.
+#[derive(clap::Args)]
+struct LightArgs {
+    /// Light from all around in place of the scene's: an .exr or .hdr file, or a radiance such as 1 or
+    /// 0.8,0.9,1
+    #[arg(long, value_name = "FILE|RADIANCE", allow_negative_numbers = true)]
+    environment: Option<EnvironmentSource>,
+    /// Give no light to a glTF or OBJ file that brings none worth the name
+    #[arg(long)]
+    no_fallback_light: bool,
+}
+
+impl LightArgs {
+    /// How to load a scene.
+    fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
+        let Self { environment, no_fallback_light } = self;
+        let (environment, no_fallback_light) = (environment.as_ref(), *no_fallback_light);
+        LoadOptions { camera, strict, environment, no_fallback_light }
     }
 }
 

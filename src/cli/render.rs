@@ -1,6 +1,7 @@
 //! `bdpm render SCENE`.
 
 use super::analyze::{check_counts, noise_file};
+use super::darkness;
 use super::outputs::Attempts;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
@@ -268,6 +269,7 @@ impl Task<'_> {
         let image = combined(&renderer, &steer, goal.objective);
         let mut attempts = Attempts::default();
         writer.save_image(&image, &mut attempts);
+        darkness::warn(&image, &session.progress);
         if let Some(path) = &args.noise {
             match best_measured(&renderer) {
                 Some(block) => _ = attempts.add(path, || save_noise(path, prepared, block)),

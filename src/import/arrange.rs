@@ -73,6 +73,11 @@ impl Uses {
         Some(())
     }
 
+    /// Whether nothing was added.
+    pub fn is_empty(&self) -> bool {
+        self.uses.is_empty()
+    }
+
     /// Number of triangles that the scene will hold, those without area included.
     pub fn stored(&self) -> u64 {
         let shared = self.things.iter().filter(|thing| thing.is_shared());
@@ -138,6 +143,10 @@ fn placed(mesh: &Mesh, name: &str, transform: Option<&Transform>, material: u32)
     let moved = transform.map_or_else(|| mesh.clone(), |transform| mesh.moved(transform));
     let mut own = Mesh { name: name.to_owned(), material, ..moved };
     let Mesh { positions, triangles, .. } = &mut own;
+    let count = triangles.len();
     triangles.retain(|corners| triangle_area(corners.map(|i| positions[i as usize])) > 0.0);
+    if triangles.len() < count {
+        own.renumber();
+    }
     own
 }

@@ -1,6 +1,7 @@
 //! A scene as it comes together while files are read.
 
 use super::arrange::{Part, Uses};
+use super::fallback;
 use super::framing;
 use super::load::{Loaded, scene_name};
 use super::mtl;
@@ -48,6 +49,8 @@ pub(super) struct Rest {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
     pub defaults: PartialSettings,
+    /// Whether to give light to a scene that brings none worth the name.
+    pub fallback: bool,
 }
 
 impl Builder {
@@ -111,6 +114,11 @@ impl Builder {
             self.notes.push(Note::chosen(format!("{path}: faces without material; {grey}")));
         }
         Some(())
+    }
+
+    /// Whether nothing was placed.
+    pub fn is_empty(&self) -> bool {
+        self.uses.is_empty()
     }
 
     /// Adds meshes that belong together at one of their places; `None` if a point moves out of range.
@@ -179,30 +187,6 @@ impl Builder {
         Ok(camera)
     }
 
-    /// The lights of the file or, where nothing emits, one above the camera, with a note.
-    pub fn lights_or_one(
-        &mut self,
-        lights: Vec<Emitter>,
-        camera: &Camera,
-        path: &Path,
-    ) -> Vec<Emitter> {
-        let emits = |material: &Material| material.emission.max_element() > 0.0;
-        if !lights.is_empty() || self.materials.iter().any(emits) {
-            return lights;
-        }
-        let (light, intensity) = framing::light(&self.bounds(), camera.position());
-        let path = path.display();
-        let place = match light {
-            Emitter::Point { position, .. } => position,
-            _ => camera.position(),
-        };
-        let note = format!(
-            "{path}: nothing emits light; put a point light of {intensity} W/sr at {place}"
-        );
-        self.notes.push(Note::chosen(note));
-        vec![light]
-    }
-
     pub fn finish(
         self,
         path: &Path,
@@ -210,21 +194,22 @@ impl Builder {
         camera: Camera,
         rest: Rest,
     ) -> Result<Loaded> {
-        let Self { arrangement, materials, notes, .. } = self;
-        let Rest { regions, environment, defaults } = rest;
+        let Self { arrangement, materials, mut notes, .. } = self;
+        let Rest { regions, environment, defaults, fallback } = rest;
         let start = Instant::now();
         let mut scene =
             Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
+        } else if fallback {
+            let resolution = defaults.resolution.unwrap_or([1, 1]);
+            scene = fallback::lit(scene, resolution, path, &mut notes);
         }
         let assembly = start.elapsed();
         if scene.lights().is_empty() {
-            return Err(Error::new(
-                "the scene has no light",
-                "add a `[[light]]` table to the scene file, or give a material an `emission`",
-            )
-            .at(path));
+            let advice = "add a `[[light]]` table to the scene file, give a material an `emission`, or \
+                          give --environment 1";
+            return Err(Error::new("the scene has no light", advice).at(path));
         }
         if !scene.lights().power().is_finite() {
             let problem = "the power of all lights is too large for a number";

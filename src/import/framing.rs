@@ -1,8 +1,9 @@
-//! A camera and a light for scenes that come without.
+//! A camera for scenes that come without, and a light where it would see nothing.
 
+use crate::accel::{Intersect, Ray};
 use crate::base::error::Result;
 use crate::base::math::{Bounds, Rgb};
-use crate::scene::{Camera, Emitter, FieldOfView};
+use crate::scene::{Camera, Emitter, FieldOfView, Scene};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -28,10 +29,13 @@ pub(super) fn camera(bounds: &Bounds) -> Result<Camera> {
     Camera::look(position, -toward, Vec3::Y, FieldOfView::Y(DEGREES))
 }
 
-/// A point light above the camera at `eye`, with its intensity, W/sr, of all channels.
-pub(super) fn light(bounds: &Bounds, eye: Vec3) -> (Emitter, f32) {
-    let position = eye + Vec3::Y * radius(bounds);
-    // Irradiance pi at the center: a white surface that faces the light has radiance 1 there.
-    let intensity = PI * (position - bounds.center()).length_squared();
-    (Emitter::Point { position, intensity: Rgb::splat(intensity) }, intensity)
+/// A point light for a camera between walls: above it, half way to what is there. With its position, and its
+/// intensity of all channels, W/sr: a white surface at the distance whose square is `distance2` and that faces
+/// it has radiance 1.
+pub(super) fn lamp(scene: &Scene, accel: &dyn Intersect, distance2: f32) -> (Emitter, Vec3, f32) {
+    let camera = &scene.camera;
+    let hit = accel.closest_hit(&Ray::new(camera.position(), camera.up()));
+    let position = camera.position() + 0.5 * hit.t.min(scene.size()) * camera.up();
+    let intensity = PI * distance2.clamp(f32::MIN_POSITIVE, f32::MAX / 8.0);
+    (Emitter::Point { position, intensity: Rgb::splat(intensity) }, position, intensity)
 }

@@ -1,5 +1,6 @@
 //! The lines of an OBJ or MTL file, or of a piece of one; errors that name file and line.
 
+use super::text::decoded;
 use crate::base::error::{Error, Result};
 use std::borrow::Cow;
 use std::path::Path;
@@ -79,7 +80,7 @@ impl<'a> Lines<'a> {
 
     /// The same as text: comments and names in another encoding are no reason to refuse a file.
     pub(super) fn text(&self) -> Cow<'_, str> {
-        String::from_utf8_lossy(&self.line)
+        decoded(&self.line)
     }
 
     /// One-based number of the current line.

@@ -4,6 +4,7 @@
 //! panic, and whatever was chosen or left out for the user is told in [`Loaded::notes`].
 
 use super::builder::{Builder, Rest};
+use super::environment::EnvironmentSource;
 use super::gltf;
 use super::notes;
 use super::notes::Note;
@@ -52,6 +53,19 @@ pub struct LoadOptions<'a> {
     pub camera: Option<&'a str>,
     /// Whether it is an error if anything is skipped.
     pub strict: bool,
+    /// Light from all around, in place of the file's.
+    pub environment: Option<&'a EnvironmentSource>,
+    /// Whether a glTF or OBJ file that brings no light worth the name gets none.
+    pub no_fallback_light: bool,
+}
+
+impl LoadOptions<'_> {
+    /// What is asked for besides a file's own content; notes tell what was mended.
+    pub(super) fn rest(&self, notes: &mut Vec<Note>) -> Result<Rest> {
+        let environment = self.environment.map(|source| source.environment(notes)).transpose()?;
+        let fallback = environment.is_none() && !self.no_fallback_light;
+        Ok(Rest { environment, fallback, ..Rest::default() })
+    }
 }
 
 /// Loads a `.toml` scene file, a folder that holds `scene.toml`, or a `.gltf`, `.glb` or `.obj` file,
@@ -69,14 +83,14 @@ pub fn load(path: &Path) -> Result<Loaded> {
 /// # Errors
 /// As [`load`]; also if there is no such camera, or something was skipped that must not be.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let loaded = load_any(path, options.camera)?;
+    let loaded = load_any(path, options)?;
     if options.strict {
         notes::require_complete(&loaded.notes).map_err(|error| error.at(path))?;
     }
     Ok(loaded)
 }
 
-fn load_any(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if path.is_dir() {
         let inside = path.join("scene.toml");
         if !inside.exists() {
@@ -84,20 +98,20 @@ fn load_any(path: &Path, camera: Option<&str>) -> Result<Loaded> {
                 "name a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml";
             return Err(Error::new("the folder holds no scene.toml", advice).at(path));
         }
-        return load_any(&inside, camera);
+        return load_any(&inside, options);
     }
     // A missing file is worth more words than its extension.
     std::fs::metadata(path).map_err(|e| Error::io("read the scene", path, e))?;
     let extension = extension(path);
     let is_gltf = matches!(&extension[..], "gltf" | "glb");
-    if let (Some(name), false) = (camera, is_gltf) {
+    if let (Some(name), false) = (options.camera, is_gltf) {
         let problem = format!("there is no camera `{name}`: only glTF files have cameras by name");
         return Err(Error::new(problem, "leave --camera out").at(path));
     }
     match &extension[..] {
-        _ if is_gltf => gltf::load(path, camera),
-        "toml" => load_toml(path),
-        "obj" => load_obj(path),
+        _ if is_gltf => gltf::load(path, options),
+        "toml" => load_toml(path, options),
+        "obj" => load_obj(path, options),
         other => Err(Error::new(
             format!("scenes of type `.{other}` cannot be read"),
             "give a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml",
@@ -120,7 +134,7 @@ pub(super) fn scene_name(path: &Path) -> String {
     }
 }
 
-fn load_toml(path: &Path) -> Result<Loaded> {
+fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let text = text::read(path)?;
     let file = scene_file::parse(path, &text)?;
     let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
@@ -186,14 +200,23 @@ fn load_toml(path: &Path) -> Result<Loaded> {
         .regions
         .iter()
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
-    let environment = file.environment.as_ref().map(|table| {
-        let (own, start) = (table.get_ref(), table.span().start);
-        // What is wrong with the map is about its own file.
-        own.environment(folder)
-            .map_err(|error| if error.is_placed() { error } else { place(error, start) })
-    });
-    let (regions, environment) = (regions.collect(), environment.transpose()?);
-    let rest = Rest { regions, environment, defaults: file.render.clone() };
+    let regions = regions.collect();
+    let asked = options.rest(&mut builder.notes)?.environment;
+    let environment = match (&file.environment, asked) {
+        (None, asked) => asked,
+        (Some(_), Some(asked)) => {
+            let note = "--environment takes the place of its own";
+            builder.notes.push(Note::chosen(format!("{}: {note}", path.display())));
+            Some(asked)
+        }
+        (Some(table), None) => {
+            let (own, start) = (table.get_ref(), table.span().start);
+            // What is wrong with the map is about its own file.
+            let read = own.environment(folder, &mut builder.notes);
+            Some(read.map_err(|error| if error.is_placed() { error } else { place(error, start) })?)
+        }
+    };
+    let rest = Rest { regions, environment, defaults: file.render.clone(), fallback: false };
     builder.finish(path, lights, camera, rest)
 }
 
@@ -210,7 +233,7 @@ fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
     Err(Error::new(format!("unknown material `{name}`"), advice))
 }
 
-fn load_obj(path: &Path) -> Result<Loaded> {
+fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let obj = obj::load(path)?;
     let mut builder = Builder::new(obj.notes.clone());
     builder.count(obj.triangle_count(), obj.triangle_count(), path)?;
@@ -219,6 +242,6 @@ fn load_obj(path: &Path) -> Result<Loaded> {
     builder.arrange(path)?;
 
     let camera = builder.place_camera(path)?;
-    let lights = builder.lights_or_one(Vec::new(), &camera, path);
-    builder.finish(path, lights, camera, Rest::default())
+    let rest = options.rest(&mut builder.notes)?;
+    builder.finish(path, Vec::new(), camera, rest)
 }

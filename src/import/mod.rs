@@ -4,7 +4,10 @@
 
 mod arrange;
 mod builder;
+mod environment;
+mod fallback;
 mod framing;
+mod glance;
 mod gltf;
 mod lines;
 mod load;
@@ -13,10 +16,12 @@ mod notes;
 mod obj;
 mod save;
 mod scene_file;
+mod srgb;
 mod summary;
 mod text;
 mod texture_file;
 
+pub use environment::EnvironmentSource;
 pub use load::{LoadOptions, Loaded, load, load_with};
 pub use notes::{Note, NoteKind};
 pub use save::{Saved, save};

@@ -2,8 +2,9 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
+use std::borrow::Cow;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 pub(super) use crate::base::input::open;
 
@@ -65,6 +66,37 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and no two names become one.
+pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().map(|byte| char::from(*byte)).collect()),
+    }
+}
+
+/// The file that a model calls so, as text that was [`decoded`]: perhaps with the separators of another system,
+/// and perhaps by bytes that are no UTF-8.
+pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
+    let names = [name.to_owned(), name.replace('\\', "/")];
+    let as_text = names.iter().map(PathBuf::from);
+    let as_bytes = names.iter().filter_map(|name| latin1_path(name));
+    as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
+}
+
+/// The name as the bytes of Latin-1, if it has characters that UTF-8 would write otherwise.
+#[cfg(unix)]
+fn latin1_path(name: &str) -> Option<PathBuf> {
+    use std::os::unix::ffi::OsStringExt;
+    let bytes: Option<Vec<u8>> = name.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
+    let bytes = bytes.filter(|bytes| !bytes.is_ascii())?;
+    Some(std::ffi::OsString::from_vec(bytes).into())
+}
+
+#[cfg(not(unix))]
+fn latin1_path(_: &str) -> Option<PathBuf> {
+    None
+}
+
 /// The first word and what follows it, without white space around either.
 pub(super) fn split_keyword(line: &str) -> (&str, &str) {
     let end = line.find(char::is_whitespace).unwrap_or(line.len());
@@ -88,6 +120,18 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
+/// A few problems for a message, one after the other.
+pub(super) fn problems<'a>(all: impl IntoIterator<Item = &'a str>) -> String {
+    const SHOWN: usize = 4;
+    let mut all = all.into_iter();
+    let short = |text: &str| text.chars().take(200).collect::<String>();
+    let shown: Vec<String> = all.by_ref().take(SHOWN).map(short).collect();
+    match all.count() {
+        0 => shown.join("; "),
+        more => format!("{}; and {more} more", shown.join("; ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -96,5 +140,7 @@ mod tests {
     fn long_lists_are_cut() {
         assert_eq!(list(["a", "b"]), "`a`, `b`");
         assert!(list(["x"; 20]).ends_with("and 8 more"));
+        assert_eq!(problems(["no a", "no b"]), "no a; no b");
+        assert!(problems(["x"; 20]).ends_with("; and 16 more"));
     }
 }

@@ -1,48 +1,51 @@
-//! PNG and JPEG files as textures.
+//! Picture files as textures: PNG, JPEG, WebP, TIFF, BMP and TGA.
 
 use super::text;
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use crate::scene::Texture;
+use image::{ImageFormat, ImageReader, Limits};
 use std::io::{Cursor, Read};
 use std::path::Path;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
 
 /// Most texels across and down.
-const MAX_SIZE: usize = 16_384;
+const MAX_SIZE: u32 = 16_384;
 /// Largest accepted file, bytes.
 const MAX_FILE: u64 = 1 << 30;
 /// Bytes of memory that a texel takes while it is read: as decoded, and twice as kept.
 const TEXEL: f64 = 16.0;
+/// Most memory for decoding one, bytes: as much as the largest takes with 8 bits per channel.
+const MAX_MEMORY: u64 = 1 << 30;
 
 impl Texture {
-    /// Reads a PNG or JPEG file, whichever its content is.
+    /// Reads a picture file of whatever kind its content is. TGA files, which do not tell, are known by their
+    /// name.
     ///
     /// # Errors
-    /// If it cannot be read, or is neither.
+    /// If it cannot be read, or is of no known kind.
     pub(super) fn load(path: &Path) -> Result<Self> {
         let mut bytes = Vec::new();
         text::open(path)?
             .take(MAX_FILE)
             .read_to_end(&mut bytes)
             .map_err(|e| Error::io("read the texture", path, e))?;
-        Self::decode(bytes).map_err(|error| error.at(path))
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        let is_tga = extension.is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
+        let unsaid = is_tga.then_some(ImageFormat::Tga);
+        Self::decode_as(&bytes, unsaid).map_err(|error| error.at(path))
     }
 
-    /// From the content of a PNG or JPEG file, whichever it is.
+    /// From the content of a picture file, whichever kind that is.
     ///
     /// # Errors
-    /// If it is neither, or broken.
-    pub(super) fn decode(bytes: Vec<u8>) -> Result<Self> {
-        let read = match bytes.as_slice() {
-            [0x89, b'P', b'N', b'G', ..] => png(bytes),
-            [0xff, 0xd8, ..] => jpeg(bytes),
-            _ => Err("it is neither a PNG nor a JPEG file".to_owned()),
-        };
-        read.map_err(|problem| {
+    /// If it is of no known kind, or broken.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Self> {
+        Self::decode_as(bytes, None)
+    }
+
+    /// The same; `unsaid` is the kind of what does not tell its own.
+    fn decode_as(bytes: &[u8], unsaid: Option<ImageFormat>) -> Result<Self> {
+        decoded(bytes, unsaid).map_err(|problem| {
             let problem = format!("the texture cannot be read: {problem}");
             Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
         })
@@ -53,12 +56,12 @@ impl Texture {
 type Decoded<T> = std::result::Result<T, String>;
 
 /// Refuses pictures without texels and those that memory might not hold, before they are decoded.
-fn check_size(width: usize, height: usize, available: Option<f64>) -> Decoded<()> {
+fn check_size(width: u32, height: u32, available: Option<f64>) -> Decoded<()> {
     let size = format!("it has {width}x{height} texels");
     if !((1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height)) {
         return Err(format!("{size}; at most {MAX_SIZE} across and down are taken"));
     }
-    let needed = TEXEL * width as f64 * height as f64;
+    let needed = TEXEL * f64::from(width) * f64::from(height);
     match available {
         Some(available) if needed > available => Err(format!(
             "{size}, which take about {:.1} GiB of memory, but {:.1} GiB are available; scale it \
@@ -70,43 +73,21 @@ fn check_size(width: usize, height: usize, available: Option<f64>) -> Decoded<()
     }
 }
 
-fn png(bytes: Vec<u8>) -> Decoded<Texture> {
-    let mut decoder = png::Decoder::new(Cursor::new(bytes));
-    decoder.set_transformations(png::Transformations::normalize_to_color8());
-    let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
-    let (width, height) = (reader.info().width, reader.info().height);
-    check_size(width as usize, height as usize, available_memory())?;
-    let size = reader.output_buffer_size().ok_or("it is too large")?;
-    let mut data = vec![0; size];
-    let frame = reader.next_frame(&mut data).map_err(|e| e.to_string())?;
-    let data = &data[..frame.buffer_size()];
-    let texels = match frame.color_type {
-        png::ColorType::Grayscale => data.iter().map(|&v| [v, v, v, 255]).collect(),
-        png::ColorType::GrayscaleAlpha => {
-            data.chunks_exact(2).map(|c| [c[0], c[0], c[0], c[1]]).collect()
-        }
-        png::ColorType::Rgb => data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect(),
-        png::ColorType::Rgba => data.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect(),
-        png::ColorType::Indexed => return Err("its palette cannot be read".to_owned()),
-    };
-    Ok(Texture::new(width, height, texels))
-}
-
-fn jpeg(bytes: Vec<u8>) -> Decoded<Texture> {
-    let options = DecoderOptions::default()
-        .set_max_width(MAX_SIZE)
-        .set_max_height(MAX_SIZE)
-        .jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(|e| e.to_string())?;
-    let (width, height) = decoder.dimensions().ok_or("it has no size")?;
+/// The texture, or the problem alone in words.
+fn decoded(bytes: &[u8], unsaid: Option<ImageFormat>) -> Decoded<Texture> {
+    let known = image::guess_format(bytes).ok().filter(ImageFormat::reading_enabled);
+    let format = known.or(unsaid).ok_or("it is no PNG, JPEG, WebP, TIFF, BMP or TGA file")?;
+    let reader = || ImageReader::with_format(Cursor::new(bytes), format);
+    let (width, height) = reader().into_dimensions().map_err(|e| e.to_string())?;
     check_size(width, height, available_memory())?;
-    let data = decoder.decode().map_err(|e| e.to_string())?;
-    let texels: Vec<_> = data.chunks_exact(3).map(|c| [c[0], c[1], c[2], 255]).collect();
-    if texels.len() != width * height {
-        return Err("it is cut off".to_owned());
-    }
-    Ok(Texture::new(width as u32, height as u32, texels))
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_MEMORY);
+    let mut reader = reader();
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
+    let (width, height) = picture.dimensions();
+    let texels = picture.pixels().map(|pixel| pixel.0).collect();
+    Ok(Texture::new(width, height, texels))
 }
 
 #[cfg(test)]
@@ -119,7 +100,7 @@ mod tests {
         check_size(16_384, 16_384, Some(4.1 * GIB)).unwrap();
         let shown = check_size(16_384, 16_384, Some(3.9 * GIB)).unwrap_err();
         assert!(shown.contains("take about 4.0 GiB of memory, but 3.9 GiB are"), "{shown}");
-        for (width, height) in [(0, 1), (1, 0), (16_385, 1), (1, usize::MAX)] {
+        for (width, height) in [(0, 1), (1, 0), (16_385, 1), (1, u32::MAX)] {
             assert!(check_size(width, height, None).unwrap_err().contains("at most 16384"));
         }
     }

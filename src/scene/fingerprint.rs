@@ -82,6 +82,10 @@ impl Hash {
             self.text("tangents");
             mesh.tangents.iter().for_each(|&tangent| self.vec3(tangent));
         }
+        if !mesh.colors.is_empty() {
+            self.text("colors");
+            mesh.colors.iter().for_each(|&color| self.rgb(color));
+        }
         self.count(mesh.triangles.len());
         mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
@@ -93,6 +97,7 @@ impl Hash {
             albedo_texture,
             metallic_roughness_texture,
             opacity_texture,
+            opacity,
             normal_map,
             emission,
             emission_texture,
@@ -112,6 +117,10 @@ impl Hash {
             self.text("normal");
             self.texture(texture);
             self.f32(*scale);
+        }
+        if let Some(opacity) = opacity {
+            self.text("translucent");
+            self.f32(*opacity);
         }
         self.bsdf(bsdf);
         self.rgb(*emission);
@@ -141,10 +150,12 @@ impl Hash {
             Bsdf::Dielectric(interface) => {
                 self.u32(4);
                 self.f32(interface.eta);
+                self.transmittance(interface.transmittance);
             }
             Bsdf::ThinDielectric(sheet) => {
                 self.u32(5);
                 self.f32(sheet.eta);
+                self.transmittance(sheet.transmittance);
             }
             Bsdf::Conductor(conductor) => {
                 match conductor.reflectance() {
@@ -164,6 +175,7 @@ impl Hash {
                 self.u32(8);
                 self.f32(interface.eta());
                 self.f32(interface.alpha());
+                self.transmittance(interface.transmittance());
             }
             Bsdf::Coated(coated) => {
                 self.u32(9);
@@ -176,6 +188,13 @@ impl Hash {
                 let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
                 numbers.into_iter().for_each(|number| self.f32(number));
             }
+        }
+    }
+
+    fn transmittance(&mut self, color: Rgb) {
+        if color != Rgb::ONE {
+            self.text("tinted");
+            self.rgb(color);
         }
     }
 
@@ -331,20 +350,31 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 57] = [
+        let changes: [fn(&mut Parts); 62] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
             |p| p.mesh.normals = vec![Vec3::Y; 4],
             |p| p.mesh.uvs = vec![Vec2::X; 4],
+            |p| p.material.opacity = Some(1.0),
+            |p| p.material.opacity = Some(0.5),
+            |p| {
+                let transmittance = Rgb::new(1.0, 1.0, 0.5);
+                p.material.bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5, transmittance });
+            },
+            |p| {
+                let glass = RoughDielectric::new(1.5, 0.1).tinted(Rgb::splat(0.5));
+                p.material.bsdf = Bsdf::RoughDielectric(glass);
+            },
+            |p| p.mesh.colors = vec![Rgb::splat(0.5); 4],
             |p| p.mesh.tangents = vec![Vec3::X; 4],
             |p| p.mesh.triangles.push([1, 2, 3]),
             |p| p.material.bsdf = Bsdf::diffuse(Rgb::splat(0.6)),
             |p| p.material.bsdf = Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: false },
             |p| p.material.bsdf = Bsdf::Mirror { reflectance: Rgb::splat(0.5) },
-            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5 }),
-            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric { eta: 1.4 }),
-            |p| p.material.bsdf = Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric::new(1.5)),
+            |p| p.material.bsdf = Bsdf::Dielectric(Dielectric::new(1.4)),
+            |p| p.material.bsdf = Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
             |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.1)),
             |p| p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2)),
             |p| p.material.bsdf = Bsdf::Coated(Coated::new(Rgb::splat(0.5), 1.5)),

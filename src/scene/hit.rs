@@ -6,6 +6,7 @@ use super::transform::Transform;
 use super::triangle::{interpolate, to_front};
 use super::{Corners, Lambertian, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
+use crate::base::math::Rgb;
 use crate::bsdf::Bsdf;
 use crate::lanes::simd::{Simd, side_by_side};
 use crate::lanes::{LANES, Mask, Vec3s, any, bits};
@@ -157,7 +158,8 @@ impl Scene {
         };
         let interpolated = (*normals != [triangle.normal; 3])
             .then(|| interpolate(*normals, at).normalize_or(triangle.normal));
-        if !material.varies() {
+        let color = self.color(hit);
+        if !material.varies() && color.is_none() {
             return Surface { interpolated: interpolated.map(|n| flat.to_side(n)), ..flat };
         }
         let uv = interpolate(*uvs, at);
@@ -166,7 +168,7 @@ impl Scene {
             map.bend(uv, triangle.normal, interpolated.unwrap_or(triangle.normal), tangent)
         });
         let interpolated = bent.or(interpolated).map(|normal| flat.to_side(normal));
-        let bsdf = material.bsdf_at(uv).unwrap_or(own);
+        let bsdf = material.bsdf_at(uv, color).unwrap_or(own);
         Surface { interpolated, bsdf, uv: Some(uv), ..flat }
     }
 
@@ -185,6 +187,16 @@ impl Scene {
         };
         let given = interpolate(corners, [hit.u, hit.v]);
         Some(if given == Vec3::ZERO { own } else { Tangent { along_u: given, ..own } })
+    }
+
+    /// What a mesh multiplies the albedo with at a hit.
+    fn color(&self, hit: &Hit) -> Option<Rgb> {
+        let mesh = self.mesh(&self.placements[hit.mesh as usize]);
+        (!mesh.colors.is_empty()).then(|| {
+            let corners = mesh.triangles[hit.triangle as usize].map(|i| mesh.colors[i as usize]);
+            // Weights may round beyond their sum.
+            interpolate(corners, [hit.u, hit.v]).clamp(Rgb::ZERO, Rgb::ONE)
+        })
     }
 
     /// What a ray hit, in its mesh's space; `None` if that is nothing.

@@ -1,5 +1,6 @@
 //! The look of a surface: how it scatters, and what it emits.
 
+use super::cut_out::CutOut;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::bsdf::Bsdf;
@@ -19,6 +20,8 @@ pub struct Material {
     pub metallic_roughness_texture: Option<Arc<Texture>>,
     /// Where there is a surface at all: where its opacity is at least a half.
     pub opacity_texture: Option<Arc<Texture>>,
+    /// If given, there is instead a surface for this share of the rays, in [0, 1], times the texture's opacity.
+    pub opacity: Option<f32>,
     /// How its normals are bent.
     pub normal_map: Option<NormalMap>,
     /// Radiance emitted from the front side, W/(m^2 sr); the front sees the vertices
@@ -37,6 +40,7 @@ impl Material {
             albedo_texture: None,
             metallic_roughness_texture: None,
             opacity_texture: None,
+            opacity: None,
             normal_map: None,
             emission: Rgb::ZERO,
             emission_texture: None,
@@ -78,18 +82,22 @@ impl Material {
         self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, color)
     }
 
-    /// The texture that cuts holes; lights have none, because they emit from all of a triangle.
-    pub fn cut_out(&self) -> Option<&Arc<Texture>> {
-        self.opacity_texture.as_ref().filter(|_| self.emission == Rgb::ZERO)
+    /// Where rays pass; lights let none, because they emit from all of a triangle.
+    pub fn cut_out(&self) -> Option<CutOut> {
+        let Self { opacity_texture, opacity, emission, .. } = self;
+        let passes = opacity_texture.is_some() || opacity.is_some_and(|opacity| opacity < 1.0);
+        let cut_out = || CutOut { texture: opacity_texture.clone(), factor: *opacity };
+        (passes && *emission == Rgb::ZERO).then(cut_out)
     }
 
-    /// How it scatters at `uv`, if that varies.
-    pub(super) fn bsdf_at(&self, uv: Vec2) -> Option<Bsdf> {
+    /// How it scatters at `uv` of a mesh of this color there, if that varies.
+    pub(super) fn bsdf_at(&self, uv: Vec2, color: Option<Rgb>) -> Option<Bsdf> {
         let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
-        if albedo.is_none() && data.is_none() {
+        if albedo.is_none() && data.is_none() && color.is_none() {
             return None;
         }
-        let color = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
+        let picture = albedo.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv));
+        let color = picture * color.unwrap_or(Rgb::ONE);
         match self.bsdf {
             Bsdf::Lambertian { albedo, two_sided } => {
                 Some(Bsdf::Lambertian { albedo: albedo * color, two_sided })

@@ -2,6 +2,7 @@
 
 use super::triangle::{Corners, to_front};
 use crate::accel::TriangleMesh;
+use crate::base::math::Rgb;
 use glam::{Vec2, Vec3};
 
 /// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
@@ -19,6 +20,8 @@ pub struct Mesh {
     /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
     /// triangle's texture coordinates. Which way `v` grows, these tell.
     pub tangents: Vec<Vec3>,
+    /// What the albedo is multiplied with, linear and in [0, 1], one per position, or none.
+    pub colors: Vec<Rgb>,
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
     /// Index into [`Scene::materials`](super::Scene::materials).
@@ -26,6 +29,33 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether anything varies over its triangles, whatever they are made of.
+    pub(super) fn varies(&self) -> bool {
+        !(self.normals.is_empty() && self.colors.is_empty())
+    }
+
+    /// Numbers vertices by their first use, as readers do, and leaves out those that no triangle uses.
+    pub(crate) fn renumber(&mut self) {
+        let mut numbers = vec![u32::MAX; self.positions.len()];
+        let mut order = Vec::with_capacity(self.positions.len());
+        for corner in self.triangles.as_flattened_mut() {
+            let number = &mut numbers[*corner as usize];
+            if *number == u32::MAX {
+                *number = order.len() as u32;
+                order.push(*corner as usize);
+            }
+            *corner = *number;
+        }
+        fn pick<T: Copy>(list: &mut Vec<T>, order: &[usize]) {
+            if !list.is_empty() {
+                *list = order.iter().map(|vertex| list[*vertex]).collect();
+            }
+        }
+        let Self { positions, normals, uvs, tangents, colors, .. } = self;
+        [positions, normals, tangents, colors].into_iter().for_each(|list| pick(list, &order));
+        pick(uvs, &order);
+    }
+
     /// The geometry alone.
     pub fn as_triangles(&self) -> TriangleMesh<'_> {
         TriangleMesh { positions: &self.positions, triangles: &self.triangles }

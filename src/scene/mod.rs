@@ -21,6 +21,7 @@ mod triangle;
 mod validate;
 
 pub use camera::{Camera, FieldOfView, Optics, View};
+pub use cut_out::CutOut;
 pub use hit::Seen;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
@@ -91,7 +92,7 @@ impl Scene {
         let arrangement = arrangement.into();
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
-        let mut varies: Vec<_> = meshes.iter().map(|mesh| !mesh.normals.is_empty()).collect();
+        let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
         // What to put into stored triangles: of shared meshes, any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
         for Placement { mesh, material, transform } in &placements {
@@ -187,11 +188,24 @@ impl Scene {
         &self.bounds
     }
 
-    /// The scene with light from all around.
+    /// The scene with light from all around, or without.
     #[must_use]
-    pub fn with_environment(mut self, mut environment: Environment) -> Self {
-        environment.enclose(&self.bounds);
+    pub fn with_environment(mut self, environment: impl Into<Option<Environment>>) -> Self {
+        let mut environment = environment.into();
+        environment.iter_mut().for_each(|environment| environment.enclose(&self.bounds));
         self.lights.set_environment(environment);
+        self
+    }
+
+    /// The scene with a light, which has power and is no triangle, before all others.
+    #[must_use]
+    pub fn with_light(mut self, light: Emitter) -> Self {
+        assert!(light.has_power(), "a light without power would have no number");
+        let environment = self.lights.environment().cloned();
+        let emitters = self.lights.emitters().iter().cloned();
+        self.lights = Lights::new(std::iter::once(light).chain(emitters).collect());
+        self.lights.set_environment(environment);
+        self.emitting.iter_mut().for_each(|(_, number)| *number += 1);
         self
     }
 

@@ -43,19 +43,25 @@ impl From<Vec<Mesh>> for Arrangement {
 }
 
 impl Mesh {
-    /// A copy at a place, where all points must stay in the range of coordinates.
+    /// A copy at a place, where all points must stay in the range of coordinates. Where corners change their
+    /// order, vertices are numbered anew by their first use, so that copies are what readers make of them.
     #[must_use]
     pub fn moved(&self, transform: &Transform) -> Self {
         let point = |point: &Vec3| transform.point(*point).unwrap_or_default();
-        Self {
+        let mut moved = Self {
             name: self.name.clone(),
             positions: self.positions.iter().map(point).collect(),
             normals: self.normals.iter().map(|normal| transform.normal(*normal)).collect(),
             uvs: self.uvs.clone(),
+            colors: self.colors.clone(),
             tangents: self.tangents.iter().map(|t| transform.tangent(*t)).collect(),
             triangles: self.triangles.iter().map(|t| transform.corners(*t)).collect(),
             material: self.material,
+        };
+        if transform.corners([0, 1, 2]) != [0, 1, 2] {
+            moved.renumber();
         }
+        moved
     }
 }
 

@@ -128,6 +128,12 @@ impl Texture {
         (sum / self.texels.len() as f64).as_vec3()
     }
 
+    /// Mean of the alpha channel, in [0, 1].
+    pub(crate) fn mean_opacity(&self) -> f32 {
+        let sum: u64 = self.texels.iter().map(|texel| u64::from(texel[3])).sum();
+        (sum as f64 / (255.0 * self.texels.len() as f64)) as f32
+    }
+
     /// Mean of each channel as it is stored, in [0, 1].
     pub(crate) fn mean_data(&self) -> Vec3 {
         let mut sum = DVec3::ZERO;

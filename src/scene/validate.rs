@@ -55,10 +55,16 @@ fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
         ("normals", mesh.normals.len()),
         ("texture coordinates", mesh.uvs.len()),
         ("tangents", mesh.tangents.len()),
+        ("colors", mesh.colors.len()),
     ] {
         if count != 0 && count != positions {
             return Err(format!("it has {count} {what} for {positions} positions"));
         }
+    }
+    // Written so that NaN fails.
+    let is_share = |color: &Rgb| color.min_element() >= 0.0 && color.max_element() <= 1.0;
+    if let Some(vertex) = mesh.colors.iter().position(|color| !is_share(color)) {
+        return Err(format!("the color of vertex {vertex} is not between 0 and 1"));
     }
     Ok(())
 }
@@ -113,6 +119,11 @@ mod tests {
         refused(|a| a.meshes[0].normals = vec![Vec3::Z; 2], "2 normals for 3 positions");
         refused(|a| a.meshes[0].uvs = vec![Vec2::ZERO; 4], "4 texture coordinates");
         refused(|a| a.meshes[0].tangents = vec![Vec3::X], "1 tangents");
+        refused(|a| a.meshes[0].colors = vec![Vec3::ONE], "1 colors");
+        refused(
+            |a| a.meshes[0].colors = vec![Vec3::ONE, 1.5 * Vec3::ONE, Vec3::ONE],
+            "the color of vertex 1 is not between 0 and 1",
+        );
         refused(|a| a.placements[0].mesh = 1, "placement 0 is of mesh 1, of 1");
         refused(|a| a.placements[0].material = 7, "placement 0 is of material 7, of 1");
     }

@@ -39,8 +39,8 @@ pub fn named(name: &str) -> Scene {
 pub fn balls() -> Vec<(&'static str, Bsdf)> {
     let white = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
     vec![
-        ("glass-ball", Bsdf::Dielectric(Dielectric { eta: 1.5 })),
-        ("sheet-ball", Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 })),
+        ("glass-ball", Bsdf::Dielectric(Dielectric::new(1.5))),
+        ("sheet-ball", Bsdf::ThinDielectric(ThinDielectric::new(1.5))),
         ("mirror-ball", Bsdf::Mirror { reflectance: Vec3::splat(0.9) }),
         ("rough-metal-ball", Bsdf::Conductor(Conductor::new(white, 0.15))),
         ("rougher-metal-ball", Bsdf::Conductor(Conductor::new(white, 0.5))),

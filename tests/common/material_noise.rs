@@ -16,8 +16,8 @@ pub fn materials() -> Vec<(&'static str, Bsdf)> {
     let rough_gold = |alpha| Conductor::new(Reflectance::named("gold").unwrap(), alpha);
     vec![
         ("mirror", Bsdf::Mirror { reflectance: Vec3::splat(0.9) }),
-        ("glass", Bsdf::Dielectric(Dielectric { eta: 1.5 })),
-        ("thin glass", Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 })),
+        ("glass", Bsdf::Dielectric(Dielectric::new(1.5))),
+        ("thin glass", Bsdf::ThinDielectric(ThinDielectric::new(1.5))),
         ("narrow gold", Bsdf::Conductor(rough_gold(0.15))),
         ("wide gold", Bsdf::Conductor(rough_gold(0.5))),
         ("rough glass", Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.2))),

@@ -139,7 +139,7 @@ pub fn white_metal(alpha: f32) -> Bsdf {
 pub fn smooth_things() -> Scene {
     let bsdfs = [
         Bsdf::Mirror { reflectance: Vec3::ONE },
-        Bsdf::Dielectric(Dielectric { eta: 1.5 }),
+        Bsdf::Dielectric(Dielectric::new(1.5)),
         Bsdf::Coated(Coated::new(Vec3::ONE, 1.5)),
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.0, 1.5, 0.0)),
     ];

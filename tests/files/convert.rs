@@ -236,6 +236,63 @@ fn scene_files_with_everything() {
     assert_eq!(load(folder.path()).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
 }
 
+/// A fan of so many triangles, with normals that are not of length 1.
+fn fan(triangles: usize) -> Model {
+    let mut model = Model::new();
+    let corner = |i: usize| {
+        let (sin, cos) = (i as f32 * 0.01).sin_cos();
+        [cos, sin, 0.1 * sin]
+    };
+    let corners: Vec<_> = (0..triangles + 2).map(corner).collect();
+    let normals: Vec<_> = corners.iter().map(|[x, y, _]| [0.3 * x, 0.2 * y, 0.93]).collect();
+    let attributes =
+        json!({ "POSITION": model.points(&corners), "NORMAL": model.points(&normals) });
+    model.push("materials", grey());
+    model.push(
+        "meshes",
+        json!({ "primitives": [{ "attributes": attributes, "mode": 6, "material": 0 }] }),
+    );
+    model
+}
+
+#[test]
+fn mirrored_meshes_and_those_that_lose_triangles() {
+    let mut model = fan(5);
+    model.node(json!({ "mesh": 0, "scale": [-1, 2, 1], "rotation": [0, 0.6, 0, 0.8] }));
+    assert_kept(&model.load());
+    // Of the four corners one is of a triangle without area alone.
+    let mut model = Model::new();
+    let corners = [[5.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let part = json!({
+        "attributes": { "POSITION": model.points(&corners) },
+        "indices": model.indices(&[0, 1, 2, 3, 1, 2]), "material": 0,
+    });
+    model.push("materials", grey());
+    model.push("meshes", json!({ "primitives": [part] }));
+    model.node(json!({ "mesh": 0 }));
+    let loaded = model.load();
+    assert_eq!(loaded.scene.meshes()[0].positions.len(), 3);
+    assert_kept(&loaded);
+}
+
+#[test]
+fn meshes_at_many_places_keep_their_normals() {
+    // Once as instances, and once as parts of which none is worth it alone: both are there together.
+    let mut model = fan(150);
+    let part = model.json["meshes"][0]["primitives"][0].clone();
+    model.json["meshes"][0]["primitives"] = json!([part, part]);
+    for i in 0..40 {
+        let (sin, cos) = (i as f32 * 0.07).sin_cos();
+        let scale = if i % 3 == 0 { [1.0, -1.3, 1.0] } else { [1.1, 1.0, 0.9] };
+        model.node(json!({
+            "mesh": 0, "rotation": [0, sin, 0, cos], "scale": scale, "translation": [i, 0, 0],
+        }));
+    }
+    let loaded = model.load();
+    assert!(loaded.scene.meshes().len() < loaded.scene.placements().len());
+    assert_kept(&loaded);
+}
+
 #[test]
 fn tangents_are_missed() {
     let mut model = textured();

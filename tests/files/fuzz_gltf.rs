@@ -25,11 +25,20 @@ fn rich() -> Model {
     attributes["NORMAL"] = json!(normals);
     attributes["COLOR_0"] = json!(normals);
     let corners = model.points(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]]);
-    let strip = json!({ "attributes": { "POSITION": corners }, "mode": 5, "material": 1 });
+    let joints = model.accessor(&[0, 1, 0, 0].repeat(4), U8, "VEC4", 4);
+    let weights = model.accessor(&bytes(&[0.5, 0.5, 0.0, 0.0].repeat(4)), F32, "VEC4", 4);
+    let bound = [glam::Mat4::IDENTITY; 2].map(|matrix| matrix.to_cols_array());
+    let bound = model.accessor(&bytes(bound.as_flattened()), F32, "MAT4", 2);
+    model.json["skins"] = json!([{ "joints": [4, 5], "inverseBindMatrices": bound }]);
+    let strip = json!({
+        "attributes": { "POSITION": corners, "JOINTS_0": joints, "WEIGHTS_0": weights },
+        "mode": 5, "material": 1,
+        "targets": [{ "POSITION": corners }, { "POSITION": normals, "NORMAL": normals }],
+    });
     let fan = json!({ "attributes": { "POSITION": corners }, "mode": 6, "material": 2 });
     model.push(
         "meshes",
-        json!({ "name": "more", "primitives": [strip, fan, { "attributes": {} , "mode": 0 }] }),
+        json!({ "name": "more", "weights": [0.5, 0], "primitives": [strip, fan, { "attributes": {} , "mode": 0 }] }),
     );
 
     let mut png = Vec::new();
@@ -70,7 +79,10 @@ fn rich() -> Model {
         json!({
             "extensions": {
                 "KHR_materials_transmission": { "transmissionFactor": 1 },
-                "KHR_materials_volume": { "thicknessFactor": 1, "attenuationColor": [1, 0.5, 1] },
+                "KHR_materials_volume": {
+                    "thicknessFactor": 1, "attenuationColor": [1, 0.5, 1], "attenuationDistance": 2,
+                },
+                "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [1, 2, 0] },
                 "KHR_materials_ior": { "ior": 1.3 },
             },
         }),
@@ -89,11 +101,17 @@ fn rich() -> Model {
             "type": "perspective", "perspective": { "yfov": 0.7, "aspectRatio": 1.5, "znear": 0.1 },
         }),
     );
+    let sizes = model.points(&[[1.0, 2.0, 0.5]; 4]);
+    let instances = json!({
+        "EXT_mesh_gpu_instancing": {
+            "attributes": { "TRANSLATION": normals, "ROTATION": weights, "SCALE": sizes },
+        },
+    });
     let matrix = [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, -2, 0, 1, 2, 3, 1];
     model.json["nodes"] = json!([
         { "mesh": 0, "children": [1, 2], "translation": [0, 0, -3] },
-        { "mesh": 1, "rotation": [0, 0.6, 0, 0.8], "scale": [1, -2, 1] },
-        { "mesh": 0, "matrix": matrix, "children": [3] },
+        { "mesh": 1, "rotation": [0, 0.6, 0, 0.8], "scale": [1, -2, 1], "weights": [0.1, 0.2], "skin": 0 },
+        { "mesh": 0, "matrix": matrix, "children": [3], "extensions": instances },
         { "camera": 0, "name": "eye", "extensions": light(1) },
         { "extensions": light(0), "translation": [0, 5, 0] },
         { "extensions": light(2) },
@@ -258,7 +276,7 @@ fn the_untouched_files_load() {
         [("a.gltf", rich_text()), ("a.glb", RICH.glb()), ("b.glb", as_glb(&RICH))]
     {
         let loaded = files(&[(name, &content)]).load();
-        assert_eq!(loaded.scene.meshes().len(), 4, "{}", loaded.notes_text());
+        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.notes_text());
         assert_eq!(loaded.scene.materials().len(), 3);
         assert_eq!(loaded.scene.lights().emitters().len(), 3 + 2);
     }

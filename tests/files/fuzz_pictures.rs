@@ -1,4 +1,4 @@
-//! No picture makes the loader panic or take much memory: textures (PNG, JPEG) and maps of the
+//! No picture makes the loader panic or take much memory: textures (PNG, JPEG and other kinds) and maps of the
 //! environment (EXR, HDR) with bytes replaced, deleted and doubled. `PROPTEST_CASES=100000` tries far
 //! more.
 
@@ -22,6 +22,18 @@ static PNG: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let data: Vec<u8> = (0..4 * SIZE[0] * SIZE[1]).map(|i| (i * i / 7) as u8).collect();
     encoder.write_header().unwrap().write_image_data(&data).unwrap();
     bytes
+});
+
+/// Textures of other kinds, by file name.
+static OTHERS: LazyLock<[(&str, Vec<u8>); 4]> = LazyLock::new(|| {
+    use image::ImageFormat::{Bmp, Tga, Tiff, WebP};
+    [("a.tga", Tga), ("a.bmp", Bmp), ("a.tif", Tiff), ("a.webp", WebP)].map(|(name, format)| {
+        let data = (0..3 * SIZE[0] * SIZE[1]).map(|i| (i * i / 7) as u8).collect();
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let picture = image::RgbImage::from_raw(SIZE[0], SIZE[1], data).unwrap();
+        picture.write_to(&mut bytes, format).unwrap();
+        (name, bytes.into_inner())
+    })
 });
 
 static EXR: LazyLock<Vec<u8>> = LazyLock::new(|| {
@@ -119,6 +131,14 @@ proptest! {
     }
 
     #[test]
+    fn changed_others(changes in vec(change(), 0..4), bytes in bytes(), kind in 0..OTHERS.len()) {
+        let (name, picture) = &OTHERS[kind];
+        let mut picture = replaced(picture, &bytes);
+        changes.iter().for_each(|change| apply(&mut picture, change));
+        check(name, &picture);
+    }
+
+    #[test]
     fn changed_exr(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&EXR, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
@@ -153,9 +173,9 @@ fn sizes_that_no_such_file_has_are_refused() {
 /// The changes above start from files that load; otherwise they would test nothing but refusal.
 #[test]
 fn the_untouched_files_load() {
-    for (name, picture) in
-        [("a.png", &PNG[..]), ("a.jpg", JPEG), ("a.exr", &EXR[..]), ("a.hdr", &HDR[..])]
-    {
+    let named = [("a.png", &PNG[..]), ("a.jpg", JPEG), ("a.exr", &EXR[..]), ("a.hdr", &HDR[..])];
+    let others = OTHERS.iter().map(|(name, picture)| (*name, &picture[..]));
+    for (name, picture) in named.into_iter().chain(others) {
         let folder = scene(name, picture);
         let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(loaded.notes_text(), "", "{name}");

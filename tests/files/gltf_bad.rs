@@ -35,6 +35,11 @@ fn text_that_is_no_gltf() {
         ("{}", &["asset.version is missing"]),
         ("{\"asset\":\n{\"version\":2}}", &["a.gltf:2: no valid glTF: invalid type", "2 | {\"ver"]),
         ("{\"asset\":{\"version\":\"1.0\"}}", &["asset.version: the file is glTF 1.0", "glTF 2.0"]),
+        (
+            "{\"asset\":{\"version\":\"1.0\"},\"nodes\":{}}",
+            &["the file is glTF 1.0", "gltf-pipeline"],
+        ),
+        ("{\"meshes\":{\"a\":{}}}", &["the file is glTF 1.0, and 2.0 is supported"]),
         ("{\"asset\":{\"version\":\"2.0\",\"minVersion\":\"3.0\"}}", &["the file is glTF 3.0"]),
         ("{\"asset\":{\"version\":\"2.0\"}}", &["the scene has no triangle"]),
         ("{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}", &["no valid glTF", "-1"]),
@@ -111,7 +116,6 @@ fn indices_out_of_range() {
         }
     };
     refused(source(json!({ "source": 1 })), &["textures[0].source: there is no images[1]"]);
-    refused(source(json!({})), &["textures[0].source: there is no PNG or JPEG image"]);
     let image = |image: Value| {
         move |model: &mut Model| {
             source(json!({ "source": 0 }))(model);
@@ -122,9 +126,7 @@ fn indices_out_of_range() {
         image(json!({ "bufferView": 8 })),
         &["images[0].bufferView: there is no bufferViews[8]"],
     );
-    refused(image(json!({ "bufferView": 0 })), &["images[0]: the texture cannot be read", "PNG"]);
     refused(image(json!({})), &["images[0]: it has neither uri nor bufferView"]);
-    refused(image(json!({ "uri": "no.png" })), &["images[0].uri: there is no file `no.png`"]);
 }
 
 #[test]
@@ -235,14 +237,6 @@ fn nodes_that_are_no_tree() {
     );
     nodes(json!([{ "children": [1] }, { "children": [0] }, { "mesh": 0 }]), &["is below itself"]);
     nodes(json!([{ "children": [1, 1] }, {}]), &["nodes[0].children: nodes[1] is already a child"]);
-    refused(
-        |model| {
-            model.json["nodes"] = json!([{ "children": [1] }, { "mesh": 0 }]);
-            model.json["scenes"] = json!([{ "nodes": [1] }]);
-        },
-        &["scenes[0].nodes: nodes[1] is no root: it is a child of nodes[0]"],
-    );
-    with("/scenes", json!([{ "nodes": [0, 0] }]), &["scenes[0].nodes: nodes[0] is there twice"]);
 }
 
 #[test]

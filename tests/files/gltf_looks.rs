@@ -91,10 +91,10 @@ fn materials_become_the_documented_ones() {
         (coat(pbr(0.25, 0.5), 1.0), Bsdf::Coated(Coated::new(color, 1.5)), "ignored the metal in"),
         (coat(pbr(0.0, 0.5), 0.25), glossy(0.0, 1.5, 0.25), "ignored the clear coat of"),
         (coat(pbr(1.0, 0.5), 1.0), glossy(1.0, 1.5, 0.25), "ignored the clear coat of"),
-        (thick(0.0), Bsdf::Dielectric(Dielectric { eta: 1.25 }), ""),
+        (thick(0.0), Bsdf::Dielectric(Dielectric::new(1.25)), ""),
         (thick(0.5), Bsdf::RoughDielectric(RoughDielectric::new(1.25, 0.25)), ""),
-        (glass(0.0), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), ""),
-        (glass(0.5), Bsdf::ThinDielectric(ThinDielectric { eta: 1.25 }), "of the thin glass"),
+        (glass(0.0), Bsdf::ThinDielectric(ThinDielectric::new(1.25)), ""),
+        (glass(0.5), Bsdf::ThinDielectric(ThinDielectric::new(1.25)), "of the thin glass"),
         (
             with(
                 thick(0.0),
@@ -103,8 +103,8 @@ fn materials_become_the_documented_ones() {
                     "thicknessFactor": 1, "attenuationDistance": 1, "attenuationColor": [1, 0, 0]
                 }),
             ),
-            Bsdf::Dielectric(Dielectric { eta: 1.25 }),
-            "ignored the color of the glass",
+            Bsdf::Dielectric(Dielectric { eta: 1.25, transmittance: Vec3::X }),
+            "",
         ),
         (with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})), Bsdf::diffuse(color), "no shading"),
         (
@@ -266,11 +266,24 @@ fn opacity_cuts_at_the_cutoff() {
     assert_eq!(holes("MASK", Some(0.2)), ([true, true], String::new()));
     assert_eq!(holes("MASK", Some(0.24)), ([false, true], String::new()));
     assert_eq!(holes("MASK", Some(0.78)), ([false, true], String::new()));
-    let (blend, notes) = holes("BLEND", None);
-    assert!(blend == [false, true] && notes.contains("rounded the opacity"), "{notes}");
+    let (blended, notes) = looks(material("BLEND", None), texels);
+    assert_eq!((blended.opacity, &notes[..]), (Some(1.0), ""));
+    let shares =
+        [0.25, 0.75].map(|u| blended.opacity_texture.as_ref().unwrap().opacity(Vec2::new(u, 0.5)));
+    assert_eq!(shares, [60.0, 200.0].map(|alpha| alpha / 255.0));
+    let mut half = material("BLEND", None);
+    half["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 1, 1, 0.5]);
+    let (half, _) = looks(half, WHITE);
+    assert!(half.opacity == Some(0.5) && half.opacity_texture.is_none());
+    let (whole, _) = looks(material("BLEND", None), WHITE);
+    assert!(whole.opacity.is_none() && whole.opacity_texture.is_none());
     // What is cut away as a whole is not there.
-    let model = with_material(material("MASK", Some(0.9)), texels);
-    model.files().refused(&["the scene has no triangle"]);
+    for cutoff in [0.9, 1.5] {
+        let model = with_material(material("MASK", Some(cutoff)), texels);
+        model
+            .files()
+            .refused(&["the opacity is below the cutoff all over", "lower their alphaCutoff"]);
+    }
 }
 
 /// A square behind this node, with this light.
@@ -351,7 +364,7 @@ fn cameras_are_chosen_by_name() {
     let (sin, cos) = FRAC_PI_4.sin_cos();
     model.node(json!({ "camera": 2, "translation": [9, 0, 0], "rotation": [0, sin, 0, cos] }));
     let files = model.files();
-    let choose = |camera| load_with(&files.1, &LoadOptions { camera, strict: false });
+    let choose = |camera| load_with(&files.1, &LoadOptions { camera, ..LoadOptions::default() });
     let first = choose(None).unwrap_or_else(|e| panic!("{e}"));
     let camera = &first.scene.camera;
     assert_eq!((camera.position(), camera.direction()), (Vec3::new(0.0, 0.0, 9.0), -Vec3::Z));

@@ -17,5 +17,8 @@ mod fuzz_toml_obj;
 mod gltf;
 mod gltf_bad;
 mod gltf_looks;
+mod light;
 mod obj;
+mod shapes;
+mod tolerant;
 mod toml;

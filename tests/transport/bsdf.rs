@@ -36,6 +36,10 @@ fn glossy(albedo: f32, metallic: f32, alpha: f32) -> Bsdf {
     Bsdf::Glossy(Glossy::new(Vec3::splat(albedo), metallic, 1.5, alpha))
 }
 
+fn reflecting(albedo: f32, factor: f32) -> Bsdf {
+    Bsdf::Glossy(Glossy::new(Vec3::splat(albedo), 0.2, 1.5, 0.4).reflecting(factor))
+}
+
 /// All that have lobes of finite density.
 fn spread() -> Vec<Bsdf> {
     let albedo = Vec3::new(0.2, 0.5, 1.0);
@@ -47,6 +51,7 @@ fn spread() -> Vec<Bsdf> {
         gold(0.4),
         rough_glass(0.2),
         rough_glass(0.7),
+        Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.3).tinted(Vec3::new(1.0, 0.3, 0.6))),
         coated(0.6),
         coated(1.0),
         glossy(0.6, 0.0, 0.0),
@@ -56,6 +61,8 @@ fn spread() -> Vec<Bsdf> {
         glossy(0.8, 0.4, 0.5),
         glossy(0.8, 1.0, 0.2),
         glossy(0.8, 1.0, 0.5),
+        reflecting(0.6, 0.2),
+        reflecting(0.6, 3.0),
     ]
 }
 
@@ -120,9 +127,11 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
     let mut lossless = vec![
         Bsdf::diffuse(Vec3::ONE),
         Bsdf::Mirror { reflectance: Vec3::ONE },
-        Bsdf::Dielectric(Dielectric { eta: 1.5 }),
-        Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+        Bsdf::Dielectric(Dielectric::new(1.5)),
+        Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
         coated(1.0),
+        reflecting(1.0, 0.2),
+        reflecting(1.0, 3.0),
     ];
     for alpha in [0.0, 0.01, 0.1, 0.25, 0.5, 1.0] {
         lossless.push(white_metal(alpha));
@@ -284,10 +293,13 @@ fn delta_lobes_go_where_optics_sends_them() {
     let mirror = 2.0 * at.wo.dot(NORMAL) * NORMAL - at.wo;
     // Snell: sin 0.6 outside is 0.4 inside.
     let tangent = -(at.wo - 0.8 * NORMAL) / 0.6;
+    let half = Vec3::splat(0.5);
     let refracted = 0.4 * tangent - (1.0_f32 - 0.16).sqrt() * NORMAL;
     for (bsdf, beyond, scale) in [
-        (Bsdf::Dielectric(Dielectric { eta: 1.5 }), refracted, 1.0 / 2.25),
-        (Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }), -at.wo, 1.0),
+        (Bsdf::Dielectric(Dielectric::new(1.5)), refracted, 1.0 / 2.25),
+        (Bsdf::ThinDielectric(ThinDielectric::new(1.5)), -at.wo, 1.0),
+        (Bsdf::Dielectric(Dielectric { eta: 1.5, transmittance: half }), refracted, 0.5 / 2.25),
+        (Bsdf::ThinDielectric(ThinDielectric { eta: 1.5, transmittance: half }), -at.wo, 0.5),
     ] {
         let mut passed = 0;
         for _ in 0..1000 {
@@ -304,7 +316,7 @@ fn delta_lobes_go_where_optics_sends_them() {
         assert!((850..1000).contains(&passed), "{passed}");
     }
     // From inside at 0.8 (sin 0.6 * 1.5 = 0.9) light gets out, at 0.7 none does.
-    let glass = Bsdf::Dielectric(Dielectric { eta: 1.5 });
+    let glass = Bsdf::Dielectric(Dielectric::new(1.5));
     for _ in 0..1000 {
         let sample =
             glass.sample(&seen(0.7, false), Transport::Flux, Wanted::All, &mut rng).unwrap();

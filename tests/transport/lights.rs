@@ -95,7 +95,7 @@ fn a_room_under_all_lights_is_the_same_by_every_strategy_and_the_path_tracer() {
 #[test]
 fn lossless_things_are_invisible_in_a_uniform_environment() {
     let material = |bsdf| Material::new("white", bsdf);
-    let materials = vec![gray(1.0, 0.0), material(Bsdf::Dielectric(Dielectric { eta: 1.5 }))];
+    let materials = vec![gray(1.0, 0.0), material(Bsdf::Dielectric(Dielectric::new(1.5)))];
     let meshes = vec![
         sphere(Vec3::new(-0.6, 0.0, 0.0), 0.5, 4, false, 0),
         sphere(Vec3::new(0.6, 0.0, 0.0), 0.5, 4, false, 1),

@@ -24,7 +24,7 @@ fn metal(alpha: f32) -> Bsdf {
 }
 
 fn glass(eta: f32) -> Bsdf {
-    Bsdf::Dielectric(Dielectric { eta })
+    Bsdf::Dielectric(Dielectric::new(eta))
 }
 
 fn glossy(metallic: f32, alpha: f32) -> Bsdf {
@@ -100,7 +100,7 @@ fn smooth_things() {
         glass(1.5),
         Bsdf::diffuse(Vec3::ONE),
         Bsdf::Coated(Coated::new(Vec3::ONE, 1.5)),
-        Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+        Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
         // Water behind the glass, told at the interface.
         glass(1.33 / 1.5),
     ];

@@ -17,7 +17,7 @@ fn dark(bsdf: Bsdf) -> Material {
     Material::new("dark", bsdf)
 }
 
-const GLASS: Bsdf = Bsdf::Dielectric(Dielectric { eta: 1.5 });
+const GLASS: Bsdf = Bsdf::Dielectric(Dielectric::new(1.5));
 /// A glass ball of radius 1 around the origin: the light is above it, the floor below.
 const LIGHT: f64 = 3.0;
 const FLOOR: f64 = -1.5;

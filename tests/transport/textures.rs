@@ -6,7 +6,7 @@ use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap};
-use bdpm::settings::Direct;
+use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};
 use glam::{Vec2, Vec3};
 use std::f64::consts::PI;
@@ -109,6 +109,59 @@ fn light_and_sight_pass_through_holes() {
     }
 }
 
+/// A black sheet of this opacity between a floor and its light, or a gray one alone that a camera sees.
+fn translucent(opacity: f32, alone: bool) -> Scene {
+    let sheet = Material { opacity: Some(opacity), ..gray(if alone { 0.5 } else { 0.0 }, 0.0) };
+    let floor = square(Vec3::ZERO, Vec3::Z, 5.0, 0);
+    let meshes =
+        if alone { vec![textured_square(0.5, 1)] } else { vec![floor, textured_square(0.5, 1)] };
+    let (from, to) = match alone {
+        true => (Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO),
+        false => (Vec3::new(0.0, -6.0, 0.4), Vec3::new(0.0, -0.3, 0.0)),
+    };
+    let up = if alone { Vec3::Y } else { Vec3::Z };
+    let angle = if alone { 45.0 } else { 12.0 };
+    let camera = Camera::look(from, to - from, up, FieldOfView::X(angle)).unwrap();
+    let light = point_light(Vec3::new(0.0, 0.0, 3.0), 30.0);
+    scene(meshes, vec![gray(0.5, 0.0), sheet], vec![light], camera)
+}
+
+#[test]
+fn a_share_of_light_and_sight_passes_where_opacity_is_a_share() {
+    for backend in Backend::ALL.into_iter().filter(|b| build(*b, &translucent(0.5, true)).is_ok()) {
+        for (alone, direct) in [
+            (true, Direct::Connect),
+            (true, Direct::PhotonMap),
+            (false, Direct::Connect),
+            (false, Direct::PhotonMap),
+        ] {
+            let settings = Settings {
+                direct,
+                // By discs, photons would count by the share that met the surface once more.
+                kernel: Kernel::Area,
+                merge_vertex: 2,
+                light_paths: 400_000,
+                camera_paths: 64,
+                radius: 0.1,
+                caustic_radius: 0.1,
+                ..if alone { settings(4, 4) } else { settings(16, 1) }
+            };
+            let mean = |opacity| {
+                let image = image(&translucent(opacity, alone), backend, settings.clone(), 8);
+                image.iter().map(|value| value.x).sum::<f32>() / image.len() as f32
+            };
+            // Of 8192 camera paths a share of 0.3 is met with a relative error of 1.7 %; some ten thousand photons
+            // add less.
+            let opacity = 0.3;
+            let seen = match alone {
+                true => mean(opacity) / mean(1.0) / opacity,
+                false => mean(opacity) / mean(0.0) / (1.0 - opacity),
+            };
+            assert!((seen - 1.0).abs() < 0.06, "{backend} {direct:?} {alone}: {seen}");
+        }
+    }
+}
+
 #[test]
 fn lights_are_not_cut() {
     let mut lamp = gray(0.5, 3.0);
@@ -178,20 +231,23 @@ fn pictures_of_all_kinds_are_read() {
 }
 
 #[test]
-fn broken_pictures_are_refused_and_missing_ones_are_told() {
-    let refused = |mtl: &str, picture: &[u8], parts: &[&str]| {
+fn broken_and_missing_pictures_are_told() {
+    let told = |mtl: &str, picture: &[u8], parts: &[&str]| {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, picture);
-        let error = load(&path).unwrap_err().to_string();
-        for part in parts.iter().chain(&["help: "]) {
-            assert!(error.contains(part), "no {part:?} in {error}");
+        let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
+        let notes = loaded.notes_text();
+        for part in parts.iter().chain(&["ignored some textures: p.png: the texture"]) {
+            assert!(notes.contains(part), "no {part:?} in {notes}");
         }
+        let Material { albedo_texture, opacity_texture, .. } = &loaded.scene.materials()[0];
+        assert!(albedo_texture.is_none() && opacity_texture.is_none());
     };
     let good = png_of(png::ColorType::Rgb, &[0; 6]);
     for length in 8..good.len() - 12 {
-        refused("map_Kd p.png", &good[..length], &["p.png: the texture cannot be read"]);
+        told("map_Kd p.png", &good[..length], &["cannot be read"]);
     }
-    refused("map_Kd p.png", b"GIF89a", &["p.png: the texture", "neither a PNG nor a JPEG"]);
-    refused("map_d p.png", b"\xff\xd8\xff\xe0 no jpeg", &["p.png: the texture cannot be read"]);
+    told("map_Kd p.png", b"GIF89a", &["no PNG, JPEG, WebP"]);
+    told("map_d p.png", b"\xff\xd8\xff\xe0 no jpeg", &["cannot be read"]);
     let huge = {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, 100_000, 1);
@@ -199,7 +255,7 @@ fn broken_pictures_are_refused_and_missing_ones_are_told() {
         encoder.write_header().unwrap().write_image_data(&vec![0; 100_000]).unwrap();
         bytes
     };
-    refused("map_Kd p.png", &huge, &["100000x1 texels"]);
+    told("map_Kd p.png", &huge, &["cannot be read"]);
     for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
         let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();

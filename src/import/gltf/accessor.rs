@@ -178,6 +178,7 @@ impl<'a> Reader<'a> {
             "SCALAR" => 1,
             "VEC2" => 2,
             "VEC4" => 4,
+            "MAT4" => 16,
             _ => 3,
         };
         let size = width * component.size();

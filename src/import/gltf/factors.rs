@@ -1,7 +1,7 @@
 //! What a glTF material says, checked, with its defaults and pictures: what `material.rs` starts from.
 
 use super::json::{Document, get};
-use super::json_material::{Ior, Material, TextureInfo};
+use super::json_material::{Ior, Material, TextureInfo, Volume};
 use super::texture::{Pictures, UvSource};
 use super::{fault, first_name};
 use crate::base::error::Result;
@@ -42,11 +42,14 @@ pub(super) struct Factors {
     pub has_other_uvs: bool,
     /// 1.5 if nothing is said.
     pub ior: f32,
+    /// What the reflectance of what is no metal is multiplied with at normal incidence, with the mean of its
+    /// textures.
+    pub specular: Rgb,
     /// With the mean of its texture.
     pub transmission: f32,
     /// Whether the surface bounds a volume rather than being a sheet.
     pub thick: bool,
-    /// What is left of light in the volume at the attenuation distance.
+    /// What is left of light that went through the volume where it is as thick as the material says.
     pub attenuation: Rgb,
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
@@ -84,7 +87,8 @@ pub(super) fn factors(
         share(b, "pbrMetallicRoughness.baseColorFactor")?,
     );
     let mut picture = |info: &Option<TextureInfo>, key: &str| {
-        info.as_ref().map(|info| pictures.get(info, &at(key))).transpose()
+        let found = info.as_ref().map(|info| pictures.get(info, &at(key))).transpose();
+        found.map(Option::flatten)
     };
     let base_texture = picture(&pbr.base_color_texture, "pbrMetallicRoughness.baseColorTexture")?;
     let other = "pbrMetallicRoughness.metallicRoughnessTexture";
@@ -93,6 +97,20 @@ pub(super) fn factors(
     let transmission = &extensions.transmission;
     let key = "extensions.KHR_materials_transmission.transmissionTexture";
     let transmitted = picture(&transmission.transmission_texture, key)?;
+
+    let own = &extensions.specular;
+    let key = "extensions.KHR_materials_specular.specularTexture";
+    let strengths = picture(&own.specular_texture, key)?;
+    let key = "extensions.KHR_materials_specular.specularColorTexture";
+    let tints = picture(&own.specular_color_texture, key)?;
+    let strength = strengths.map_or(1.0, |picture| picture.mean_opacity())
+        * share(own.specular_factor, "extensions.KHR_materials_specular.specularFactor")?;
+    let tint = Rgb::from_array(own.specular_color_factor);
+    if !(tint.is_finite() && tint.min_element() >= 0.0) {
+        let key = at("extensions.KHR_materials_specular.specularColorFactor");
+        return Err(fault(key, "it is negative or not finite"));
+    }
+    let specular = strength * tint * tints.map_or(Rgb::ONE, |picture| picture.mean_color());
 
     let normals = material.normal_texture.as_ref();
     let normal_picture = picture(&normals.map(|normals| normals.info.clone()), "normalTexture")?;
@@ -150,10 +168,11 @@ pub(super) fn factors(
         uv_source: uv_sources.first().copied(),
         has_other_uvs: uv_sources.iter().any(|uv| *uv != uv_sources[0]),
         ior,
+        specular,
         transmission: red
             * share(transmission.transmission_factor, "extensions.KHR_materials_transmission")?,
         thick: extensions.volume.thickness_factor > 0.0,
-        attenuation: Rgb::from_array(extensions.volume.attenuation_color),
+        attenuation: attenuation(&extensions.volume, &place)?,
         clearcoat: share(coat.clearcoat_factor, "extensions.KHR_materials_clearcoat")?,
         clearcoat_roughness: share(
             coat.clearcoat_roughness_factor,
@@ -171,6 +190,21 @@ fn share(value: f32, place: &str, key: &str) -> Result<f32> {
         return Ok(value.clamp(0.0, 1.0));
     }
     Err(fault(format!("{place}.{key}"), format!("{value} is not between 0 and 1")))
+}
+
+/// What is left of light after the thickness of a volume, by Beer's law.
+fn attenuation(volume: &Volume, place: &str) -> Result<Rgb> {
+    let key = "extensions.KHR_materials_volume.attenuationColor";
+    let [r, g, b] = volume.attenuation_color;
+    let color = Rgb::new(share(r, place, key)?, share(g, place, key)?, share(b, place, key)?);
+    let Some(distance) = volume.attenuation_distance else { return Ok(Rgb::ONE) };
+    let lengths = volume.thickness_factor / distance;
+    // Written so that NaN fails.
+    if !(distance > 0.0 && lengths >= 0.0) {
+        let key = "extensions.KHR_materials_volume.attenuationDistance";
+        return Err(fault(format!("{place}.{key}"), "it is not positive"));
+    }
+    Ok(color.map(|share| if share > 0.0 { share.powf(lengths) } else { 0.0 }))
 }
 
 fn alpha(material: &Material, place: &str) -> Result<Alpha> {

@@ -1,9 +1,10 @@
 //! The file itself: JSON text, or the binary container (GLB) that holds it with a buffer.
 
 use super::AGAIN;
-use super::json::Document;
+use super::json::{Asset, Document};
 use crate::base::error::{Error, Result};
 use crate::import::text;
+use serde::Deserialize;
 use std::io::Read;
 use std::path::Path;
 
@@ -13,12 +14,23 @@ const MAX_FILE: u64 = 1 << 32;
 /// Most JSON objects: each takes hundreds of bytes of memory for as little as 3 of text.
 const MAX_OBJECTS: usize = 2_000_000;
 
+/// What to do about older versions.
+const UPGRADE: &str =
+    "export the model as glTF 2.0, or convert it: `npx gltf-pipeline -i OLD -o NEW.gltf`";
+
+/// What to do about compressed meshes.
+const DECOMPRESS: &str = "decompress the model: `npx @gltf-transform/cli cp OLD NEW.glb`; or export it \
+                          without compression";
+
 /// What `extensionsRequired` may name.
-const SUPPORTED: [&str; 9] = [
+const SUPPORTED: [&str; 12] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",
@@ -51,6 +63,7 @@ pub(super) fn read(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
     };
     check_version(&document)?;
     check_extensions(&document)?;
+    check_compression(&document)?;
     Ok((document, bin))
 }
 
@@ -66,7 +79,7 @@ fn chunks(bytes: &[u8]) -> Result<(Range, Option<Range>)> {
     let version = number(4)?;
     if version != 2 {
         let problem = format!("this is GLB version {version}, and 2 is supported");
-        return Err(Error::new(problem, "export the model as glTF 2.0"));
+        return Err(Error::new(problem, UPGRADE));
     }
     let end = number(8)? as usize;
     if end > bytes.len() {
@@ -98,6 +111,13 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Document> {
         return Err(Error::new(problem, "join meshes and nodes, or split the scene"));
     }
     serde_json::from_slice(bytes).map_err(|e| {
+        // Its lists are maps in glTF 1.0, of which some files do not tell their version.
+        let head = serde_json::from_slice::<Head>(bytes);
+        if let (true, Ok(head)) = (e.is_data(), head)
+            && (head.asset.version.starts_with("1.") || head.meshes.is_object())
+        {
+            return Error::new("the file is glTF 1.0, and 2.0 is supported", UPGRADE).at(path);
+        }
         let line = bytes.split(|byte| *byte == b'\n').nth(e.line().saturating_sub(1));
         let line = line.unwrap_or_default();
         // Where all is on one line, the part around the problem.
@@ -105,6 +125,14 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Document> {
         let shown = String::from_utf8_lossy(&line[begin..line.len().min(begin + 120)]);
         Error::new(format!("no valid glTF: {e}"), AGAIN).at(path).line(e.line(), shown.trim())
     })
+}
+
+/// What tells older files.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Head {
+    asset: Asset,
+    meshes: serde_json::Value,
 }
 
 fn check_version(document: &Document) -> Result<()> {
@@ -118,7 +146,7 @@ fn check_version(document: &Document) -> Result<()> {
     }
     let shown: String = needed.chars().take(20).collect();
     let problem = format!("asset.version: the file is glTF {shown}, and 2.0 is supported");
-    Err(Error::new(problem, "export the model as glTF 2.0"))
+    Err(Error::new(problem, UPGRADE))
 }
 
 fn check_extensions(document: &Document) -> Result<()> {
@@ -129,12 +157,38 @@ fn check_extensions(document: &Document) -> Result<()> {
     let names = text::list(unknown);
     let problem = format!("extensionsRequired: the file needs {names}, which are not supported");
     let advice = match &names {
-        names if names.contains("draco") || names.contains("meshopt") => {
-            "export the model without compression"
-        }
+        names if names.contains("draco") || names.contains("meshopt") => DECOMPRESS,
         _ => "export the model without these extensions",
     };
     Err(Error::new(problem, advice))
+}
+
+/// Refuses meshes that are there compressed alone: without saying that this is required, they would look empty.
+fn check_compression(document: &Document) -> Result<()> {
+    let unplaced = |accessor: &usize| {
+        document.accessors.get(*accessor).is_some_and(|accessor| accessor.buffer_view.is_none())
+    };
+    for (index, mesh) in document.meshes.iter().enumerate() {
+        for (part, primitive) in mesh.primitives.iter().enumerate() {
+            let position = primitive.attributes.get("POSITION");
+            if primitive.extensions.draco.is_some() && position.is_some_and(unplaced) {
+                let place = format!("meshes[{index}].primitives[{part}]");
+                let problem =
+                    "it is compressed by KHR_draco_mesh_compression, which is not supported";
+                return Err(Error::new(format!("{place}: {problem}"), DECOMPRESS));
+            }
+        }
+    }
+    // A file may hold the same without compression, in a buffer for those who do not know it; the first may be
+    // that of a GLB file.
+    let compressed = document.buffer_views.iter().position(|view| {
+        let buffer = document.buffers.get(view.buffer).filter(|_| view.buffer > 0);
+        view.extensions.meshopt.is_some() && buffer.is_some_and(|buffer| buffer.uri.is_none())
+    });
+    compressed.map_or(Ok(()), |view| {
+        let problem = "it is compressed by EXT_meshopt_compression, which is not supported";
+        Err(Error::new(format!("bufferViews[{view}]: {problem}"), DECOMPRESS))
+    })
 }
 
 /// Those of the extensions that are not read.

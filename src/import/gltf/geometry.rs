@@ -4,8 +4,10 @@ use super::accessor::Reader;
 use super::buffers::Buffers;
 use super::fault;
 use super::json::{Document, Primitive, get};
+use super::pose::Pose;
 use super::texture::UvSource;
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::scene::Mesh;
 use crate::scene::transform::MAX_COORDINATE;
 use glam::{Vec2, Vec3};
@@ -76,6 +78,10 @@ pub(super) struct Wanted<'a> {
     pub uv_source: Option<&'a UvSource>,
     /// Whether tangents count, if there are any.
     pub tangents: bool,
+    /// Whether colors of vertices count.
+    pub colors: bool,
+    /// What becomes of the shape.
+    pub pose: &'a Pose,
 }
 
 /// The mesh of a primitive of triangles, with the vertices that it uses, for many primitives may share
@@ -152,7 +158,41 @@ pub(super) fn read(
         };
         mesh.tangents = used.iter().map(tangent).collect();
     }
+    if wanted.colors {
+        mesh.colors = colors(document, buffers, primitive, (&used, positions.count), place)?;
+    }
+    wanted.pose.apply(document, buffers, primitive, (&mut mesh, &used), place)?;
     Ok(mesh)
+}
+
+/// The colors of the vertices `used`, with or without opacity; none where all are white.
+fn colors(
+    document: &Document,
+    buffers: &Buffers,
+    primitive: &Primitive,
+    (used, vertices): (&[u32], u64),
+    place: &str,
+) -> Result<Vec<Rgb>> {
+    let at = format!("{place}.attributes.COLOR_0");
+    let Some(index) = primitive.attributes.get("COLOR_0") else { return Ok(Vec::new()) };
+    let with_opacity = get(&document.accessors, "accessors", *index, &at)?.kind == "VEC4";
+    let kind = if with_opacity { "VEC4" } else { "VEC3" };
+    let colors = Reader::open(document, buffers, *index, kind, &at)?;
+    if colors.count < vertices {
+        return Err(fault(at, format!("{} elements for {vertices} vertices", colors.count)));
+    }
+    let color = |vertex: &u32| {
+        let [r, g, b] = match with_opacity {
+            true => {
+                colors.numbers::<4>((*vertex).into()).first_chunk().copied().unwrap_or_default()
+            }
+            false => colors.numbers::<3>((*vertex).into()),
+        };
+        let share = |value: f32| if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
+        Rgb::from_array([r, g, b].map(share))
+    };
+    let colors: Vec<Rgb> = used.iter().map(color).collect();
+    Ok(if colors.iter().all(|color| *color == Rgb::ONE) { Vec::new() } else { colors })
 }
 
 /// The triangles of a primitive with indices, all less than `vertices`.

@@ -21,6 +21,7 @@ pub(super) struct Document {
     pub scenes: Vec<Scene>,
     pub nodes: Vec<Node>,
     pub meshes: Vec<Mesh>,
+    pub skins: Vec<Skin>,
     pub accessors: Vec<Accessor>,
     pub buffer_views: Vec<BufferView>,
     pub buffers: Vec<Buffer>,
@@ -62,6 +63,9 @@ pub(super) struct Node {
     pub rotation: Option<[f64; 4]>,
     pub scale: Option<[f64; 3]>,
     pub mesh: Option<usize>,
+    pub skin: Option<usize>,
+    /// Of the mesh's targets, in place of its own.
+    pub weights: Option<Vec<f32>>,
     pub camera: Option<usize>,
     pub extensions: NodeExtensions,
 }
@@ -71,6 +75,15 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "KHR_lights_punctual")]
     pub light: Option<NodeLight>,
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub instancing: Option<Instancing>,
+}
+
+/// Many places of one mesh: accessors by `TRANSLATION`, `ROTATION` and `SCALE`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Instancing {
+    pub attributes: BTreeMap<String, usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -143,6 +156,17 @@ pub(super) struct Perspective {
 pub(super) struct Mesh {
     pub name: String,
     pub primitives: Vec<Primitive>,
+    /// Of the targets of each primitive.
+    pub weights: Vec<f32>,
+}
+
+/// Joints that move a mesh.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub inverse_bind_matrices: Option<usize>,
+    /// Nodes.
+    pub joints: Vec<usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -154,9 +178,18 @@ pub(super) struct Primitive {
     pub material: Option<usize>,
     #[serde(default = "triangles")]
     pub mode: u64,
-    /// Shapes to mix in.
+    /// What is added to attributes, times weights: accessors by semantic.
     #[serde(default)]
-    pub targets: Vec<Unread>,
+    pub targets: Vec<BTreeMap<String, usize>>,
+    #[serde(default)]
+    pub extensions: PrimitiveExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Unread>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -206,6 +239,15 @@ pub(super) struct BufferView {
     pub byte_offset: u64,
     pub byte_length: u64,
     pub byte_stride: Option<u64>,
+    #[serde(default)]
+    pub extensions: ViewExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub meshopt: Option<Unread>,
 }
 
 #[derive(Debug, Deserialize)]

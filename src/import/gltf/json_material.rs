@@ -15,6 +15,21 @@ pub(super) struct Image {
 pub(super) struct Texture {
     pub source: Option<usize>,
     pub sampler: Option<usize>,
+    pub extensions: SourceExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct SourceExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    pub webp: OtherSource,
+}
+
+/// A picture of another kind.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct OtherSource {
+    pub source: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -115,6 +130,8 @@ pub(super) struct MaterialExtensions {
     pub emissive_strength: EmissiveStrength,
     #[serde(rename = "KHR_materials_ior")]
     pub ior: Ior,
+    #[serde(rename = "KHR_materials_specular")]
+    pub specular: Specular,
     #[serde(rename = "KHR_materials_transmission")]
     pub transmission: Transmission,
     #[serde(rename = "KHR_materials_unlit")]
@@ -157,6 +174,26 @@ impl Default for Ior {
     }
 }
 
+#[derive(Debug, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub(super) struct Specular {
+    pub specular_factor: f32,
+    pub specular_texture: Option<TextureInfo>,
+    pub specular_color_factor: [f32; 3],
+    pub specular_color_texture: Option<TextureInfo>,
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_texture: None,
+            specular_color_factor: [1.0; 3],
+            specular_color_texture: None,
+        }
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Transmission {
@@ -169,10 +206,12 @@ pub(super) struct Transmission {
 pub(super) struct Volume {
     pub thickness_factor: f32,
     pub attenuation_color: [f32; 3],
+    /// None is without end.
+    pub attenuation_distance: Option<f32>,
 }
 
 impl Default for Volume {
     fn default() -> Self {
-        Self { thickness_factor: 0.0, attenuation_color: [1.0; 3] }
+        Self { thickness_factor: 0.0, attenuation_color: [1.0; 3], attenuation_distance: None }
     }
 }

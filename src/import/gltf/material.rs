@@ -2,8 +2,8 @@
 
 use super::factors::{Alpha, Factors};
 use super::remarks::Remarks;
-use super::texture::{Coverage, coverage};
-use crate::base::math::Rgb;
+use super::texture::{Coverage, blended, coverage};
+use crate::base::math::{Rgb, luminance};
 use crate::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
@@ -17,10 +17,11 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
     let glass =
         matches!(bsdf, Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_) | Bsdf::ThinDielectric(_));
     // Glass shows by itself what is behind it.
-    let coverage = if glass { Coverage::Everywhere } else { covered(factors, remarks) };
-    let opacity_texture = match coverage {
-        Coverage::Everywhere => None,
-        Coverage::Partly(picture) => Some(picture),
+    let coverage = if glass { Coverage::Everywhere } else { covered(factors) };
+    let (opacity_texture, opacity) = match coverage {
+        Coverage::Everywhere => (None, None),
+        Coverage::Partly(picture) => (Some(picture), None),
+        Coverage::Share(picture, share) => (picture, Some(share)),
         Coverage::Nowhere => {
             remarks.chosen("left out what is of no opacity, of the material", name);
             return None;
@@ -31,7 +32,10 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
         (factors.unlit, "shaded what has no shading, the material"),
         (factors.has_other_uvs, "laid all textures like the first of the material"),
         (emits && factors.double_sided, "let only front sides emit light, of the material"),
-        (emits && opacity_texture.is_some(), "filled the holes in the lamps of the material"),
+        (
+            emits && (opacity_texture.is_some() || opacity.is_some()),
+            "filled the holes in the lamps of the material",
+        ),
     ] {
         if left_out {
             remarks.skipped(what, name);
@@ -43,6 +47,7 @@ pub(super) fn material(factors: &Factors, remarks: &mut Remarks) -> Option<Mater
         albedo_texture: base_texture.clone().filter(|_| !glass),
         metallic_roughness_texture: data.filter(|_| matches!(bsdf, Bsdf::Glossy(_))),
         opacity_texture,
+        opacity,
         normal_map: factors.normal_map.clone(),
         emission_texture: factors.emissive_texture.clone().filter(|_| emits),
         ..Material::new(name, bsdf)
@@ -81,41 +86,42 @@ fn bsdf(factors: &Factors, remarks: &mut Remarks) -> Bsdf {
     if is_coated {
         return Bsdf::Coated(Coated::new(base_color, DEFAULT_IOR));
     }
+    let specular = luminance(factors.specular);
+    if metalness < 1.0 && factors.specular != Rgb::splat(specular) {
+        remarks.skipped("took the luminance of the specular color of", name);
+    }
     // Of the index of the air nothing reflects but metal.
-    if ior <= 1.0 && metalness == 0.0 {
+    if (ior <= 1.0 || specular == 0.0) && metalness == 0.0 {
         return Bsdf::diffuse(base_color);
     }
-    Bsdf::Glossy(Glossy::new(base_color, metalness, ior, roughness * roughness))
+    let glossy = Glossy::new(base_color, metalness, ior, roughness * roughness);
+    Bsdf::Glossy(if specular == 1.0 { glossy } else { glossy.reflecting(specular) })
 }
 
 fn glass(factors: &Factors, alpha: f32, remarks: &mut Remarks) -> Bsdf {
     let name = &factors.name;
-    let tinted = factors.thick && factors.attenuation != Rgb::ONE;
-    if tinted || factors.base_color != Rgb::ONE || factors.base_texture.is_some() {
-        remarks.skipped("ignored the color of the glass", name);
+    let picture = factors.base_texture.as_ref();
+    if picture.is_some() {
+        remarks.skipped("took the mean color of the glass", name);
     }
+    let color = factors.base_color * picture.map_or(Rgb::ONE, |picture| picture.mean_color());
     if factors.thick {
-        return dielectric(factors.ior, alpha);
+        // Half of it, by Beer's law, at each of two crossings.
+        let through = (color * factors.attenuation).map(f32::sqrt);
+        return dielectric(factors.ior, alpha, through);
     }
     if alpha >= SMOOTH_ALPHA {
         remarks.skipped("ignored the roughness of the thin glass", name);
     }
-    Bsdf::ThinDielectric(ThinDielectric { eta: factors.ior })
+    Bsdf::ThinDielectric(ThinDielectric { eta: factors.ior, transmittance: color })
 }
 
 /// Where the surface is.
-fn covered(factors: &Factors, remarks: &mut Remarks) -> Coverage {
+fn covered(factors: &Factors) -> Coverage {
     let picture = factors.base_texture.as_ref();
     match factors.alpha {
         Alpha::Opaque => Coverage::Everywhere,
         Alpha::Mask(cutoff) => coverage(picture, factors.opacity, cutoff),
-        Alpha::Blend => {
-            let partly = |texel: &[u8; 4]| (1..255).contains(&texel[3]);
-            let between = (f32::MIN_POSITIVE..1.0).contains(&factors.opacity);
-            if between || picture.is_some_and(|picture| picture.texels().iter().any(partly)) {
-                remarks.skipped("rounded the opacity of", &factors.name);
-            }
-            coverage(picture, factors.opacity, 0.5)
-        }
+        Alpha::Blend => blended(picture, factors.opacity),
     }
 }

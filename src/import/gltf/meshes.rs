@@ -4,21 +4,28 @@ use super::buffers::Buffers;
 use super::geometry::Wanted;
 use super::json::{Document, Primitive, get};
 use super::nodes::Placed;
+use super::pose::Pose;
 use super::remarks::Remarks;
 use super::texture::{Pictures, UvSource};
-use super::{factors, fault, first_name, geometry, material};
+use super::{factors, fault, first_name, geometry, instances, material};
 use crate::base::error::Result;
 use crate::scene::{Material, Mesh};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
+
+/// The parts of a mesh, with the indices of their materials in the scene.
+type Parts = Vec<(Arc<Mesh>, u32)>;
 
 /// What is read of meshes and materials.
 pub(super) struct Meshes<'a> {
     document: &'a Document,
-    /// By index: the parts of a mesh, with the indices of their materials in the scene.
-    read: HashMap<usize, Vec<(Arc<Mesh>, u32)>>,
+    /// By index, and by the node for a pose of its own: the parts of a mesh, with the indices of their materials
+    /// in the scene.
+    read: HashMap<(usize, Option<usize>), Parts>,
     /// By index, or none for the standard's default; none for those that are nowhere to be seen.
     looks: HashMap<Option<usize>, Option<Look>>,
+    /// Names of materials that are nowhere to be seen.
+    pub hidden: BTreeSet<String>,
     pub remarks: Remarks,
 }
 
@@ -31,12 +38,15 @@ struct Look {
     uv_source: Option<UvSource>,
     /// Whether it bends normals.
     bends: bool,
+    /// Whether colors of vertices tint it.
+    tints: bool,
 }
 
 impl<'a> Meshes<'a> {
     pub fn new(document: &'a Document) -> Self {
         let remarks = Remarks::default();
-        Self { document, read: HashMap::new(), looks: HashMap::new(), remarks }
+        let (read, looks) = (HashMap::new(), HashMap::new());
+        Self { document, read, looks, hidden: BTreeSet::new(), remarks }
     }
 
     /// Number of triangles of all meshes: at all their places, and each counted once. Nothing is read
@@ -68,42 +78,47 @@ impl<'a> Meshes<'a> {
                     count
                 }
             };
-            all = all.saturating_add(count);
+            let places = instances::count(self.document, placed)?;
+            all = all.saturating_add(count.saturating_mul(places));
         }
         Ok([all, counts.into_values().fold(0, u64::saturating_add)])
     }
 
     /// Number of elements that the sparse accessors of a primitive replace.
     fn replaced(&self, primitive: &Primitive) -> u64 {
-        let used = primitive.attributes.values().chain(&primitive.indices);
+        let targets = primitive.targets.iter().flat_map(BTreeMap::values);
+        let used = primitive.attributes.values().chain(&primitive.indices).chain(targets);
         let accessors = used.filter_map(|index| self.document.accessors.get(*index));
         let sparse = accessors.filter_map(|accessor| accessor.sparse.as_ref());
         sparse.fold(0, |sum, sparse| sum.saturating_add(sparse.count))
     }
 
-    /// The parts of the mesh of this index, which exists. Materials become part of the scene with
+    /// The parts of the mesh of this index, which exists, in a pose. Materials become part of the scene with
     /// their first use.
     pub fn get(
         &mut self,
-        index: usize,
+        (index, placed): (usize, &Placed),
+        pose: &Pose,
         buffers: &Buffers,
         pictures: &mut Pictures,
         materials: &mut Vec<Material>,
     ) -> Result<&[(Arc<Mesh>, u32)]> {
-        if !self.read.contains_key(&index) {
-            let parts = self.parts(index, buffers, pictures, materials)?;
-            self.read.insert(index, parts);
+        let is_own = placed.node.weights.is_some() || placed.node.skin.is_some();
+        let key = (index, is_own.then_some(placed.index));
+        if !self.read.contains_key(&key) {
+            let parts = self.parts((index, pose), buffers, pictures, materials)?;
+            self.read.insert(key, parts);
         }
-        Ok(&self.read[&index])
+        Ok(&self.read[&key])
     }
 
     fn parts(
         &mut self,
-        index: usize,
+        (index, pose): (usize, &Pose),
         buffers: &Buffers,
         pictures: &mut Pictures,
         materials: &mut Vec<Material>,
-    ) -> Result<Vec<(Arc<Mesh>, u32)>> {
+    ) -> Result<Parts> {
         let document = self.document;
         let mesh = get(&document.meshes, "meshes", index, "nodes")?;
         let name = first_name([&mesh.name], || format!("meshes[{index}]"));
@@ -114,30 +129,19 @@ impl<'a> Meshes<'a> {
                 self.remarks.skipped("ignored the points or lines of", &name);
                 continue;
             }
-            self.remark(primitive, &name);
             let look = self.look(primitive.material, &place, pictures, materials)?;
-            let Some(Look { material, uv_source, bends }) = look else { continue };
-            let wanted = Wanted { uv_source: uv_source.as_ref(), tangents: bends };
+            let Some(Look { material, uv_source, bends, tints }) = look else { continue };
+            if !tints && primitive.attributes.contains_key("COLOR_0") {
+                self.remarks.skipped("ignored the vertex colors of glass in", &name);
+            }
+            let wanted =
+                Wanted { uv_source: uv_source.as_ref(), tangents: bends, colors: tints, pose };
             let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;
             if !mesh.triangles.is_empty() {
                 parts.push((Arc::new(mesh), material));
             }
         }
         Ok(parts)
-    }
-
-    /// Tells what of a primitive is not read.
-    fn remark(&mut self, primitive: &Primitive, name: &str) {
-        let has = |begin: &str| primitive.attributes.keys().any(|key| key.starts_with(begin));
-        for (left_out, what) in [
-            (has("COLOR_"), "ignored the vertex colors of"),
-            (has("JOINTS_"), "ignored the skin, which bends the shape, of"),
-            (!primitive.targets.is_empty(), "ignored the morph targets of"),
-        ] {
-            if left_out {
-                self.remarks.skipped(what, name);
-            }
-        }
     }
 
     fn look(
@@ -155,9 +159,13 @@ impl<'a> Meshes<'a> {
         let look = material::material(&factors, &mut self.remarks).map(|material| {
             let uv_source = factors.uv_source.filter(|_| material.is_textured());
             let bends = material.normal_map.is_some();
+            let tints = !material.bsdf.transmits();
             materials.push(material);
-            Look { material: materials.len() as u32 - 1, uv_source, bends }
+            Look { material: materials.len() as u32 - 1, uv_source, bends, tints }
         });
+        if look.is_none() {
+            self.hidden.insert(factors.name);
+        }
         self.looks.insert(index, look);
         Ok(look)
     }

@@ -8,27 +8,31 @@ mod camera;
 mod factors;
 mod file;
 mod geometry;
+mod instances;
 mod json;
 mod json_material;
 mod light;
 mod material;
 mod meshes;
 mod nodes;
+mod pose;
 mod remarks;
 mod texture;
 
 use super::arrange::Part;
 use super::builder::{Builder, Rest};
-use super::load::Loaded;
+use super::load::{LoadOptions, Loaded};
 use super::notes::Note;
 use super::text::list;
 use crate::base::error::{Error, Result, visible};
 use crate::scene::transform::Transform;
 use crate::settings::PartialSettings;
 use buffers::Buffers;
+use glam::DAffine3;
 use json::Document;
 use meshes::Meshes;
 use nodes::Placed;
+use pose::Pose;
 use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::path::Path;
@@ -42,21 +46,26 @@ fn fault(place: impl Display, problem: impl Display) -> Error {
     Error::new(format!("{place}: {problem}"), AGAIN)
 }
 
-/// Loads a glTF file as seen by the camera of this name, else its first, else one that sees everything.
+/// Loads a glTF file as seen by the camera of the name that is asked for, else its first, else one that sees
+/// everything.
 ///
 /// # Errors
 /// Names the file, and the element that is malformed or not supported.
-pub(super) fn load(path: &Path, camera: Option<&str>) -> Result<Loaded> {
-    read(path, camera).map_err(|error| if error.is_placed() { error } else { error.at(path) })
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    read(path, options).map_err(|error| if error.is_placed() { error } else { error.at(path) })
 }
 
-fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
+fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (document, bin) = file::read(path)?;
     let shown = path.display().to_string();
     let mut builder = Builder::new(notes(&document, &shown));
-    let nodes = nodes::placed(&document)?;
+    let (nodes, is_odd) = nodes::placed(&document)?;
+    if is_odd {
+        let note = "the scene lists nodes below others, or twice; each is shown once";
+        builder.notes.push(Note::chosen(format!("{shown}: {note}")));
+    }
     let cameras = camera::candidates(&document, &nodes)?;
-    let chosen = camera::choose(&cameras, camera, &mut builder.notes)?;
+    let chosen = camera::choose(&cameras, options.camera, &mut builder.notes)?;
     let view = chosen.map(|chosen| chosen.camera()).transpose()?;
     let mut lights = Vec::new();
     let mut light_names = Vec::new();
@@ -73,36 +82,55 @@ fn read(path: &Path, camera: Option<&str>) -> Result<Loaded> {
     builder.count(placed, new, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
     let mut pictures = Pictures::new(&document, &buffers, folder);
+    let all_maps = nodes.iter().map(|placed| (placed.index, placed.map)).collect();
     // Each mesh with each of its places.
     for placed in &nodes {
         let Some(index) = placed.node.mesh else { continue };
         let name = mesh_name(&document, placed, index);
-        let Ok(transform) = Transform::new(placed.map) else {
-            // The map is finite.
-            meshes.remarks.chosen("left out what its transform flattens:", &name);
-            continue;
+        let pose = Pose::new(&document, &buffers, placed, index, &all_maps)?;
+        // A skin's joints say where its mesh is, whatever its node does.
+        let maps = match pose.is_placed() {
+            true => vec![DAffine3::IDENTITY],
+            false => instances::maps(&document, &buffers, placed)?,
         };
-        let parts = meshes.get(index, &buffers, &mut pictures, &mut builder.materials)?;
+        let materials = &mut builder.materials;
+        let parts = meshes.get((index, placed), &pose, &buffers, &mut pictures, materials)?;
+        let parts: Vec<_> = parts.to_vec();
         let parts: Vec<_> = parts
             .iter()
             .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
             .collect();
-        builder.place(&parts, &transform).ok_or_else(|| {
-            let problem = "its transform moves the mesh out of the range of coordinates";
-            let place = format!("nodes[{}]", placed.index);
-            Error::new(format!("{place}: {problem}"), "scale or move it less")
-        })?;
+        for map in maps {
+            let Ok(transform) = Transform::new(map) else {
+                // The map is finite.
+                meshes.remarks.chosen("left out what its transform flattens:", &name);
+                continue;
+            };
+            builder.place(&parts, &transform).ok_or_else(|| {
+                let problem = "its transform moves the mesh out of the range of coordinates";
+                let place = format!("nodes[{}]", placed.index);
+                Error::new(format!("{place}: {problem}"), "scale or move it less")
+            })?;
+        }
+    }
+    if builder.is_empty() && !meshes.hidden.is_empty() {
+        let names = list(meshes.hidden.iter().map(String::as_str));
+        let problem =
+            format!("nothing is to be seen: the opacity is below the cutoff all over {names}");
+        let advice = "lower their alphaCutoff, raise the alpha of their base color, or set alphaMode to OPAQUE";
+        return Err(Error::new(problem, advice));
     }
     builder.notes.extend(meshes.remarks.notes(&shown));
+    builder.notes.extend(pictures.notes(&shown));
     builder.arrange(path)?;
 
     let (camera, resolution) = match view {
         Some(view) => view,
         None => (builder.place_camera(path)?, None),
     };
-    let lights = builder.lights_or_one(lights, &camera, path);
     let defaults = PartialSettings { resolution, ..PartialSettings::default() };
-    let mut loaded = builder.finish(path, lights, camera, Rest { defaults, ..Rest::default() })?;
+    let rest = Rest { defaults, ..options.rest(&mut builder.notes)? };
+    let mut loaded = builder.finish(path, lights, camera, rest)?;
     loaded.summary.light_names = light_names;
     loaded.summary.cameras = cameras.iter().map(|camera| camera.name.clone()).collect();
     loaded.summary.camera = chosen.map(|camera| camera.name.clone());

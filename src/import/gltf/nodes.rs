@@ -14,11 +14,12 @@ pub(super) struct Placed<'a> {
     pub map: DAffine3,
 }
 
-/// The nodes of the default scene, each before its children. Without scenes all nodes are shown.
+/// The nodes of the default scene, each before its children, and whether the scene lists any below another or
+/// twice: some exporters list them all. Without scenes all nodes are shown.
 ///
 /// # Errors
 /// If the nodes are no tree, or a transform is not finite.
-pub(super) fn placed(document: &Document) -> Result<Vec<Placed<'_>>> {
+pub(super) fn placed(document: &Document) -> Result<(Vec<Placed<'_>>, bool)> {
     let nodes = &document.nodes;
     let parents = parents(nodes)?;
     let roots: Vec<usize> = match (document.scene, document.scenes.first()) {
@@ -27,21 +28,24 @@ pub(super) fn placed(document: &Document) -> Result<Vec<Placed<'_>>> {
         (Some(index), _) => get(&document.scenes, "scenes", index, "scene")?.nodes.clone(),
     };
     let scene = format!("scenes[{}].nodes", document.scene.unwrap_or(0));
-    let mut shown = vec![false; nodes.len()];
+    let mut listed = vec![false; nodes.len()];
+    let mut tops = Vec::new();
     for root in &roots {
         get(nodes, "nodes", *root, &scene)?;
-        if let Some(parent) = parents[*root] {
-            let problem = format!("nodes[{root}] is no root: it is a child of nodes[{parent}]");
-            return Err(fault(scene, problem));
-        }
-        if std::mem::replace(&mut shown[*root], true) {
-            return Err(fault(scene, format!("nodes[{root}] is there twice")));
+        if !std::mem::replace(&mut listed[*root], true) {
+            tops.push(*root);
         }
     }
+    // What is below a listed node is shown with it, and no second time.
+    let mut known = vec![None; nodes.len()];
+    tops.retain(|top| {
+        parents[*top].is_none_or(|parent| !is_below(parent, &parents, &listed, &mut known))
+    });
+    let is_odd = tops.len() < roots.len();
 
     let mut placed = Vec::new();
     // A stack of its own: chains of nodes may be longer than the program's is deep.
-    let mut open: Vec<_> = roots.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
+    let mut open: Vec<_> = tops.iter().rev().map(|root| (*root, DAffine3::IDENTITY)).collect();
     while let Some((index, above)) = open.pop() {
         let node = &nodes[index];
         let map = above * local(node, index)?;
@@ -52,7 +56,33 @@ pub(super) fn placed(document: &Document) -> Result<Vec<Placed<'_>>> {
         placed.push(Placed { index, node, map });
         open.extend(node.children.iter().rev().map(|child| (*child, map)));
     }
-    Ok(placed)
+    Ok((placed, is_odd))
+}
+
+/// Whether a node or one above it is `listed`; `known` keeps what was found, for chains may be long and many.
+fn is_below(
+    node: usize,
+    parents: &[Option<usize>],
+    listed: &[bool],
+    known: &mut [Option<bool>],
+) -> bool {
+    let mut way = Vec::new();
+    let mut at = Some(node);
+    let found = loop {
+        match at {
+            None => break false,
+            Some(node) if listed[node] => break true,
+            Some(node) => match known[node] {
+                Some(found) => break found,
+                None => {
+                    way.push(node);
+                    at = parents[node];
+                }
+            },
+        }
+    };
+    way.into_iter().for_each(|node| known[node] = Some(found));
+    found
 }
 
 /// The parent of each node.

@@ -5,10 +5,12 @@ use super::buffers::Buffers;
 use super::fault;
 use super::json::{Document, get};
 use super::json_material::{TextureInfo, TextureTransform};
-use crate::base::error::{Error, Result};
+use crate::base::error::Result;
+use crate::import::notes::Note;
+use crate::import::text::problems;
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,9 +22,12 @@ pub(super) struct Pictures<'a> {
     document: &'a Document,
     buffers: &'a Buffers<'a>,
     folder: &'a Path,
-    read: HashMap<Source<'a>, Texture>,
+    /// None for those that cannot be read.
+    read: HashMap<Source<'a>, Option<Texture>>,
     /// Shared by all materials that sample it so.
     sampled: HashMap<(Source<'a>, Sampling), Arc<Texture>>,
+    /// What cannot be read, and why.
+    unreadable: BTreeSet<String>,
 }
 
 /// Where a picture comes from; images may share it.
@@ -34,16 +39,23 @@ enum Source<'a> {
 
 impl<'a> Pictures<'a> {
     pub fn new(document: &'a Document, buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
-        Self { document, buffers, folder, read: HashMap::new(), sampled: HashMap::new() }
+        let (read, sampled) = (HashMap::new(), HashMap::new());
+        Self { document, buffers, folder, read, sampled, unreadable: BTreeSet::new() }
     }
 
-    /// The picture of the texture that `place` refers to.
-    pub fn get(&mut self, info: &TextureInfo, place: &str) -> Result<Arc<Texture>> {
+    /// The picture of the texture that `place` refers to; `None` if there is none that can be read, of which
+    /// [`Self::notes`] tells.
+    ///
+    /// # Errors
+    /// If an index leads nowhere.
+    pub fn get(&mut self, info: &TextureInfo, place: &str) -> Result<Option<Arc<Texture>>> {
         let texture = get(&self.document.textures, "textures", info.index, place)?;
         let place = format!("textures[{}].source", info.index);
-        let image = texture.source;
-        let image = image.ok_or_else(|| fault(&place, "there is no PNG or JPEG image"))?;
-        let (index, image) = (image, get(&self.document.images, "images", image, place)?);
+        let Some(index) = texture.extensions.webp.source.or(texture.source) else {
+            self.unreadable.insert(format!("textures[{}] of no known kind", info.index));
+            return Ok(None);
+        };
+        let image = get(&self.document.images, "images", index, place)?;
         let place = format!("images[{index}]");
         let source = match (&image.uri, image.buffer_view) {
             (Some(uri), _) => Source::Uri(uri),
@@ -52,28 +64,40 @@ impl<'a> Pictures<'a> {
         };
         let sampling = self.sampling(info.index, texture.sampler)?;
         if let Some(texture) = self.sampled.get(&(source, sampling)) {
-            return Ok(texture.clone());
+            return Ok(Some(texture.clone()));
         }
-        let texture = Arc::new(self.read(source, &place)?.sampled(sampling));
+        let Some(read) = self.read(source, &place)? else { return Ok(None) };
+        let texture = Arc::new(read.sampled(sampling));
         self.sampled.insert((source, sampling), texture.clone());
-        Ok(texture)
+        Ok(Some(texture))
     }
 
     /// The picture from there; of clones the texels are there once.
-    fn read(&mut self, source: Source<'a>, place: &str) -> Result<Texture> {
+    fn read(&mut self, source: Source<'a>, place: &str) -> Result<Option<Texture>> {
         if let Some(read) = self.read.get(&source) {
             return Ok(read.clone());
         }
         let bytes = match source {
-            Source::Uri(uri) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri"))?,
+            Source::Uri(uri) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri")),
             Source::View(view) => {
-                self.buffers.view(view, format!("{place}.bufferView"))?.bytes.to_vec()
+                Ok(self.buffers.view(view, format!("{place}.bufferView"))?.bytes.to_vec())
             }
         };
-        let texture = Texture::decode(bytes)
-            .map_err(|e| Error::new(format!("{place}: {}", e.problem()), e.advice()))?;
-        self.read.insert(source, texture.clone());
-        Ok(texture)
+        let read = bytes.and_then(|bytes| Texture::decode(&bytes));
+        let read = read.map_err(|e| match e.problem() {
+            placed if placed.starts_with(place) => self.unreadable.insert(placed.to_owned()),
+            problem => self.unreadable.insert(format!("{place}: {problem}")),
+        });
+        let read = read.ok();
+        self.read.insert(source, read.clone());
+        Ok(read)
+    }
+
+    /// What cannot be read.
+    pub fn notes(&self, file: &str) -> Option<Note> {
+        let all = problems(self.unreadable.iter().map(String::as_str));
+        let note = || Note::skipped(format!("{file}: ignored textures that cannot be read: {all}"));
+        (!self.unreadable.is_empty()).then(note)
     }
 
     /// How the texture of this index is sampled.
@@ -144,6 +168,23 @@ pub(super) enum Coverage {
     Nowhere,
     /// Where this opacity is at least a half.
     Partly(Arc<Texture>),
+    /// For this share of the rays, times this opacity.
+    Share(Option<Arc<Texture>>, f32),
+}
+
+/// For the share of the rays that the alpha channel times `factor` tells.
+pub(super) fn blended(picture: Option<&Arc<Texture>>, factor: f32) -> Coverage {
+    let has = |holds: fn(u8) -> bool| {
+        picture.is_some_and(|picture| picture.texels().iter().any(|texel| holds(texel[3])))
+    };
+    if factor == 0.0 || picture.is_some() && !has(|alpha| alpha > 0) {
+        return Coverage::Nowhere;
+    }
+    let picture = picture.filter(|_| has(|alpha| alpha < 255)).cloned();
+    match picture {
+        None if factor == 1.0 => Coverage::Everywhere,
+        picture => Coverage::Share(picture, factor),
+    }
 }
 
 /// Where the alpha channel times `factor` is at least `cutoff`. Opacities are moved to where a half is

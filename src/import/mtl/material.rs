@@ -51,7 +51,7 @@ pub(in crate::import) struct MtlMaterial {
 pub(in crate::import) struct Ignored {
     /// A highlight over a diffuse base.
     pub highlight: bool,
-    /// An opacity between 0 and 1.
+    /// An opacity of 0, which files have for what is to be seen.
     pub transparency: bool,
 }
 
@@ -59,12 +59,17 @@ impl MtlMaterial {
     /// The material, and what of its records has no counterpart.
     pub(in crate::import) fn material(&self) -> (Material, Ignored) {
         let (bsdf, ignored) = self.bsdf();
+        // Glass shows by itself what is behind it.
+        let glass = bsdf.transmits();
         let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
         let normal_map = self.normal_texture.clone();
         let material = Material {
             emission: self.emission.unwrap_or(unsaid),
             albedo_texture: self.albedo_texture.clone(),
             opacity_texture: self.opacity_texture.clone(),
+            opacity: self
+                .opacity
+                .filter(|opacity| !glass && (f32::MIN_POSITIVE..1.0).contains(opacity)),
             normal_map: normal_map.map(|texture| NormalMap { texture, scale: 1.0 }),
             emission_texture: self.emission_texture.clone(),
             ..Material::new(&self.name, bsdf)
@@ -83,7 +88,7 @@ impl MtlMaterial {
         let glossy = || Bsdf::Glossy(Glossy::new(diffuse, metallic, ior, alpha));
         let has_ior = ior > 1.0;
         let has_highlight = self.model == Some(2) && specular != Rgb::ZERO;
-        let transparency = self.opacity.is_some_and(|opacity| opacity < 1.0);
+        let transparency = self.opacity == Some(0.0);
         let kept = Ignored { transparency, ..Ignored::default() };
 
         if metallic >= 1.0 {
@@ -93,7 +98,9 @@ impl MtlMaterial {
         }
         match self.model {
             // Refraction, and glass.
-            Some(4 | 6 | 7 | 9) if has_ior => (dielectric(ior, alpha), Ignored::default()),
+            Some(4 | 6 | 7 | 9) if has_ior => {
+                (dielectric(ior, alpha, Rgb::ONE), Ignored::default())
+            }
             // Reflection by ray tracing.
             Some(3 | 5 | 8) if diffuse == Rgb::ZERO && alpha == 0.0 => {
                 (Bsdf::Mirror { reflectance: specular }, kept)

@@ -4,7 +4,7 @@ pub(super) mod material;
 
 use super::lines::Lines;
 use super::notes::Note;
-use super::text::{list, read_lines, split_keyword};
+use super::text::{find, list, problems, read_lines, split_keyword};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::bsdf::Bsdf;
@@ -26,7 +26,7 @@ pub(super) fn grey(name: &str) -> Material {
 /// Adds the materials of a library to those read before. Notes tell what was ignored.
 ///
 /// # Errors
-/// If the file cannot be read, a color is malformed, or a name is taken.
+/// If the file cannot be read, or a color is malformed.
 pub(super) fn load(
     path: &Path,
     materials: &mut BTreeMap<String, Material>,
@@ -47,10 +47,7 @@ pub(super) fn load(
                 return Err(lines.error("the material has no name", "write a name after `newmtl`"));
             }
             if materials.contains_key(rest) {
-                return Err(lines.error(
-                    format!("the material `{rest}` is defined twice"),
-                    "rename or remove one of the two",
-                ));
+                ignored.twice.insert(rest.to_owned());
             }
             current = Some(MtlMaterial { name: rest.to_owned(), ..MtlMaterial::default() });
             continue;
@@ -87,12 +84,17 @@ pub(super) fn load(
             _ => None,
         };
         match map {
-            Some(map) if !rest.is_empty() && !rest.starts_with('-') => {
-                *map = texture(path, rest)?;
-                if map.is_none() {
+            Some(map) if !rest.is_empty() && !rest.starts_with('-') => match texture(path, rest) {
+                Some(Ok(texture)) => *map = Some(texture),
+                Some(Err(error)) => {
+                    *map = None;
+                    ignored.unreadable.insert(format!("{rest}: {}", error.problem()));
+                }
+                None => {
+                    *map = None;
                     ignored.missing.insert(rest.to_owned());
                 }
-            }
+            },
             _ if is_map => drop(ignored.textures.insert(material.name.clone())),
             _ => {}
         }
@@ -100,11 +102,17 @@ pub(super) fn load(
     if let Some(done) = current {
         ignored.finish(done, materials);
     }
+    if !ignored.unreadable.is_empty() {
+        let all = problems(ignored.unreadable.iter().map(String::as_str));
+        let note = format!("{}: ignored some textures: {all}", path.display());
+        notes.push(Note::skipped(note));
+    }
     for (names, what) in [
+        (ignored.twice, "all but the last definition of"),
         (ignored.missing, "some textures, for there are no files"),
         (ignored.textures, "some textures (of another use, or with options) of"),
         (ignored.highlights, "the highlights (`Ks` with `Kd`) of"),
-        (ignored.transparent, "the transparency of"),
+        (ignored.transparent, "the opacity of 0 of"),
     ] {
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
@@ -115,10 +123,13 @@ pub(super) fn load(
     Ok(())
 }
 
-/// What was ignored: names of textures without a file, and of materials that lack something.
+/// What was ignored: names of materials that are defined again or lack something, and of textures.
 #[derive(Default)]
 struct Notes {
+    twice: BTreeSet<String>,
     missing: BTreeSet<String>,
+    /// With the reason.
+    unreadable: BTreeSet<String>,
     textures: BTreeSet<String>,
     highlights: BTreeSet<String>,
     transparent: BTreeSet<String>,
@@ -139,11 +150,9 @@ impl Notes {
 }
 
 /// The texture of this file name, `None` if it does not exist.
-fn texture(library: &Path, name: &str) -> Result<Option<Arc<Texture>>> {
-    let folder = library.parent().unwrap_or(Path::new(""));
-    let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
-    let found = candidates.into_iter().find(|path| path.exists());
-    found.map(|path| Texture::load(&path).map(Arc::new)).transpose()
+fn texture(library: &Path, name: &str) -> Option<Result<Arc<Texture>>> {
+    let path = find(library.parent().unwrap_or(Path::new("")), name)?;
+    Some(Texture::load(&path).map(Arc::new))
 }
 
 /// A number within bounds; what follows it is ignored.

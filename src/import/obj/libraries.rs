@@ -3,10 +3,10 @@
 use crate::base::error::Result;
 use crate::import::mtl;
 use crate::import::notes::Note;
-use crate::import::text::list;
+use crate::import::text::{find, list};
 use crate::scene::Material;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A mention of a material library.
 #[derive(Clone, Debug)]
@@ -24,17 +24,13 @@ impl Library {
         notes: &mut Vec<Note>,
     ) -> Result<()> {
         let folder = obj.parent().unwrap_or(Path::new(""));
-        let find = |name: &str| -> Option<PathBuf> {
-            let candidates = [folder.join(name), folder.join(name.replace('\\', "/"))];
-            candidates.into_iter().find(|path| path.exists())
-        };
-        if let Some(path) = find(&self.names) {
+        if let Some(path) = find(folder, &self.names) {
             return mtl::load(&path, materials, notes);
         }
         let mut missing = Vec::new();
         let mut is_any = false;
         for name in self.names.split_whitespace() {
-            match find(name) {
+            match find(folder, name) {
                 Some(path) => {
                     mtl::load(&path, materials, notes)?;
                     is_any = true;

@@ -79,6 +79,14 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
     if model.ignored_elements > 0 {
         skipped(format!("ignored {} points, lines or curves", model.ignored_elements));
     }
+    for (count, what) in [
+        (model.lost, "references to texture coordinates or normals that do not exist"),
+        (model.mended, "coordinates of textures or normals that are no numbers, and took 0"),
+    ] {
+        if count > 0 {
+            skipped(format!("ignored {count} {what}"));
+        }
+    }
     if !model.unknown.is_empty() {
         let words = model.unknown.iter().map(|(word, line)| format!("{word} (line {line})"));
         let words: Vec<_> = words.collect();
@@ -122,7 +130,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const RECORDS: [&str; 24] = [
+    const RECORDS: [&str; 28] = [
         "v 0 0 0",
         "v 1 0 0",
         "v 0 1 0",
@@ -147,6 +155,10 @@ mod tests {
         "# f \\",
         "",
         "f 9 9 9",
+        "f 1/5/7 2/-4/1 3/1/0",
+        "vt nan 1e30",
+        "usemtl",
+        "mtllib",
     ];
 
     /// Everything there is to say about a file read in such pieces.
@@ -155,7 +167,8 @@ mod tests {
             |error| error.to_string(),
             |model| {
                 let libraries = format!("{:?}", model.before.libraries);
-                let rest = format!("{} {:?}", model.ignored_elements, model.unknown);
+                let counts = (model.ignored_elements, model.lost, model.mended);
+                let rest = format!("{counts:?} {:?}", model.unknown);
                 format!("{libraries} {rest} {:?}", model.meshes())
             },
         )

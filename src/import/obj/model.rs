@@ -5,6 +5,7 @@ use super::libraries::Library;
 use super::records::{Before, Chunk, Item, Layout, MAX_UNKNOWN};
 use super::vertices::Vertices;
 use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use std::collections::{BTreeMap, HashMap};
@@ -31,6 +32,8 @@ pub(super) struct Faces {
 #[derive(Debug)]
 pub(super) struct Model {
     pub positions: Vec<Vec3>,
+    /// Of the first positions; the others are white.
+    pub colors: Vec<Rgb>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     parts: Vec<(Key, Faces)>,
@@ -40,6 +43,9 @@ pub(super) struct Model {
     material: Option<String>,
     pub before: Before,
     pub ignored_elements: u64,
+    /// As in its pieces.
+    pub lost: u64,
+    pub mended: u64,
     /// Unknown keywords and where they first appeared.
     pub unknown: BTreeMap<String, usize>,
 }
@@ -49,6 +55,7 @@ impl Model {
     pub fn new(name: String) -> Self {
         Self {
             positions: Vec::new(),
+            colors: Vec::new(),
             uvs: Vec::new(),
             normals: Vec::new(),
             parts: Vec::new(),
@@ -57,6 +64,8 @@ impl Model {
             material: None,
             before: Before::default(),
             ignored_elements: 0,
+            lost: 0,
+            mended: 0,
             unknown: BTreeMap::new(),
         }
     }
@@ -69,6 +78,10 @@ impl Model {
                 *index = index.wrapping_add(first);
             }
         }
+        if !chunk.colors.is_empty() {
+            self.colors.resize(self.positions.len(), Rgb::ONE);
+            self.colors.append(&mut chunk.colors);
+        }
         self.positions.append(&mut chunk.positions);
         self.uvs.append(&mut chunk.uvs);
         self.normals.append(&mut chunk.normals);
@@ -76,7 +89,7 @@ impl Model {
         for item in chunk.items {
             match item {
                 Item::Name(name) => self.name = name,
-                Item::Material(material) => self.material = Some(material),
+                Item::Material(material) => self.material = material,
                 Item::Faces { layout, faces: face_count, indices: index_count } => {
                     let faces = self.faces(layout);
                     faces.corners.extend(corners.split_off(..face_count).unwrap_or_default());
@@ -85,6 +98,8 @@ impl Model {
             }
         }
         self.ignored_elements += chunk.ignored_elements;
+        self.lost += chunk.lost;
+        self.mended += chunk.mended;
         for (word, line) in chunk.unknown {
             if self.unknown.len() < MAX_UNKNOWN {
                 self.unknown.entry(word).or_insert(self.before.lines + line);
@@ -127,7 +142,8 @@ impl Model {
 
     /// All meshes, and how many polygons were too large to be cut well.
     pub fn meshes(self) -> (Vec<ObjMesh>, u64) {
-        let mut vertices = Vertices::new(&self.positions, &self.uvs, &self.normals);
+        let mut vertices =
+            Vertices::new(&self.positions, &self.uvs, &self.normals).colored(&self.colors);
         let mut meshes = Vec::with_capacity(self.parts.len());
         for (Key { name, material, layout }, faces) in self.parts {
             let mesh = Arc::new(Mesh { name, ..vertices.mesh(layout, &faces) });

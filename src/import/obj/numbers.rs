@@ -1,7 +1,9 @@
 //! Words of OBJ records, and the numbers among them.
 
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::import::lines::Lines;
+use crate::import::srgb::decode;
 use crate::scene::transform::MAX_COORDINATE;
 use glam::Vec3;
 
@@ -50,7 +52,7 @@ fn without_comment(text: &[u8]) -> &[u8] {
 }
 
 /// The position of a `v` record: three numbers, a fourth that divides them, or three more of a color.
-pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<Vec3> {
+pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<(Vec3, Option<Rgb>)> {
     let advice = "give three numbers, such as `v 0.5 1 -2`";
     let mut numbers = [0.0; 4];
     let mut count = 0;
@@ -79,25 +81,35 @@ pub(super) fn position(lines: &Lines<'_>, text: &[u8]) -> Result<Vec3> {
             "scale the model down",
         ));
     }
-    Ok(point)
+    // Read once more, with all digits that lead back to a linear color.
+    let color = (count >= 6).then(|| {
+        let mut codes = words(without_comment(text)).skip(3).map(|word| {
+            std::str::from_utf8(word).ok().and_then(|word| word.parse().ok()).unwrap_or(1.0)
+        });
+        decode(std::array::from_fn(|_| codes.next().unwrap_or(1.0)))
+    });
+    Ok((point, color))
 }
 
-/// At least so many finite numbers of up to three; the rest are 0.
-pub(super) fn numbers(lines: &Lines<'_>, text: &[u8], least: usize) -> Result<[f32; 3]> {
+/// At least so many numbers of up to three; the rest are 0. With how many are no numbers, such as the `-nan(ind)`
+/// of some programs, or too large ones: these become 0 as well.
+pub(super) fn numbers(lines: &Lines<'_>, text: &[u8], least: usize) -> Result<([f32; 3], u64)> {
     let mut numbers = [0.0; 3];
-    let mut count = 0;
+    let (mut count, mut mended) = (0, 0);
     for (number, word) in numbers.iter_mut().zip(words(without_comment(text))) {
-        *number = float(word).unwrap_or(f32::NAN);
+        let read = float(word).filter(|number| number.abs() <= MAX_COORDINATE);
+        mended += u64::from(read.is_none());
+        *number = read.unwrap_or(0.0);
         count += 1;
     }
-    if count < least || !numbers.iter().all(|number| number.abs() <= MAX_COORDINATE) {
+    if count < least {
         let keyword = shown(split_keyword(lines.bytes()).0);
         return Err(lines.error(
-            format!("`{keyword}` needs {least} or more finite numbers"),
+            format!("`{keyword}` needs {least} or more numbers"),
             format!("write them, such as `{keyword}{}`", &" 0.5 0.5 0.5"[..4 * least]),
         ));
     }
-    Ok(numbers)
+    Ok((numbers, mended))
 }
 
 #[cfg(test)]

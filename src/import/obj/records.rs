@@ -9,7 +9,9 @@
 use super::libraries::Library;
 use super::numbers::{integer, numbers, position, shown, split_keyword, words};
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::import::lines::Lines;
+use crate::import::text::decoded;
 use glam::{Vec2, Vec3};
 use std::path::Path;
 
@@ -22,9 +24,6 @@ pub(super) const MAX_UNKNOWN: usize = 8;
 /// Records that say nothing about triangles, besides the frequent ones.
 const PASSED_OVER: &str = "vp mg cstype deg bmat step parm trim hole scrv sp end con bevel c_interp \
     d_interp lod usemap maplib shadow_obj trace_obj ctech stech";
-
-/// What a face's corners refer to, in this order: positions, texture coordinates, normals.
-const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
 
 /// What the records before a piece say.
 #[derive(Clone, Debug, Default)]
@@ -61,19 +60,18 @@ impl Layout {
 pub(super) enum Item {
     /// Of an object or a group.
     Name(String),
-    Material(String),
+    /// None is the one of what names none.
+    Material(Option<String>),
     /// So many faces, with so many indices in all.
-    Faces {
-        layout: Layout,
-        faces: usize,
-        indices: usize,
-    },
+    Faces { layout: Layout, faces: usize, indices: usize },
 }
 
 /// What a piece of a file holds.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     pub positions: Vec<Vec3>,
+    /// Of the first positions; the others are white.
+    pub colors: Vec<Rgb>,
     pub uvs: Vec<Vec2>,
     pub normals: Vec<Vec3>,
     pub items: Vec<Item>,
@@ -88,6 +86,10 @@ pub(super) struct Chunk {
     /// Without those named before; lines count from the piece's first.
     pub libraries: Vec<Library>,
     pub ignored_elements: u64,
+    /// References to texture coordinates and normals that do not exist.
+    pub lost: u64,
+    /// Texture coordinates and normals that are no numbers.
+    pub mended: u64,
     /// The first unknown keywords, and the lines where they first appear, counted the same way.
     pub unknown: Vec<(String, usize)>,
     pub lines: usize,
@@ -140,12 +142,24 @@ impl Parser<'_> {
         let Self { lines, chunk, .. } = self;
         let (keyword, rest) = split_keyword(lines.bytes());
         match keyword {
-            b"v" => chunk.positions.push(position(lines, rest)?),
-            b"vt" => {
-                let [u, v, _] = numbers(lines, rest, 1)?;
-                chunk.uvs.push(Vec2::new(u, v));
+            b"v" => {
+                let (position, color) = position(lines, rest)?;
+                if let Some(color) = color {
+                    chunk.colors.resize(chunk.positions.len(), Rgb::ONE);
+                    chunk.colors.push(color);
+                }
+                chunk.positions.push(position);
             }
-            b"vn" => chunk.normals.push(numbers(lines, rest, 3)?.into()),
+            b"vt" => {
+                let ([u, v, _], mended) = numbers(lines, rest, 1)?;
+                chunk.uvs.push(Vec2::new(u, v));
+                chunk.mended += mended;
+            }
+            b"vn" => {
+                let (normal, mended) = numbers(lines, rest, 3)?;
+                chunk.normals.push(normal.into());
+                chunk.mended += mended;
+            }
             b"f" => self.face()?,
             b"o" | b"g" => {
                 let name = Item::Name(text(rest));
@@ -157,34 +171,35 @@ impl Parser<'_> {
                 }
             }
             b"usemtl" => {
-                if rest.is_empty() {
-                    let advice = "write the name of a material after `usemtl`";
-                    return Err(lines.error("the material has no name", advice));
-                }
-                chunk.items.push(Item::Material(text(rest)));
+                chunk.items.push(Item::Material((!rest.is_empty()).then(|| text(rest))));
             }
             b"mtllib" => self.library()?,
             b"p" | b"l" | b"curv" | b"curv2" | b"surf" => chunk.ignored_elements += 1,
             b"" | b"s" | [b'#', ..] => {}
             known if PASSED_OVER.split(' ').any(|word| word.as_bytes() == known) => {}
-            // A note is for people: the first few will do.
-            unknown if chunk.unknown.len() < MAX_UNKNOWN => {
-                let word: String = text(unknown).chars().take(20).collect();
-                if chunk.unknown.iter().all(|(known, _)| *known != word) {
-                    chunk.unknown.push((word, lines.number() - self.before.lines));
-                }
+            unknown => {
+                let word = text(unknown);
+                self.pass_over(&word);
             }
-            _ => {}
         }
         Ok(())
+    }
+
+    /// Takes note of a record that says nothing. A note is for people: the first few will do.
+    fn pass_over(&mut self, word: &str) {
+        let word: String = word.chars().take(24).collect();
+        let unknown = &mut self.chunk.unknown;
+        if unknown.len() < MAX_UNKNOWN && unknown.iter().all(|(known, _)| *known != word) {
+            unknown.push((word, self.lines.number() - self.before.lines));
+        }
     }
 
     fn library(&mut self) -> Result<()> {
         let Self { lines, chunk, before, .. } = self;
         let names = text(split_keyword(lines.bytes()).1);
         if names.is_empty() {
-            let advice = "write the name of an MTL file after `mtllib`";
-            return Err(lines.error("the material library has no name", advice));
+            self.pass_over("mtllib without a name");
+            return Ok(());
         }
         if before.libraries.iter().chain(&chunk.libraries).any(|known| known.names == names) {
             return Ok(());
@@ -248,7 +263,7 @@ impl Parser<'_> {
 }
 
 fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
+    decoded(bytes).into_owned()
 }
 
 /// A face's corner.
@@ -278,7 +293,8 @@ fn corner(
     Ok(corner)
 }
 
-/// A one-based number among what was defined so far; negative ones count from its end.
+/// A one-based number among what was defined so far; negative ones count from its end. Kinds are positions,
+/// texture coordinates and normals; of the last two it is none where there is no such one.
 fn index(
     lines: &Lines<'_>,
     number: i64,
@@ -293,15 +309,16 @@ fn index(
         _ => 0_i64.saturating_sub(here + number),
     };
     let available = i64::from(before.defined[kind]);
+    if needed > available && kind > 0 {
+        // The face goes without, as other programs have it.
+        chunk.lost += 1;
+        return Ok(Index::None);
+    }
     if needed > available {
-        let what = KINDS[kind];
-        let plural = if kind == 0 { "vertices".to_owned() } else { format!("{what}s") };
         let defined = available + here;
         return Err(lines.error(
-            format!("the face refers to {what} {number}, but {defined} are defined up to here"),
-            format!(
-                "number {plural} from 1 (or from -1 backwards), and define them before their faces"
-            ),
+            format!("the face refers to vertex {number}, but {defined} are defined up to here"),
+            "number vertices from 1 (or from -1 backwards), and define them before their faces",
         ));
     }
     chunk.needed[kind] = chunk.needed[kind].max(needed.max(0) as u32);

@@ -4,6 +4,7 @@
 use super::model::Faces;
 use super::polygon::Cutter;
 use super::records::Layout;
+use crate::base::math::Rgb;
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 
@@ -19,6 +20,8 @@ pub(super) struct Vertices<'a> {
     positions: &'a [Vec3],
     uvs: &'a [Vec2],
     normals: &'a [Vec3],
+    /// Of the first positions; the others are white.
+    colors: &'a [Rgb],
     /// Of each position, the newest vertex of the mesh in the making.
     newest: Vec<u32>,
     /// Of each vertex of that mesh, its indices and the one before it at its position.
@@ -30,7 +33,13 @@ impl<'a> Vertices<'a> {
     /// Of what a file defines.
     pub fn new(positions: &'a [Vec3], uvs: &'a [Vec2], normals: &'a [Vec3]) -> Self {
         let newest = vec![NONE; positions.len()];
-        Self { positions, uvs, normals, newest, made: Vec::new(), cutter: Cutter::default() }
+        let (made, cutter) = (Vec::new(), Cutter::default());
+        Self { positions, uvs, normals, colors: &[], newest, made, cutter }
+    }
+
+    /// The same with colors of the first positions.
+    pub fn colored(self, colors: &'a [Rgb]) -> Self {
+        Self { colors, ..self }
     }
 
     /// A mesh of faces of one layout, in their order; vertices are in that of their first use.
@@ -63,6 +72,10 @@ impl<'a> Vertices<'a> {
         mesh.positions = keys().map(|[index, _, _]| self.positions[index]).collect();
         if layout.uvs {
             mesh.uvs = keys().map(|[_, index, _]| self.uvs[index]).collect();
+        }
+        let color = |index: usize| self.colors.get(index).copied().unwrap_or(Rgb::ONE);
+        if keys().any(|[index, _, _]| color(index) != Rgb::ONE) {
+            mesh.colors = keys().map(|[index, _, _]| color(index)).collect();
         }
         if layout.normals {
             mesh.normals = keys().map(|[_, _, index]| self.normals[index]).collect();

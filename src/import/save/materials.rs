@@ -55,14 +55,17 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             format!("type = \"mirror\"\nreflectance = {}\n", color(reflectance))
         }
         Bsdf::Dielectric(interface) => {
-            format!("type = \"dielectric\"\n{}", indices(interface.eta)?)
+            let tint = transmittance(interface.transmittance);
+            format!("type = \"dielectric\"\n{}{tint}", indices(interface.eta)?)
         }
         Bsdf::RoughDielectric(interface) => {
             let indices = indices(interface.eta())?;
-            format!("type = \"dielectric\"\n{indices}{}", roughness(interface.alpha()))
+            let tint = transmittance(interface.transmittance());
+            format!("type = \"dielectric\"\n{indices}{}{tint}", roughness(interface.alpha()))
         }
         Bsdf::ThinDielectric(sheet) => {
-            format!("type = \"thin-dielectric\"\nior = {}\n", number(sheet.eta))
+            let tint = transmittance(sheet.transmittance);
+            format!("type = \"thin-dielectric\"\nior = {}\n{tint}", number(sheet.eta))
         }
         Bsdf::Conductor(metal) => {
             let look = reflectance(metal.reflectance());
@@ -85,7 +88,15 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
         let _ = writeln!(text, "emission = {}", color(material.emission));
     }
+    if let Some(opacity) = material.opacity {
+        let _ = writeln!(text, "opacity = {}", number(opacity));
+    }
     Ok(text)
+}
+
+/// Of glass that is not clear.
+fn transmittance(share: Rgb) -> String {
+    if share == Rgb::ONE { String::new() } else { format!("transmittance = {}\n", color(share)) }
 }
 
 /// Its textures, so far as they have an effect.

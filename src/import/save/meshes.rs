@@ -6,6 +6,7 @@ use super::names::{Names, for_file, for_line};
 use super::numbers::unnormalized;
 use crate::base::error::Result;
 use crate::import::notes::Note;
+use crate::import::srgb::encode;
 use crate::import::text::list;
 use crate::scene::{Mesh, Placement, Scene};
 use rayon::prelude::*;
@@ -57,21 +58,31 @@ impl<'a> Meshes<'a> {
 
     pub fn write(&self, out: &Folder) -> Result<()> {
         let all = self.scene.meshes().par_iter().zip(&self.files);
-        all.try_for_each(|(mesh, file)| out.write_part(file, |to| write(mesh, to)))
+        // What is moved when it is read is moved as it is; all else is normalized alone.
+        let mut moved = vec![false; self.files.len()];
+        for Placement { mesh, transform, .. } in self.scene.placements() {
+            moved[*mesh as usize] |= transform.is_some();
+        }
+        all.zip(moved)
+            .try_for_each(|((mesh, file), moved)| out.write_part(file, |to| write(mesh, moved, to)))
     }
 }
 
-fn write(mesh: &Mesh, to: &mut dyn Write) -> io::Result<()> {
-    let Mesh { positions, normals, uvs, triangles, .. } = mesh;
+fn write(mesh: &Mesh, moved: bool, to: &mut dyn Write) -> io::Result<()> {
+    let Mesh { positions, normals, uvs, colors, triangles, .. } = mesh;
     writeln!(to, "o {}", for_line(&mesh.name, "mesh"))?;
-    for p in positions {
-        writeln!(to, "v {} {} {}", p.x, p.y, p.z)?;
+    for (i, p) in positions.iter().enumerate() {
+        write!(to, "v {} {} {}", p.x, p.y, p.z)?;
+        match colors.get(i).map(|color| encode(*color)) {
+            None => writeln!(to),
+            Some([r, g, b]) => writeln!(to, " {r} {g} {b}"),
+        }?;
     }
     for uv in uvs {
         writeln!(to, "vt {} {}", uv.x, uv.y)?;
     }
     for normal in normals {
-        let n = unnormalized(*normal);
+        let n = if moved { *normal } else { unnormalized(*normal) };
         writeln!(to, "vn {} {} {}", n.x, n.y, n.z)?;
     }
     for corners in triangles {

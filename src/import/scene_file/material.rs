@@ -1,6 +1,6 @@
 //! `[materials.NAME]` of a scene file.
 
-use super::numbers::{Index, Ior, Metallic, NormalScale, Roughness};
+use super::numbers::{Index, Ior, Metallic, NormalScale, Opacity, Roughness};
 use super::texture::{FilterKind, Pictures, TextureTable, Wraps};
 use super::{Albedo, Power};
 use crate::base::error::Error;
@@ -29,6 +29,8 @@ pub(in crate::import) struct MaterialTable {
     albedo_texture: Option<Spanned<TextureTable>>,
     metallic_roughness_texture: Option<Spanned<TextureTable>>,
     opacity_texture: Option<Spanned<TextureTable>>,
+    opacity: Option<Opacity>,
+    transmittance: Option<Spanned<Albedo>>,
     normal_texture: Option<Spanned<TextureTable>>,
     normal_scale: Option<Spanned<NormalScale>>,
     emission_texture: Option<Spanned<TextureTable>>,
@@ -67,8 +69,10 @@ impl MaterialKind {
         match self {
             Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance"]),
-            Self::Dielectric => ("dielectric", &["ior", "outside_ior", "roughness", "alpha"]),
-            Self::ThinDielectric => ("thin-dielectric", &["ior"]),
+            Self::Dielectric => {
+                ("dielectric", &["ior", "outside_ior", "roughness", "alpha", "transmittance"])
+            }
+            Self::ThinDielectric => ("thin-dielectric", &["ior", "transmittance"]),
             Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness", "alpha"]),
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
             Self::Glossy => {
@@ -110,6 +114,7 @@ impl MaterialTable {
         let ior =
             |key: &Option<Spanned<Ior>>, default| key.as_ref().map_or(default, |i| i.get_ref().0);
         let eta = ior(&self.ior, DEFAULT_IOR) / ior(&self.outside_ior, 1.0);
+        let transmittance = rgb(&self.transmittance).unwrap_or(Rgb::ONE);
         let bsdf = match self.kind {
             MaterialKind::Lambertian => {
                 let two_sided = self.two_sided.as_ref().is_none_or(|both| *both.get_ref());
@@ -118,8 +123,10 @@ impl MaterialTable {
             MaterialKind::Mirror => {
                 Bsdf::Mirror { reflectance: rgb(&self.reflectance).unwrap_or(Rgb::ONE) }
             }
-            MaterialKind::Dielectric => dielectric(eta, alpha),
-            MaterialKind::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { eta }),
+            MaterialKind::Dielectric => dielectric(eta, alpha, transmittance),
+            MaterialKind::ThinDielectric => {
+                Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })
+            }
             MaterialKind::Metal => Bsdf::Conductor(Conductor::new(self.metal()?, alpha)),
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
@@ -131,6 +138,7 @@ impl MaterialTable {
             albedo_texture: texture(&self.albedo_texture)?,
             metallic_roughness_texture: texture(&self.metallic_roughness_texture)?,
             opacity_texture: texture(&self.opacity_texture)?,
+            opacity: self.opacity.map(|opacity| opacity.0),
             normal_map: self.normal_map(texture(&self.normal_texture)?)?,
             emission_texture: texture(&self.emission_texture)?,
             ..Material::new(name, bsdf)
@@ -194,6 +202,7 @@ impl MaterialTable {
             ("outside_ior", place(&self.outside_ior)),
             ("roughness", place(&self.roughness)),
             ("alpha", place(&self.alpha)),
+            ("transmittance", place(&self.transmittance)),
             ("metallic", place(&self.metallic)),
             ("metallic_roughness_texture", place(&self.metallic_roughness_texture)),
         ];
@@ -239,11 +248,11 @@ impl MaterialTable {
 }
 
 /// An interface, rough or smooth.
-pub(in crate::import) fn dielectric(eta: f32, alpha: f32) -> Bsdf {
+pub(in crate::import) fn dielectric(eta: f32, alpha: f32, transmittance: Rgb) -> Bsdf {
     if alpha < SMOOTH_ALPHA {
-        Bsdf::Dielectric(Dielectric { eta })
+        Bsdf::Dielectric(Dielectric { eta, transmittance })
     } else {
-        Bsdf::RoughDielectric(RoughDielectric::new(eta, alpha))
+        Bsdf::RoughDielectric(RoughDielectric::new(eta, alpha).tinted(transmittance))
     }
 }
 

@@ -71,6 +71,10 @@ bounded!(
     Roughness(f32), 0.0, 1.0, "roughness", "give a number from 0 (smooth) to 1"
 );
 bounded!(
+    /// Share of the rays that meet a surface.
+    Opacity(f32), 0.0, 1.0, "opacity", "give a number from 0 to 1"
+);
+bounded!(
     /// Share of a metal.
     Metallic(f32), 0.0, 1.0, "metallic share", "give a number from 0 to 1"
 );

@@ -110,9 +110,9 @@ impl Lights {
         Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
     }
 
-    /// Adds light from all around; none if it is black.
-    pub(super) fn set_environment(&mut self, environment: Environment) {
-        self.environment = Some(environment).filter(|environment| !environment.is_black());
+    /// Sets the light from all around; none if it is black.
+    pub(super) fn set_environment(&mut self, environment: Option<Environment>) {
+        self.environment = environment.filter(|environment| !environment.is_black());
         let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
         self.by_power = ByPower::new(self.emitters.iter().map(chosen_by).chain(own));
         self.by_estimate.set_environment(self.emitters.len(), self.environment.as_ref());
@@ -358,7 +358,7 @@ mod tests {
         let pixels = (0..32).map(|i| Rgb::new(0.1 * i as f32, 0.5, 0.2)).collect();
         let mut map = Environment::new(8, 4, pixels, 20.0);
         map.enclose(&crate::base::math::Bounds { min: Vec3::splat(-5.0), max: Vec3::splat(5.0) });
-        lights.set_environment(map);
+        lights.set_environment(Some(map));
         lights
     }
 

@@ -80,11 +80,11 @@ impl Surfaces for SceneSurfaces<'_> {
         let plane = Frame::new(triangle.normal);
         let uv = |step: Vec3| dual1.dot(step) * (b - a) + dual2.dot(step) * (c - a);
         let [along_x, along_y] = [Vec3::X, Vec3::Y].map(|axis| uv(plane.to_world(axis)));
-        let solid = (0..SAMPLES).filter(|&i| {
+        let opacities = (0..SAMPLES).map(|i| {
             let distance = hole.radius * ((f32::from(i) + 0.5) / f32::from(SAMPLES)).sqrt();
             let turn = Vec2::from_angle(TAU * (f32::from(i) * GOLDEN_TURN).fract()) * distance;
-            !Scene::is_hole(cut_out, middle + turn.x * along_x + turn.y * along_y)
+            cut_out.opacity(middle + turn.x * along_x + turn.y * along_y)
         });
-        solid.count() as f32 / f32::from(SAMPLES)
+        opacities.sum::<f32>() / f32::from(SAMPLES)
     }
 }

@@ -101,8 +101,8 @@ mod tests {
         vec![
             Bsdf::diffuse(Rgb::new(0.2, 0.7, 0.5)),
             Bsdf::Mirror { reflectance: Rgb::splat(0.8) },
-            Bsdf::Dielectric(Dielectric { eta: 1.5 }),
-            Bsdf::ThinDielectric(ThinDielectric { eta: 1.5 }),
+            Bsdf::Dielectric(Dielectric::new(1.5)),
+            Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
             Bsdf::Conductor(Conductor::new(metal, 0.0)),
             Bsdf::Conductor(Conductor::new(metal, 0.15)),
             Bsdf::Conductor(Conductor::new(metal, 0.6)),
@@ -209,7 +209,7 @@ mod tests {
     #[test]
     fn smooth_interfaces_are_the_limit_of_rough_ones() {
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
-        let smooth = Bsdf::Dielectric(Dielectric { eta: 1.5 });
+        let smooth = Bsdf::Dielectric(Dielectric::new(1.5));
         let rough = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.02));
         let [smooth, rough] = [smooth, rough].map(|bsdf| Material::new("some", bsdf));
         let mut refracted = 0;

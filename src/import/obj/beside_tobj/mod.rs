@@ -190,18 +190,19 @@ fn what_tobj_reads_in_another_way_even_behind_lines() {
         // Attributes of some faces or corners only: taken from another one.
         ("f 1 2 3\n", None),
         ("f 1/1/1 2/1/1 3/1\n", None),
-        // References to what is undefined yet, or was never: late or not at all.
+        // References to what is undefined yet, or was never: late or not at all. Those to texture coordinates
+        // and normals are not errors here.
         ("f 1 2 4\nv 1 1 0\n", Some(7)),
         ("f 1 2 4\no b\n", Some(7)),
         ("f 1 2 0\no b\n", Some(7)),
-        ("f 1/0 2/1 3/1\n", Some(7)),
-        ("f 1/-2 2/1 3/1\n", Some(7)),
-        ("f 1/-3 2/1 3/1\n", Some(7)),
+        ("f 1/0 2/1 3/1\n", None),
+        ("f 1/-2 2/1 3/1\n", None),
+        ("f 1/-3 2/1 3/1\n", None),
         ("f 1 2 -9\no b\n", Some(7)),
         // Numbers that are not finite: taken.
         ("v 1e400 0 0\nf 1 2 4\n", Some(7)),
         ("v nan 0 0\nf 1 2 4\n", Some(7)),
-        ("vn inf 0 0\nf 1//1 2//1 3//2\n", Some(7)),
+        ("vn inf 0 0\nf 1//1 2//1 3//2\n", None),
         // Comments after numbers; texture coordinates of one number; colors of some vertices, or
         // of four numbers: refused.
         ("v 0 0 0 # why not\nf 1 2 3 # all\n", None),

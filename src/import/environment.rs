@@ -1,0 +1,183 @@
+//! Light from all around: maps of radiance, and what is given to scenes that bring no light.
+
+use super::notes::Note;
+use super::text::open;
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::pictures::read_exr;
+use crate::scene::Environment;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Light from all around that somebody asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum EnvironmentSource {
+    /// The same radiance from everywhere, W/(m^2 sr).
+    Radiance(Rgb),
+    /// An `.exr` or `.hdr` file of longitudes and latitudes.
+    File(PathBuf),
+}
+
+impl FromStr for EnvironmentSource {
+    type Err = Error;
+
+    /// Reads a number, one for each of red, green and blue with commas in between, or else a file's name.
+    fn from_str(text: &str) -> Result<Self> {
+        let numbers: Option<Vec<f32>> =
+            text.split(',').map(|word| word.trim().parse().ok()).collect();
+        let radiance = match numbers.as_deref() {
+            None => return Ok(Self::File(text.into())),
+            Some(&[grey]) => Rgb::splat(grey),
+            Some(&[r, g, b]) => Rgb::new(r, g, b),
+            Some(_) => Rgb::NAN,
+        };
+        if radiance.is_finite() && radiance.min_element() >= 0.0 {
+            return Ok(Self::Radiance(radiance));
+        }
+        let problem = format!("`{text}` is no radiance");
+        Err(Error::new(problem, "give a number of at least 0, or three such as 0.8,0.9,1"))
+    }
+}
+
+impl EnvironmentSource {
+    /// Reads it; notes tell what was mended.
+    ///
+    /// # Errors
+    /// If its file cannot be read.
+    pub(super) fn environment(&self, notes: &mut Vec<Note>) -> Result<Environment> {
+        match self {
+            Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
+            Self::File(path) => from_file(path, Rgb::ONE, 0.0, notes),
+        }
+    }
+}
+
+/// The environment in a file, times `scale` and turned by so many degrees. Radiances that are negative or not
+/// finite become 0, with a note.
+///
+/// # Errors
+/// If it cannot be read, or nothing of it is left.
+pub(super) fn from_file(
+    path: &Path,
+    scale: Rgb,
+    turn_deg: f32,
+    notes: &mut Vec<Note>,
+) -> Result<Environment> {
+    let (width, height, mut pixels) = read(path)?;
+    let mut mended: Vec<usize> = Vec::new();
+    for (index, pixel) in pixels.iter_mut().enumerate() {
+        *pixel *= scale;
+        if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
+            *pixel = Rgb::ZERO;
+            mended.push(index);
+        }
+    }
+    if let Some(first) = mended.first() {
+        let (x, y) = (*first as u32 % width, *first as u32 / width);
+        let (path, count) = (path.display(), mended.len());
+        let note = format!(
+            "{path}: {count} pixels are negative or not finite, the first at ({x}, {y}), and became 0"
+        );
+        notes.push(Note::skipped(note));
+    }
+    Ok(Environment::new(width, height, pixels, turn_deg))
+}
+
+/// Mean radiance of [`soft`], W/(m^2 sr).
+const SOFT_MEAN: f32 = 0.6;
+/// What is added to it toward +y, and taken away toward -y.
+const SOFT_RISE: f32 = 0.6;
+/// Rows of its map: more than eyes tell apart in a preview.
+const SOFT_ROWS: u32 = 256;
+
+/// Its least and greatest radiance, W/(m^2 sr), for a white surface of radiance 1.
+pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
+
+/// A neutral light from all around, brighter from above (+y): `0.6 (1 + y)` times the radiance of a `white`
+/// surface that faces up, W/(m^2 sr), for the mean of `y` over its cosines is 2/3.
+pub(super) fn soft(white: f32) -> Environment {
+    let row = |row: u32| {
+        let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
+        Rgb::splat(white * (SOFT_MEAN + SOFT_RISE * latitude.cos()))
+    };
+    Environment::new(1, SOFT_ROWS, (0..SOFT_ROWS).map(row).collect(), 0.0)
+}
+
+/// Pixels of an image of radiances.
+fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    match &extension[..] {
+        "exr" => {
+            open(path)?; // no device that never ends
+            let image = read_exr(path)?;
+            let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
+                Error::new("the image has no channels R, G and B", "give a color image").at(path)
+            })?;
+            Ok((image.width, image.height, pixels))
+        }
+        "hdr" => read_hdr(path),
+        _ => Err(Error::new(
+            "the environment is neither an .exr nor an .hdr file",
+            "convert it to one of these",
+        )
+        .at(path)),
+    }
+}
+
+fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    let broken = |problem: String| {
+        Error::new(format!("cannot read it as an HDR image: {problem}"), "give an .hdr file")
+            .at(path)
+    };
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
+    let mut decoder =
+        zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
+    let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
+    let (width, height) = decoder.dimensions().ok_or_else(|| broken("it has no size".into()))?;
+    let pixels = values.chunks_exact(3).map(Rgb::from_slice).collect::<Vec<_>>();
+    if pixels.is_empty() || pixels.len() != width * height {
+        return Err(broken("its pixels are incomplete".into()));
+    }
+    Ok((width as u32, height as u32, pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::PI;
+
+    #[test]
+    fn a_radiance_is_numbers_and_all_else_a_file() {
+        let read = |text: &str| text.parse::<EnvironmentSource>();
+        assert_eq!(read("0.5").unwrap(), EnvironmentSource::Radiance(Rgb::splat(0.5)));
+        let color = Rgb::new(0.8, 0.9, 1.0);
+        assert_eq!(read("0.8, 0.9,1").unwrap(), EnvironmentSource::Radiance(color));
+        assert_eq!(read("sky.exr").unwrap(), EnvironmentSource::File("sky.exr".into()));
+        for bad in ["-1", "1,2", "nan", "inf", "1,1,-1"] {
+            let problem = read(bad).unwrap_err().to_string();
+            assert!(problem.contains("is no radiance"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn a_white_surface_in_the_soft_light_has_the_radiance_it_should() {
+        // Facing up, sideways and down: mean radiance plus 2/3 of the rise times the normal's height.
+        let map = soft(1.0);
+        let n = 400;
+        for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {
+            let normal = glam::Vec3::new((1.0_f32 - y * y).sqrt(), y, 0.0);
+            let mut sum = 0.0;
+            for i in 0..n * n {
+                let height = 2.0 * ((i / n) as f32 + 0.5) / n as f32 - 1.0;
+                let (sin, cos) = (2.0 * PI * ((i % n) as f32 + 0.5) / n as f32).sin_cos();
+                let across = (1.0 - height * height).sqrt();
+                let wi = glam::Vec3::new(across * cos, height, across * sin);
+                sum += f64::from(map.radiance(wi).x * wi.dot(normal).max(0.0));
+            }
+            let radiance = sum / f64::from(n * n) * 4.0;
+            assert!((radiance - f64::from(expected)).abs() < 3e-3, "{y}: {radiance}");
+        }
+    }
+}
