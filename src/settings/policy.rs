@@ -99,7 +99,7 @@ pub const TYPICAL_SHARP_FALL: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Squared relative bias over the cube of the radius, in widths of what the image shows: what Cornell boxes have,
 /// by trial.
-pub const TYPICAL_BIAS: f64 = 70.0;
+pub const TYPICAL_BIAS: f64 = 20.0;
 
 /// Squared relative bias of caustics over the square of the radius, and of direct light, likewise: by trial.
 pub const TYPICAL_SHARP_BIAS: [f64; 2] = [5.0, 15.0];

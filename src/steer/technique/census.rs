@@ -51,19 +51,25 @@ impl Census {
     /// Thread-seconds that a pixel has cost after so many visits.
     pub fn cost(&self, visits: f64) -> f64 {
         let Self { first, falls, kept } = *self;
-        // The sum of `first/v^falls` over visits, the first of them by itself.
-        let rest = |last: f64| {
+        // The sum of `first/v^falls` over visits, the first of them by itself; beyond those that were tried it falls
+        // as `1/v` or faster, as there is an end to what can be new.
+        let sum = |falls: f64, from: f64, to: f64| {
             if (falls - 1.0).abs() < 1e-6 {
-                last.ln()
+                (to / from).ln()
             } else {
-                (last.powf(1.0 - falls) - 1.0) / (1.0 - falls)
+                (to.powf(1.0 - falls) - from.powf(1.0 - falls)) / (1.0 - falls)
             }
         };
         if visits <= 1.0 {
             return first * visits.max(0.0);
         }
         let known = visits.min(kept.max(1.0));
-        first * (1.0 + rest(known) + (visits - known))
+        let (tried, steep) = (VISITS as f64, falls.max(1.0));
+        let mut rest = sum(falls, 1.0, known.min(tried));
+        if known > tried {
+            rest += tried.powf(steep - falls) * sum(steep, tried, known);
+        }
+        first * (1.0 + rest + (visits - known))
     }
 
     /// So many times as dear.
@@ -210,8 +216,9 @@ mod tests {
     fn costs_add_up_over_visits() {
         let census = |falls, kept| Census { first: 2.0, falls, kept };
         assert_eq!(census(1.0, f64::INFINITY).cost(0.5), 1.0);
-        // All new each time, and known for good after the first.
-        assert!((census(0.0, f64::INFINITY).cost(10.0) - 20.0).abs() < 1e-12);
+        // All new each time as far as it was tried, then as `1/v`; and known for good after the first.
+        let all_new = 2.0 * (4.0 + 4.0 * (10.0f64 / 4.0).ln());
+        assert!((census(0.0, f64::INFINITY).cost(10.0) - all_new).abs() < 1e-12);
         let steep = census(4.0, f64::INFINITY).cost(1e6);
         assert!((steep - 2.0 * (1.0 + 1.0 / 3.0)).abs() < 1e-9, "{steep}");
         // Where no more is kept, all further visits cost as much as the first.

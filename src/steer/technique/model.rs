@@ -15,6 +15,7 @@ use crate::settings::{Direct, Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
+use std::array::from_fn;
 use std::f64::consts::PI;
 
 const EVERY: usize = PhotonClass::EveryVertex as usize;
@@ -25,6 +26,8 @@ pub struct Model {
     pub technique: Technique,
     /// The largest radius to choose, over that which was asked for.
     largest: f32,
+    /// The smallest radii of the trials that are modeled.
+    smallest: ByClass<f64>,
     /// Second moment of the pairs, relative, times the squared radius.
     pairs: ByClass<f64>,
     /// The light main effect, relative, times the squared radius and footprint.
@@ -163,6 +166,9 @@ impl Model {
         Self {
             technique,
             largest,
+            smallest: from_fn(|class| {
+                trials.iter().map(|trial| trial.radii[class]).fold(f64::INFINITY, f64::min)
+            }),
             pairs: parts(&inverse(0.0), &moments, both),
             light: parts(&inverse(g2), &shared, both),
             camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
@@ -247,8 +253,9 @@ impl Model {
     pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &Demand) -> Best {
         let radii = trial.radii;
         let own = relative(trial, weights);
-        // What few pixels have found looks quiet.
-        let coefficients = if found(trial, weights) < ENOUGH_FOUND {
+        // What few pixels have found looks quiet, and so do radii smaller than all others.
+        let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
+        let coefficients = if is_small || found(trial, weights) < ENOUGH_FOUND {
             let model = self.coefficients(radii);
             Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
         } else {
@@ -521,6 +528,7 @@ mod tests {
         let model = Model {
             technique,
             largest: 4.0,
+            smallest: [0.0; 2],
             pairs,
             light,
             camera,
