@@ -109,7 +109,7 @@ pub const TYPICAL_SHARP_BIAS: [f64; 2] = [5.0, 15.0];
 pub const PRIOR_SPREAD: f64 = 1.0;
 
 /// Part of it that a bias is never taken to be less than.
-pub const LEAST_OF_PRIOR: f64 = 0.25;
+pub const LEAST_OF_PRIOR: f64 = 0.05;
 
 /// Blocks of pixels in which the areas of surfaces are tried, and pixels along their sides.
 pub const CENSUS_BLOCKS: usize = 96;

@@ -181,7 +181,7 @@ fn environments_come_from_exr_and_hdr_files() {
         ("file = \"no.exr\"", "no.exr: cannot read"),
         ("file = \"map.png\"", "map.png: the environment is neither"),
         ("file = \"bad.hdr\"", "bad.hdr: cannot read it as an HDR image"),
-        ("file = \"bad.exr\"", "bad.exr: cannot read it as an EXR image"),
+        ("file = \"bad.exr\"", "bad.exr: this is no EXR image"),
         ("file = \"map.exr\"\nturn_deg = inf", "`turn_deg` is not finite"),
     ] {
         let shown = load(environment).unwrap_err().to_string();
