@@ -347,6 +347,11 @@ fn extensions_that_are_required() {
     let required = |name: &str, parts: &[&str]| with("/extensionsRequired", json!([name]), parts);
     let draco = "KHR_draco_mesh_compression";
     required(draco, &["extensionsRequired: the file needs `KHR_draco", "without compression"]);
+    let older = "KHR_materials_pbrSpecularGlossiness";
+    required(
+        older,
+        &["the file needs `KHR_materials_pbrSpecular", "is not supported", "metalrough OLD"],
+    );
     required("KHR_texture_basisu", &["the file needs `KHR_texture_basisu`", "without these"]);
 }
 

@@ -37,6 +37,16 @@ fn colors_of_vertices_are_read_and_survive_conversion() {
         save(&loaded, "a.gltf", &copy, false).unwrap();
         assert_eq!(load(&copy).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
     }
+    // Their opacity is told to be ignored where it would count.
+    for (mode, is_told) in [("OPAQUE", false), ("BLEND", true), ("MASK", true)] {
+        let mut model = colored("VEC4", &rgba);
+        model.json["materials"][0]["alphaMode"] = json!(mode);
+        let notes = model.load().notes_text();
+        assert_eq!(notes.contains("ignored the opacity of the vertex colors"), is_told, "{notes}");
+    }
+    let mut opaque = colored("VEC4", &[1.0; 16]);
+    opaque.json["materials"][0]["alphaMode"] = json!("BLEND");
+    assert!(!opaque.load().notes_text().contains("vertex colors"));
     // White ones take no room, and bytes are shares.
     assert!(colored("VEC3", &[1.0; 12]).load().scene.meshes()[0].colors.is_empty());
     let mut model = square();

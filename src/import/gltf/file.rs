@@ -22,6 +22,10 @@ const UPGRADE: &str =
 const DECOMPRESS: &str = "decompress the model: `npx @gltf-transform/cli cp OLD NEW.glb`; or export it \
                           without compression";
 
+/// What to do about the older kind of glossy materials.
+const METAL_ROUGH: &str = "convert its materials: `npx @gltf-transform/cli metalrough OLD NEW.glb`; or export it \
+                           with metallic-roughness materials";
+
 /// What `extensionsRequired` may name.
 const SUPPORTED: [&str; 12] = [
     "EXT_mesh_gpu_instancing",
@@ -154,10 +158,12 @@ fn check_extensions(document: &Document) -> Result<()> {
     if unknown.is_empty() {
         return Ok(());
     }
+    let are = if unknown.len() == 1 { "is" } else { "are" };
     let names = text::list(unknown);
-    let problem = format!("extensionsRequired: the file needs {names}, which are not supported");
+    let problem = format!("extensionsRequired: the file needs {names}, which {are} not supported");
     let advice = match &names {
         names if names.contains("draco") || names.contains("meshopt") => DECOMPRESS,
+        names if names.contains("pbrSpecularGlossiness") => METAL_ROUGH,
         _ => "export the model without these extensions",
     };
     Err(Error::new(problem, advice))

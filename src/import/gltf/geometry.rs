@@ -165,6 +165,22 @@ pub(super) fn read(
     Ok(mesh)
 }
 
+/// Whether the colors of any vertices are translucent.
+pub(super) fn has_translucent_colors(
+    document: &Document,
+    buffers: &Buffers,
+    primitive: &Primitive,
+    place: &str,
+) -> Result<bool> {
+    let at = format!("{place}.attributes.COLOR_0");
+    let Some(index) = primitive.attributes.get("COLOR_0") else { return Ok(false) };
+    if get(&document.accessors, "accessors", *index, &at)?.kind != "VEC4" {
+        return Ok(false);
+    }
+    let colors = Reader::open(document, buffers, *index, "VEC4", &at)?;
+    Ok((0..colors.count).any(|vertex| colors.numbers::<4>(vertex)[3] < 1.0))
+}
+
 /// The colors of the vertices `used`, with or without opacity; none where all are white.
 fn colors(
     document: &Document,

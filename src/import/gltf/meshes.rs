@@ -134,6 +134,13 @@ impl<'a> Meshes<'a> {
             if !tints && primitive.attributes.contains_key("COLOR_0") {
                 self.remarks.skipped("ignored the vertex colors of glass in", &name);
             }
+            let own = primitive.material.and_then(|index| document.materials.get(index));
+            let blends = own
+                .and_then(|material| material.alpha_mode.as_deref())
+                .is_some_and(|mode| mode != "OPAQUE");
+            if blends && geometry::has_translucent_colors(document, buffers, primitive, &place)? {
+                self.remarks.skipped("ignored the opacity of the vertex colors of", &name);
+            }
             let wanted =
                 Wanted { uv_source: uv_source.as_ref(), tangents: bends, colors: tints, pose };
             let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;

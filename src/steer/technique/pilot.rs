@@ -93,7 +93,8 @@ impl Pilot<'_> {
 
     /// Tries the best techniques whose areas take much of the time before they are known on discs, too.
     fn add_discs(&mut self, seconds: f64) -> Result<()> {
-        if !self.demand.open.kernel {
+        // Discs count the opacity of translucent surfaces twice.
+        if !self.demand.open.kernel || self.site.is_translucent() {
             return Ok(());
         }
         let (weights, reaches) = (common_weights(&self.tried), self.at.reaches());

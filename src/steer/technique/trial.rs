@@ -10,7 +10,7 @@ use crate::noise::Measure;
 use crate::noise::film::BatchGrain;
 use crate::noise::image::NoiseImage;
 use crate::render::Renderer;
-use crate::scene::{Placement, Scene};
+use crate::scene::{Material, Placement, Scene};
 use crate::settings::policy::*;
 use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
@@ -200,6 +200,11 @@ impl<'a> Site<'a> {
         let census = census.collect();
         let threads = rayon::current_num_threads();
         Surfaces { census, pixels_per_thread: self.pixels / threads as f64 }
+    }
+
+    /// Whether any surface is there for a share of the rays only.
+    pub fn is_translucent(&self) -> bool {
+        self.ground.scene.materials().iter().any(Material::is_translucent)
     }
 
     /// One that shares areas with another of the same reach: most of what trials see is the same.
