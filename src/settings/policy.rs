@@ -53,6 +53,9 @@ pub const LARGE: f32 = 4.0;
 /// See [`LARGE`].
 pub const SMALL: f32 = 0.5;
 
+/// What equal radii are made to differ by where one class of photons is tried by itself: far less than any bias.
+pub const TOLD_APART: f32 = 0.999;
+
 /// Radii that are chosen from: the largest over so many powers of the root of 2.
 pub const RADIUS_STEPS: std::ops::Range<i32> = 0..9;
 

@@ -146,7 +146,7 @@ impl Ground<'_> {
     }
 
     fn points(&self, areas: &Areas, vertex: u32, block: u32, visit: u64) -> Vec<Packet> {
-        let key = StreamKey::new(self.seed, Stream::Test, visit);
+        let key = StreamKey::new(self.seed, Stream::Census, visit);
         let [width, height] = self.resolution;
         // Blocks spread evenly over the image, whatever their number.
         let [left, top] =

@@ -11,7 +11,6 @@ mod pilot;
 mod trial;
 
 use crate::base::error::Result;
-use crate::image::counts::Counts;
 use crate::render::Renderer;
 use crate::settings::policy::*;
 use crate::settings::{Direct, Kernel, Settings, Strategy, shared_by};
@@ -187,27 +186,17 @@ impl Scored {
     /// The settings that render so.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
-        let Technique { strategy, merge_vertex, direct, kernel } = technique;
+        let mut radii = [radius; 2];
+        radii[PhotonClass::EveryVertex as usize] = caustic_radius;
         let scale = shared_by(camera_paths);
         Settings {
-            strategy,
-            merge_vertex,
-            direct,
-            kernel,
-            radius,
-            caustic_radius,
             light_paths,
             camera_paths,
             mis_light_paths: light_paths,
             mis_c1: scale,
             mis_c2: scale,
-            ..settings.clone()
+            ..technique.with(settings, radii)
         }
-    }
-
-    /// Its counts.
-    pub fn counts(&self) -> Counts {
-        Counts::uniform(self.light_paths, self.camera_paths)
     }
 }
 

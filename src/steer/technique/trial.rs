@@ -115,11 +115,15 @@ impl<'a> Site<'a> {
         let camera_paths = TRIAL_CAMERA_PATHS;
         // Its samples are none of the image's.
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
-        let own = Settings { light_paths, camera_paths, seed, ..settings.clone() };
+        let mut own = Settings { light_paths, camera_paths, seed, ..settings.clone() };
+        if nests.is_some() && own.caustic_radius == own.radius {
+            // Equal radii are one for all photons, and would tell the bias of both classes twice.
+            own.caustic_radius *= TOLD_APART;
+        }
         let renderer = self.renderer(own.clone())?.with_batches(BatchGrain::Pixel);
         let mut renderer = match nests {
-            Some(class) if own.radius != own.caustic_radius => renderer.nesting(class),
-            _ => renderer,
+            Some(class) => renderer.nesting(class),
+            None => renderer,
         };
         let elapsed = || start.elapsed().as_secs_f64();
         let (mut iterations, mut first, mut photons) = (0, 0.0, 0);
@@ -295,4 +299,38 @@ fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
     sides.sort_by(f64::total_cmp);
     let side = sides.get(sides.len() / 2).copied().unwrap_or(1.0);
     side / PI.sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::load;
+    use crate::scene::backend::{Backend, build};
+    use crate::settings::Direct;
+
+    #[test]
+    fn equal_radii_tell_the_bias_of_each_class_alone() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+        let loaded = load(folder.as_ref()).unwrap();
+        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+        let own = own.unwrap();
+        // Light straight from the lamp is then merged, too.
+        let (direct, radius) = (Direct::PhotonMap, 8.0 * own.radius);
+        let (width, height, light_paths) = (16, 16, 4000);
+        let own =
+            Settings { direct, radius, caustic_radius: radius, width, height, light_paths, ..own };
+        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let renderer = Renderer::new(&loaded.scene, &*accel, own.clone()).unwrap();
+        let mut site = Site::new(&renderer, 0.0).unwrap();
+        // In no time: two iterations, the same ones each time.
+        let mut nested = |class| -> Vec<f64> {
+            let trial = site.trial(&own, Some(class), 0.0).unwrap();
+            trial.noise.pixels.iter().map(|pixel| pixel.noise.nested[1]).collect()
+        };
+        let [every, last] = [PhotonClass::EveryVertex, PhotonClass::LastVertex].map(&mut nested);
+        let square = |values: &[f64]| values.iter().map(|d| d * d).sum::<f64>();
+        let between: Vec<f64> = every.iter().zip(&last).map(|(a, b)| a - b).collect();
+        assert!(square(&every) > 0.0 && square(&last) > 0.0);
+        assert!(square(&between) > 0.1 * square(&every), "both tell the same");
+    }
 }
