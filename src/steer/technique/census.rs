@@ -29,6 +29,23 @@ pub struct Census {
     kept: f64,
 }
 
+/// What areas of surfaces cost an image before they are known.
+#[derive(Clone, Debug, Default)]
+pub struct Surfaces {
+    /// At two radii, of each vertex at which they are asked for; none without areas.
+    pub census: Vec<[(f64, Census); 2]>,
+    /// Pixels of the image over threads.
+    pub pixels_per_thread: f64,
+}
+
+impl Surfaces {
+    /// Seconds at a reach after so many camera paths per pixel.
+    pub fn cost(&self, reach: f64, visits: f64) -> f64 {
+        let of = |census: &[(f64, Census); 2]| Census::between(*census, reach).cost(visits);
+        self.pixels_per_thread * self.census.iter().map(of).sum::<f64>()
+    }
+}
+
 /// Camera paths of blocks of an image that meet surfaces.
 pub struct Ground<'a> {
     pub scene: &'a Scene,

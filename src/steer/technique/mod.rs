@@ -2,10 +2,12 @@
 //!
 //! A pilot outside of the image (`pilot.rs`) tries each strategy on a sample of the pixels (`trial.rs`), at a large
 //! radius, where the merge bias is plain, and at a smaller one; and what areas of surfaces cost (`census.rs`). How
-//! noise, bias and time depend on the radii is known (`model.rs`), so that a few trials tell about all radii; what
-//! looks best is then tried where it would render. theory.md, section 22a.
+//! noise, bias and time depend on the radii is known (`model.rs`, `bias.rs`), so that a few trials tell about all radii;
+//! what looks best for the time or error (`demand.rs`) is then tried where it would render. theory.md, section 22a.
 
+mod bias;
 mod census;
+mod demand;
 mod model;
 mod pilot;
 mod trial;

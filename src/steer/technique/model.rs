@@ -4,14 +4,13 @@
 //! shared by what a pixel's camera paths see, which is the disc convolved with the pixel's own area: `f` goes as
 //! `1/(r^2 + g^2)`. Both kinds of photons add, each at its own radius; `b` does not depend on either. theory.md (93a).
 
-use super::census::Census;
+use super::Technique;
+use super::bias::{Bias, Typical};
+use super::census::Surfaces;
+use super::demand::{Best, Demand};
 use super::trial::Trial;
-use super::{End, Open, Scored, Technique};
 use crate::noise::Coefficients;
-use crate::noise::bias::weighted_square;
-use crate::noise::image::Statistic;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -42,99 +41,6 @@ pub struct Model {
     surfaces: Surfaces,
 }
 
-/// What areas of surfaces cost an image before they are known.
-#[derive(Clone, Debug, Default)]
-pub struct Surfaces {
-    /// At two radii, of each vertex at which they are asked for; none without areas.
-    pub census: Vec<[(f64, Census); 2]>,
-    /// Pixels of the image over threads.
-    pub pixels_per_thread: f64,
-}
-
-impl Surfaces {
-    /// Seconds at a reach after so many camera paths per pixel.
-    pub fn cost(&self, reach: f64, visits: f64) -> f64 {
-        let of = |census: &[(f64, Census); 2]| Census::between(*census, reach).cost(visits);
-        self.pixels_per_thread * self.census.iter().map(of).sum::<f64>()
-    }
-}
-
-/// Squared relative bias at a radius, and how it falls.
-#[derive(Clone, Copy, Debug)]
-struct Bias {
-    radius: f64,
-    square: f64,
-    error: f64,
-    /// From a radius to `1/sqrt(2)` of it.
-    falls_to: f64,
-}
-
-/// Squared bias of light of a kind where nothing is known of it.
-#[derive(Clone, Copy, Debug)]
-struct Typical {
-    square: f64,
-    falls_to: f64,
-}
-
-impl Typical {
-    /// At a radius in widths of what the image shows.
-    fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
-        match (class, technique.kernel) {
-            (PhotonClass::LastVertex, Kernel::Area) => {
-                Self { square: TYPICAL_BIAS * radius.powi(3), falls_to: TYPICAL_FALL }
-            }
-            (PhotonClass::LastVertex, Kernel::Disc) => {
-                Self { square: DISC_BIAS * TYPICAL_BIAS * radius.powi(3), falls_to: DISC_FALL }
-            }
-            (PhotonClass::EveryVertex, _) => {
-                let direct = technique.direct;
-                let scale = TYPICAL_SHARP_BIAS[usize::from(direct == Direct::PhotonMap)];
-                Self { square: scale * radius.powi(2), falls_to: TYPICAL_SHARP_FALL }
-            }
-        }
-    }
-}
-
-impl Bias {
-    /// Of a trial at this radius: theory.md (93d).
-    fn new(trial: &Trial, radius: f64, weights: &[f64], typical: Typical) -> Self {
-        let (Statistic { value, error, .. }, falls_to) = weighted_square(&trial.noise, weights);
-        let spread = PRIOR_SPREAD * typical.square;
-        let certainty = spread.powi(2) / (spread.powi(2) + error * error);
-        let mixed =
-            |measured: f64, typical: f64| certainty * measured + (1.0 - certainty) * typical;
-        Self {
-            radius,
-            square: mixed(value, typical.square).max(LEAST_OF_PRIOR * typical.square),
-            error: error.min(spread),
-            falls_to: mixed(falls_to, typical.falls_to),
-        }
-    }
-}
-
-/// What is asked for.
-pub struct Demand {
-    pub end: End,
-    pub most_light_paths: u32,
-    pub open: Open,
-    /// Radii that were asked for.
-    pub wished: ByClass<f32>,
-}
-
-/// The best radii and counts of a technique, and what they lead to.
-#[derive(Clone, Copy, Debug)]
-pub struct Best {
-    radii: ByClass<f64>,
-    light_paths: f64,
-    camera_paths: u32,
-    seconds: f64,
-    noise2: f64,
-    bias2: f64,
-    bias2_error: f64,
-    times: TimeModel,
-    pub tried: bool,
-}
-
 impl Model {
     /// From trials at different radii, with weights of the pixels' squared errors; of an image so many pixels wide
     /// that see discs of the radius `footprint`.
@@ -146,7 +52,7 @@ impl Model {
         surfaces: &Surfaces,
     ) -> Self {
         let across = f64::from(width) * footprint * PI.sqrt();
-        let measured: Vec<_> = trials.iter().map(|trial| relative(trial, weights)).collect();
+        let measured: Vec<_> = trials.iter().map(|trial| trial.relative(weights)).collect();
         let g2 = footprint * footprint;
         let both = trials.iter().any(|trial| trial.any_at_every_vertex);
         let inverse = |add: f64| -> Vec<ByClass<f64>> {
@@ -193,10 +99,10 @@ impl Model {
     fn bias(&self, radii: ByClass<f64>) -> [f64; 2] {
         let mut sums = [0.0; 2];
         for (bias, radius) in self.bias.iter().zip(radii) {
-            let Some(Bias { radius: known, square, error, falls_to }) = *bias else { continue };
-            let scale = falls_to.powf(4.0 * (known / radius).log2());
-            sums[0] += scale * square.max(0.0);
-            sums[1] += (scale * error).powi(2);
+            let Some(bias) = bias else { continue };
+            let [square, error] = bias.at(radius);
+            sums[0] += square;
+            sums[1] += error * error;
         }
         [sums[0], sums[1].sqrt()]
     }
@@ -252,159 +158,20 @@ impl Model {
     /// The counts and what they lead to by a trial at the very radii, if that has found enough.
     pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &Demand) -> Best {
         let radii = trial.radii;
-        let own = relative(trial, weights);
+        let own = trial.relative(weights);
         // What few pixels have found looks quiet, and so do radii smaller than all others.
         let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
-        let coefficients = if is_small || found(trial, weights) < ENOUGH_FOUND {
+        let coefficients = if is_small || trial.found(weights) < ENOUGH_FOUND {
             let model = self.coefficients(radii);
             Coefficients { a: own.a.max(model.a), f: own.f.max(model.f), ..own }
         } else {
             own
         };
         let bias = self.bias(radii);
-        let best = demand.evaluate(&coefficients, &trial.times, bias, radii, &self.surfaces);
-        Best { tried: true, ..best }
+        let mut best = demand.evaluate(&coefficients, &trial.times, bias, radii, &self.surfaces);
+        best.tried = true;
+        best
     }
-}
-
-impl Demand {
-    /// Squared noise, or the time that it takes to be small enough, at the best counts by a single trial.
-    pub fn noise2(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> f64 {
-        self.noise(trial, weights, surfaces).rank(self)
-    }
-
-    /// Share of the time that areas take before they are known, at some reach, about.
-    pub fn share(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces, reach: f64) -> f64 {
-        let Best { light_paths, camera_paths, seconds, times, .. } =
-            self.noise(trial, weights, &Surfaces::default());
-        let camera_paths = f64::from(camera_paths);
-        let visits = camera_paths * seconds / times.iteration(light_paths, camera_paths);
-        surfaces.cost(reach, visits) / seconds
-    }
-
-    fn noise(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> Best {
-        let coefficients = relative(trial, weights);
-        self.evaluate(&coefficients, &trial.times, [0.0; 2], trial.radii, surfaces)
-    }
-
-    /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
-    fn evaluate(
-        &self,
-        coefficients: &Coefficients,
-        times: &TimeModel,
-        [bias2, bias2_error]: [f64; 2],
-        radii: ByClass<f64>,
-        surfaces: &Surfaces,
-    ) -> Best {
-        let reach = radii[EVERY].max(radii[LAST]);
-        let Coefficients { a, b, f } = coefficients.clamped();
-        let mut best: Option<Best> = None;
-        for camera_paths in CAMERA_STEPS {
-            let n_camera = f64::from(camera_paths);
-            let [base, per_light_path] = times.in_light_paths(n_camera);
-            let (camera, light) = (b / n_camera, a / n_camera + f);
-            let longest = match self.end {
-                End::Time(time) => time / LEAST_ITERATIONS_AFTER_CHOICE,
-                End::Error(_) => f64::INFINITY,
-            };
-            if base > longest && best.is_some() {
-                break;
-            }
-            let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
-            let optimum = (base * light / (per_light_path * camera)).sqrt();
-            let most = f64::from(self.most_light_paths).min(allowed);
-            let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
-            let tau = base + per_light_path * light_paths;
-            let cost = tau * (camera + light / light_paths);
-            // theory.md (93f)
-            let first = |seconds: f64| surfaces.cost(reach, n_camera * seconds / tau);
-            let (seconds, noise2) = match self.end {
-                End::Time(time) => {
-                    let least = LEAST_TIME_SHARE * time;
-                    let left = (time - first(time)).max(least);
-                    (time, cost / (time - first(left)).max(least))
-                }
-                End::Error(error) => {
-                    let noise2 = (error * error - bias2).max(LEAST_NOISE_SHARE * error * error);
-                    // theory.md (91)
-                    let known = (cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
-                    (known + first(known), noise2)
-                }
-            };
-            let own = Best {
-                radii,
-                light_paths,
-                camera_paths,
-                seconds,
-                noise2,
-                bias2,
-                bias2_error,
-                times: *times,
-                tried: false,
-            };
-            if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
-                best = Some(own);
-            }
-        }
-        best.expect("there is a step")
-    }
-}
-
-impl Best {
-    /// The less, the better.
-    pub fn rank(&self, demand: &Demand) -> f64 {
-        match demand.end {
-            End::Time(_) => self.noise2 + self.bias2,
-            // Where the bias alone is too much, the less of it, the better.
-            End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
-        }
-    }
-
-    /// What the program tells of it.
-    pub fn scored(&self, technique: Technique) -> Scored {
-        let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
-            *self;
-        Scored {
-            technique,
-            radius: radii[LAST] as f32,
-            caustic_radius: radii[EVERY] as f32,
-            light_paths: self.light_paths.round() as u32,
-            camera_paths,
-            seconds,
-            error: (noise2 + bias2).sqrt(),
-            noise: noise2.sqrt(),
-            bias: bias2.sqrt(),
-            bias2_error,
-            times,
-            tried,
-        }
-    }
-
-    /// The settings of a trial there.
-    pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
-        self.scored(technique).apply(settings)
-    }
-}
-
-/// Mean coefficients of a trial over weighted pixels. As long as few pixels have found something, what they would find
-/// where light is spread evenly counts as one more: theory.md (93e).
-fn relative(trial: &Trial, weights: &[f64]) -> Coefficients {
-    let weighted = trial.noise.pixels.iter().zip(weights);
-    let sum: Coefficients = weighted.map(|(pixel, &w)| pixel.noise.coefficients * w).sum();
-    let mean = (sum * (weights.len() as f64).recip()).clamped();
-    let more = (trial.even - (mean.a + mean.f)).max(0.0) / (found(trial, weights) + 1.0);
-    Coefficients { f: mean.f + more, ..mean }
-}
-
-/// About how many pixels have found something: theory.md (93e).
-pub fn found(trial: &Trial, weights: &[f64]) -> f64 {
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for (pixel, &weight) in trial.noise.pixels.iter().zip(weights) {
-        let Coefficients { a, f, .. } = pixel.noise.coefficients;
-        sum += (a + f) * weight;
-        squares += ((a + f) * weight).powi(2);
-    }
-    if squares > 0.0 { sum * sum / squares } else { 0.0 }
 }
 
 /// Parts of either class, at least 0, that add up to `values` with the factors `inverse` of trials: by least squares
@@ -458,16 +225,9 @@ fn mean_times(trials: &[Trial]) -> TimeModel {
 mod tests {
     use super::*;
 
-    fn times() -> TimeModel {
-        let (light_path, camera_path, look_up, merge_pair) = (2e-7, 5e-7, 1e-8, 1e-12);
-        TimeModel { fixed: 1e-4, light_path, camera_path, look_up, merge_pair, pixels: 1e4 }
-    }
-
-    fn demand(end: End) -> Demand {
-        let open =
-            Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
-        Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
-    }
+    use crate::settings::{Direct, Kernel, Strategy};
+    use crate::steer::technique::demand::tests::{demand, times};
+    use crate::steer::technique::{End, Open};
 
     #[test]
     fn parts_of_both_classes_are_told_apart() {
@@ -485,36 +245,9 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_the_best_of_all_that_are_tried() {
-        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let none = Surfaces::default();
-        let at = |end| demand(end).evaluate(&coefficients, &times(), [1e-5, 0.0], [1.0; 2], &none);
-        let best = at(End::Time(100.0));
-        let mut least = f64::INFINITY;
-        for n_camera in CAMERA_STEPS {
-            for step in 0..400 {
-                let n_light = 10.0 * 1.04f64.powi(step);
-                let tau = times().iteration(n_light, f64::from(n_camera));
-                if tau <= 100.0 / LEAST_ITERATIONS_AFTER_CHOICE {
-                    let cost = tau * coefficients.variance(n_light, f64::from(n_camera));
-                    least = least.min(cost / 100.0);
-                }
-            }
-        }
-        assert!(
-            (best.noise2 / least - 1.0).abs() < 2e-3 && best.noise2 <= least,
-            "{best:?} {least}"
-        );
-        // The time to the error that this time leads to is this time.
-        let error = (best.noise2 + best.bias2).sqrt();
-        let back = at(End::Error(error));
-        assert!(back.seconds <= 100.0 * (1.0 + 1e-9) && back.seconds > 95.0, "{back:?}");
-    }
-
-    #[test]
     fn longer_renders_take_smaller_radii() {
         let technique = Technique {
-            strategy: crate::settings::Strategy::Single,
+            strategy: Strategy::Single,
             merge_vertex: 1,
             direct: Direct::Connect,
             kernel: Kernel::Area,

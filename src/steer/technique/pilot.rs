@@ -1,7 +1,9 @@
 //! The pilot: all techniques at the radii of the settings, those that are not much worse at large ones, the best at
 //! their best ones.
 
-use super::model::{self, Best, Demand, Model, Surfaces};
+use super::census::Surfaces;
+use super::demand::{Best, Demand};
+use super::model::Model;
 use super::trial::{Site, Trial};
 use super::{Chosen, End, Open, Technique};
 use crate::base::error::Result;
@@ -173,7 +175,7 @@ impl Pilot<'_> {
 impl Tried {
     /// Whether direct light is looked for in a photon map in which few pixels have found anything.
     fn is_thin(&self, weights: &[f64]) -> bool {
-        let found = self.trials.iter().map(|trial| model::found(trial, weights));
+        let found = self.trials.iter().map(|trial| trial.found(weights));
         self.technique.direct == Direct::PhotonMap && found.fold(0.0, f64::max) < ENOUGH_FOUND
     }
 

@@ -1,14 +1,13 @@
 //! One technique at given radii on a sample of the pixels: its noise, its nested radii and its times.
 
 use super::Technique;
-use super::census::{Census, Ground};
-use super::model::Surfaces;
+use super::census::{Census, Ground, Surfaces};
 use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::image::counts::Counts;
-use crate::noise::Measure;
 use crate::noise::film::BatchGrain;
 use crate::noise::image::NoiseImage;
+use crate::noise::{Coefficients, Measure};
 use crate::render::Renderer;
 use crate::scene::{Material, Placement, Scene};
 use crate::settings::policy::*;
@@ -60,6 +59,29 @@ pub struct Trial {
     pub first: f64,
     /// Whether there were photons that merge at every vertex.
     pub any_at_every_vertex: bool,
+}
+
+impl Trial {
+    /// Mean coefficients over weighted pixels. As long as few pixels have found something, what they would find
+    /// where light is spread evenly counts as one more: theory.md (93e).
+    pub fn relative(&self, weights: &[f64]) -> Coefficients {
+        let weighted = self.noise.pixels.iter().zip(weights);
+        let sum: Coefficients = weighted.map(|(pixel, &w)| pixel.noise.coefficients * w).sum();
+        let mean = (sum * (weights.len() as f64).recip()).clamped();
+        let more = (self.even - (mean.a + mean.f)).max(0.0) / (self.found(weights) + 1.0);
+        Coefficients { f: mean.f + more, ..mean }
+    }
+
+    /// About how many pixels have found something: theory.md (93e).
+    pub fn found(&self, weights: &[f64]) -> f64 {
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for (pixel, &weight) in self.noise.pixels.iter().zip(weights) {
+            let Coefficients { a, f, .. } = pixel.noise.coefficients;
+            sum += (a + f) * weight;
+            squares += ((a + f) * weight).powi(2);
+        }
+        if squares > 0.0 { sum * sum / squares } else { 0.0 }
+    }
 }
 
 impl<'a> Site<'a> {

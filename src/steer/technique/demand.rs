@@ -1,0 +1,199 @@
+//! The best counts of a technique for a time or an error, and what they lead to.
+
+use super::census::Surfaces;
+use super::trial::Trial;
+use super::{End, Open, Scored, Technique};
+use crate::noise::Coefficients;
+use crate::settings::Settings;
+use crate::settings::policy::*;
+use crate::timing::TimeModel;
+use crate::transport::kernel::ByClass;
+use crate::transport::photon::PhotonClass;
+
+const EVERY: usize = PhotonClass::EveryVertex as usize;
+const LAST: usize = PhotonClass::LastVertex as usize;
+
+/// What is asked for.
+pub struct Demand {
+    pub end: End,
+    pub most_light_paths: u32,
+    pub open: Open,
+    /// Radii that were asked for.
+    pub wished: ByClass<f32>,
+}
+
+/// The best radii and counts of a technique, and what they lead to.
+#[derive(Clone, Copy, Debug)]
+pub struct Best {
+    pub radii: ByClass<f64>,
+    light_paths: f64,
+    camera_paths: u32,
+    seconds: f64,
+    noise2: f64,
+    bias2: f64,
+    bias2_error: f64,
+    times: TimeModel,
+    pub tried: bool,
+}
+
+impl Demand {
+    /// Squared noise, or the time that it takes to be small enough, at the best counts by a single trial.
+    pub fn noise2(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> f64 {
+        self.noise(trial, weights, surfaces).rank(self)
+    }
+
+    /// Share of the time that areas take before they are known, at some reach, about.
+    pub fn share(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces, reach: f64) -> f64 {
+        let Best { light_paths, camera_paths, seconds, times, .. } =
+            self.noise(trial, weights, &Surfaces::default());
+        let camera_paths = f64::from(camera_paths);
+        let visits = camera_paths * seconds / times.iteration(light_paths, camera_paths);
+        surfaces.cost(reach, visits) / seconds
+    }
+
+    fn noise(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> Best {
+        let coefficients = trial.relative(weights);
+        self.evaluate(&coefficients, &trial.times, [0.0; 2], trial.radii, surfaces)
+    }
+
+    /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
+    pub fn evaluate(
+        &self,
+        coefficients: &Coefficients,
+        times: &TimeModel,
+        [bias2, bias2_error]: [f64; 2],
+        radii: ByClass<f64>,
+        surfaces: &Surfaces,
+    ) -> Best {
+        let reach = radii[EVERY].max(radii[LAST]);
+        let Coefficients { a, b, f } = coefficients.clamped();
+        let mut best: Option<Best> = None;
+        for camera_paths in CAMERA_STEPS {
+            let n_camera = f64::from(camera_paths);
+            let [base, per_light_path] = times.in_light_paths(n_camera);
+            let (camera, light) = (b / n_camera, a / n_camera + f);
+            let longest = match self.end {
+                End::Time(time) => time / LEAST_ITERATIONS_AFTER_CHOICE,
+                End::Error(_) => f64::INFINITY,
+            };
+            if base > longest && best.is_some() {
+                break;
+            }
+            let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
+            let optimum = (base * light / (per_light_path * camera)).sqrt();
+            let most = f64::from(self.most_light_paths).min(allowed);
+            let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
+            let tau = base + per_light_path * light_paths;
+            let cost = tau * (camera + light / light_paths);
+            // theory.md (93f)
+            let first = |seconds: f64| surfaces.cost(reach, n_camera * seconds / tau);
+            let (seconds, noise2) = match self.end {
+                End::Time(time) => {
+                    let least = LEAST_TIME_SHARE * time;
+                    let left = (time - first(time)).max(least);
+                    (time, cost / (time - first(left)).max(least))
+                }
+                End::Error(error) => {
+                    let noise2 = (error * error - bias2).max(LEAST_NOISE_SHARE * error * error);
+                    // theory.md (91)
+                    let known = (cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
+                    (known + first(known), noise2)
+                }
+            };
+            let own = Best {
+                radii,
+                light_paths,
+                camera_paths,
+                seconds,
+                noise2,
+                bias2,
+                bias2_error,
+                times: *times,
+                tried: false,
+            };
+            if best.is_none_or(|best| own.rank(self) < best.rank(self)) {
+                best = Some(own);
+            }
+        }
+        best.expect("there is a step")
+    }
+}
+
+impl Best {
+    /// The less, the better.
+    pub fn rank(&self, demand: &Demand) -> f64 {
+        match demand.end {
+            End::Time(_) => self.noise2 + self.bias2,
+            // Where the bias alone is too much, the less of it, the better.
+            End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
+        }
+    }
+
+    /// What the program tells of it.
+    pub fn scored(&self, technique: Technique) -> Scored {
+        let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
+            *self;
+        Scored {
+            technique,
+            radius: radii[LAST] as f32,
+            caustic_radius: radii[EVERY] as f32,
+            light_paths: self.light_paths.round() as u32,
+            camera_paths,
+            seconds,
+            error: (noise2 + bias2).sqrt(),
+            noise: noise2.sqrt(),
+            bias: bias2.sqrt(),
+            bias2_error,
+            times,
+            tried,
+        }
+    }
+
+    /// The settings of a trial there.
+    pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
+        self.scored(technique).apply(settings)
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+
+    pub fn times() -> TimeModel {
+        let (light_path, camera_path, look_up, merge_pair) = (2e-7, 5e-7, 1e-8, 1e-12);
+        TimeModel { fixed: 1e-4, light_path, camera_path, look_up, merge_pair, pixels: 1e4 }
+    }
+
+    pub fn demand(end: End) -> Demand {
+        let open =
+            Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
+        Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
+    }
+
+    #[test]
+    fn counts_are_the_best_of_all_that_are_tried() {
+        let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
+        let none = Surfaces::default();
+        let at = |end| demand(end).evaluate(&coefficients, &times(), [1e-5, 0.0], [1.0; 2], &none);
+        let best = at(End::Time(100.0));
+        let mut least = f64::INFINITY;
+        for n_camera in CAMERA_STEPS {
+            for step in 0..400 {
+                let n_light = 10.0 * 1.04f64.powi(step);
+                let tau = times().iteration(n_light, f64::from(n_camera));
+                if tau <= 100.0 / LEAST_ITERATIONS_AFTER_CHOICE {
+                    let cost = tau * coefficients.variance(n_light, f64::from(n_camera));
+                    least = least.min(cost / 100.0);
+                }
+            }
+        }
+        assert!(
+            (best.noise2 / least - 1.0).abs() < 2e-3 && best.noise2 <= least,
+            "{best:?} {least}"
+        );
+        // The time to the error that this time leads to is this time.
+        let error = (best.noise2 + best.bias2).sqrt();
+        let back = at(End::Error(error));
+        assert!(back.seconds <= 100.0 * (1.0 + 1e-9) && back.seconds > 95.0, "{back:?}");
+    }
+}
