@@ -116,6 +116,9 @@ pub struct PerPixel {
 /// selection does not follow the rows of the image.
 const MOST_PIXELS: usize = 4093;
 
+/// The same of one that may miss the best a little; prime as well.
+const NEAR_PIXELS: usize = 1021;
+
 /// The search for the best counts for the pixels of a region.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -238,12 +241,17 @@ impl Problem {
 
     /// The problem for at most [`MOST_PIXELS`] pixels, each standing for several.
     fn sampled(&self) -> Cow<'_, Self> {
+        self.at_most(MOST_PIXELS)
+    }
+
+    /// The problem for at most so many pixels, each standing for several.
+    fn at_most(&self, most: usize) -> Cow<'_, Self> {
         let count = self.pixels.len();
-        if count <= MOST_PIXELS {
+        if count <= most {
             return Cow::Borrowed(self);
         }
-        let pixels = (0..MOST_PIXELS).map(|i| self.pixels[i * count / MOST_PIXELS]).collect();
-        Cow::Owned(Self { pixels, each: count as f64 / MOST_PIXELS as f64, ..self.clone() })
+        let pixels = (0..most).map(|i| self.pixels[i * count / most]).collect();
+        Cow::Owned(Self { pixels, each: count as f64 / most as f64, ..*self })
     }
 
     /// Even the fewest paths take longer than allowed.

@@ -3,7 +3,7 @@
 use super::search::{Criterion, Score, minimize, scan};
 use super::slice::Slice;
 use super::whole::Allocation;
-use super::{PerPixel, Problem, Uniform};
+use super::{NEAR_PIXELS, PerPixel, Problem, Uniform};
 
 /// Relative width of the search for the number of light paths, which only has to lead near it.
 const CENTER_WIDTH: f64 = 1e-2;
@@ -37,10 +37,43 @@ impl Problem {
         self.best_per_pixel(Some(slack))
     }
 
-    fn best_per_pixel(&self, slack: Option<f64>) -> PerPixel {
-        let fewest = || vec![self.camera_paths[0]; self.pixels.len()];
+    /// Nearly [`Self::shortest_per_pixel`], much sooner: of more than 1021 pixels an even selection decides, and the
+    /// number of light paths is that which is best if camera paths need not be whole. With many paths the cost is
+    /// within a few percent of the least, but for `max-rms`.
+    pub fn near_per_pixel(&self, slack: f64) -> PerPixel {
         if self.is_infeasible() {
-            return self.evaluate(self.light_paths[0], fewest());
+            return self.evaluate(self.light_paths[0], self.fewest());
+        }
+        let sampled = self.at_most(NEAR_PIXELS);
+        let bounds = self.light_paths.map(f64::from);
+        let best = |criterion: &Criterion| {
+            let relaxed = |n| Slice::new(&sampled, criterion, n).relaxed();
+            let n_light = minimize(bounds, CENTER_WIDTH, self.is_convex(), |n| relaxed(n).0);
+            let (score, thresholds) = relaxed(n_light);
+            (n_light, score, thresholds)
+        };
+        let criterion = sampled.criterion();
+        let mut found = best(&criterion);
+        let criterion = criterion.least_time(found.1.cost, slack);
+        let shortest = best(&criterion);
+        if shortest.1.is_valid() {
+            found = shortest;
+        }
+        let (n_light, _, thresholds) = found;
+        let light_paths = (n_light.round() as u32).clamp(self.light_paths[0], self.light_paths[1]);
+        let threshold = thresholds.map_or(f64::INFINITY, |[_, chosen]| chosen);
+        let slice = Slice::new(self, &criterion, f64::from(light_paths));
+        let camera_paths = slice.allocate(&Allocation { light_paths, threshold, extra: vec![] });
+        self.evaluate(light_paths, camera_paths)
+    }
+
+    fn fewest(&self) -> Vec<u32> {
+        vec![self.camera_paths[0]; self.pixels.len()]
+    }
+
+    fn best_per_pixel(&self, slack: Option<f64>) -> PerPixel {
+        if self.is_infeasible() {
+            return self.evaluate(self.light_paths[0], self.fewest());
         }
         let sampled = self.sampled();
         let criterion = sampled.criterion();
@@ -51,7 +84,7 @@ impl Problem {
             found = sampled.search_per_pixel(&criterion, Some(incumbent));
         }
         let Some((_, mut allocation)) = found else {
-            return self.evaluate(self.light_paths[0], fewest());
+            return self.evaluate(self.light_paths[0], self.fewest());
         };
         if sampled.pixels.len() < self.pixels.len() {
             allocation.extra.clear();

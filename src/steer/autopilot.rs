@@ -200,7 +200,7 @@ impl Autopilot {
         let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
         if self.per_pixel {
-            let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
+            let best = problem.near_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
                 let camera_paths = CameraCounts::PerPixel(best.camera_paths);
                 counts = Counts { light_paths: best.light_paths, camera_paths };

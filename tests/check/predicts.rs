@@ -1,14 +1,40 @@
-//! Far counts by the strategies that `tests/noise/predicts.rs` leaves out.
+//! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes of this project.
 
+use crate::committed;
 use crate::common::MIS;
-use crate::far_counts::assert_far_counts;
-use bdpm::settings::Direct;
+use crate::far_counts::{Subject, assert_far_counts};
+use bdpm::Settings;
+use bdpm::settings::{Direct, Kernel, Strategy};
 
 #[test]
 fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
-    for (direct, merge_vertex) in
-        [(Direct::Connect, 2), (Direct::PhotonMap, 1), (Direct::PhotonMap, MIS)]
-    {
-        assert_far_counts(direct, merge_vertex);
+    for (direct, merge_vertex, kernel) in [
+        (Direct::Connect, 2, Kernel::Disc),
+        (Direct::PhotonMap, 1, Kernel::Disc),
+        (Direct::PhotonMap, MIS, Kernel::Disc),
+        (Direct::Connect, 1, Kernel::Area),
+        (Direct::Connect, MIS, Kernel::Area),
+    ] {
+        assert_far_counts(direct, merge_vertex, kernel);
+    }
+}
+
+/// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
+#[test]
+fn the_noise_of_scenes_by_all_ways_is_known_at_far_counts() {
+    for name in ["cornell-box-classic", "caustic-sphere", "point-caustic"] {
+        let (scene, settings) = committed::small(name);
+        let radius = 0.04 * scene.size();
+        let settings = Settings {
+            strategy: Strategy::Mis,
+            merge_vertex: 2,
+            kernel: Kernel::Area,
+            radius,
+            caustic_radius: 0.5 * radius,
+            mis_light_paths: 1000,
+            ..settings
+        };
+        Subject { name: name.into(), scene: &scene, settings, iterations: 5000, quiet: 0.3 }
+            .assert_far_counts(&[(30_000, 4, 260), (300, 60, 2000)]);
     }
 }

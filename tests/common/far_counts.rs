@@ -6,7 +6,7 @@ use bdpm::accel::Intersect;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic};
-use bdpm::settings::Direct;
+use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Scene, Settings};
 
 /// Measures every iteration.
@@ -40,34 +40,57 @@ fn assert_agree(what: &str, predicted: Statistic, sampled: Statistic, relative: 
     assert!(off.abs() < relative.max(2.0 * error), "{what}: off by {off:+.4} +- {error:.4}");
 }
 
-/// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts.
-pub fn assert_far_counts(direct: Direct, merge_vertex: u32) {
-    let scene = furnished_box();
-    let accel = accel(&scene);
-    // Weights for other counts than any of these.
-    let at = |light_paths, camera_paths, seed| {
-        let asked = Settings {
-            direct,
-            merge_vertex,
+/// What is measured at some counts, and predicted for others.
+pub struct Subject<'a> {
+    pub name: String,
+    pub scene: &'a Scene,
+    /// All but counts and seeds.
+    pub settings: Settings,
+    /// Of the measurement.
+    pub iterations: usize,
+    /// Share of the pixels that count: those with the least noise in a run of their own. Rare light in the others
+    /// would take too long to be sampled.
+    pub quiet: f64,
+}
+
+impl Subject<'_> {
+    /// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts: light and camera
+    /// paths, and iterations that sample it.
+    pub fn assert_far_counts(&self, far: &[(u32, u32, usize)]) {
+        let Self { name, scene, settings, iterations, quiet } = self;
+        let accel = accel(scene);
+        let at = |light_paths, camera_paths, seed| Settings {
             light_paths,
             camera_paths,
             seed,
-            radius: 0.2,
-            caustic_radius: 0.2,
-            ..settings(12, 12)
+            ..settings.clone()
         };
-        Settings { mis_light_paths: 1000, ..by_way(asked) }
-    };
-    let poor = measure(&scene, &*accel, at(300, 4, 1), 2500, Measure::Pairs);
-    for (light_paths, camera_paths, iterations) in
-        [(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]
-    {
-        let settings = at(light_paths, camera_paths, 2);
-        let far = measure(&scene, &*accel, settings, iterations, Measure::Pairs);
-        let region = all(&poor);
-        let what = format!("{direct:?} k={merge_vertex} {light_paths} {camera_paths}");
-        let (n, m) = (f64::from(light_paths), f64::from(camera_paths));
-        let sampled = far.sampled_pooled_rms(&region);
-        assert_agree(&what, poor.pooled_rms(&region, n, m), sampled, 0.02);
+        let pilot = measure(scene, &*accel, at(1000, 4, 3), 200, Measure::Pairs);
+        let mut region = all(&pilot);
+        let noise = |pixel: &usize| pilot.pixels[*pixel].noise.sampled;
+        region.sort_by(|one, other| noise(one).total_cmp(&noise(other)));
+        region.truncate((quiet * region.len() as f64) as usize);
+        let poor = measure(scene, &*accel, at(300, 4, 1), *iterations, Measure::Pairs);
+        for &(light_paths, camera_paths, iterations) in far {
+            let settings = at(light_paths, camera_paths, 2);
+            let far = measure(scene, &*accel, settings, iterations, Measure::Pairs);
+            let what = format!("{name} {light_paths} {camera_paths}");
+            let (n, m) = (f64::from(light_paths), f64::from(camera_paths));
+            let sampled = far.sampled_pooled_rms(&region);
+            assert_agree(&what, poor.pooled_rms(&region, n, m), sampled, 0.02);
+        }
     }
+}
+
+/// The same of a furnished box, merged on discs or by areas with a radius of their own for caustics.
+pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
+    let radius = 0.2;
+    let caustic_radius = if kernel == Kernel::Area { 0.6 * radius } else { radius };
+    let asked =
+        Settings { direct, merge_vertex, kernel, radius, caustic_radius, ..settings(12, 12) };
+    // Weights for other counts than any of these.
+    let settings = Settings { mis_light_paths: 1000, ..by_way(asked) };
+    let name = format!("{direct:?} {kernel:?} k={merge_vertex}");
+    Subject { name, scene: &furnished_box(), settings, iterations: 2500, quiet: 1.0 }
+        .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
 }

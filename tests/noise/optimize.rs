@@ -171,6 +171,40 @@ fn larger_uniform_problems_agree_too() {
     }
 }
 
+/// As they are asked for while an image is rendered, from more pixels than are looked at.
+#[test]
+fn what_is_found_sooner_costs_little_more() {
+    // The percentile of a selection of the pixels says less.
+    let objectives = OBJECTIVES.into_iter().filter(|&objective| objective != Objective::MaxRms);
+    for (index, objective) in objectives.cycle().take(6).enumerate() {
+        let rng = &mut rng(50_000 + index as u64);
+        let pixels = 1200;
+        let heavy = |rng: &mut Rng| size(rng, 0.1, 10.0) * size(rng, 0.1, 10.0);
+        let coefficients: Vec<_> = (0..pixels)
+            .map(|_| Coefficients { a: 1e4 * heavy(rng), b: heavy(rng), f: 1e4 * heavy(rng) })
+            .collect();
+        let luminance: Vec<_> = (0..pixels).map(|_| size(rng, 0.1, 10.0)).collect();
+        let time = TimeModel {
+            fixed: 1e-4,
+            light_path: size(rng, 1e-8, 1e-6),
+            camera_path: size(rng, 1e-8, 1e-6),
+            look_up: 1e-8,
+            merge_pair: size(rng, 1e-14, 1e-12),
+            pixels: pixels as f64,
+        };
+        let iteration_time = size(rng, 1e-3, 1.0);
+        let bounds =
+            CountLimits { light_paths: 2..=1 << 24, camera_paths: 1..=4096, iteration_time };
+        let problem = Problem::new(&coefficients, &luminance, objective, time, &bounds);
+        let [best, near] = [problem.shortest_per_pixel(SLACK), problem.near_per_pixel(SLACK)];
+        let (ratio, longer) = (near.cost / best.cost, near.iteration_time / best.iteration_time);
+        assert!(ratio < 1.05, "{index} {objective:?}: {ratio}");
+        // Where not even the fewest paths fit, they are taken.
+        assert!(near.iteration_time <= iteration_time || longer == 1.0, "{index}: {near:?}");
+        assert!(longer < 1.5, "{index}: {longer}");
+    }
+}
+
 /// The percentile is not convex: nearly the best is enough.
 #[test]
 fn the_percentile_of_many_pixels_is_nearly_the_least() {
@@ -307,7 +341,11 @@ fn nothing_is_nan_or_endless() {
             let luminance = vec![0.0; pixels];
             let problem = Problem::new(&coefficients, &luminance, objective, time(zeros), &bounds);
             let uniform = [problem.uniform(), problem.shortest_uniform(SLACK)];
-            let each = [problem.per_pixel(), problem.shortest_per_pixel(SLACK)];
+            let each = [
+                problem.per_pixel(),
+                problem.shortest_per_pixel(SLACK),
+                problem.near_per_pixel(SLACK),
+            ];
             let shown = format!("{zeros:b} {kind:?} {mixed} {objective:?} {uniform:?} {each:?}");
             let outcome = |time: f64, cost: f64, paths: u32| {
                 assert!(time.is_finite() && cost.is_finite(), "{shown}");

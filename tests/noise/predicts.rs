@@ -6,14 +6,14 @@ use crate::far_counts::*;
 use bdpm::Settings;
 use bdpm::noise::Measure;
 use bdpm::noise::image::NoiseImage;
-use bdpm::settings::Direct;
+use bdpm::settings::{Direct, Kernel};
 
 #[test]
 fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     for (direct, merge_vertex) in
         [(Direct::Connect, 1), (Direct::PhotonMap, 2), (Direct::Connect, MIS)]
     {
-        assert_far_counts(direct, merge_vertex);
+        assert_far_counts(direct, merge_vertex, Kernel::Disc);
     }
 }
 

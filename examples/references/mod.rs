@@ -1,0 +1,172 @@
+//! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
+
+use bdpm::image::film::{luminance, luminance_weights, pool};
+use bdpm::import::load;
+use bdpm::optimize::Objective;
+use bdpm::render::block::{self, Combined};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::settings::PartialSettings;
+use bdpm::steer::Steer;
+use bdpm::steer::autopilot::Autopilot;
+use bdpm::steer::goal::{Goal, Standing, importance};
+use bdpm::steer::technique::{self, End, Open, Scored, Technique};
+use bdpm::{Renderer, Settings};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+
+/// Seconds of each half of a reference.
+const REFERENCE: f64 = 40.0;
+
+/// Nothing is left to the program but counts.
+pub const NONE: Open =
+    Open { strategy: false, direct: false, kernel: false, radius: false, caustic_radius: false };
+
+/// A scene at a size.
+pub struct Subject<'a> {
+    pub base: Renderer<'a>,
+    name: String,
+}
+
+/// An image and what the program says of it.
+pub struct Image {
+    pub luminance: Vec<f64>,
+    pub chosen: Scored,
+    /// Relative squared noise.
+    pub noise2: f64,
+    /// Relative RMS error that was promised.
+    pub promised: Option<f64>,
+    /// Means of `a`, `b` and `f` over the pixels, relative.
+    pub parts: [f64; 3],
+}
+
+/// A technique at its radii.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Place {
+    pub technique: Technique,
+    pub radius: f32,
+    pub caustic_radius: f32,
+}
+
+/// Does something with a scene of `scenes/` at so many pixels along each side.
+pub fn with<T>(
+    scene: &str,
+    side: u32,
+    work: impl FnOnce(&Subject, &Reference) -> Result<T>,
+) -> Result<T> {
+    let loaded = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene))?;
+    let accel = &*build(Backend::default(), &loaded.scene)?;
+    let wishes = PartialSettings { resolution: Some([side; 2]), ..Default::default() };
+    let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
+    let base = Renderer::new(&loaded.scene, accel, settings)?;
+    let subject = Subject { base, name: format!("{scene}-{side}") };
+    let reference = Reference::new(&subject)?;
+    work(&subject, &reference)
+}
+
+impl Subject<'_> {
+    /// What `key` led to before, or does now.
+    pub fn kept<T: Serialize + DeserializeOwned>(
+        &self,
+        key: &str,
+        make: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/measured");
+        fs::create_dir_all(&folder)?;
+        let file = folder.join(format!("{}-{key}.json", self.name));
+        if let Ok(text) = fs::read_to_string(&file) {
+            return Ok(serde_json::from_str(&text)?);
+        }
+        let made = make()?;
+        let new = file.with_extension("new");
+        fs::write(&new, serde_json::to_string(&made)?)?;
+        fs::rename(new, file)?;
+        Ok(made)
+    }
+
+    /// Renders for so many seconds, with what is open chosen for that.
+    pub fn render(&self, settings: Settings, open: Open, seconds: f64) -> Result<Image> {
+        let start = Instant::now();
+        let base = self.base.like(settings)?;
+        let choice = technique::choose(&base, open, End::Time(seconds))?;
+        let chosen = *choice.best();
+        let time = Some(Duration::from_secs_f64(seconds));
+        let objective = Objective::Relative;
+        let goal = Goal { time, objective, bias2: chosen.bias.powi(2), ..Goal::default() };
+        let mut pilot = Autopilot::new(goal, chosen.times);
+        let mut renderer = base.like(chosen.apply(base.settings()))?;
+        while start.elapsed().as_secs_f64() < seconds {
+            let measure = pilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
+            renderer.iterate(measure);
+        }
+        let blocks = renderer.blocks();
+        let importance = importance(blocks, objective);
+        let weights = pilot.weights(blocks, &importance);
+        let standing = Standing::new(blocks, weights.clone(), &importance);
+        let image = Combined::new(blocks, weights);
+        let mut parts = [0.0; 3];
+        let coefficients = block::coefficients(blocks).unwrap_or_default();
+        for (own, weight) in coefficients.iter().zip(&importance) {
+            let of_pixel = [own.a, own.b, own.f];
+            for (sum, part) in parts.iter_mut().zip(of_pixel) {
+                *sum += weight * part / importance.len() as f64;
+            }
+        }
+        let pixels = image.mean().into_iter().map(|value| luminance(value.as_dvec3()));
+        Ok(Image {
+            luminance: pixels.collect(),
+            chosen,
+            noise2: standing.counted.unwrap_or(f64::NAN),
+            promised: pilot.promise().and_then(|promise| promise.error),
+            parts,
+        })
+    }
+
+    /// One half of the reference: at narrow radii, so that its bias is small.
+    fn half(&self, seed: u64) -> Result<Vec<f64>> {
+        let own = self.base.settings();
+        let radius = 0.25 * own.radius;
+        let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
+        let strategy = Open { strategy: true, ..NONE };
+        Ok(self.render(narrow, strategy, REFERENCE)?.luminance)
+    }
+
+    /// Those of the scene with a technique at its radii.
+    pub fn settings(&self, place: &Place, seed: u64) -> Settings {
+        let Place { technique, radius, caustic_radius } = *place;
+        let Technique { strategy, merge_vertex, direct, kernel } = technique;
+        let own = self.base.settings().clone();
+        Settings { strategy, merge_vertex, direct, kernel, radius, caustic_radius, seed, ..own }
+    }
+}
+
+/// Two images of the same, independent of each other, and weights of the pixels: the root of the mean of
+/// `(x - A)(x - B)/(L^2 + 0.01 mean(L)^2)` is an error without the noise of either, which does not meet itself. `L` is
+/// the mean of both over 5 by 5 pixels.
+pub struct Reference {
+    halves: [Vec<f64>; 2],
+    weights: Vec<f64>,
+}
+
+impl Reference {
+    fn new(subject: &Subject) -> Result<Self> {
+        let half = |seed: u64| subject.kept(&format!("reference-{seed}"), || subject.half(seed));
+        let halves = [half(101)?, half(102)?];
+        let mean: Vec<_> = halves[0].iter().zip(&halves[1]).map(|(a, b)| [0.5 * (a + b)]).collect();
+        let Settings { width, height, .. } = *subject.base.settings();
+        let around: Vec<f64> = pool(&mean, width, height).into_iter().map(|[l]| l).collect();
+        Ok(Self { halves, weights: luminance_weights(&around) })
+    }
+
+    /// Squared relative error.
+    pub fn square(&self, image: &[f64]) -> f64 {
+        let [a, b] = &self.halves;
+        let terms =
+            (0..image.len()).map(|i| self.weights[i] * (image[i] - a[i]) * (image[i] - b[i]));
+        terms.sum::<f64>() / image.len() as f64
+    }
+}
