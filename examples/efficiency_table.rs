@@ -27,6 +27,8 @@ struct Found {
     noise2: f64,
     /// Means of `a`, `b` and `f`.
     parts: [f64; 3],
+    /// Squared noise that a second more of rendering would leave, alone.
+    cost: f64,
     /// Relative error that was promised.
     promised: Option<f64>,
     light_paths: u32,
@@ -66,6 +68,7 @@ fn main() -> Result<()> {
                             square: reference.square(&image.luminance),
                             noise2: image.noise2,
                             parts: image.parts,
+                            cost: image.cost,
                             promised: image.promised,
                             light_paths: image.chosen.light_paths,
                             camera_paths: image.chosen.camera_paths,
@@ -78,7 +81,7 @@ fn main() -> Result<()> {
                 let [a, b, f] =
                     [0, 1, 2].map(|part| runs.iter().map(|run| run.parts[part] / 2.0).sum::<f64>());
                 println!(
-                    "| {scene} | {side} | {name} | {:.2} % | {:.2} % | {:.2} % | {:.2} | {:.2} | {a:.2e} | {b:.3} | {f:.2e} | {} | {} |",
+                    "| {scene} | {side} | {name} | {:.2} % | {:.2} % | {:.2} % | {:.2} | {:.2} | {a:.2e} | {b:.3} | {f:.2e} | {} | {} | {:.2e} |",
                     100.0 * square.abs().sqrt(),
                     100.0 * noise2.sqrt(),
                     100.0 * (square - noise2).max(0.0).sqrt(),
@@ -86,6 +89,7 @@ fn main() -> Result<()> {
                     runs[0].promised.unwrap_or(f64::NAN) / runs[0].square.abs().sqrt(),
                     runs[0].light_paths,
                     runs[0].camera_paths,
+                    mean(|run| run.cost),
                 );
             }
             Ok(())

@@ -38,6 +38,8 @@ pub struct Image {
     pub chosen: Scored,
     /// Relative squared noise.
     pub noise2: f64,
+    /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration.
+    pub cost: f64,
     /// Relative RMS error that was promised.
     pub promised: Option<f64>,
     /// Means of `a`, `b` and `f` over the pixels, relative.
@@ -103,6 +105,7 @@ impl Subject<'_> {
             let measure = pilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
             renderer.iterate(measure);
         }
+        let pace = pilot.pace(&renderer, 0, start.elapsed().as_secs_f64());
         let blocks = renderer.blocks();
         let importance = importance(blocks, objective);
         let weights = pilot.weights(blocks, &importance);
@@ -120,6 +123,7 @@ impl Subject<'_> {
         Ok(Image {
             luminance: pixels.collect(),
             chosen,
+            cost: standing.per_iteration.zip(pace).map_or(f64::NAN, |(v, tau)| v * tau),
             noise2: standing.counted.unwrap_or(f64::NAN),
             promised: pilot.promise().and_then(|promise| promise.error),
             parts,

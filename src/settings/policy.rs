@@ -22,6 +22,12 @@ pub const MEASURE_FIRST_EVERY: u64 = 2;
 /// Share of the time that trying techniques takes where the time is given.
 pub const TECHNIQUE_SHARE: f64 = 0.08;
 
+/// Seconds that it takes at the least, where that is no more than [`MOST_TECHNIQUE_SHARE`]: less tells too little.
+pub const LEAST_TECHNIQUE_TIME: f64 = 0.6;
+
+/// See [`LEAST_TECHNIQUE_TIME`].
+pub const MOST_TECHNIQUE_SHARE: f64 = 0.12;
+
 /// Part of that where nothing is open but counts.
 pub const CLOSED_SHARE: f64 = 0.5;
 
@@ -37,9 +43,12 @@ pub const LONGER_PILOT: f64 = 2.0;
 /// Shares of the rounds of trials in that: all techniques, the better ones at large radii, the best.
 pub const ROUNDS: [f64; 3] = [0.25, 0.5, 0.25];
 
-/// A technique is given up if its squared noise at the same radii is so many times the least: no other radius
-/// makes up for that.
+/// A technique is given up if its squared error, at the best radii by one trial, is so many times the least.
 pub const HOPELESS: f64 = 4.0;
+
+/// By how many times its squared error is taken to be more than what is told of a technique that there is no time to
+/// try where that tells it: of several the best was told too good.
+pub const UNTRIED: f64 = 2.0;
 
 /// Pixels that must have found something before a photon map is trusted with direct light: a thin one looks quiet.
 pub const ENOUGH_FOUND: f64 = 64.0;
@@ -111,8 +120,9 @@ pub const TYPICAL_SHARP_BIAS: [f64; 2] = [5.0, 15.0];
 /// measured come out too small where light is rare, so that this must not be large.
 pub const PRIOR_SPREAD: f64 = 1.0;
 
-/// Part of it that a bias is never taken to be less than.
-pub const LEAST_OF_PRIOR: f64 = 0.05;
+/// Part of it that a bias is never taken to be less than, with areas and with discs: along edges what a short trial
+/// tells of discs is far too little at times.
+pub const LEAST_OF_PRIOR: [f64; 2] = [0.05, 0.3];
 
 /// Blocks of pixels in which the areas of surfaces are tried, and pixels along their sides.
 pub const CENSUS_BLOCKS: usize = 96;
@@ -129,7 +139,7 @@ pub const CENSUS_SHARE: f64 = 0.01;
 pub const LEAST_TIME_SHARE: f64 = 0.02;
 
 /// Discs are tried beside areas that take this share of the time before they are known.
-pub const DISCS_FROM: f64 = 0.05;
+pub const DISCS_FROM: f64 = 0.1;
 
 /// Techniques that are tried on discs, too.
 pub const MOST_ON_DISCS: usize = 2;
@@ -166,6 +176,12 @@ pub const LEAST_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
 /// Iterations at chosen counts before anything is promised or chosen anew: enough for a sample variance
 /// of the pooled noise within a few percent.
 pub const FIRST_ITERATIONS: u64 = 12;
+
+/// Relative standard error of the pooled variance at which the error at the end is promised.
+pub const PROMISE_ERROR: f64 = 0.1;
+
+/// Share of the time after which it is promised in any case.
+pub const PROMISE_SHARE: f64 = 0.2;
 
 /// A new block must save this share of the time: less is lost by a block's own weight.
 pub const WORTHWHILE: f64 = 0.02;

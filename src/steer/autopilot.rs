@@ -140,12 +140,18 @@ impl Autopilot {
         Self { times: Some(times), ..self }
     }
 
-    /// Expectations from the first iterations at the chosen counts.
+    /// Expectations from the first iterations at the chosen counts, once these tell the noise well or a part of the
+    /// time is over.
     /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = self.standing(renderer);
         let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
         let forecast = standing.forecast(&self.goal, variance, tau, elapsed)?;
+        let (pooled, error) = renderer.film().pooled_variance()?;
+        let is_late = elapsed > PROMISE_SHARE * (elapsed + forecast.seconds);
+        if error > PROMISE_ERROR * pooled && !is_late {
+            return None;
+        }
         let Expected { tau, one_each, uniform } = self.state.expected;
         let gain = |other: f64| if variance > 0.0 { other / (variance * tau) } else { 1.0 };
         let said_after = self.earlier + elapsed;
@@ -257,19 +263,21 @@ impl Steer for Autopilot {
                     begin(&mut self.state, renderer, choice.counts)?;
                 }
             }
-            Stage::Chosen if self.state.promise.is_none() => {
-                self.state.promise = self.promised(renderer, elapsed);
-            }
-            Stage::Chosen if now >= self.state.next_choice => {
-                self.state.next_choice = 2.0 * now;
-                if renderer.blocks().len() < MOST_BLOCKS {
+            Stage::Chosen => {
+                if self.state.promise.is_none() && is_time_to_look(renderer) {
+                    self.state.promise = self.promised(renderer, elapsed);
+                }
+                let due = now >= self.state.next_choice;
+                if due {
+                    self.state.next_choice = 2.0 * now;
+                }
+                if due && renderer.blocks().len() < MOST_BLOCKS {
                     let choice = self.choose(renderer, elapsed)?;
                     if choice.saves {
                         begin(&mut self.state, renderer, choice.counts)?;
                     }
                 }
             }
-            _ => {}
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
         let every =
@@ -299,6 +307,12 @@ impl Steer for Autopilot {
     fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
+}
+
+/// After so many iterations of a block, twice as many, and so on: a look takes a pass over the image.
+fn is_time_to_look(renderer: &Renderer) -> bool {
+    let iterations = renderer.film().iterations;
+    iterations.is_multiple_of(FIRST_ITERATIONS) && (iterations / FIRST_ITERATIONS).is_power_of_two()
 }
 
 /// Times in proportion to `sampled` that explain those of the production iterations of all blocks.

@@ -24,24 +24,25 @@ pub struct Bias {
 pub struct Typical {
     square: f64,
     falls_to: f64,
+    /// The least that is believed.
+    least: f64,
 }
 
 impl Typical {
     /// At a radius in widths of what the image shows.
     pub fn new(class: PhotonClass, technique: Technique, radius: f64) -> Self {
-        match (class, technique.kernel) {
-            (PhotonClass::LastVertex, Kernel::Area) => {
-                Self { square: TYPICAL_BIAS * radius.powi(3), falls_to: TYPICAL_FALL }
-            }
-            (PhotonClass::LastVertex, Kernel::Disc) => {
-                Self { square: DISC_BIAS * TYPICAL_BIAS * radius.powi(3), falls_to: DISC_FALL }
+        let disc = technique.kernel == Kernel::Disc;
+        let (square, falls_to) = match (class, disc) {
+            (PhotonClass::LastVertex, false) => (TYPICAL_BIAS * radius.powi(3), TYPICAL_FALL),
+            (PhotonClass::LastVertex, true) => {
+                (DISC_BIAS * TYPICAL_BIAS * radius.powi(3), DISC_FALL)
             }
             (PhotonClass::EveryVertex, _) => {
-                let direct = technique.direct;
-                let scale = TYPICAL_SHARP_BIAS[usize::from(direct == Direct::PhotonMap)];
-                Self { square: scale * radius.powi(2), falls_to: TYPICAL_SHARP_FALL }
+                let sharp = TYPICAL_SHARP_BIAS[usize::from(technique.direct == Direct::PhotonMap)];
+                (sharp * radius.powi(2), TYPICAL_SHARP_FALL)
             }
-        }
+        };
+        Self { square, falls_to, least: LEAST_OF_PRIOR[usize::from(disc)] * square }
     }
 }
 
@@ -55,10 +56,15 @@ impl Bias {
             |measured: f64, typical: f64| certainty * measured + (1.0 - certainty) * typical;
         Self {
             radius,
-            square: mixed(value, typical.square).max(LEAST_OF_PRIOR * typical.square),
+            square: mixed(value, typical.square).max(typical.least),
             error: error.min(spread),
             falls_to: mixed(falls_to, typical.falls_to),
         }
+    }
+
+    /// Where no trial has told anything.
+    pub fn typical(radius: f64, Typical { square, falls_to, .. }: Typical) -> Self {
+        Self { radius, square, error: PRIOR_SPREAD * square, falls_to }
     }
 
     /// The square and its standard error at another radius: theory.md (93b).

@@ -37,11 +37,6 @@ pub struct Best {
 }
 
 impl Demand {
-    /// Squared noise, or the time that it takes to be small enough, at the best counts by a single trial.
-    pub fn noise2(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> f64 {
-        self.noise(trial, weights, surfaces).rank(self)
-    }
-
     /// Share of the time that areas take before they are known, at some reach, about.
     pub fn share(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces, reach: f64) -> f64 {
         let Best { light_paths, camera_paths, seconds, times, .. } =

@@ -231,7 +231,10 @@ pub enum End {
 pub fn choose(renderer: &Renderer, open: Open, end: End) -> Result<Chosen> {
     let pilot = |budget| pilot::run(renderer, (open, end), budget);
     let part = if open.any() { 1.0 } else { CLOSED_SHARE };
-    let share = |time: f64| part * (TECHNIQUE_SHARE * time).min(TECHNIQUE_LONGEST);
+    let share = |time: f64| {
+        let least = LEAST_TECHNIQUE_TIME.min(MOST_TECHNIQUE_SHARE * time);
+        part * (TECHNIQUE_SHARE * time).max(least).min(TECHNIQUE_LONGEST)
+    };
     match end {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {

@@ -62,12 +62,17 @@ impl Model {
         let moments: Vec<f64> = measured.iter().map(|c| c.a + c.f).collect();
         let shared: Vec<f64> = measured.iter().map(|c| c.f).collect();
         let mut bias = [None; 2];
-        for trial in trials {
-            if let Some(class) = trial.nests {
-                let radius = trial.radii[class as usize];
-                let typical = Typical::new(class, technique, radius / across);
-                bias[class as usize] = Some(Bias::new(trial, radius, weights, typical));
-            }
+        let mut classes = vec![PhotonClass::LastVertex];
+        classes.extend(both.then_some(PhotonClass::EveryVertex));
+        for class in classes {
+            // The last one that tells it, or what is typical.
+            let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
+            let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
+            let typical = Typical::new(class, technique, radius / across);
+            bias[class as usize] = Some(match trial {
+                Some(trial) => Bias::new(trial, radius, weights, typical),
+                None => Bias::typical(radius, typical),
+            });
         }
         Self {
             technique,

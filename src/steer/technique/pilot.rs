@@ -14,6 +14,7 @@ use crate::settings::{Direct, Settings};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use std::array::from_fn;
+use std::f32::consts::SQRT_2;
 use std::time::Instant;
 
 /// Tries what is open, in about `budget` seconds.
@@ -78,19 +79,27 @@ impl Pilot<'_> {
             self.tried.push(Tried { technique, trials: vec![first], surfaces, largest: LARGE });
         }
         let weights = common_weights(&self.tried);
-        let noise2 =
-            |tried: &Tried| self.demand.noise2(&tried.trials[0], &weights, &tried.surfaces);
-        self.tried.sort_by(|one, other| noise2(one).total_cmp(&noise2(other)));
+        let rank = |tried| self.model(tried, &weights).best(&self.demand).rank(&self.demand);
+        let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
+        let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
+        ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
         // A photon map in which few pixels have found anything looks quiet.
-        let is_known = |tried: &&Tried| !tried.is_thin(&weights[..]);
-        let least = self.tried.iter().find(is_known).unwrap_or(&self.tried[0]);
-        let least = noise2(least);
-        self.tried.retain(|tried| {
-            // What is no number stays: one must.
-            let is_hopeless = noise2(tried) > HOPELESS * least;
+        let is_known = |(_, tried): &&(f64, Tried)| !tried.is_thin(&weights[..]);
+        let least = ranked.iter().find(is_known).unwrap_or(&ranked[0]).0;
+        // What is no number stays: one must.
+        ranked.retain(|(rank, _)| {
+            let is_hopeless = *rank > HOPELESS * least;
             !is_hopeless
         });
+        self.tried = ranked.into_iter().map(|(_, tried)| tried).collect();
         Ok(())
+    }
+
+    /// What trials tell of a technique so far; its bias is what is typical where no trial tells it.
+    fn model(&self, tried: &Tried, weights: &[f64]) -> Model {
+        let Tried { technique, trials, surfaces, largest } = tried;
+        let across = (self.settings.width, self.site.footprint);
+        Model::new((*technique, *largest), trials, weights, across, surfaces)
     }
 
     /// Tries the best techniques whose areas take much of the time before they are known on discs, too.
@@ -117,14 +126,21 @@ impl Pilot<'_> {
     fn widen(&mut self, seconds: f64) -> Result<()> {
         let trials: usize = self.tried.iter().map(|tried| tried.classes().count()).sum();
         let seconds = seconds / trials as f64;
+        let sampled = self.site.sampled();
         let mut widened = 0;
         for tried in &mut self.tried {
             if widened > 0 && self.start.elapsed().as_secs_f64() > self.budget {
                 break;
             }
-            // Areas are worked out the first time, from triangles whose number goes as the squared radius.
-            let most = (seconds / tried.trials[0].first).sqrt() as f32;
-            tried.largest = most.clamp(1.0, LARGE);
+            // Areas that are worked out the first time must not take all of it.
+            let [near, _] = self.at.reaches();
+            let takes = |scale: f32| {
+                let visits = (2 * TRIAL_CAMERA_PATHS).into();
+                sampled * tried.surfaces.cost(near * f64::from(scale), visits)
+            };
+            while tried.largest > 1.0 && takes(tried.largest) > seconds {
+                tried.largest = (tried.largest / SQRT_2).max(1.0);
+            }
             let classes: Vec<_> = tried.classes().collect();
             for nests in classes {
                 let radii = self.at.large(nests, tried.largest);
@@ -144,25 +160,24 @@ impl Pilot<'_> {
 
     /// Tries what looks best where it does, until the best has been, or the time is over; the best first.
     fn finish(&mut self, seconds: f64) -> Result<Vec<(Model, Best)>> {
-        let Self { settings, demand, site, tried, .. } = self;
-        let weights = common_weights(tried);
+        let weights = common_weights(&self.tried);
         let score = |tried: &Tried| {
-            let Tried { technique, trials, surfaces, largest } = tried;
-            let across = (settings.width, site.footprint);
-            let model = Model::new((*technique, *largest), trials, &weights, across, surfaces);
-            let mut best = model.best(demand);
+            let model = self.model(tried, &weights);
+            let mut best = model.best(&self.demand);
             // Where no radius is open, all trials were at the very radii.
-            best.tried = !demand.open.any_radius();
+            best.tried = !self.demand.open.any_radius();
             (model, best)
         };
-        let mut scored: Vec<(Model, Best)> = tried.iter().map(score).collect();
+        let mut scored: Vec<(Model, Best)> = self.tried.iter().map(score).collect();
+        let Self { settings, demand, site, .. } = self;
         loop {
-            scored.sort_by(|one, other| one.1.rank(demand).total_cmp(&other.1.rank(demand)));
-            if self.start.elapsed().as_secs_f64() > self.budget {
-                scored.sort_by_key(|(_, best)| !best.tried);
-            }
+            let is_over = self.start.elapsed().as_secs_f64() > self.budget;
+            let rank = |best: &Best| {
+                best.rank(demand) * if is_over && !best.tried { UNTRIED } else { 1.0 }
+            };
+            scored.sort_by(|one, other| rank(&one.1).total_cmp(&rank(&other.1)));
             let (model, best) = &mut scored[0];
-            if best.tried {
+            if best.tried || is_over {
                 return Ok(scored);
             }
             let settings = best.settings(settings, model.technique);

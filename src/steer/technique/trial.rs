@@ -55,8 +55,6 @@ pub struct Trial {
     /// Second moment of what a light path brings to a camera path, relative, if photons were spread evenly over all
     /// surfaces.
     pub even: f64,
-    /// Time of the first iteration, which works out the areas of surfaces, seconds.
-    pub first: f64,
     /// Whether there were photons that merge at every vertex.
     pub any_at_every_vertex: bool,
 }
@@ -148,7 +146,7 @@ impl<'a> Site<'a> {
             None => renderer,
         };
         let elapsed = || start.elapsed().as_secs_f64();
-        let (mut iterations, mut first, mut photons) = (0, 0.0, 0);
+        let (mut iterations, mut photons) = (0, 0);
         let measuring = TRIAL_MEASURING * seconds;
         while elapsed() < measuring
             || iterations < TRIAL_ITERATIONS && elapsed() < TRIAL_PATIENCE * measuring
@@ -156,7 +154,6 @@ impl<'a> Site<'a> {
         {
             photons += renderer.iterate(Measure::Pairs).photons;
             iterations += 1;
-            first = if iterations == 1 { elapsed() } else { first };
         }
         let noise = renderer.noise_image()?;
         let any_at_every_vertex = renderer.finds_any_at_every_vertex();
@@ -193,7 +190,6 @@ impl<'a> Site<'a> {
             noise,
             times: TimeModel { light_path, pixels: self.pixels, ..model },
             even: self.even(&own, photons as f64 / iterations as f64),
-            first,
             any_at_every_vertex,
         })
     }
@@ -226,6 +222,11 @@ impl<'a> Site<'a> {
         let census = census.collect();
         let threads = rayon::current_num_threads();
         Surfaces { census, pixels_per_thread: self.pixels / threads as f64 }
+    }
+
+    /// Share of the image's pixels that trials take.
+    pub fn sampled(&self) -> f64 {
+        f64::from(self.stride * self.stride).recip()
     }
 
     /// Whether any surface is there for a share of the rays only.
