@@ -5,7 +5,7 @@
 //! cargo run --release --example efficiency_table -- 10 cornell-box:128 cornell-box:512      # seconds, scenes and sizes
 //! ```
 //!
-//! Counts are chosen for each (docs/optimum.md), camera paths by pixel as well. What was done is kept in
+//! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each (docs/optimum.md), camera paths by pixel as well. What was done is kept in
 //! `target/measured`. References: `examples/references`.
 
 mod references;
@@ -36,9 +36,10 @@ struct Found {
 }
 
 /// What is compared: a name, vertex, strategy, kernel, and the caustic radius over the radius.
-const RIVALS: [(&str, Strategy, u32, Kernel, f32); 5] = [
+const RIVALS: [(&str, Strategy, u32, Kernel, f32); 6] = [
     ("disc", Strategy::Single, 1, Kernel::Disc, 1.0),
     ("area", Strategy::Single, 1, Kernel::Area, 1.0),
+    ("half", Strategy::Single, 1, Kernel::Area, 0.5),
     ("k = 1", Strategy::Single, 1, Kernel::Area, 0.25),
     ("k = 2", Strategy::Single, 2, Kernel::Area, 0.25),
     ("MIS", Strategy::Mis, 2, Kernel::Area, 0.25),
@@ -50,11 +51,19 @@ fn main() -> Result<()> {
         return Err("give seconds, and scenes with sizes such as cornell-box:128".into());
     };
     let time: f64 = seconds.parse()?;
+    let (only, subjects) = match subjects {
+        [first, rest @ ..] if first.starts_with("only=") => (first.strip_prefix("only="), rest),
+        _ => (None, subjects),
+    };
+    let wanted = |name: &str| only.is_none_or(|only| only.split(',').any(|one| one == name));
     for subject in subjects {
         let (scene, side) = subject.split_once(':').ok_or("scenes have sizes: cornell-box:128")?;
         with(scene, side.parse()?, |subject, reference| {
             let mut first = None;
             for (name, strategy, merge_vertex, kernel, caustics) in RIVALS {
+                if !wanted(name) {
+                    continue;
+                }
                 let radius = subject.base.settings().radius;
                 let technique =
                     Technique { strategy, merge_vertex, direct: Direct::Connect, kernel };
