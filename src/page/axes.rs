@@ -75,8 +75,7 @@ impl LogPlot<'_> {
         let y = Axis { ends: self.ends(1)?, places: [height - bottom, top] };
         let at = |value: f64| format!("{value:.1}");
         Some(html! {
-            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt)
-                xmlns="http://www.w3.org/2000/svg" {
+            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt) {
                 @for (value, label) in x.shown(self.ticks[0]) {
                     @let place = x.place(value);
                     line .mesh x1=(at(place)) x2=(at(place)) y1=(at(top)) y2=(at(height - bottom)) {}
