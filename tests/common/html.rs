@@ -18,6 +18,7 @@ pub fn assert_whole(html: &str) {
         let end = tag.find('>').expect("a tag ends");
         let (inside, after) = (&tag[..end], &tag[end + 1..]);
         assert!(inside.matches('"').count().is_multiple_of(2), "<{inside}>");
+        assert!(inside.matches(" class=\"").count() <= 1, "<{inside}>");
         let name = inside.trim_start_matches('/').split_whitespace().next().unwrap();
         if inside.starts_with('/') {
             assert_eq!(open.pop(), Some(name), "{open:?}");

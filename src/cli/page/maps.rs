@@ -166,7 +166,7 @@ impl Maps {
                         div {
                             div .stack aria-hidden="true" {
                                 @for (k, share) in shares.iter().enumerate() {
-                                    div class=(format!("term-{k}")) style=(format!("flex-grow:{share:.4}")) {}
+                                    div .(format!("term-{k}")) style=(format!("flex-grow:{share:.4}")) {}
                                 }
                             }
                             (words(shares, of_what(&moment.session.goal)))
@@ -193,7 +193,7 @@ fn words(shares: &[f64; 3], of_what: &str) -> Markup {
         dl .terms {
             @for (k, (name, formula, remedy)) in TERMS.iter().enumerate() {
                 div {
-                    dt { span .swatch class=(format!("term-{k}")) {} (name) " " code { (formula) } }
+                    dt { span .swatch .(format!("term-{k}")) {} (name) " " code { (formula) } }
                     dd { b { (percent(shares[k])) } span .minor { (remedy) } }
                 }
             }
@@ -270,7 +270,7 @@ impl Grid {
 /// A picture that zooms with the others.
 fn frame(picture: &Picture, label: &str) -> Markup {
     html! {
-        div .frame class=(label) tabindex="0" role="group" aria-label="picture: + and − zoom, arrows move" {
+        div class={ "frame " (label) } tabindex="0" role="group" aria-label="picture: + and − zoom, arrows move" {
             div .layer { (picture.image()) }
             @if !label.is_empty() { span .label { (label) } }
         }
