@@ -308,9 +308,6 @@ impl Task<'_> {
         let half_way = session.half_way();
         // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer, goal.objective);
-        if let Some(view) = view {
-            view.finish(&image, None, session.elapsed());
-        }
         session.progress.finish();
         let mut attempts = Attempts::default();
         writer.save_image(&image, &mut attempts);
@@ -353,6 +350,9 @@ impl Task<'_> {
             let moment = Moment { session, image, denoised, earlier, promise, chosen, report };
             let path = page.path.clone();
             attempts.add(&path, || page.write(&moment));
+        }
+        if let Some(view) = view {
+            view.finish(&image, None, session.elapsed());
         }
         attempts.finish()?;
         Ok(match (args.session.scene.json, quiet) {

@@ -145,18 +145,32 @@ pub fn decimal_ticks([low, high]: [f64; 2], label: impl Fn(f64) -> String) -> Ve
     ticks.into_iter().map(|value| (value, label(value))).collect()
 }
 
-/// Ticks of a time axis, seconds.
-pub fn time_ticks() -> Vec<(f64, String)> {
-    let (minute, hour, day) = (60.0, 3600.0, 86400.0);
-    let of = |unit: f64, name: &'static str, values: &'static [f64]| {
-        values.iter().map(move |value| (unit * value, format!("{value} {name}")))
+/// Ticks of a time axis, seconds, in steps of a factor of 3 or less.
+pub fn time_ticks([low, high]: [f64; 2]) -> Vec<(f64, String)> {
+    const UNITS: [(f64, &str, f64); 5] = [
+        (1e-3, "ms", 1000.0),
+        (1.0, "s", 60.0),
+        (60.0, "min", 60.0),
+        (3600.0, "h", 24.0),
+        (86400.0, "d", 1000.0),
+    ];
+    const STEPS: [&[f64]; 2] = [
+        &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0],
+        &[
+            1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 45.0, 100.0, 200.0, 300.0,
+            500.0,
+        ],
+    ];
+    let ticks = |steps: &'static [f64]| -> Vec<(f64, String)> {
+        let of = |(unit, name, next): (f64, &'static str, f64)| {
+            let steps = steps.iter().filter(move |step| **step < next);
+            steps.map(move |step| (unit * step, format!("{step} {name}")))
+        };
+        let all = UNITS.into_iter().flat_map(of);
+        all.filter(|(time, _)| (low..=high).contains(time)).collect()
     };
-    let milliseconds = of(1e-3, "ms", &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0]);
-    let seconds = of(1.0, "s", &[1.0, 3.0, 10.0, 30.0]);
-    let minutes = of(minute, "min", &[1.0, 3.0, 10.0, 30.0]);
-    let hours = of(hour, "h", &[1.0, 3.0, 10.0]);
-    let days = of(day, "d", &[1.0, 3.0, 10.0, 30.0, 100.0]);
-    milliseconds.chain(seconds).chain(minutes).chain(hours).chain(days).collect()
+    let [coarse, fine] = STEPS.map(ticks);
+    if coarse.len() < 3 { fine } else { coarse }
 }
 
 #[cfg(test)]
@@ -168,7 +182,7 @@ mod tests {
         let plot = LogPlot {
             alt: "a < b",
             names: ["time", "error"],
-            ticks: [&|_| time_ticks(), &decimal],
+            ticks: [&time_ticks, &decimal],
             curves: vec![Curve { class: "fell", points }],
             marks: Vec::new(),
         };
@@ -209,7 +223,9 @@ mod tests {
         for (low, high) in [(1.0, 1.5), (0.013, 0.02), (0.9, 1.4), (1.0, 1e4), (0.3, 40.0)] {
             assert!((2..=15).contains(&count(low, high)), "{low} {high}: {}", count(low, high));
         }
-        let ticks = time_ticks();
-        assert!(ticks.windows(2).all(|two| two[0].0 < two[1].0));
+        for (low, high) in [(0.02, 0.05), (1.0, 3.0), (10.0, 75.0), (3.0, 4000.0), (1e-3, 1e7)] {
+            let ticks = time_ticks([low, high]);
+            assert!(ticks.len() >= 2 && ticks.windows(2).all(|two| two[0].0 < two[1].0), "{low}");
+        }
     }
 }

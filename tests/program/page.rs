@@ -67,7 +67,7 @@ fn the_page_of_an_automatic_render_tells_what_the_program_tells() {
         html.matches("data-label=\"error\"").count(),
         if candidates.len() > 1 { candidates.len() } else { 0 }
     );
-    for candidate in candidates {
+    for candidate in candidates.iter().filter(|_| candidates.len() > 1) {
         assert!(html.contains(&percent(&candidate["error"])), "{candidate}");
     }
     let promise = &found["promise"]["error"];

@@ -75,6 +75,8 @@ fn beaten(best: &Scored, other: &Scored) -> String {
         format!("would take {time:.2} times as long")
     } else if error > 1.0 + NOTABLE {
         format!("would have {error:.2} times the error")
+    } else if error < 1.0 - NOTABLE {
+        format!("looked like {error:.2} times the error, but there was no time to try it")
     } else {
         "would do as well, within what can be told".to_owned()
     }

@@ -24,7 +24,7 @@ pub fn section(moment: &Moment) -> Markup {
     let plot = LogPlot {
         alt: "The error of the picture against the time of rendering, both on logarithmic axes",
         names: ["time of rendering", "relative error"],
-        ticks: [&|_| time_ticks(), &percents],
+        ticks: [&time_ticks, &percents],
         curves: lines.curves(),
         marks: lines.marks(),
     };

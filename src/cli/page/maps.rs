@@ -94,8 +94,7 @@ impl Maps {
     }
 
     /// The picture with its zoom, and a slider from raw to denoised where there are both.
-    pub fn viewer(&self, moment: &Moment) -> Markup {
-        let (width, height) = moment.image.resolution();
+    pub fn viewer(&self, (width, height): (u32, u32)) -> Markup {
         html! {
             section .viewer style=(format!("--aspect:{width}/{height};--wide:{width};--high:{height}")) {
                 @if let Some(denoised) = &self.denoised {
@@ -291,6 +290,27 @@ fn figure(picture: &Picture, caption: &Markup) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_denoised_picture_lies_over_the_raw_one_under_a_slider() {
+        let picture =
+            |alt, value| Picture::exposed((alt, alt), (4, 3), &[Rgb::splat(value); 12], 1.0);
+        let raw = Maps {
+            image: picture("raw picture", 0.1),
+            denoised: None,
+            noise: None,
+            bias: None,
+            terms: None,
+        };
+        let html = raw.viewer((4, 3)).into_string();
+        assert!(!html.contains("id=\"split\"") && html.contains("id=\"in\""), "{html}");
+        let both = Maps { denoised: Some(picture("denoised picture", 0.2)), ..raw };
+        let html = both.viewer((4, 3)).into_string();
+        assert!(html.contains("id=\"split\"") && html.contains("--aspect:4/3"), "{html}");
+        let places =
+            ["raw picture", "frame denoised", "denoised picture"].map(|text| html.find(text));
+        assert!(places.is_sorted() && places[0].is_some(), "{html}");
+    }
 
     #[test]
     fn shrinking_keeps_means_also_at_the_border() {

@@ -25,8 +25,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
-/// Rendering time per time of writing the page, at least: it takes at most 1 % of the time.
-const SHARE: u32 = 100;
+/// Rendering time per time of writing the page, at least: it takes at most 2 % of the time.
+const SHARE: u32 = 50;
 
 /// Time between two pages at the least and at the most, as far as [`SHARE`] allows.
 const PAUSE: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(30)];
@@ -118,7 +118,7 @@ impl Page {
         html! {
             main {
                 (sections::summary(moment))
-                (maps.viewer(moment))
+                (maps.viewer(moment.image.resolution()))
                 (maps.errors(moment))
                 section {
                     h2 { "How the error falls" }
