@@ -6,7 +6,7 @@ use maud::{Markup, html};
 const SIZE: [f64; 2] = [560.0, 360.0];
 
 /// Room beside the plot for labels: left, right, top, bottom.
-const MARGINS: [f64; 4] = [66.0, 18.0, 12.0, 56.0];
+const MARGINS: [f64; 4] = [92.0, 18.0, 12.0, 56.0];
 
 /// Ticks along an axis at the most.
 const MOST_TICKS: usize = 6;
@@ -93,7 +93,7 @@ impl LogPlot<'_> {
                     (self.names[0])
                 }
                 text .name text-anchor="middle"
-                    transform=(format!("translate(15 {:.1}) rotate(-90)", 0.5 * (top + height - bottom))) {
+                    transform=(format!("translate(17 {:.1}) rotate(-90)", 0.5 * (top + height - bottom))) {
                     (self.names[1])
                 }
                 @for Curve { class, points } in &self.curves {
@@ -205,7 +205,7 @@ mod tests {
             }
         }
         assert!(
-            places.iter().all(|p| (66.0..=542.0).contains(&p[0]) && (12.0..=304.0).contains(&p[1]))
+            places.iter().all(|p| (92.0..=542.0).contains(&p[0]) && (12.0..=304.0).contains(&p[1]))
         );
         assert!(svg.contains("a &lt; b"));
     }

@@ -12,6 +12,8 @@
 
   const find = id => document.getElementById(id);
   const frames = [...document.querySelectorAll('.frame')];
+  // Names to come back to.
+  frames.forEach((frame, i) => { frame.id ||= 'frame-' + i; });
   const split = find('split'), scale = find('scale');
 
   /** Shows the state: x and y are where the picture's corner is, in percent of the frame. */
@@ -89,6 +91,16 @@
     time.textContent = 'on ' + new Date(+time.dataset.time).toLocaleString();
   }
 
+  // Nothing new for long?
+  const silent = (Date.now() - own.time) / 1000, isStale = own.reload && silent > 5 * own.reload + 60;
+  if (isStale) {
+    const note = document.createElement('p');
+    note.className = 'stale';
+    note.textContent = 'Nothing new since ' + new Date(+own.time).toLocaleString() +
+      ': an iteration may take long, or the program was ended.';
+    document.querySelector('main').prepend(note);
+  }
+
   // Again what it was before.
   for (const id of state.open) find(id)?.setAttribute('open', '');
   show();
@@ -107,14 +119,6 @@
 
   // While rendering goes on, there will be a newer page.
   if (own.reload) {
-    const silent = (Date.now() - own.time) / 1000, usual = 5 * own.reload + 60;
-    if (silent > usual) {
-      const note = document.createElement('p');
-      note.className = 'stale';
-      note.textContent = 'Nothing new since ' + new Date(+own.time).toLocaleString() +
-        ': an iteration may take long, or the program was ended.';
-      document.querySelector('main').prepend(note);
-    }
     let held = false;
     addEventListener('pointerdown', () => { held = true; });
     addEventListener('pointerup', () => { held = false; });
@@ -125,6 +129,6 @@
       keep();
       location.reload();
     };
-    setTimeout(again, 1000 * own.reload * (silent > usual ? 5 : 1));
+    setTimeout(again, 1000 * own.reload * (isStale ? 5 : 1));
   }
 })();
