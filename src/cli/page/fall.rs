@@ -102,7 +102,7 @@ impl Lines {
             ("bias", "merge bias", &bias),
             ("asked", "asked for", &asked),
         ];
-        let named = curves.iter().filter(|(_, _, points)| points.len() > 1);
+        let named = curves.iter().filter(|(_, _, points)| !points.is_empty());
         let names = named.map(|&(class, name, _)| (class, name)).collect();
         Self { fell, promised, expected, bias, asked, names }
     }
@@ -150,8 +150,10 @@ fn promised(moment: &Moment, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
         let standing = moment.session.status.standing.as_ref()?;
         Some((promise.rms / standing.mean_luminance).powi(2))
     })?;
-    let from = noise.iter().find(|[time, _]| *time >= promise.said_after)?;
-    Some(between(*from, [promise.seconds, then]))
+    let to = [promise.seconds, then];
+    let from = noise.iter().find(|[time, _]| *time >= promise.said_after);
+    let line = from.map_or(Vec::new(), |from| between(*from, to));
+    Some(if line.is_empty() { vec![to] } else { line })
 }
 
 /// The same from now to the end, as it is expected now.

@@ -34,7 +34,9 @@ const PAUSE: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(30)];
 /// Part of the time so far that passes between two, within [`PAUSE`].
 const PAUSE_SHARE: u32 = 40;
 
-/// When the page is written with an image for the first time, per pixel.
+/// When the page is written with an image for the first time at the earliest, and per pixel.
+const FIRST: Duration = Duration::from_millis(500);
+/// See [`FIRST`].
 const FIRST_PIXEL: Duration = Duration::from_micros(10);
 
 /// Pixels of a picture at the most while rendering goes on; larger ones are shown at a whole part of their size.
@@ -80,7 +82,7 @@ impl Page {
 
     /// Writes it before there is anything to see.
     pub fn announce(&mut self, prepared: &Prepared) -> Result<()> {
-        self.next = (FIRST_PIXEL * prepared.origin.settings.pixels() as u32).min(PAUSE[1]);
+        self.next = (FIRST_PIXEL * prepared.origin.settings.pixels() as u32).clamp(FIRST, PAUSE[1]);
         let body = html! {
             main {
                 (sections::heading(prepared, "starting", "running"))
