@@ -5,7 +5,7 @@ use crate::cli::page::Denoised;
 use crate::cli::progress::Progress;
 use bdpm::pictures::Layer;
 use bdpm::render::block::Combined;
-use std::io;
+use std::io::{self, ErrorKind};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
@@ -62,6 +62,10 @@ impl Tev {
             while let Ok(frame) = to_send.recv() {
                 if let Err(error) = send(&mut connection, &address, &name, &frame) {
                     connection = None;
+                    let error = match error.kind() {
+                        ErrorKind::WouldBlock | ErrorKind::TimedOut => "no answer".to_owned(),
+                        _ => error.to_string(),
+                    };
                     if !std::mem::replace(&mut is_told, true) {
                         progress.note(&format!(
                             "warning: cannot show the image in tev at {address}: {error}\nhelp: start tev, \
