@@ -28,7 +28,7 @@ test: setup
 
 # The long statistical tables; the program without Embree, and the library alone.
 check: setup
-	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report::
+	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
@@ -45,7 +45,8 @@ memcheck: setup
 check-package: setup
 	scripts/check-package.sh
 
-# The paper's experiment in short, and its report in a browser at the widths of phones and desktops.
+# The paper's experiment in short, and a render; their pages in a browser at the widths of phones and desktops.
 check-report: setup
-	$(CARGO) test $(FLAGS) --package bdpm --test check -- report::
+	$(CARGO) test $(FLAGS) --package bdpm --test check -- report:: page::
 	scripts/check-report.sh out/report-quick
+	scripts/check-page.sh out/page

@@ -12,26 +12,8 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 folder=$(cd "$1" && pwd)
 [ -e "$folder/report.html" ] || die "$folder has no report.html; bdpm reproduce writes one"
 
-browser() {
-    local name
-    for name in chromium chromium-browser google-chrome google-chrome-stable; do
-        command -v "$name" && return
-    done
-    return 1
-}
-browser >/dev/null || apt_install chromium fonts-dejavu-core
-chromium=$(browser) || die "there is still no Chromium on the PATH"
-
-profile=$(mktemp -d)
-trap 'rm -rf "$profile"' EXIT
-options=(
-    --headless=new --disable-gpu --hide-scrollbars --no-first-run --disable-dev-shm-usage
-    --allow-file-access-from-files "--user-data-dir=$profile"
-)
-# Chromium has no sandbox for root.
-[ "$(id -u)" -ne 0 ] || options+=(--no-sandbox)
-
-run() { timeout 120 "$chromium" "${options[@]}" "$@" 2>"$profile/log"; }
+# shellcheck source=scripts/browser.sh
+. "$root/scripts/browser.sh"
 
 # Chromium makes no window narrower than 500 pixels: the phone is a frame in a page.
 check=file://$root/scripts/check-report.html?file://$folder/report.html

@@ -21,6 +21,9 @@ pub mod steer;
 pub mod files;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // the program's own
+pub mod page;
+#[cfg(feature = "cli")]
+#[doc(hidden)] // the program's own
 pub mod reproduce;
 
 pub use base::error::{Error, Result};

@@ -16,6 +16,7 @@ mod optimize_plot;
 mod optimize_rows;
 mod optimize_text;
 mod outputs;
+mod page;
 mod predict;
 mod preview;
 mod progress;
@@ -25,6 +26,7 @@ mod render_inputs;
 mod render_report;
 mod reproduce;
 mod session;
+mod view;
 
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};

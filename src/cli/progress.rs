@@ -70,6 +70,8 @@ pub struct Progress {
     last_line: Instant,
     /// Expected end; the bar counts down to it while an iteration is under way.
     end: Arc<Mutex<Option<Instant>>>,
+    /// Lines of the picture right above the bar.
+    picture: Arc<Mutex<usize>>,
 }
 
 #[derive(Clone)]
@@ -90,22 +92,13 @@ impl Progress {
         } else {
             Shown::Lines
         };
-        Self { shown, goal, last_line: Instant::now(), end }
+        Self { shown, goal, last_line: Instant::now(), end, picture: Arc::default() }
     }
 
     /// Shows the state after an iteration, `elapsed` being the time since rendering began.
     pub fn update(&mut self, totals: &Totals, status: &Status, elapsed: Duration) {
-        let (goal, elapsed) = (self.goal, elapsed.as_secs_f64());
-        let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
-        let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
-            let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
-            goal.time.filter(|_| goal.target.is_none() && goal.error.is_none()).map(rest)
-        });
-        let fraction = match (left, goal.iterations) {
-            (_, Some(n)) => status.iterations as f64 / n as f64,
-            (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
-            (None, None) => goal.time.map_or(0.0, of_time),
-        };
+        let goal = self.goal;
+        let (left, fraction) = way(&goal, status, elapsed.as_secs_f64());
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
         let state = describe(goal, totals, status);
         match &self.shown {
@@ -133,8 +126,28 @@ impl Progress {
         match &self.shown {
             Shown::Nothing => {}
             Shown::Lines => say(text),
-            Shown::Bar(bar) => bar.suspend(|| say(text)),
+            Shown::Bar(bar) => {
+                let mut picture = self.picture.lock().expect("no holder panics");
+                *picture = 0; // the next one begins below this
+                bar.suspend(|| say(text));
+            }
         }
+    }
+
+    /// Whether there is a terminal to show pictures in.
+    pub fn has_terminal(&self) -> bool {
+        matches!(self.shown, Shown::Bar(_))
+    }
+
+    /// Shows a picture above the bar, in the place of the one before.
+    pub fn picture(&self, lines: &[String]) {
+        let Shown::Bar(bar) = &self.shown else { return };
+        let mut before = self.picture.lock().expect("no holder panics");
+        bar.suspend(|| {
+            let up = if *before > 0 { format!("\x1b[{}A", *before) } else { String::new() };
+            say(&(up + &lines.join("\n")));
+        });
+        *before = lines.len();
     }
 
     /// Clears the bar.
@@ -143,6 +156,21 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
+}
+
+/// Seconds that are left, if that is known, and the part of the way that is done, after `elapsed` seconds.
+pub fn way(goal: &Goal, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
+    let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
+    let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
+        let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
+        goal.time.filter(|_| goal.target.is_none() && goal.error.is_none()).map(rest)
+    });
+    let fraction = match (left, goal.iterations) {
+        (_, Some(n)) => status.iterations as f64 / n as f64,
+        (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
+        (None, None) => goal.time.map_or(0.0, of_time),
+    };
+    (left, fraction)
 }
 
 /// Count, noise now and at the end, speed, and what takes the time.

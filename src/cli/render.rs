@@ -3,10 +3,12 @@
 use super::analyze::{check_counts, noise_file};
 use super::darkness;
 use super::outputs::Attempts;
+use super::page::{Moment, Page};
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::{Begun, Prepared, Session, SessionArgs};
+use super::view::{Place, View};
 use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
@@ -73,6 +75,14 @@ pub struct Args {
     /// Write the noise coefficients that were measured on the way to this file, for predict
     #[arg(long, value_name = "NOISE.exr")]
     pub noise: Option<PathBuf>,
+    /// Write a page to this file that tells of the render in any browser, renewed while it runs
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Show the image while it renders: in tev, which listens there [default: 127.0.0.1:14158], or as a
+    /// small picture in the terminal
+    #[arg(long, value_name = "HOST:PORT|terminal", num_args = 0..=1, require_equals = true)]
+    #[arg(default_missing_value = "127.0.0.1:14158")]
+    view: Option<Place>,
     /// Write a checkpoint to this file every minute, on Ctrl-C and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
@@ -110,8 +120,12 @@ pub fn run(args: &Args) -> Result<String> {
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
     let mut renderer = prepared.threads.install(|| Renderer::new(scene, accel, settings))?;
+    let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
-        Counting::Automatic if resumed.is_none() => Some(args.choose(&prepared, &renderer, &goal)?),
+        Counting::Automatic if resumed.is_none() => {
+            page.as_mut().map_or(Ok(()), |page| page.announce(&prepared))?;
+            Some(args.choose(&prepared, &renderer, &goal)?)
+        }
         _ => None,
     };
     if let Some(chosen) = &chosen {
@@ -146,7 +160,7 @@ pub fn run(args: &Args) -> Result<String> {
         renderer.resume(checkpoint.blocks.into_owned())?;
     }
     let automatic = matches!(counting, Counting::Automatic);
-    let task = Task { args, prepared: &prepared, goal, outputs, automatic, chosen, start };
+    let task = Task { args, prepared: &prepared, goal, outputs, page, automatic, chosen, start };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
@@ -232,6 +246,7 @@ struct Task<'a> {
     prepared: &'a Prepared,
     goal: Goal,
     outputs: Outputs,
+    page: Option<Page>,
     /// Whether counts are chosen on the way.
     automatic: bool,
     /// The technique, where that was chosen.
@@ -243,8 +258,10 @@ struct Task<'a> {
 impl Task<'_> {
     /// Renders to the goal, writes the files and tells of it.
     fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
-        let Self { args, prepared, goal, outputs, automatic, chosen, start } = self;
-        let mut writer = Writer { origin: &prepared.origin, outputs, time: Duration::ZERO };
+        let Self { args, prepared, goal, outputs, mut page, automatic, chosen, start } = self;
+        page.as_mut().map_or(Ok(()), |page| page.announce(prepared))?;
+        let mut writer = Writer { origin: &prepared.origin, outputs, page, time: Duration::ZERO };
+        let earlier = steer.state(0.0).map_or(0.0, |state| state.elapsed());
         let announced = if automatic {
             "numbers of paths chosen automatically".to_owned()
         } else {
@@ -253,6 +270,9 @@ impl Task<'_> {
         let quiet = args.session.quiet;
         let session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
         let mut session = session.begun_at(start);
+        let name = |path: &Path| path.to_string_lossy().into_owned();
+        let place = args.view.as_ref();
+        let mut view = place.map(|place| View::new(place, &name(&args.output), &session.progress));
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
@@ -262,11 +282,33 @@ impl Task<'_> {
                 schedule.write_when_due(&mut writer, session, save, |writer, attempts| {
                     writer.save_image(&combined(renderer, steer, goal.objective), attempts);
                 });
+                if writer.page_is_due(session) {
+                    let image = combined(renderer, steer, goal.objective);
+                    let (promise, chosen) = (steer.promise(), chosen.as_ref());
+                    let denoised = None;
+                    let report = None;
+                    let moment = Moment {
+                        session,
+                        image: &image,
+                        denoised,
+                        earlier,
+                        promise,
+                        chosen,
+                        report,
+                    };
+                    writer.renew_page(&moment);
+                }
+                let elapsed = session.elapsed();
+                if let Some(view) = &mut view
+                    && view.is_due(elapsed)
+                {
+                    view.show(&combined(renderer, steer, goal.objective), None, elapsed);
+                }
             })?;
-        session.progress.finish();
         let half_way = session.half_way();
         // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer, goal.objective);
+        session.progress.finish();
         let mut attempts = Attempts::default();
         writer.save_image(&image, &mut attempts);
         darkness::warn(&image, &session.progress);
@@ -279,9 +321,7 @@ impl Task<'_> {
             }
         }
         writer.save_checkpoint(&renderer, &steer, session.elapsed(), &mut attempts);
-        attempts.finish()?;
 
-        let name = |path: &Path| path.to_string_lossy().into_owned();
         let (variance, luminance) = (image.pooled_variance(), image.mean_luminance());
         let rms = variance.map(|(variance, _)| variance.sqrt());
         let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
@@ -300,8 +340,21 @@ impl Task<'_> {
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),
             noise: args.noise.as_deref().map(name),
+            report: args.report.as_deref().map(name),
             checkpoint: writer.outputs.checkpoint.as_deref().map(name),
         };
+        if let Some(page) = &mut writer.page {
+            session.look_again(&renderer, &steer);
+            let (chosen, promise) = (report.technique.as_ref(), report.promise.as_ref());
+            let (session, image, denoised, report) = (&session, &image, None, Some(&report));
+            let moment = Moment { session, image, denoised, earlier, promise, chosen, report };
+            let path = page.path.clone();
+            attempts.add(&path, || page.write(&moment));
+        }
+        if let Some(view) = view {
+            view.finish(&image, None, session.elapsed());
+        }
+        attempts.finish()?;
         Ok(match (args.session.scene.json, quiet) {
             (true, _) => json(&report),
             (false, true) => String::new(),

@@ -1,6 +1,7 @@
 //! The files that `bdpm render` writes, and when.
 
 use super::outputs::{self, Attempts, Output};
+use super::page::{Moment, Page};
 use super::preview;
 use super::progress::Progress;
 use super::render::Args;
@@ -54,6 +55,8 @@ impl Outputs {
         ];
         let noise = args.noise.as_deref();
         all.extend(noise.map(|path| Output::new("--noise", path, Some("exr"))));
+        let report = args.report.as_deref();
+        all.extend(report.map(|path| Output::new("--report", path, Some("html"))));
         let checkpoint = self.checkpoint.as_deref();
         all.extend(checkpoint.map(|path| Output::new("--checkpoint", path, None)));
         all
@@ -127,6 +130,7 @@ fn warn_of_failure(progress: &Progress, result: Result<()>) {
 pub struct Writer<'a> {
     pub origin: &'a Origin,
     pub outputs: Outputs,
+    pub page: Option<Page>,
     pub time: Duration,
 }
 
@@ -146,6 +150,18 @@ impl Writer<'_> {
             autopilot: steer.state(elapsed.as_secs_f64()),
         };
         attempts.add(path, || checkpoint.save(path));
+        self.time += start.elapsed();
+    }
+
+    pub fn page_is_due(&self, session: &Session) -> bool {
+        self.page.as_ref().is_some_and(|page| page.is_due(session.elapsed()))
+    }
+
+    /// The page while rendering goes on.
+    pub fn renew_page(&mut self, moment: &Moment) {
+        let Some(page) = &mut self.page else { return };
+        let start = Instant::now();
+        warn_of_failure(&moment.session.progress, page.write(moment));
         self.time += start.elapsed();
     }
 

@@ -34,6 +34,7 @@ pub struct Report<'a> {
     pub exr: String,
     pub png: String,
     pub noise: Option<String>,
+    pub report: Option<String>,
     pub checkpoint: Option<String>,
 }
 

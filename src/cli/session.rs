@@ -82,7 +82,7 @@ pub struct Begun<'a> {
 pub struct Prepared {
     pub threads: rayon::ThreadPool,
     pub scene: Scene,
-    summary: SceneSummary,
+    pub summary: SceneSummary,
     pub accel: Box<dyn Intersect>,
     pub origin: Origin,
     load_time: Duration,
@@ -163,6 +163,15 @@ pub struct Expectation {
     pub took: f64,
 }
 
+/// Where an image stood at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Past {
+    /// Rendering time of this run, seconds.
+    pub seconds: f64,
+    /// Relative variance: by what counts, of each pixel's luminance or of the mean.
+    pub noise2: f64,
+}
+
 /// Time between two looks at the whole image's noise, seconds, once some have passed.
 const LOOK_EVERY: f64 = 0.5;
 
@@ -171,14 +180,16 @@ const LOOK_SHARE: f64 = 0.02;
 
 /// Iterations under way.
 pub struct Session<'a> {
-    prepared: &'a Prepared,
-    goal: Goal,
+    pub prepared: &'a Prepared,
+    pub goal: Goal,
     /// Iterations of this run at the least, whatever the time.
     least: u64,
     pub progress: Progress,
     pub totals: Totals,
-    status: Status,
+    pub status: Status,
     last_look: f64,
+    /// How the noise fell, at times that grow by [`REMEMBER_EVERY`].
+    pub history: Vec<Past>,
     /// What was expected and when, at times that grow by [`REMEMBER_EVERY`].
     expectations: Vec<Expectation>,
     start: Instant,
@@ -214,6 +225,7 @@ impl<'a> Session<'a> {
             totals,
             status: Status::default(),
             last_look: 0.0,
+            history: Vec::new(),
             expectations: Vec::new(),
             start,
             first: start,
@@ -264,9 +276,17 @@ impl<'a> Session<'a> {
     fn look(&mut self, renderer: &Renderer, steer: &impl Steer) {
         self.status.iterations = renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
-        if elapsed < self.last_look + LOOK_EVERY.min(LOOK_SHARE * elapsed) {
-            return;
+        if elapsed >= self.last_look + LOOK_EVERY.min(LOOK_SHARE * elapsed) {
+            self.look_closely(renderer, steer, elapsed);
         }
+    }
+
+    /// The same at once, after the last iteration.
+    pub fn look_again(&mut self, renderer: &Renderer, steer: &impl Steer) {
+        self.look_closely(renderer, steer, self.elapsed().as_secs_f64());
+    }
+
+    fn look_closely(&mut self, renderer: &Renderer, steer: &impl Steer, elapsed: f64) {
         self.last_look = elapsed;
         let (blocks, objective) = (renderer.blocks(), self.goal.objective);
         let standing = self.prepared.threads.install(|| {
@@ -281,6 +301,7 @@ impl<'a> Session<'a> {
             .per_iteration
             .zip(pace)
             .and_then(|(variance, tau)| standing.forecast(&self.goal, variance, tau, elapsed));
+        self.remember(&standing, elapsed);
         self.status.standing = Some(standing);
         let last = self.expectations.last().map_or(0.0, |last| last.said_after);
         if let Some(forecast) = self.status.forecast
@@ -288,6 +309,15 @@ impl<'a> Session<'a> {
         {
             let seconds = elapsed + forecast.seconds;
             self.expectations.push(Expectation { said_after: elapsed, seconds, took: 0.0 });
+        }
+    }
+
+    fn remember(&mut self, standing: &Standing, elapsed: f64) {
+        let last = self.history.last().map_or(0.0, |last| last.seconds);
+        if let Some(noise2) = standing.relative_variance(self.goal.objective)
+            && elapsed > last * REMEMBER_EVERY
+        {
+            self.history.push(Past { seconds: elapsed, noise2 });
         }
     }
 

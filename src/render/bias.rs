@@ -1,6 +1,7 @@
 //! Whether the merge bias exceeds the noise that is left: more samples then help no further.
 
 use super::block::{Block, Combined};
+use crate::image::film::pool;
 use crate::noise::bias::{Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
 use crate::settings::policy::BIAS_CERTAINTY;
@@ -25,32 +26,8 @@ impl MergeBias {
     /// The bias is the same at all counts, so that the blocks' sums add. It is taken to fall with the radius as
     /// that of all tiles together does: theory.md (70). Its error comes from the batches.
     pub fn new(blocks: &[Block], image: &Combined) -> Option<Self> {
-        let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
-        let iterations: u64 = measured.iter().map(|noise| noise.iterations).sum();
-        if iterations < LEAST_MEASURED {
-            return None;
-        }
+        let (nested, counts) = nested_by_tile(blocks)?;
         let film = &blocks[0].film;
-        let mut nested = vec![[[0.0; 2]; BATCHES]; film.tiles().count()];
-        let mut counts = [0.0; BATCHES];
-        for noise in measured {
-            for (batch, count) in counts.iter_mut().enumerate() {
-                *count += noise.batch_size(batch) as f64;
-            }
-            let mut batches = noise.batches();
-            for (tile, sums) in film.tiles().zip(&mut nested) {
-                let groups = match noise.grain() {
-                    BatchGrain::Pixel => tile.len(),
-                    BatchGrain::Tile => 1,
-                };
-                for group in batches.by_ref().take(groups) {
-                    for (sum, batch) in sums.iter_mut().zip(group) {
-                        (0..2).for_each(|a: usize| sum[a] += f64::from(batch.nested[a]));
-                    }
-                }
-            }
-        }
-
         let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
         let variance = image.variance_of_mean()?;
         let (mut beyond, mut worst) = (0, 0.0f64);
@@ -74,6 +51,64 @@ impl MergeBias {
         let share_beyond_noise = beyond as f64 / film.pixels() as f64;
         Some(Self { share_beyond_noise, worst_over_noise: worst })
     }
+}
+
+/// Merge bias of the luminance of each pixel and its standard error, W/(m^2 sr), row by row, pooled over 5 by 5
+/// pixels; `None` before enough iterations are measured. It is taken to fall with the radius as that of the whole
+/// image does: theory.md (70).
+pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
+    let (nested, counts) = nested_by_tile(blocks)?;
+    let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
+    let iterations: f64 = counts.iter().sum();
+    let film = &blocks[0].film;
+    let mut sums = vec![[0.0; 2]; film.pixels()];
+    for (block, noise) in blocks.iter().filter_map(|block| Some((block, block.noise.as_ref()?))) {
+        let pixels = noise.pixels();
+        block.film.zip(&mut sums, |[first, squares], at| {
+            *first += pixels[at].nested[0];
+            *squares += pixels[at].nested2;
+        });
+    }
+    let (width, height) = film.resolution();
+    // Neighbors share photons: pooling takes nothing off the error for certain.
+    let bias = |[first, squares]: [f64; 2]| {
+        let mean = first / iterations;
+        let scatter = (squares / iterations - mean * mean).max(0.0) / (iterations - 1.0);
+        [scale * mean, scale * scatter.sqrt()]
+    };
+    let of_each: Vec<_> = sums.into_iter().map(bias).collect();
+    Some(pool(&of_each, width, height))
+}
+
+/// Sums of both nested differences in the batches of each tile, and the iterations of each batch; `None` before
+/// enough are measured.
+fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<[[f64; 2]; BATCHES]>, [f64; BATCHES])> {
+    let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
+    let iterations: u64 = measured.iter().map(|noise| noise.iterations).sum();
+    if iterations < LEAST_MEASURED {
+        return None;
+    }
+    let film = &blocks[0].film;
+    let mut nested = vec![[[0.0; 2]; BATCHES]; film.tiles().count()];
+    let mut counts = [0.0; BATCHES];
+    for noise in measured {
+        for (batch, count) in counts.iter_mut().enumerate() {
+            *count += noise.batch_size(batch) as f64;
+        }
+        let mut batches = noise.batches();
+        for (tile, sums) in film.tiles().zip(&mut nested) {
+            let groups = match noise.grain() {
+                BatchGrain::Pixel => tile.len(),
+                BatchGrain::Tile => 1,
+            };
+            for group in batches.by_ref().take(groups) {
+                for (sum, batch) in sums.iter_mut().zip(group) {
+                    (0..2).for_each(|a: usize| sum[a] += f64::from(batch.nested[a]));
+                }
+            }
+        }
+    }
+    Some((nested, counts))
 }
 
 /// Sums over tiles of what tells how the bias falls with the radius: theory.md (69).

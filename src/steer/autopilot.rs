@@ -109,6 +109,11 @@ impl State {
         }
     }
 
+    /// Rendering time when it was saved, seconds, from the very first iteration.
+    pub fn elapsed(&self) -> f64 {
+        self.elapsed
+    }
+
     /// Squared relative bias of the image, as far as a choice of technique found it.
     pub fn bias2(&self) -> f64 {
         self.bias2

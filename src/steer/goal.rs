@@ -201,6 +201,15 @@ impl Standing {
         Some((noise2 * left + goal.bias2).sqrt())
     }
 
+    /// The variance that counts as a share: of each pixel's luminance, or of the mean.
+    pub fn relative_variance(&self, objective: Objective) -> Option<f64> {
+        let scale = match objective {
+            Objective::Relative => 1.0,
+            _ => self.mean_luminance.powi(2).recip(),
+        };
+        self.counted.map(|counted| counted * scale).filter(|share| share.is_finite())
+    }
+
     /// Pooled RMS, W/(m^2 sr).
     pub fn rms(&self) -> Option<f64> {
         self.variance.map(|(variance, _)| variance.sqrt())

@@ -1,6 +1,6 @@
 //! What `make test` has no time for: the long statistical tables, of which it has a case or two in a
-//! module of the same name, and the paper's experiment. `make check` runs the tables,
-//! `make check-report` the experiment.
+//! module of the same name, the paper's experiment, and a page of a render. `make check` runs the tables,
+//! `make check-report` the others.
 
 #[path = "../common/automatic.rs"]
 mod automatic;
@@ -30,6 +30,7 @@ mod counts;
 mod kernel;
 mod materials_light;
 mod mis;
+mod page;
 mod predicts;
 mod reference;
 mod report;

@@ -1,5 +1,7 @@
 //! The program as its users meet it.
 
+#[path = "../common/html.rs"]
+mod html;
 #[path = "../common/program.rs"]
 mod program;
 
@@ -8,6 +10,8 @@ mod limits;
 mod noise;
 mod optimize;
 mod outputs;
+mod page;
 mod render;
 mod reproduce;
 mod timings;
+mod view;

@@ -1,9 +1,9 @@
 //! Figures 1 to 4 from the results.
 
-use super::picture::{Colors, Picture};
 use super::plot::Plot;
 use crate::image::film::pool;
 use crate::noise::file::NoiseFile;
+use crate::page::picture::{Colors, Picture};
 use crate::reproduce::implied;
 use crate::reproduce::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS};
 use crate::reproduce::results::Results;

@@ -1,9 +1,7 @@
 //! The report: one HTML file that needs nothing else, and its pictures as files beside it.
 
 mod figures;
-mod number;
 mod page;
-mod picture;
 mod plot;
 mod sections;
 mod summary;
@@ -14,18 +12,7 @@ use super::results::Results;
 use crate::base::atomic::write_atomically;
 use crate::base::error::Result;
 use figures::Figures;
-use maud::{Markup, html};
 use std::path::PathBuf;
-
-/// A table that scrolls by itself where it is wider than the page, its caption not.
-fn table(class: &str, caption: &Markup, rows: &Markup) -> Markup {
-    html! {
-        div .table {
-            p .caption { (caption) }
-            div .scroll { table class=(class) { (rows) } }
-        }
-    }
-}
 
 /// Writes `report.html`, and each figure as a file.
 ///

@@ -1,55 +1,46 @@
 //! The page: sections in the order of the paper.
 
 use super::figures::Figures;
-use super::number::{count, fixed, shown};
-use super::{sections, summary, table, tables};
+use super::{sections, summary, tables};
+use crate::page::number::{count, fixed, shown};
+use crate::page::{document, table};
 use crate::reproduce::folder::Identity;
 use crate::reproduce::results::Results;
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 const TITLE: &str = "Noise dependence on the number of rays: the experiment repeated";
 
 /// All of it.
 pub fn page(results: &Results, figures: &Figures) -> Markup {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (TITLE) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body {
-                main {
-                    h1 { (TITLE) }
-                    (introduction(results))
-                    (summary::summary(results))
-                    h2 { "Figure 1: the scene" }
-                    (sections::figure_1(results, figures))
-                    h2 { "Figure 2: the noise of one iteration, sampled and by formula" }
-                    (sections::figure_2(results, figures))
-                    h2 { "Figure 3: the three terms" }
-                    (sections::figure_3(results, figures))
-                    h2 { "Figure 4: noise after a time" }
-                    (sections::figure_4(results, figures))
-                    h2 { "Table 1: noise after 1000 s" }
-                    (tables::table_1(results))
-                    h2 { "Table 2: 25 camera paths per pixel" }
-                    (tables::table_2_noise(results))
-                    (tables::table_2_times(results))
-                    h2 { "What is the same" }
-                    (summary::findings(results))
-                    h2 { "The paper's estimator and all pairs" }
-                    (summary::estimators(results))
-                    h2 { "Where the paper contradicts itself" }
-                    (summary::inconsistencies(results))
-                    h2 { "How this was measured" }
-                    (setup(results))
-                }
-            }
+    let body = html! {
+        main {
+            h1 { (TITLE) }
+            (introduction(results))
+            (summary::summary(results))
+            h2 { "Figure 1: the scene" }
+            (sections::figure_1(results, figures))
+            h2 { "Figure 2: the noise of one iteration, sampled and by formula" }
+            (sections::figure_2(results, figures))
+            h2 { "Figure 3: the three terms" }
+            (sections::figure_3(results, figures))
+            h2 { "Figure 4: noise after a time" }
+            (sections::figure_4(results, figures))
+            h2 { "Table 1: noise after 1000 s" }
+            (tables::table_1(results))
+            h2 { "Table 2: 25 camera paths per pixel" }
+            (tables::table_2_noise(results))
+            (tables::table_2_times(results))
+            h2 { "What is the same" }
+            (summary::findings(results))
+            h2 { "The paper's estimator and all pairs" }
+            (summary::estimators(results))
+            h2 { "Where the paper contradicts itself" }
+            (summary::inconsistencies(results))
+            h2 { "How this was measured" }
+            (setup(results))
         }
-    }
+    };
+    document(TITLE, include_str!("style.css"), &html! {}, &body)
 }
 
 fn introduction(results: &Results) -> Markup {

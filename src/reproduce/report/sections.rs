@@ -1,9 +1,9 @@
 //! The sections of Figures 1 to 4: pictures with their captions, and the means beside them.
 
 use super::figures::{Figures, TERMS};
-use super::number::{count, fixed, shown, significant};
 use super::plot::Marker;
-use super::table;
+use crate::page::number::{count, fixed, shown, significant};
+use crate::page::table;
 use crate::reproduce::optimum::Best;
 use crate::reproduce::published;
 use crate::reproduce::published::{FIGURE_2, FIGURE_3, TABLE_1_CAMERA_PATHS};

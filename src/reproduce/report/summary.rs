@@ -1,8 +1,8 @@
 //! What is the same, what is not and why; and where the paper contradicts itself.
 
-use super::number::{fixed, shown, significant};
-use super::table;
 use crate::optimize::predict::Predicted;
+use crate::page::number::{fixed, shown, significant};
+use crate::page::table;
 use crate::reproduce::findings::{Finding, Topic, Verdict};
 use crate::reproduce::results::Results;
 use maud::{Markup, html};
@@ -54,7 +54,7 @@ pub fn findings(results: &Results) -> Markup {
             "is no larger than that."
         }
         @for topic in topics {
-            (table("findings", &html! { (topic.title()) }, &html! {
+            (table("findings cards", &html! { (topic.title()) }, &html! {
                     thead {
                         tr {
                             th scope="col" .text { "quantity" }
@@ -101,7 +101,7 @@ pub fn inconsistencies(results: &Results) -> Markup {
             "Found by computing from the printed numbers alone; they explain what is “as implied” "
             "above."
         }
-        (table("findings", &html! {}, &html! {
+        (table("findings cards", &html! {}, &html! {
                 thead {
                     tr {
                         th scope="col" .text { "number" }

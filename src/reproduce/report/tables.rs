@@ -1,7 +1,7 @@
 //! Tables 1 and 2 beside the published ones.
 
-use super::number::{count, fixed, shown, significant};
-use super::table;
+use crate::page::number::{count, fixed, shown, significant};
+use crate::page::table;
 use crate::reproduce::implied;
 use crate::reproduce::published::{
     CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2,

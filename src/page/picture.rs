@@ -1,11 +1,13 @@
-//! Pictures of the report: pixels as PNG, with the scale and the caption as text beside them.
+//! Pictures in pages: pixels as PNG, with the scale and the caption as text beside them.
 
+use super::number::count;
 use crate::base::math::Rgb;
 use crate::pictures::{auto_exposure, encode_png, number, quantile, tick_step, tone_map};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use colorgrad::Gradient;
 use maud::{Markup, html};
+use rayon::prelude::*;
 
 /// Colors along a scale.
 const STOPS: u32 = 24;
@@ -49,13 +51,19 @@ pub enum Colors {
 
 impl Picture {
     /// Radiance, tone-mapped, W/(m^2 sr).
-    pub fn radiance(
+    pub fn radiance(names: (&'static str, &str), size: (u32, u32), pixels: &[Rgb]) -> Self {
+        Self::exposed(names, size, pixels, auto_exposure(pixels))
+    }
+
+    /// The same with an exposure of one's choice.
+    pub fn exposed(
         (name, alt): (&'static str, &str),
         (width, height): (u32, u32),
         pixels: &[Rgb],
+        exposure: f32,
     ) -> Self {
-        let exposure = auto_exposure(pixels);
-        let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| tone_map(pixel, exposure)).collect();
+        let mapped: Vec<_> = pixels.par_iter().map(|&pixel| tone_map(pixel, exposure)).collect();
+        let bytes = mapped.into_flattened();
         // Gray is white from twice the display's white on, nearly.
         let most = 2.0 / f64::from(exposure);
         let gray = |x: f64| tone_map(Rgb::splat(x as f32), exposure);
@@ -141,8 +149,7 @@ impl Picture {
         html! {
             figure .picture {
                 div .pixels {
-                    img src=(format!("data:image/png;base64,{}", STANDARD.encode(&self.png)))
-                        width=(self.width) height=(self.height) alt=(self.alt);
+                    (self.image())
                     @for [x0, y0, x1, y1] in boxes {
                         div .box style=(format!(
                             "left:{};top:{};width:{};height:{}",
@@ -150,13 +157,28 @@ impl Picture {
                         )) {}
                     }
                 }
-                (self.scale.markup())
-                figcaption {
-                    (caption)
-                    @if self.above > 0 { " " (self.above) " pixels lie beyond the scale." }
-                }
+                (self.scale())
+                figcaption { (caption) (self.beyond()) }
             }
         }
+    }
+
+    /// The pixels alone.
+    pub fn image(&self) -> Markup {
+        html! {
+            img src=(format!("data:image/png;base64,{}", STANDARD.encode(&self.png)))
+                width=(self.width) height=(self.height) alt=(self.alt);
+        }
+    }
+
+    /// What colors stand for.
+    pub fn scale(&self) -> Markup {
+        self.scale.markup()
+    }
+
+    /// A sentence about pixels beyond the scale, if there are any.
+    pub fn beyond(&self) -> Markup {
+        html! { @if self.above > 0 { " " (count(self.above as f64)) " pixels lie beyond the scale." } }
     }
 }
 

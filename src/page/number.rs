@@ -1,4 +1,4 @@
-//! Numbers in the report.
+//! Numbers in pages.
 
 use crate::optimize::predict::Predicted;
 use crate::pictures::digits;

@@ -1,0 +1,325 @@
+//! Pictures of the page: the image, the error of each pixel, where its noise comes from.
+
+use super::Moment;
+use super::sections::{of_what, percent};
+use bdpm::base::math::Rgb;
+use bdpm::image::film::pool;
+use bdpm::optimize::Objective;
+use bdpm::page::picture::{Colors, Picture};
+use bdpm::pictures::auto_exposure;
+use bdpm::render::bias;
+use bdpm::render::block::coefficients;
+use bdpm::settings::policy::BIAS_CERTAINTY;
+use bdpm::steer::goal::importance;
+use maud::{Markup, html};
+use rayon::prelude::*;
+
+/// The three terms of the noise: what they are called, and what makes each smaller.
+const TERMS: [(&str, &str, &str); 3] = [
+    ("pairs of paths", "a/(N_F N_B)", "paths of either kind take it down"),
+    ("camera paths", "b/N_B", "only more camera paths take it down"),
+    ("light paths", "f/N_F", "only more light paths take it down"),
+];
+
+/// All pictures; those of errors once they are known.
+pub struct Maps {
+    image: Picture,
+    denoised: Option<Picture>,
+    /// Relative RMS of the noise.
+    noise: Option<Picture>,
+    /// Relative merge bias where it stands out.
+    bias: Option<Picture>,
+    terms: Option<Terms>,
+}
+
+/// Where the noise of an iteration comes from.
+struct Terms {
+    picture: Picture,
+    /// Of the whole image's noise, as it counts.
+    shares: [f64; 3],
+}
+
+/// Pixels at a whole part of their number, so that a picture is not larger than asked for.
+#[derive(Clone, Copy)]
+struct Grid {
+    size: (u32, u32),
+    /// Pixels along the side of what becomes one.
+    step: u32,
+}
+
+impl Maps {
+    /// Of a moment; while rendering goes on with at most about so many pixels.
+    pub fn new(moment: &Moment, live_pixels: u64) -> Self {
+        let image = moment.image;
+        let size = image.resolution();
+        let pixels = u64::from(size.0) * u64::from(size.1);
+        let step = match moment.report {
+            Some(_) => 1,
+            None => pixels.div_ceil(live_pixels).isqrt().max(1) as u32,
+        };
+        let grid = Grid { size, step };
+        let mean = image.mean();
+        let shown = moment.denoised.map_or(&mean, |denoised| &denoised.pixels);
+        let exposure = auto_exposure(shown);
+        let radiance = |name, alt: &str, pixels: &[Rgb]| {
+            let pixels = grid.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
+            let pixels: Vec<Rgb> = pixels.into_iter().map(|p| p.map(|x| x as f32).into()).collect();
+            Picture::exposed((name, alt), grid.shrunk(), &pixels, exposure)
+        };
+        let scene = &moment.session.prepared.origin.scene;
+        // Relative to each pixel's luminance, whatever counts.
+        let weights = importance(image.blocks(), Objective::Relative);
+        let noise = image.rms().map(|rms| {
+            let relative = |(rms, weight): (&f32, &f64)| [100.0 * f64::from(*rms) * weight.sqrt()];
+            let values: Vec<_> = rms.par_iter().zip(&weights).map(relative).collect();
+            grid.values("noise", "RMS noise of each pixel", &values, Colors::Sequential)
+        });
+        let bias = bias::per_pixel(image.blocks()).map(|bias| {
+            let relative = |([bias, error], weight): (&[f64; 2], &f64)| {
+                let certain = bias.abs() > BIAS_CERTAINTY * error;
+                [if certain { 100.0 * bias * weight.sqrt() } else { 0.0 }]
+            };
+            let values: Vec<_> = bias.par_iter().zip(&weights).map(relative).collect();
+            grid.values("bias", "merge bias of each pixel", &values, Colors::Diverging)
+        });
+        Self {
+            image: radiance("image", &format!("the picture of {scene}"), &mean),
+            denoised: moment.denoised.map(|denoised| {
+                radiance("denoised", &format!("the picture of {scene}, denoised"), &denoised.pixels)
+            }),
+            noise,
+            bias,
+            terms: Terms::new(moment, grid, &weights),
+        }
+    }
+
+    /// The picture with its zoom, and a slider from raw to denoised where there are both.
+    pub fn viewer(&self, (width, height): (u32, u32)) -> Markup {
+        html! {
+            section .viewer style=(format!("--aspect:{width}/{height};--wide:{width};--high:{height}")) {
+                @if let Some(denoised) = &self.denoised {
+                    div .pair {
+                        (frame(&self.image, "raw"))
+                        (frame(denoised, "denoised"))
+                    }
+                } @else {
+                    (frame(&self.image, ""))
+                }
+                div .tools {
+                    @if self.denoised.is_some() {
+                        label .split {
+                            span { "raw" }
+                            input #split type="range" min="0" max="100" value="50" step="0.5"
+                                aria-label="where the denoised picture begins";
+                            span { "denoised" }
+                        }
+                    }
+                    div .zoom role="group" aria-label="zoom of all pictures" {
+                        button #out type="button" aria-label="smaller" { "−" }
+                        output #scale { "100 %" }
+                        button #in type="button" aria-label="larger" { "+" }
+                        button #fit type="button" { "whole picture" }
+                    }
+                }
+                p .hint { "Zoom with + and −, a pinch, or Ctrl and the wheel; drag to move. All pictures follow." }
+            }
+        }
+    }
+
+    /// How far off each pixel is.
+    pub fn errors(&self, moment: &Moment) -> Markup {
+        html! {
+            section {
+                h2 { "How far off each part is" }
+                @if let Some(noise) = &self.noise {
+                    div .figures .maps {
+                        (figure(noise, &html! {
+                            "Noise: how far each pixel is from what it would be after a very long time, "
+                            "typically, in percent of its brightness." (noise.beyond())
+                        }))
+                        @if let Some(bias) = &self.bias {
+                            (figure(bias, &html! {
+                                "Merge bias: what is too bright (positive) or too dark because photons are "
+                                "merged over a small area, where that stands out from the noise. More time "
+                                "does not take it down, a smaller radius does." (bias.beyond())
+                            }))
+                        }
+                    }
+                    @if self.bias.is_none() && moment.report.is_some() {
+                        p { "Too few iterations were measured to tell the merge bias of each part." }
+                    }
+                } @else {
+                    p { "That takes a second iteration." }
+                }
+            }
+        }
+    }
+
+    /// Where the noise comes from.
+    pub fn sources(&self, moment: &Moment) -> Markup {
+        html! {
+            section {
+                h2 { "Where the noise comes from" }
+                @if let Some(Terms { picture, shares }) = &self.terms {
+                    div .sources {
+                        div {
+                            div .stack aria-hidden="true" {
+                                @for (k, share) in shares.iter().enumerate() {
+                                    div .(format!("term-{k}")) style=(format!("flex-grow:{share:.4}")) {}
+                                }
+                            }
+                            (words(shares, of_what(&moment.session.goal)))
+                        }
+                        (figure(picture, &html! {
+                            "The same for each pixel: roots of the three parts, each as a color."
+                            (picture.beyond())
+                        }))
+                    }
+                } @else {
+                    p { "No iteration has measured it." }
+                }
+            }
+        }
+    }
+}
+
+fn words(shares: &[f64; 3], of_what: &str) -> Markup {
+    html! {
+        p {
+            "The variance of an iteration with N_F light paths and N_B camera paths per pixel has three parts, "
+            "relative to " (of_what) " here:"
+        }
+        dl .terms {
+            @for (k, (name, formula, remedy)) in TERMS.iter().enumerate() {
+                div {
+                    dt { span .swatch .(format!("term-{k}")) {} (name) " " code { (formula) } }
+                    dd { b { (percent(shares[k])) } span .minor { (remedy) } }
+                }
+            }
+        }
+    }
+}
+
+impl Terms {
+    fn new(moment: &Moment, grid: Grid, relative: &[f64]) -> Option<Self> {
+        let blocks = moment.image.blocks();
+        let measured = coefficients(blocks)?;
+        let counts = &blocks.last()?.counts;
+        let n_light = f64::from(counts.light_paths);
+        let of_pixel =
+            |pixel: usize| measured[pixel].terms(n_light, f64::from(counts.camera_paths.at(pixel)));
+        let terms: Vec<_> = (0..measured.len()).into_par_iter().map(of_pixel).collect();
+        let counts_relative = moment.session.goal.objective == Objective::Relative;
+        let mut sums = [0.0; 3];
+        for (terms, weight) in terms.iter().zip(relative) {
+            let weight = if counts_relative { *weight } else { 1.0 };
+            sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += weight * term);
+        }
+        let sums = sums.map(|sum| sum.max(0.0));
+        let all: f64 = sums.iter().sum();
+        let (width, height) = grid.size;
+        let roots = |terms: &[f64; 3]| terms.map(|term| term.max(0.0).sqrt());
+        let pooled: Vec<_> = pool(&terms, width, height).iter().map(roots).collect();
+        let names = TERMS.map(|(name, ..)| name);
+        let picture = Picture::channels(
+            ("terms", "the three parts of the noise as red, green and blue"),
+            grid.shrunk(),
+            &grid.shrink(&pooled, |roots| *roots),
+            names,
+        );
+        (all > 0.0).then(|| Self { picture, shares: sums.map(|sum| sum / all) })
+    }
+}
+
+impl Grid {
+    fn shrunk(self) -> (u32, u32) {
+        (self.size.0.div_ceil(self.step), self.size.1.div_ceil(self.step))
+    }
+
+    /// Means over squares of pixels.
+    fn shrink<T: Sync, const N: usize>(
+        self,
+        values: &[T],
+        of: impl Fn(&T) -> [f64; N] + Sync,
+    ) -> Vec<[f64; N]> {
+        let (Self { size: (width, height), step }, (across, down)) = (self, self.shrunk());
+        let mean = |index: u32| {
+            let (x, y) = (index % across * step, index / across * step);
+            let (mut sums, mut count) = ([0.0; N], 0.0);
+            for row in y..(y + step).min(height) {
+                for column in x..(x + step).min(width) {
+                    let value = of(&values[row as usize * width as usize + column as usize]);
+                    sums.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
+                    count += 1.0;
+                }
+            }
+            sums.map(|sum| sum / count)
+        };
+        (0..across * down).into_par_iter().map(mean).collect()
+    }
+
+    /// A picture of percents.
+    fn values(self, name: &'static str, alt: &str, values: &[[f64; 1]], colors: Colors) -> Picture {
+        let values: Vec<f64> = self.shrink(values, |value| *value).into_flattened();
+        let unit = "% of the pixel’s brightness";
+        Picture::values((name, alt), self.shrunk(), &values, (colors, unit))
+    }
+}
+
+/// A picture that zooms with the others.
+fn frame(picture: &Picture, label: &str) -> Markup {
+    html! {
+        div class={ "frame " (label) } tabindex="0" role="group" aria-label="picture: + and − zoom, arrows move" {
+            div .layer { (picture.image()) }
+            @if !label.is_empty() { span .label { (label) } }
+        }
+    }
+}
+
+/// The same with its scale and a caption.
+fn figure(picture: &Picture, caption: &Markup) -> Markup {
+    html! {
+        figure .picture {
+            (frame(picture, ""))
+            (picture.scale())
+            figcaption { (caption) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_denoised_picture_lies_over_the_raw_one_under_a_slider() {
+        let picture =
+            |alt, value| Picture::exposed((alt, alt), (4, 3), &[Rgb::splat(value); 12], 1.0);
+        let raw = Maps {
+            image: picture("raw picture", 0.1),
+            denoised: None,
+            noise: None,
+            bias: None,
+            terms: None,
+        };
+        let html = raw.viewer((4, 3)).into_string();
+        assert!(!html.contains("id=\"split\"") && html.contains("id=\"in\""), "{html}");
+        let both = Maps { denoised: Some(picture("denoised picture", 0.2)), ..raw };
+        let html = both.viewer((4, 3)).into_string();
+        assert!(html.contains("id=\"split\"") && html.contains("--aspect:4/3"), "{html}");
+        let places =
+            ["raw picture", "frame denoised", "denoised picture"].map(|text| html.find(text));
+        assert!(places.is_sorted() && places[0].is_some(), "{html}");
+    }
+
+    #[test]
+    fn shrinking_keeps_means_also_at_the_border() {
+        let grid = Grid { size: (5, 3), step: 2 };
+        let values: Vec<f64> = (0..15).map(f64::from).collect();
+        let small = grid.shrink(&values, |value| [*value]).into_flattened();
+        assert_eq!(grid.shrunk(), (3, 2));
+        assert_eq!(small, [3.0, 5.0, 6.5, 10.5, 12.5, 14.0]);
+        let same = Grid { step: 1, ..grid }.shrink(&values, |value| [*value]).into_flattened();
+        assert_eq!(same, values);
+    }
+}

@@ -1,0 +1,197 @@
+//! `--report FILE.html`: one page that tells of a render in any browser, renewed while it runs.
+//!
+//! The page is a single file that asks for nothing else, which its own content policy enforces. It appears whole or
+//! not at all, and loads itself again until the render is done; zoom, slider and place stay as they were.
+
+mod choice;
+mod fall;
+mod maps;
+mod sections;
+
+use super::render_report::Report;
+use super::session::{Prepared, Session};
+use bdpm::base::atomic::write_atomically;
+use bdpm::base::error::Result;
+use bdpm::base::math::Rgb;
+use bdpm::page::document;
+use bdpm::render::block::Combined;
+use bdpm::steer::autopilot::Promise;
+use bdpm::steer::technique::Chosen;
+use maud::{Markup, PreEscaped, html};
+use std::path::PathBuf;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Nothing but what is in the file: no script, style, picture or address of anywhere else.
+const POLICY: &str =
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+/// Rendering time per time of writing the page, at least: it takes at most 2 % of the time.
+const SHARE: u32 = 50;
+
+/// Time between two pages at the least and at the most, as far as [`SHARE`] allows.
+const PAUSE: [Duration; 2] = [Duration::from_secs(2), Duration::from_secs(30)];
+
+/// Part of the time so far that passes between two, within [`PAUSE`].
+const PAUSE_SHARE: u32 = 40;
+
+/// When the page is written with an image for the first time at the earliest, and per pixel.
+const FIRST: Duration = Duration::from_millis(500);
+/// See [`FIRST`].
+const FIRST_PIXEL: Duration = Duration::from_micros(10);
+
+/// Pixels of a picture at the most while rendering goes on; larger ones are shown at a whole part of their size.
+const LIVE_PIXELS: u64 = 1 << 20;
+
+/// A denoised image, and how far off it is.
+#[derive(Clone, Debug)]
+pub struct Denoised {
+    /// Radiance, row by row.
+    pub pixels: Vec<Rgb>,
+    /// Relative RMS error, what denoising smeared included, and its standard error, where they are known.
+    pub error: Option<(f64, f64)>,
+}
+
+/// A render at a moment.
+pub struct Moment<'a> {
+    pub session: &'a Session<'a>,
+    pub image: &'a Combined<'a>,
+    pub denoised: Option<&'a Denoised>,
+    /// Rendering time before this run, seconds.
+    pub earlier: f64,
+    pub promise: Option<&'a Promise>,
+    pub chosen: Option<&'a Chosen>,
+    /// What there is to tell, once it has ended.
+    pub report: Option<&'a Report<'a>>,
+}
+
+/// The page and when it is written.
+pub struct Page {
+    pub path: PathBuf,
+    /// What was typed.
+    command: String,
+    next: Duration,
+    /// Time that writing it took.
+    spent: Duration,
+}
+
+impl Page {
+    /// To be written to `path`.
+    pub fn new(path: PathBuf) -> Self {
+        Self { path, command: command(), next: Duration::ZERO, spent: Duration::ZERO }
+    }
+
+    /// Writes it before there is anything to see.
+    pub fn announce(&mut self, prepared: &Prepared) -> Result<()> {
+        self.next = (FIRST_PIXEL * prepared.origin.settings.pixels() as u32).clamp(FIRST, PAUSE[1]);
+        let body = html! {
+            main {
+                (sections::heading(prepared, "starting", "running"))
+                p .lead { "The picture will appear here. This page renews itself." }
+                (sections::setup(prepared, &self.command))
+            }
+        };
+        self.save(&prepared.origin.scene, &body, Some(PAUSE[0]))
+    }
+
+    /// Whether it is to be written anew, after so much time of rendering.
+    pub fn is_due(&self, elapsed: Duration) -> bool {
+        elapsed >= self.next
+    }
+
+    /// Writes it.
+    pub fn write(&mut self, moment: &Moment) -> Result<()> {
+        let (start, elapsed) = (Instant::now(), moment.session.elapsed());
+        let prepared = moment.session.prepared;
+        let body = prepared.threads.install(|| self.body(moment));
+        // Known before it is written, but for the time that the disk takes.
+        let [least, most] = PAUSE;
+        let pause = (elapsed / PAUSE_SHARE).clamp(least, most).max(start.elapsed() * SHARE);
+        let reload = moment.report.is_none().then_some(pause);
+        let saved = self.save(&prepared.origin.scene, &body, reload);
+        self.spent += start.elapsed();
+        self.next = elapsed + pause.max(start.elapsed() * SHARE);
+        saved
+    }
+
+    fn body(&self, moment: &Moment) -> Markup {
+        let maps = maps::Maps::new(moment, LIVE_PIXELS);
+        let prepared = moment.session.prepared;
+        let cost = self.spent.as_secs_f64() / moment.session.elapsed().as_secs_f64().max(1e-9);
+        html! {
+            main {
+                (sections::summary(moment))
+                (maps.viewer(moment.image.resolution()))
+                (maps.errors(moment))
+                section {
+                    h2 { "How the error falls" }
+                    (fall::section(moment))
+                }
+                (choice::section(moment))
+                (maps.sources(moment))
+                (sections::outcome(moment))
+                (sections::setup(prepared, &self.command))
+                footer {
+                    p {
+                        "Written by bdpm " (prepared.origin.version) " "
+                        time data-time=(unix_milliseconds()) {}
+                        ". Writing this page took " (format!("{:.2} %", 100.0 * cost)) " of the time so far."
+                    }
+                }
+            }
+        }
+    }
+
+    /// `reload` tells when there may be a newer one, if there will be.
+    fn save(&self, scene: &str, body: &Markup, reload: Option<Duration>) -> Result<()> {
+        let seconds = reload.map(|pause| pause.as_secs_f64().ceil());
+        let head = html! {
+            meta http-equiv="Content-Security-Policy" content=(POLICY);
+            meta name="color-scheme" content="light dark";
+            link rel="icon" href="data:,";
+            @if let Some(seconds) = seconds {
+                noscript { meta http-equiv="refresh" content=(seconds); }
+            }
+        };
+        let script = PreEscaped(include_str!("script.js"));
+        let body = html! {
+            (body)
+            script data-reload=[seconds] data-time=(unix_milliseconds()) { (script) }
+        };
+        let title = match reload {
+            Some(_) => format!("{scene}: rendering"),
+            None => format!("{scene}: done"),
+        };
+        let html = document(&title, include_str!("style.css"), &head, &body).into_string();
+        write_atomically(&self.path, |file| file.write_all(html.as_bytes()))
+    }
+}
+
+fn unix_milliseconds() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as u64)
+}
+
+/// What was typed, to be typed again.
+fn command() -> String {
+    let words = std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy()));
+    ["bdpm".to_owned()].into_iter().chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// A word as shells take it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./:=,%+@".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_where_shells_need_it() {
+        let words = ["render", "--target-error", "2%", "my scene", "it's", ""].map(quoted);
+        assert_eq!(words, ["render", "--target-error", "2%", "'my scene'", r"'it'\''s'", "''"]);
+    }
+}

@@ -1,0 +1,180 @@
+//! Sections of words and numbers: how far it is, what came of it, what it was made of.
+
+use super::Moment;
+use super::fall::error;
+use crate::cli::human_time;
+use crate::cli::progress::way;
+use crate::cli::render_report::text;
+use crate::cli::session::Prepared;
+use bdpm::page::number::count;
+use bdpm::pictures::number;
+use bdpm::steer::goal::{Goal, StoppedBy, Target};
+use maud::{Markup, html};
+
+/// A share in percent, three digits.
+pub fn percent(share: f64) -> String {
+    format!("{}\u{202f}%", number(100.0 * share))
+}
+
+/// The scene's name and what is going on.
+pub fn heading(prepared: &Prepared, state: &str, class: &str) -> Markup {
+    html! {
+        h1 { (prepared.origin.scene) " " span .state .(class) { (state) } }
+    }
+}
+
+/// How far it is, in a sentence and in numbers.
+pub fn summary(moment: &Moment) -> Markup {
+    let session = moment.session;
+    let elapsed = session.elapsed().as_secs_f64();
+    let (state, class) = match moment.report.map(|report| report.run.stopped_by) {
+        None => ("rendering", "running"),
+        Some(StoppedBy::Interrupt) => ("stopped by Ctrl-C", "stopped"),
+        Some(_) => ("done", "done"),
+    };
+    let (left, fraction) = way(&session.goal, &session.status, elapsed);
+    html! {
+        header {
+            (heading(session.prepared, state, class))
+            p .lead { (lead(moment, left)) }
+            @if moment.report.is_none() {
+                progress max="1" value=(format!("{:.3}", fraction.clamp(0.0, 1.0)))
+                    aria-label="part of the render that is done" {}
+            }
+            (tiles(moment))
+        }
+    }
+}
+
+fn lead(moment: &Moment, left: Option<f64>) -> Markup {
+    let session = moment.session;
+    let elapsed = session.elapsed().as_secs_f64();
+    let now = session.status.standing.as_ref();
+    let now = now.and_then(|standing| error(session, standing, 1.0));
+    let left = left.filter(|_| moment.report.is_none());
+    html! {
+        "After " (human_time(elapsed))
+        @if let Some(now) = now {
+            " the picture is off by about " b { (percent(now)) } " of "
+            (of_what(&session.goal)) "."
+        } @else {
+            " it is too early to tell how far off the picture is."
+        }
+        @if let Some(goal) = asked(&session.goal) { " Asked for: " (goal) "." }
+        @if let Some(left) = left { " About " (human_time(left)) " to go." }
+    }
+}
+
+/// What errors are relative to.
+pub fn of_what(goal: &Goal) -> &'static str {
+    match goal.objective {
+        bdpm::optimize::Objective::Relative => "each pixel’s brightness",
+        _ => "the picture’s mean brightness",
+    }
+}
+
+/// When to stop, in words.
+fn asked(goal: &Goal) -> Option<String> {
+    let mut ends = Vec::new();
+    ends.extend(goal.time.map(|time| human_time(time.as_secs_f64())));
+    ends.extend(goal.iterations.map(|n| format!("{n} iterations")));
+    ends.extend(goal.error.map(|error| format!("an error of {}", percent(error))));
+    ends.extend(goal.target.map(|target| match target {
+        Target::Share(share) => format!("an RMS of {} of the mean", percent(share)),
+        Target::Absolute(rms) => format!("an RMS of {} W/(m² sr)", number(rms)),
+    }));
+    (!ends.is_empty()).then(|| ends.join(", or "))
+}
+
+fn tiles(moment: &Moment) -> Markup {
+    let session = moment.session;
+    let standing = session.status.standing.as_ref();
+    let noise2 = standing.and_then(|s| s.relative_variance(session.goal.objective));
+    let now = standing.and_then(|standing| error(session, standing, 1.0));
+    let forecast = standing.zip(session.status.forecast).filter(|_| moment.report.is_none());
+    let then = forecast.and_then(|(now, then)| error(session, now, then.left));
+    let bias = session.goal.bias2.sqrt();
+    let promised = moment
+        .promise
+        .and_then(|promise| promise.error.or_else(|| Some(promise.rms / standing?.mean_luminance)));
+    let tile = |name: &str, value: String, more: Option<String>| {
+        html! {
+            div { dt { (name) } dd { (value) @if let Some(more) = more { span .minor { (more) } } } }
+        }
+    };
+    let split = (bias > 0.0).then(|| {
+        let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
+        format!("noise {noise}, merge bias {}", percent(bias))
+    });
+    let elapsed = human_time(session.elapsed().as_secs_f64());
+    let iterations = count(moment.image.iterations() as f64);
+    let speed = session.totals.rays_per_second() / 1e6;
+    html! {
+        dl .tiles {
+            @if let Some(denoised) = moment.denoised {
+                @let shown = denoised.error.map_or("unknown".into(), |(error, _)| percent(error));
+                (tile("error, denoised", shown, denoised.error.map(|(_, error)| {
+                    format!("give or take {}", percent(error))
+                })))
+            }
+            (tile("error", now.map_or("–".into(), percent), split))
+            @if let Some(then) = then { (tile("expected at the end", percent(then), None)) }
+            @if let Some((promise, error)) = moment.promise.zip(promised) {
+                (tile("promised", percent(error), Some(format!(
+                    "after {} for {}", human_time(promise.said_after), human_time(promise.seconds)
+                ))))
+            }
+            (tile("time", elapsed, (moment.earlier > 0.0).then(|| {
+                format!("and {} in earlier runs", human_time(moment.earlier))
+            })))
+            (tile("iterations", iterations, Some(format!("{speed:.1} million rays a second"))))
+        }
+    }
+}
+
+/// What the program says at the end.
+pub fn outcome(moment: &Moment) -> Markup {
+    html! {
+        @if let Some(report) = moment.report {
+            section {
+                h2 { "What came of it" }
+                pre { (text(report).trim_end()) }
+            }
+        }
+    }
+}
+
+/// Scene, command, settings.
+pub fn setup(prepared: &Prepared, command: &str) -> Markup {
+    let origin = &prepared.origin;
+    let settings = &origin.settings;
+    let json = serde_json::to_string_pretty(settings).expect("plain numbers and texts");
+    let names = |names: &[String]| match names {
+        [] => None,
+        names => Some(names.join(", ")),
+    };
+    let summary = &prepared.summary;
+    let facts = [
+        ("scene", Some(prepared.summary.to_string())),
+        ("materials", names(&summary.materials)),
+        ("lights", names(&summary.light_names)),
+        ("fingerprint", Some(format!("{:016x}", origin.fingerprint))),
+        ("resolution", Some(format!("{} by {} pixels", settings.width, settings.height))),
+        ("seed", Some(settings.seed.to_string())),
+        ("program", Some(format!("bdpm {}", origin.version))),
+        ("intersections", Some(prepared.accel.describe().name)),
+        ("threads", Some(prepared.threads.current_num_threads().to_string())),
+    ];
+    html! {
+        section {
+            h2 { "What it was made of" }
+            pre { code { (command) } }
+            dl {
+                @for (name, value) in facts {
+                    @if let Some(value) = value { dt { (name) } dd { (value) } }
+                }
+            }
+            details #settings { summary { "All settings" } pre { code { (json) } } }
+        }
+    }
+}
