@@ -28,7 +28,7 @@ struct Found {
     /// Means of `a`, `b` and `f`.
     parts: [f64; 3],
     /// Squared noise that a second more of rendering would leave, alone.
-    cost: f64,
+    cost: Option<f64>,
     /// Relative error that was promised.
     promised: Option<f64>,
     light_paths: u32,
@@ -98,7 +98,7 @@ fn main() -> Result<()> {
                     runs[0].promised.unwrap_or(f64::NAN) / runs[0].square.abs().sqrt(),
                     runs[0].light_paths,
                     runs[0].camera_paths,
-                    mean(|run| run.cost),
+                    mean(|run| run.cost.unwrap_or(f64::NAN)),
                 );
             }
             Ok(())

@@ -45,7 +45,7 @@ struct Found {
     noise2: f64,
     bias2: f64,
     /// Squared noise that a second more of rendering would leave, alone.
-    cost: f64,
+    cost: Option<f64>,
     /// Means of `a`, `b` and `f`.
     parts: [f64; 3],
 }
@@ -109,17 +109,21 @@ fn compare(
         let found = subject.kept(&format!("place-{index}"), || {
             let image = subject.render(subject.settings(&place, 9), NONE, MEASURED)?;
             let bias2 = reference.square(&image.luminance) - image.noise2;
-            Ok(Found { noise2: image.noise2, bias2, cost: image.cost, parts: image.parts })
+            let Image { noise2, cost, parts, .. } = image;
+            // Too few iterations fit in the time to tell.
+            Ok(noise2.is_finite().then_some(Found { noise2, bias2, cost, parts }))
         })?;
-        grid.push((place, found));
+        grid.extend(found.map(|found: Found| (place, found)));
     }
     for time in times {
         let seconds: f64 = time.parse()?;
         // Information, the reciprocal of the variance, adds up.
-        let noise2 =
-            |found: &Found| (found.noise2.recip() + (seconds - MEASURED) / found.cost).recip();
+        let noise2 = |found: &Found| {
+            let cost = found.cost.unwrap_or(found.noise2 * MEASURED);
+            (found.noise2.recip() + (seconds - MEASURED) / cost).recip()
+        };
         let expected = |found: &Found| noise2(found) + found.bias2.max(0.0);
-        let mut best: Vec<_> = grid.iter().filter(|(_, found)| found.cost > 0.0).collect();
+        let mut best: Vec<_> = grid.iter().filter(|(_, found)| found.noise2 > 0.0).collect();
         best.sort_by(|one, other| expected(&one.1).total_cmp(&expected(&other.1)));
         // The second table: the least error of each strategy, at its best radii.
         let least = |of: &dyn Fn(&Place) -> bool| {

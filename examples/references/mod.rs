@@ -38,8 +38,9 @@ pub struct Image {
     pub chosen: Scored,
     /// Relative squared noise.
     pub noise2: f64,
-    /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration.
-    pub cost: f64,
+    /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration; `None`
+    /// after too few iterations.
+    pub cost: Option<f64>,
     /// Relative RMS error that was promised.
     pub promised: Option<f64>,
     /// Means of `a`, `b` and `f` over the pixels, relative.
@@ -123,7 +124,7 @@ impl Subject<'_> {
         Ok(Image {
             luminance: pixels.collect(),
             chosen,
-            cost: standing.per_iteration.zip(pace).map_or(f64::NAN, |(v, tau)| v * tau),
+            cost: standing.per_iteration.zip(pace).map(|(v, tau)| v * tau).filter(|c| *c > 0.0),
             noise2: standing.counted.unwrap_or(f64::NAN),
             promised: pilot.promise().and_then(|promise| promise.error),
             parts,
