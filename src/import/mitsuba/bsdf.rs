@@ -10,9 +10,10 @@ use super::texture::{Paint, Pictures};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, SMOOTH_ALPHA,
-    ThinDielectric, fresnel,
+    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
+    fresnel,
 };
+use crate::import::scene_file::material::interface;
 use crate::import::text::list;
 use crate::scene::Texture;
 use glam::Affine2;
@@ -245,6 +246,9 @@ fn one_texture<'a>(object: &Object<'a>, name: &str) -> Result<Option<Object<'a>>
     found.map(Some).ok_or_else(|| object.error("it has no texture", "add one"))
 }
 
+/// Of what is not rough.
+const SMOOTH: Facets = Facets { model: FacetModel::Ggx, alpha: 0.0 };
+
 /// One side alone scatters.
 fn lambertian(albedo: Rgb) -> Bsdf {
     Bsdf::Lambertian { albedo, two_sided: false }
@@ -261,8 +265,8 @@ fn diffuse(object: &Object, with: &mut With) -> Result<Look> {
     Ok(Look::painted(lambertian(paint.color), paint))
 }
 
-/// Width of the facets' distribution, and whether it is Beckmann's.
-fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<(f32, bool)> {
+/// Facets of a rough surface, of the width that is given or else `unsaid`.
+fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<Facets> {
     let mut width = |name: &str| -> Result<Option<f32>> {
         if object.get(name)?.is_none() {
             return Ok(None);
@@ -276,17 +280,17 @@ fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<(f32, bool)> 
         let phrase = "took facets of the same width along u and v (the root of their product) for";
         with.remarks.skipped(phrase, &object.label());
     }
-    let is_beckmann = match object.string("distribution")? {
-        None | Some("beckmann") => true,
-        Some("ggx") => false,
+    let model = match object.string("distribution")? {
+        None | Some("beckmann") => FacetModel::Beckmann,
+        Some("ggx") => FacetModel::Ggx,
         Some(other) => {
             let phrase = format!("took Beckmann's facets for `{other}`:");
             with.remarks.skipped(phrase, &object.label());
-            true
+            FacetModel::Beckmann
         }
     };
     let _ = object.boolean("sample_visible")?;
-    Ok(((u * v).sqrt(), is_beckmann))
+    Ok(Facets { model, alpha: (u * v).sqrt() })
 }
 
 fn conductor(object: &Object, with: &mut With) -> Result<Look> {
@@ -321,26 +325,25 @@ fn conductor(object: &Object, with: &mut With) -> Result<Look> {
         Some(_) => index(object, "ext_eta", 1.0)?,
         None => 1.0,
     };
-    let (alpha, is_beckmann) = match object.kind() {
+    let facets = match object.kind() {
         "roughconductor" => facets(object, with, 0.1)?,
-        _ => (0.0, false),
+        _ => SMOOTH,
     };
-    let smooth = alpha < SMOOTH_ALPHA;
+    let smooth = facets.alpha < SMOOTH_ALPHA;
     let bsdf = match indices {
         None if smooth => Bsdf::Mirror { reflectance: tint },
-        None => metal(Reflectance::Artist { normal: Rgb::ONE }, tint, alpha, is_beckmann),
+        None => metal(Reflectance::Artist { normal: Rgb::ONE }, tint, facets),
         Some([eta, k]) => {
             let reflectance = Reflectance::Measured { eta: eta / outside, k: k / outside };
-            metal(reflectance, tint, alpha, is_beckmann)
+            metal(reflectance, tint, facets)
         }
     };
     Ok(Look { is_black_behind: true, ..Look::plain(bsdf) })
 }
 
 /// A metal of Mitsuba's facets.
-fn metal(reflectance: Reflectance, tint: Rgb, alpha: f32, is_beckmann: bool) -> Bsdf {
-    let _ = (tint, is_beckmann);
-    Bsdf::Conductor(Conductor::new(reflectance, alpha))
+fn metal(reflectance: Reflectance, tint: Rgb, facets: Facets) -> Bsdf {
+    Bsdf::Conductor(Conductor::once(reflectance, facets, tint))
 }
 
 /// A refractive index by number or name.
@@ -369,16 +372,11 @@ fn crossing(object: &Object, with: &mut With) -> Result<Rgb> {
 fn dielectric(object: &Object, with: &mut With) -> Result<Look> {
     let eta = relative_index(object, 1.5046)?;
     let transmittance = crossing(object, with)?;
-    let (alpha, is_beckmann) = match object.kind() {
+    let facets = match object.kind() {
         "roughdielectric" => facets(object, with, 0.1)?,
-        _ => (0.0, false),
+        _ => SMOOTH,
     };
-    let _ = is_beckmann;
-    Ok(Look::plain(if alpha < SMOOTH_ALPHA {
-        Bsdf::Dielectric(Dielectric { eta, transmittance })
-    } else {
-        Bsdf::RoughDielectric(RoughDielectric::new(eta, alpha).tinted(transmittance))
-    }))
+    Ok(Look::plain(interface(eta, facets, transmittance)))
 }
 
 /// A diffuse base under a coat. In Mitsuba's linear one light that the coat's inside reflects comes back as if the
@@ -393,7 +391,7 @@ fn plastic(object: &Object, with: &mut With) -> Result<Look> {
     let inside = 1.0 - (1.0 - outside) / (eta * eta);
     let is_nonlinear = object.boolean("nonlinear")?.unwrap_or(false);
     let rough = object.kind() == "roughplastic";
-    let (alpha, _) = if rough { facets(object, with, 0.1)? } else { (0.0, false) };
+    let alpha = if rough { facets(object, with, 0.1)?.alpha } else { 0.0 };
     if alpha >= SMOOTH_ALPHA {
         let phrase = "took glossy surfaces (GGX and Schlick's reflectance) for rough plastic:";
         with.remarks.skipped(phrase, &object.label());
@@ -439,18 +437,13 @@ fn principled(object: &Object, with: &mut With, is_thin: bool) -> Result<Look> {
     let alpha = roughness * roughness;
     if crossing > 0.5 {
         let tint = paint.mean();
-        return Ok(Look::plain(match (is_thin, alpha < SMOOTH_ALPHA) {
-            (true, _) => Bsdf::ThinDielectric(ThinDielectric { eta, transmittance: tint }),
-            // Light crosses twice what is seen through.
-            (false, true) => {
-                let transmittance = tint.map(f32::sqrt);
-                Bsdf::Dielectric(Dielectric { eta, transmittance })
-            }
-            (false, false) => {
-                let transmittance = tint.map(f32::sqrt);
-                Bsdf::RoughDielectric(RoughDielectric::new(eta, alpha).tinted(transmittance))
-            }
-        }));
+        if is_thin {
+            let sheet = ThinDielectric { eta, transmittance: tint };
+            return Ok(Look::plain(Bsdf::ThinDielectric(sheet)));
+        }
+        // Light crosses twice what is seen through.
+        let facets = Facets { model: FacetModel::Ggx, alpha };
+        return Ok(Look::plain(interface(eta, facets, tint.map(f32::sqrt))));
     }
     let bsdf = Bsdf::Glossy(Glossy::new(paint.color, metallic, eta, alpha));
     Ok(Look::painted(bsdf, paint))
