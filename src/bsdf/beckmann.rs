@@ -18,7 +18,7 @@ const STEEPEST: f64 = 4.2;
 
 impl Beckmann {
     /// Density of normals `m` over the surface, 1/sr.
-    /// theory.md (33), as the next three.
+    /// theory.md (97), as the next three.
     pub fn d(&self, m: Vec3) -> f32 {
         if m.z <= 0.0 {
             return 0.0;

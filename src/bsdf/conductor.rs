@@ -145,7 +145,7 @@ impl Conductor {
         }
     }
 
-    /// theory.md (26), (28), (33).
+    /// theory.md (26), (28), (97).
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if wi.z <= 0.0 || self.spread().is_none() {
             return Rgb::ZERO;
@@ -159,7 +159,7 @@ impl Conductor {
         }
     }
 
-    /// theory.md (25), (28), (33).
+    /// theory.md (25), (28), (97).
     pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wi.z <= 0.0 || self.spread().is_none() {
             return 0.0;

@@ -56,7 +56,7 @@ impl Facets {
     }
 
     /// Share of the facets that is visible from both directions.
-    /// theory.md (25), (33).
+    /// theory.md (25), (97).
     #[inline]
     pub fn g2(&self, wo: Vec3, wi: Vec3) -> f32 {
         match self.model {
