@@ -183,6 +183,29 @@ fn transforms_are_applied_in_their_order() {
 }
 
 #[test]
+fn mirrored_meshes_face_where_they_do_in_mitsuba() {
+    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of the corners.
+    let up = |kind: &str, file: &str, more: &str| {
+        let text = format!(
+            "<shape type='{kind}'>{file}{more}<transform name='to_world'><scale x='-1'/></transform></shape>"
+        );
+        let folder = folder(&scene(&[CAMERA, LIGHT, &text].concat()));
+        let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1 2 3\n";
+        std::fs::write(folder.path().join("a.obj"), obj).unwrap();
+        std::fs::write(folder.path().join("b.obj"), obj.replace("f 1 2 3", "f 1//1 2//1 3//1"))
+            .unwrap();
+        let loaded = load(&folder.path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"));
+        loaded.scene.triangles()[0].normal.z > 0.0
+    };
+    let [a, b] = ["a", "b"].map(|name| format!("<string name='filename' value='{name}.obj'/>"));
+    let flip = "<boolean name='flip_normals' value='true'/>";
+    let flat = "<boolean name='face_normals' value='true'/>";
+    assert!(!up("obj", &a, "") && up("obj", &a, flip));
+    assert!(up("obj", &b, "") && !up("obj", &b, flip) && !up("obj", &b, flat));
+    assert!(up("rectangle", "", "") && !up("rectangle", "", flip));
+}
+
+#[test]
 fn materials_become_ours() {
     let Bsdf::Conductor(metal) = look(
         "<bsdf type='twosided'><bsdf type='roughconductor'><string name='material' value='Cu'/>\

@@ -27,7 +27,6 @@ use super::load::{LoadOptions, Loaded};
 use super::notes::Note;
 use super::text::list;
 use crate::base::error::Result;
-use crate::scene::Mesh;
 use crate::settings::PartialSettings;
 use bsdf::Bsdfs;
 use document::Document;
@@ -36,10 +35,9 @@ use glam::{DAffine3, DMat3};
 use object::Object;
 use remarks::Remarks;
 use sensor::Sensor;
-use shape::{Key, Parts};
+use shape::{Key, Meshes, Parts};
 use std::collections::HashMap;
 use std::path::Path;
-use std::sync::Arc;
 use texture::Pictures;
 
 /// Loads a scene as seen by the sensor of the id that is asked for, else its first, else one that sees everything.
@@ -69,7 +67,7 @@ struct Reader<'a> {
     pictures: Pictures,
     bsdfs: Bsdfs,
     remarks: Remarks,
-    meshes: HashMap<Key, Vec<Arc<Mesh>>>,
+    meshes: HashMap<Key, Meshes>,
     /// Materials of BSDFs that several shapes share, by element.
     shared: HashMap<Option<usize>, u32>,
     /// By element.
@@ -177,7 +175,7 @@ impl Reader<'_> {
                 let group = group.ok_or_else(|| {
                     object.error("it refers to no shapegroup", "add a <ref> to one")
                 })?;
-                (object.label(), self.group(&group, 0)?, object.map("to_world")?, false)
+                (object.label(), self.group(&group)?, object.map("to_world")?, false)
             }
             _ => {
                 let Some(shape) = self.shape(object)? else { return Ok(()) };

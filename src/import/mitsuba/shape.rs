@@ -5,7 +5,6 @@ use super::analytic::Analytic;
 use super::bsdf::{Look, Normals, With};
 use super::bumps;
 use super::color::Meaning;
-use super::document::MAX_DEPTH;
 use super::object::Object;
 use super::{ply, serialized, smooth};
 use crate::base::error::Result;
@@ -34,6 +33,13 @@ enum Source {
     },
     /// With the index of the shape in it.
     File(PathBuf, usize),
+}
+
+/// What a shape is made of, and whether it brings normals of its own.
+#[derive(Clone)]
+pub(super) struct Meshes {
+    all: Vec<Arc<Mesh>>,
+    has_normals: bool,
 }
 
 /// Meshes of a material each.
@@ -109,12 +115,18 @@ impl Reader<'_> {
         let key = Key { source, is_flat, to_uv: to_uv.to_cols_array().map(f32::to_bits) };
         let meshes = self.meshes(object, key, (to_uv, flips))?;
         let mut parts = Parts::new();
-        for mesh in meshes {
+        for mesh in meshes.all {
             let material = self.material(object, own.as_ref(), (&look, &emission), &mesh);
             parts.push((mesh, material));
         }
         let map = object.map("to_world")? * inner;
-        let is_flipped = object.boolean("flip_normals")?.unwrap_or(false);
+        // As in Mitsuba, the order of corners tells where the front of a mirrored mesh is, unless its normals do.
+        let by_corners = match formula {
+            Some(shape) => shape == Analytic::Sphere,
+            None => !meshes.has_normals,
+        };
+        let is_mirrored = by_corners && map.matrix3.determinant() < 0.0;
+        let is_flipped = object.boolean("flip_normals")?.unwrap_or(false) != is_mirrored;
         Ok(Some(Shape { name, parts, map, is_flipped }))
     }
 
@@ -124,14 +136,14 @@ impl Reader<'_> {
         object: &Object,
         key: Key,
         (to_uv, flips): (Affine2, Option<bool>),
-    ) -> Result<Vec<Arc<Mesh>>> {
+    ) -> Result<Meshes> {
         // Few say so; those have their own.
         if flips.is_none()
             && let Some(known) = self.meshes.get(&key)
         {
             return Ok(known.clone());
         }
-        let mut meshes = self.read_meshes(object, &key)?;
+        let (mut meshes, has_normals) = read(object, &key)?;
         for mesh in &mut meshes {
             if key.is_flat {
                 mesh.normals.clear();
@@ -146,43 +158,10 @@ impl Reader<'_> {
                 *uv = Vec2::new(own.x, 1.0 - own.y);
             }
         }
-        let meshes: Vec<Arc<Mesh>> = meshes.into_iter().map(Arc::new).collect();
+        let all = meshes.into_iter().map(Arc::new).collect();
+        let meshes = Meshes { all, has_normals };
         if flips.is_none() {
             self.meshes.insert(key, meshes.clone());
-        }
-        Ok(meshes)
-    }
-
-    fn read_meshes(&mut self, object: &Object, key: &Key) -> Result<Vec<Mesh>> {
-        let (path, index) = match &key.source {
-            Source::Formula { shape, is_lamp } => return Ok(vec![shape.mesh(*is_lamp)]),
-            Source::File(path, index) => (path, *index),
-        };
-        let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
-        match object.kind() {
-            "obj" => {
-                // Their materials do not count.
-                let file = obj::load(path)?;
-                meshes.extend(file.meshes.iter().map(|part| (*part.mesh).clone()));
-            }
-            "ply" => meshes.push(ply::read(path)?),
-            _ => {
-                let shape = serialized::read(path, index)?;
-                is_flat |= shape.is_flat;
-                meshes.push(shape.mesh);
-            }
-        }
-        for mesh in &mut meshes {
-            let is_far = |p: &glam::Vec3| !p.is_finite();
-            if let Some(vertex) = mesh.positions.iter().position(is_far) {
-                let problem = format!("vertex {vertex} of its file is not finite");
-                return Err(object.error(problem, "mend the mesh"));
-            }
-            if is_flat {
-                mesh.normals.clear();
-            } else if mesh.normals.is_empty() {
-                smooth::normals(mesh);
-            }
         }
         Ok(meshes)
     }
@@ -231,12 +210,9 @@ impl Reader<'_> {
     }
 
     /// The parts of a group, each moved by its own map.
-    pub fn group(&mut self, object: &Object, depth: usize) -> Result<Parts> {
+    pub fn group(&mut self, object: &Object) -> Result<Parts> {
         if let Some(known) = self.groups.get(&object.index) {
             return Ok(known.clone());
-        }
-        if depth > MAX_DEPTH {
-            return Err(object.error("it refers to itself, or is nested too deep", "nest it less"));
         }
         let mut parts = Parts::new();
         for child in object.all("shape")? {
@@ -259,6 +235,41 @@ impl Reader<'_> {
         let transform = Transform::new(map).map(|transform| transform.flipped(flip));
         transform.map_err(|error| object.error(error.problem(), error.advice()))
     }
+}
+
+/// Meshes with normals where there are any, and whether these are the file's own.
+fn read(object: &Object, key: &Key) -> Result<(Vec<Mesh>, bool)> {
+    let (path, index) = match &key.source {
+        Source::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
+        Source::File(path, index) => (path, *index),
+    };
+    let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
+    match object.kind() {
+        "obj" => {
+            // Their materials do not count.
+            let file = obj::load(path)?;
+            meshes.extend(file.meshes.iter().map(|part| (*part.mesh).clone()));
+        }
+        "ply" => meshes.push(ply::read(path)?),
+        _ => {
+            let shape = serialized::read(path, index)?;
+            is_flat |= shape.is_flat;
+            meshes.push(shape.mesh);
+        }
+    }
+    let has_normals = !is_flat && meshes.iter().all(|mesh| !mesh.normals.is_empty());
+    for mesh in &mut meshes {
+        if let Some(vertex) = mesh.positions.iter().position(|point| !point.is_finite()) {
+            let problem = format!("vertex {vertex} of its file is not finite");
+            return Err(object.error(problem, "mend the mesh"));
+        }
+        if is_flat {
+            mesh.normals.clear();
+        } else if mesh.normals.is_empty() {
+            smooth::normals(mesh);
+        }
+    }
+    Ok((meshes, has_normals))
 }
 
 /// From the space of [`Analytic`] to that of the shape.
