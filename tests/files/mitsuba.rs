@@ -388,6 +388,12 @@ fn hostile_files_are_refused() {
     let group = "<shape type='shapegroup' id='g'><shape type='instance'><ref id='g'/></shape></shape>\
                  <shape type='instance'><ref id='g'/></shape>";
     refused(&scene(&[CAMERA, LIGHT, group].concat()), &["no triangle"]);
+    let texture = "<texture type='checkerboard' id='t'><ref name='color0' id='t'/></texture>\
+                   <shape type='rectangle'><bsdf type='diffuse'><ref name='reflectance' id='t'/></bsdf></shape>";
+    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).notes_text().contains("took grey"));
+    let spectrum = "<spectrum type='d65' id='t'><ref name='value' id='t'/></spectrum>\
+                    <emitter type='point'><ref name='intensity' id='t'/></emitter>";
+    refused(&scene(&[CAMERA, SQUARE, spectrum].concat()), &["D65 of D65"]);
     refused(&scene("<include filename='a.xml'/>"), &["`a.xml` includes itself"]);
     // What doubles: parameters, and references.
     let mut text = "<default name='a0' value='xxxxxxxx'/>".to_owned();

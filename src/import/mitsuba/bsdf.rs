@@ -290,7 +290,8 @@ fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<Facets> {
         }
     };
     let _ = object.boolean("sample_visible")?;
-    Ok(Facets { model, alpha: (u * v).sqrt() })
+    let alpha = if u == v { u } else { (u * v).sqrt() };
+    Ok(Facets { model, alpha })
 }
 
 fn conductor(object: &Object, with: &mut With) -> Result<Look> {

@@ -53,7 +53,11 @@ pub(super) fn read(object: &Object, meaning: Meaning) -> Result<Color> {
         }
         ("spectrum" | "texture", "d65") => {
             let scale = object.float("scale")?.unwrap_or(1.0) as f32;
-            let color = object.get("value")?.map(|own| read(&own, meaning)).transpose()?;
+            let own = object.get("value")?;
+            if own.is_some_and(|own| own.kind() == "d65") {
+                return Err(object.error("it is D65 of D65", "give a color within"));
+            }
+            let color = own.map(|own| read(&own, meaning)).transpose()?;
             Color::plain(scale * color.map_or(Rgb::ONE, |color| color.rgb))
         }
         ("spectrum" | "texture", "regular") => regular(object, meaning)?,

@@ -63,6 +63,8 @@ fn picture(width: u32, height: u32, colors: &[Rgb], sampling: Sampling) -> (Rgb,
     (most, Arc::new(Texture::new(width, height, texels).sampled(sampling)))
 }
 
+const NO_TEXTURE: &str = "took grey instead of textures that it cannot have:";
+
 /// The pictures of a scene, each read once.
 #[derive(Default)]
 pub(super) struct Pictures {
@@ -87,7 +89,7 @@ impl Pictures {
             return Ok(paint);
         }
         if child.element().tag == "texture" && !is_color(&child) {
-            remarks.skipped("took grey instead of textures that it cannot have:", &child.label());
+            remarks.skipped(NO_TEXTURE, &child.label());
             return Ok(Paint::plain(Rgb::splat(0.5)));
         }
         let read = color::read(&child, meaning)?;
@@ -169,10 +171,13 @@ impl Pictures {
     }
 
     fn checkerboard(&mut self, object: &Object, remarks: &mut Remarks) -> Result<Paint> {
-        let mut color = |name: &str, unsaid: f32| {
-            let paint =
-                self.paint(object, name, Meaning::Share, Rgb::splat(unsaid), &mut *remarks)?;
-            Ok(paint.mean())
+        let mut color = |name: &str, unsaid: f32| match object.get(name)? {
+            // A texture in a texture might be that one again.
+            Some(child) if child.element().tag == "texture" && !is_color(&child) => {
+                remarks.skipped(NO_TEXTURE, &object.label());
+                Ok(Rgb::splat(0.5))
+            }
+            _ => Ok(self.paint(object, name, Meaning::Share, Rgb::splat(unsaid), remarks)?.color),
         };
         let (first, second) = (color("color0", 0.4)?, color("color1", 0.2)?);
         let sampling = Sampling { nearest: true, ..Sampling::default() };
