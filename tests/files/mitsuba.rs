@@ -431,7 +431,7 @@ fn meshes_that_are_broken_are_refused() {
         (header("99999999999", "0 0 0\n"), "end of file"),
         (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "face 0 uses vertex 7 of 3"),
         (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "no indices"),
-        (header("3", "0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
+        (header("3", "0 0 1e39\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
     ] {
         let folder = folder(&shape("ply"));
         std::fs::write(folder.path().join("m.ply"), &text).unwrap();

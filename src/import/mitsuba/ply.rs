@@ -67,6 +67,7 @@ impl PropertyAccess for Item {
 /// Names the file, and what is malformed.
 pub(super) fn read(path: &Path) -> Result<Mesh> {
     let broken = |problem: String| {
+        let problem = problem.split_whitespace().collect::<Vec<_>>().join(" ");
         let problem: String = problem.chars().take(300).collect();
         Error::new(format!("cannot read it as a PLY file: {problem}"), AGAIN).at(path)
     };
