@@ -14,7 +14,7 @@ set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 venv=${MITSUBA_VENV:-$root/target/mitsuba}
-wheels=(mitsuba==3.9.1 numpy)
+wheels=(mitsuba==3.9.1 numpy OpenEXR)
 
 skip() {
     echo "mitsuba-check: skipped: $*" >&2
@@ -22,7 +22,7 @@ skip() {
 }
 
 [ $# -gt 0 ] || { sed -n '2,13s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 2; }
-if ! "$venv/bin/python" -c 'import mitsuba, numpy' 2>/dev/null; then
+if ! "$venv/bin/python" -c 'import mitsuba, numpy, OpenEXR' 2>/dev/null; then
     command -v python3 >/dev/null || skip "there is no Python"
     python3 -m venv "$venv" 2>/dev/null || skip "Python has no venv (Debian: apt install python3-venv)"
     "$venv/bin/pip" install --quiet --disable-pip-version-check "${wheels[@]}" ||

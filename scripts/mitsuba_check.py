@@ -10,6 +10,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+import OpenEXR
 
 ROOT = Path(__file__).resolve().parent.parent
 ELEMENTS = ROOT / "tests/data/mitsuba"
@@ -70,8 +71,9 @@ def with_bdpm(path, size, seconds, seed, *options):
         seconds = time.perf_counter() - start
         if run.returncode != 0:
             sys.exit(f"{' '.join(command)}\n{run.stderr}")
-        bitmap = mi.Bitmap(str(out)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
-        return np.array(bitmap, dtype=np.float64), seconds
+        with OpenEXR.File(str(out), separate_channels=True) as file:
+            channels = [file.channels()[name].pixels.astype(np.float64) for name in "RGB"]
+        return np.stack(channels, axis=-1), seconds
 
 
 def blocks(image):
