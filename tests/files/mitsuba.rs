@@ -275,6 +275,9 @@ fn lights_become_ours() {
         emitters.iter().any(|e| matches!(e, Emitter::Directional(d) if d.direction == Vec3::NEG_Z))
     );
     assert!(emitters.iter().any(|e| matches!(e, Emitter::Spot(_))));
+    // Without a BSDF lamps are black, and other shapes half grey.
+    let albedos: Vec<f32> = loaded.scene.materials().iter().map(|m| m.bsdf.albedo().x).collect();
+    assert_eq!(albedos, [0.5, 0.0]);
     // A sphere's power is pi L 4 pi r^2.
     let area = |e: &Emitter| match e {
         Emitter::Triangle { shape, .. } => shape.area(),

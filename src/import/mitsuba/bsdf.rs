@@ -50,9 +50,9 @@ impl Look {
         Self { bsdf, albedo, to_uv, opacity, normals, is_black_behind: false }
     }
 
-    /// Of a surface without any BSDF.
-    pub fn unsaid() -> Self {
-        Self::plain(Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: false })
+    /// Of a surface without any BSDF: lamps are black.
+    pub fn unsaid(is_lamp: bool) -> Self {
+        Self::plain(lambertian(Rgb::splat(if is_lamp { 0.0 } else { 0.5 })))
     }
 
     fn painted(bsdf: Bsdf, paint: Paint) -> Self {
@@ -111,7 +111,7 @@ impl Bsdfs {
                 let paint = with.paint(object, "diffuse_reflectance", Rgb::splat(0.5))?;
                 Ok(Look::painted(lambertian(paint.color), paint))
             }
-            "null" => Ok(Look { opacity: Some((0.0, None)), ..Look::unsaid() }),
+            "null" => Ok(Look { opacity: Some((0.0, None)), ..Look::unsaid(false) }),
             "twosided" => {
                 let nested = self.nested(object, with, depth)?;
                 if nested.len() > 1 {
@@ -159,7 +159,7 @@ impl Bsdfs {
             other => {
                 let phrase = format!("took diffuse grey for BSDFs of type `{other}`:");
                 with.remarks.skipped(phrase, &object.label());
-                Ok(Look::unsaid())
+                Ok(Look::unsaid(false))
             }
         }
     }

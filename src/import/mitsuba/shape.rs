@@ -6,6 +6,7 @@ use super::bsdf::{Look, Normals, With};
 use super::bumps;
 use super::color::Meaning;
 use super::object::Object;
+use super::texture::Paint;
 use super::{ply, serialized, smooth};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
@@ -62,9 +63,10 @@ impl Reader<'_> {
                 self.remarks.skipped(format!("left out {what} of"), &name);
             }
         }
-        let mut emission = None;
+        let (mut emission, mut is_lamp) = (None, false);
         for emitter in object.all("emitter")? {
             if emitter.kind() == "area" {
+                is_lamp = true;
                 let paint = self.pictures.paint(
                     &emitter,
                     "radiance",
@@ -100,7 +102,7 @@ impl Reader<'_> {
                 let mut with = With { pictures: &mut self.pictures, remarks: &mut self.remarks };
                 self.bsdfs.look(bsdf, &mut with, 0)?
             }
-            None => Look::unsaid(),
+            None => Look::unsaid(is_lamp),
         };
         if look.is_black_behind && !formula.is_some_and(Analytic::is_closed) {
             let phrase = "shows from behind what Mitsuba shows black there (without `twosided`):";
@@ -116,7 +118,7 @@ impl Reader<'_> {
         let meshes = self.meshes(object, key, (to_uv, flips))?;
         let mut parts = Parts::new();
         for mesh in meshes.all {
-            let material = self.material(object, own.as_ref(), (&look, &emission), &mesh);
+            let material = self.material(object, own.as_ref(), (&look, &emission, is_lamp), &mesh);
             parts.push((mesh, material));
         }
         let map = object.map("to_world")? * inner;
@@ -171,10 +173,11 @@ impl Reader<'_> {
         &mut self,
         object: &Object,
         own: Option<&Object>,
-        (look, emission): (&Look, &Option<super::texture::Paint>),
+        (look, emission, is_lamp): (&Look, &Option<Paint>, bool),
         mesh: &Mesh,
     ) -> u32 {
-        let is_shared = emission.is_none() && !matches!(look.normals, Some(Normals::Bumps(..)));
+        let is_shared =
+            !is_lamp && emission.is_none() && !matches!(look.normals, Some(Normals::Bumps(..)));
         let index = own.map(|bsdf| bsdf.index);
         if is_shared && let Some(known) = self.shared.get(&index) {
             return *known;
