@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup build demo test check bench memcheck check-package check-report
+.PHONY: setup build demo test check bench memcheck check-package check-report check-mitsuba
 
 setup:
 	@scripts/setup.sh
@@ -33,6 +33,11 @@ check: setup
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	$(CARGO) test $(FLAGS) --benches --no-run
+	$(MAKE) check-mitsuba
+
+# Small scenes held against Mitsuba's own renders, where Python and its wheel are at hand.
+check-mitsuba: build
+	scripts/mitsuba-check.sh --elements
 
 bench: setup
 	$(CARGO) bench $(FLAGS)

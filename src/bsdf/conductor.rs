@@ -1,7 +1,7 @@
-//! Metals: smooth, or rough by GGX with the light of multiple scattering added.
+//! Metals: smooth, or rough by GGX with the light of multiple scattering added, or as Walter et al. 2007 have it.
 
 use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, fresnel, mirrored};
+use super::{BsdfSample, DIFFUSE_ALPHA, FacetModel, Facets, Lobe, SMOOTH_ALPHA, fresnel, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -71,21 +71,42 @@ pub(super) fn multiple_scattering(facets: &Ggx, mean: Rgb) -> Rgb {
 }
 
 /// A metal. Its rough lobe is reciprocal and, where it reflects all light, lossless: what single
-/// scattering between facets loses comes back as a wide lobe (Kulla and Conty 2017).
+/// scattering between facets loses comes back as a wide lobe (Kulla and Conty 2017); but for a metal of single
+/// scattering ([`Self::once`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conductor {
     reflectance: Reflectance,
-    facets: Ggx,
+    facets: Facets,
+    scattering: Scattering,
+}
+
+/// What becomes of light that facets send into each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scattering {
     /// Share of the lost light that leaves in the end, over pi and the mean loss, 1/sr.
-    multiple: Rgb,
+    All { multiple: Rgb },
+    /// It is lost; the rest is multiplied with a tint.
+    Once { tint: Rgb },
 }
 
 impl Conductor {
     /// A metal of GGX width `alpha` in [0, 1]; below [`SMOOTH_ALPHA`] a perfect surface.
     pub fn new(reflectance: Reflectance, alpha: f32) -> Self {
-        let facets = Ggx { alpha: if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) } };
-        let multiple = multiple_scattering(&facets, reflectance.mean());
-        Self { reflectance, facets, multiple }
+        let facets = Facets { model: FacetModel::Correlated, alpha: width(alpha) };
+        let multiple = multiple_scattering(&facets.ggx(), reflectance.mean());
+        Self { reflectance, facets, scattering: Scattering::All { multiple } }
+    }
+
+    /// A metal of single scattering, as Mitsuba's is: darker, the rougher it is. `tint` multiplies what it
+    /// reflects, in [0, 1]. Smooth below [`SMOOTH_ALPHA`]. Facets hide each other independently, whatever the
+    /// model says.
+    pub fn once(reflectance: Reflectance, facets: Facets, tint: Rgb) -> Self {
+        let model = match facets.model {
+            FacetModel::Beckmann => FacetModel::Beckmann,
+            FacetModel::Ggx | FacetModel::Correlated => FacetModel::Ggx,
+        };
+        let facets = Facets { model, alpha: width(facets.alpha) };
+        Self { reflectance, facets, scattering: Scattering::Once { tint } }
     }
 
     /// How much it reflects.
@@ -93,9 +114,17 @@ impl Conductor {
         self.reflectance
     }
 
-    /// GGX width; 0 if it is smooth.
+    /// Width of its facets' distribution; 0 if it is smooth.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha
+    }
+
+    /// Of a metal of single scattering, the model of its facets and its tint.
+    pub fn single(&self) -> Option<(FacetModel, Rgb)> {
+        match self.scattering {
+            Scattering::All { .. } => None,
+            Scattering::Once { tint } => Some((self.facets.model, tint)),
+        }
     }
 
     #[inline]
@@ -107,23 +136,30 @@ impl Conductor {
         }
     }
 
-    /// What single scattering loses of light at the cosine `cos`.
+    /// What is given back of the light at the cosine `cos` that single scattering loses.
     #[inline]
     fn loss(&self, cos: f32) -> f32 {
-        (1.0 - self.facets.single_albedo(cos)).max(0.0)
+        match self.scattering {
+            Scattering::All { .. } => (1.0 - self.facets.ggx().single_albedo(cos)).max(0.0),
+            Scattering::Once { .. } => 0.0,
+        }
     }
 
-    /// theory.md (26), (28).
+    /// theory.md (26), (28), (97).
     pub(super) fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
         if wi.z <= 0.0 || self.spread().is_none() {
             return Rgb::ZERO;
         }
         let m = (wo + wi).normalize();
         let once = self.facets.d(m) * self.facets.g2(wo, wi) / (4.0 * wo.z * wi.z);
-        self.reflectance.at(wo.dot(m)) * once + self.multiple * (self.loss(wo.z) * self.loss(wi.z))
+        let once = self.reflectance.at(wo.dot(m)) * once;
+        match self.scattering {
+            Scattering::All { multiple } => once + multiple * (self.loss(wo.z) * self.loss(wi.z)),
+            Scattering::Once { tint } => tint * once,
+        }
     }
 
-    /// theory.md (25), (28).
+    /// theory.md (25), (28), (97).
     pub(super) fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         if wi.z <= 0.0 || self.spread().is_none() {
             return 0.0;
@@ -137,9 +173,17 @@ impl Conductor {
 
     pub(super) fn sample(&self, wo: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
         let Some(lobe) = self.spread() else {
-            return Some(mirrored(wo, self.reflectance.at(wo.z)));
+            let reflected = self.reflectance.at(wo.z);
+            return Some(mirrored(
+                wo,
+                match self.scattering {
+                    Scattering::All { .. } => reflected,
+                    Scattering::Once { tint } => tint * reflected,
+                },
+            ));
         };
-        let wi = if rng.next_1d() < self.loss(wo.z) {
+        let loss = self.loss(wo.z);
+        let wi = if rng.next_1d() < loss {
             cosine_hemisphere(Vec3::Z, rng.next_2d())
         } else {
             reflect(wo, self.facets.sample_visible(wo, rng.next_2d()))
@@ -147,4 +191,9 @@ impl Conductor {
         let pdf = self.pdf_w(wo, wi);
         (pdf > 0.0).then(|| BsdfSample { wi, weight: self.eval(wo, wi) * (wi.z / pdf), lobe })
     }
+}
+
+/// As kept: 0 if it is smooth.
+fn width(alpha: f32) -> f32 {
+    if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) }
 }

@@ -5,9 +5,11 @@
 //! answer belongs to the lobe ([`Lobe`]), not to the surface: a coat over a diffuse base has both.
 //! At such a vertex photons merge with, and lights connect to, the diffuse lobe alone.
 
+mod beckmann;
 mod coated;
 mod conductor;
 mod dielectric;
+mod facets;
 pub mod fresnel;
 pub mod ggx;
 mod glossy;
@@ -16,6 +18,7 @@ mod rough_dielectric;
 pub use coated::Coated;
 pub use conductor::{Conductor, Reflectance};
 pub use dielectric::{Dielectric, ThinDielectric};
+pub use facets::{FacetModel, Facets};
 pub use glossy::Glossy;
 pub use rough_dielectric::RoughDielectric;
 

@@ -1,8 +1,8 @@
 //! A rough interface between two dielectrics (Walter et al. 2007) of single scattering.
 
 use super::dielectric::{relative, transmission_scale};
-use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, Lobe, SMOOTH_ALPHA, Transport, fresnel};
+use super::ggx::reflect;
+use super::{BsdfSample, FacetModel, Facets, Lobe, SMOOTH_ALPHA, Transport, fresnel};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -16,13 +16,18 @@ pub struct RoughDielectric {
     eta: f32,
     /// What light that crosses the surface is multiplied with, in [0, 1].
     transmittance: Rgb,
-    facets: Ggx,
+    facets: Facets,
 }
 
 impl RoughDielectric {
     /// An interface of GGX width `alpha`, at least [`SMOOTH_ALPHA`], at most 1.
     pub fn new(eta: f32, alpha: f32) -> Self {
-        let facets = Ggx { alpha: alpha.clamp(SMOOTH_ALPHA, 1.0) };
+        Self::of(eta, Facets { model: FacetModel::Correlated, alpha })
+    }
+
+    /// An interface of facets of any model, of a width of at least [`SMOOTH_ALPHA`], at most 1.
+    pub fn of(eta: f32, facets: Facets) -> Self {
+        let facets = Facets { alpha: facets.alpha.clamp(SMOOTH_ALPHA, 1.0), ..facets };
         Self { eta, transmittance: Rgb::ONE, facets }
     }
 
@@ -42,7 +47,12 @@ impl RoughDielectric {
         self.eta
     }
 
-    /// GGX width.
+    /// How its facets are distributed.
+    pub fn model(&self) -> FacetModel {
+        self.facets.model
+    }
+
+    /// Width of its facets' distribution.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha
     }

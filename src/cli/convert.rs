@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Scene: a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml
+    /// Scene: a .toml, .gltf, .glb, .obj or Mitsuba's .xml file, or a folder that holds scene.toml
     scene: PathBuf,
     /// Folder to write: scene.toml, meshes as OBJ and textures as PNG
     out: PathBuf,

@@ -113,7 +113,7 @@ fn json(value: &impl Serialize) -> String {
 /// What a scene is and how to look at it.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Scene: a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml
+    /// Scene: a .toml, .gltf, .glb, .obj or Mitsuba's .xml file, or a folder that holds scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// The camera of a glTF file to render with [default: its first]

@@ -105,7 +105,7 @@ pub(super) fn soft(white: f32) -> Environment {
 }
 
 /// Pixels of an image of radiances.
-fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match &extension[..] {
         "exr" => {

@@ -6,6 +6,7 @@
 use super::builder::{Builder, Rest};
 use super::environment::EnvironmentSource;
 use super::gltf;
+use super::mitsuba;
 use super::notes;
 use super::notes::Note;
 use super::obj;
@@ -49,7 +50,7 @@ impl Loaded {
 /// What the user says about reading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// Name of the camera, of those in a glTF file.
+    /// Name of the camera, of those in a glTF file or one of Mitsuba.
     pub camera: Option<&'a str>,
     /// Whether it is an error if anything is skipped.
     pub strict: bool,
@@ -68,8 +69,8 @@ impl LoadOptions<'_> {
     }
 }
 
-/// Loads a `.toml` scene file, a folder that holds `scene.toml`, or a `.gltf`, `.glb` or `.obj` file,
-/// which gets a camera and a light if it has none.
+/// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
+/// which gets a camera and a light if it has none, or an `.xml` file of Mitsuba.
 ///
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read or
@@ -95,7 +96,7 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let inside = path.join("scene.toml");
         if !inside.exists() {
             let advice =
-                "name a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml";
+                "name a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml";
             return Err(Error::new("the folder holds no scene.toml", advice).at(path));
         }
         return load_any(&inside, options);
@@ -104,17 +105,21 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     std::fs::metadata(path).map_err(|e| Error::io("read the scene", path, e))?;
     let extension = extension(path);
     let is_gltf = matches!(&extension[..], "gltf" | "glb");
-    if let (Some(name), false) = (options.camera, is_gltf) {
-        let problem = format!("there is no camera `{name}`: only glTF files have cameras by name");
+    let has_cameras = is_gltf || extension == "xml";
+    if let (Some(name), false) = (options.camera, has_cameras) {
+        let problem = format!(
+            "there is no camera `{name}`: only glTF and Mitsuba's files have cameras by name"
+        );
         return Err(Error::new(problem, "leave --camera out").at(path));
     }
     match &extension[..] {
         _ if is_gltf => gltf::load(path, options),
         "toml" => load_toml(path, options),
         "obj" => load_obj(path, options),
+        "xml" => mitsuba::load(path, options),
         other => Err(Error::new(
             format!("scenes of type `.{other}` cannot be read"),
-            "give a .toml, .gltf, .glb or .obj file, or a folder that holds scene.toml",
+            "give a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml",
         )
         .at(path)),
     }

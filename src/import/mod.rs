@@ -1,4 +1,4 @@
-//! Scene files: reading TOML, OBJ and glTF, and writing a scene as a folder of TOML, OBJ and PNG.
+//! Scene files: reading TOML, OBJ, glTF and Mitsuba's XML, and writing a scene as a folder of TOML, OBJ and PNG.
 //!
 //! [`load()`] is the way in and [`save()`] the way out; nothing else knows what a file looks like.
 
@@ -11,6 +11,7 @@ mod glance;
 mod gltf;
 mod lines;
 mod load;
+mod mitsuba;
 mod mtl;
 mod notes;
 mod obj;

@@ -5,7 +5,7 @@ use super::{
     Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, Reflectance};
+use crate::bsdf::{Bsdf, FacetModel, Reflectance};
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -170,11 +170,20 @@ impl Hash {
                     }
                 }
                 self.f32(conductor.alpha());
+                if let Some((model, tint)) = conductor.single() {
+                    self.text("once");
+                    self.u32(model as u32);
+                    self.rgb(tint);
+                }
             }
             Bsdf::RoughDielectric(interface) => {
                 self.u32(8);
                 self.f32(interface.eta());
                 self.f32(interface.alpha());
+                if interface.model() != FacetModel::Correlated {
+                    self.text("facets");
+                    self.u32(interface.model() as u32);
+                }
                 self.transmittance(interface.transmittance());
             }
             Bsdf::Coated(coated) => {
@@ -264,7 +273,9 @@ impl Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::{Coated, Conductor, Dielectric, Glossy, RoughDielectric, ThinDielectric};
+    use crate::bsdf::{
+        Coated, Conductor, Dielectric, Facets, Glossy, RoughDielectric, ThinDielectric,
+    };
     use crate::scene::texture::Wrap;
     use crate::scene::{Directional, Region, Spot};
     use glam::Vec2;
@@ -272,6 +283,12 @@ mod tests {
 
     fn metal(name: &str, alpha: f32) -> Bsdf {
         Bsdf::Conductor(Conductor::new(Reflectance::named(name).unwrap(), alpha))
+    }
+
+    fn once(model: FacetModel, tint: f32) -> Bsdf {
+        let facets = Facets { model, alpha: 0.2 };
+        let gold = Reflectance::named("gold").unwrap();
+        Bsdf::Conductor(Conductor::once(gold, facets, Rgb::splat(tint)))
     }
 
     fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
@@ -350,7 +367,7 @@ mod tests {
 
     #[test]
     fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 62] = [
+        let changes: [fn(&mut Parts); 66] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
@@ -387,6 +404,13 @@ mod tests {
             |p| p.material.bsdf = metal("gold", 0.1),
             |p| p.material.bsdf = metal("gold", 0.2),
             |p| p.material.bsdf = metal("silver", 0.2),
+            |p| p.material.bsdf = once(FacetModel::Ggx, 1.0),
+            |p| p.material.bsdf = once(FacetModel::Beckmann, 1.0),
+            |p| p.material.bsdf = once(FacetModel::Beckmann, 0.5),
+            |p| {
+                let facets = Facets { model: FacetModel::Beckmann, alpha: 0.1 };
+                p.material.bsdf = Bsdf::RoughDielectric(RoughDielectric::of(1.5, facets));
+            },
             |p| p.material.albedo_texture = Some(texture(1)),
             |p| p.material.albedo_texture = Some(texture(2)),
             |p| p.material.opacity_texture = Some(texture(1)),

@@ -5,7 +5,7 @@ use super::numbers::{color, inverse, number, roughness};
 use super::pictures::Pictures;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, Glossy, Reflectance};
+use crate::bsdf::{Bsdf, FacetModel, Glossy, Reflectance};
 use crate::scene::Material;
 use std::fmt::Write;
 
@@ -61,7 +61,9 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         Bsdf::RoughDielectric(interface) => {
             let indices = indices(interface.eta())?;
             let tint = transmittance(interface.transmittance());
-            format!("type = \"dielectric\"\n{indices}{}{tint}", roughness(interface.alpha()))
+            let facets = facets(interface.model());
+            let rough = roughness(interface.alpha());
+            format!("type = \"dielectric\"\n{indices}{rough}{facets}{tint}")
         }
         Bsdf::ThinDielectric(sheet) => {
             let tint = transmittance(sheet.transmittance);
@@ -69,7 +71,13 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         }
         Bsdf::Conductor(metal) => {
             let look = reflectance(metal.reflectance());
-            format!("type = \"metal\"\n{look}{}", roughness(metal.alpha()))
+            let single = metal.single().map(|(model, tint)| {
+                let tinted = tint != Rgb::ONE;
+                let tint = if tinted { format!("tint = {}\n", color(tint)) } else { String::new() };
+                format!("{}{tint}", facets(model))
+            });
+            let rough = roughness(metal.alpha());
+            format!("type = \"metal\"\n{look}{rough}{}", single.unwrap_or_default())
         }
         Bsdf::Coated(coated) => {
             let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
@@ -92,6 +100,15 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
         let _ = writeln!(text, "opacity = {}", number(opacity));
     }
     Ok(text)
+}
+
+/// Of facets that scatter once.
+fn facets(model: FacetModel) -> &'static str {
+    match model {
+        FacetModel::Correlated => "",
+        FacetModel::Ggx => "facets = \"ggx\"\n",
+        FacetModel::Beckmann => "facets = \"beckmann\"\n",
+    }
 }
 
 /// Of glass that is not clear.

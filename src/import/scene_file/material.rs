@@ -6,8 +6,8 @@ use super::{Albedo, Power};
 use crate::base::error::Error;
 use crate::base::math::Rgb;
 use crate::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, SMOOTH_ALPHA,
-    ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Reflectance, RoughDielectric,
+    SMOOTH_ALPHA, ThinDielectric,
 };
 use crate::import::mtl;
 use crate::import::text::list;
@@ -38,6 +38,8 @@ pub(in crate::import) struct MaterialTable {
     texture_filter: Option<FilterKind>,
     two_sided: Option<Spanned<bool>>,
     reflectance: Option<Spanned<Albedo>>,
+    facets: Option<Spanned<FacetName>>,
+    tint: Option<Spanned<Albedo>>,
     metal: Option<Spanned<String>>,
     eta: Option<Spanned<Index>>,
     k: Option<Spanned<Power>>,
@@ -47,6 +49,14 @@ pub(in crate::import) struct MaterialTable {
     alpha: Option<Spanned<Roughness>>,
     metallic: Option<Spanned<Metallic>>,
     emission: Option<Power>,
+}
+
+/// Models of facets that scatter once, as Mitsuba has them.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum FacetName {
+    Ggx,
+    Beckmann,
 }
 
 /// The materials there are.
@@ -70,10 +80,15 @@ impl MaterialKind {
             Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
             Self::Mirror => ("mirror", &["reflectance"]),
             Self::Dielectric => {
-                ("dielectric", &["ior", "outside_ior", "roughness", "alpha", "transmittance"])
+                let keys = &["ior", "outside_ior", "roughness", "alpha", "facets", "transmittance"];
+                ("dielectric", keys)
             }
             Self::ThinDielectric => ("thin-dielectric", &["ior", "transmittance"]),
-            Self::Metal => ("metal", &["metal", "eta", "k", "reflectance", "roughness", "alpha"]),
+            Self::Metal => {
+                let keys =
+                    &["metal", "eta", "k", "reflectance", "roughness", "alpha", "facets", "tint"];
+                ("metal", keys)
+            }
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
             Self::Glossy => {
                 let keys = &[
@@ -123,11 +138,24 @@ impl MaterialTable {
             MaterialKind::Mirror => {
                 Bsdf::Mirror { reflectance: rgb(&self.reflectance).unwrap_or(Rgb::ONE) }
             }
-            MaterialKind::Dielectric => dielectric(eta, alpha, transmittance),
+            MaterialKind::Dielectric => {
+                let model = self.facets().unwrap_or_default();
+                interface(eta, Facets { model, alpha }, transmittance)
+            }
             MaterialKind::ThinDielectric => {
                 Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })
             }
-            MaterialKind::Metal => Bsdf::Conductor(Conductor::new(self.metal()?, alpha)),
+            MaterialKind::Metal => {
+                let tint = rgb(&self.tint);
+                let model = self.facets().or(tint.map(|_| FacetModel::Ggx));
+                Bsdf::Conductor(match model {
+                    None => Conductor::new(self.metal()?, alpha),
+                    Some(model) => {
+                        let facets = Facets { model, alpha };
+                        Conductor::once(self.metal()?, facets, tint.unwrap_or(Rgb::ONE))
+                    }
+                })
+            }
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
@@ -142,6 +170,14 @@ impl MaterialTable {
             normal_map: self.normal_map(texture(&self.normal_texture)?)?,
             emission_texture: texture(&self.emission_texture)?,
             ..Material::new(name, bsdf)
+        })
+    }
+
+    /// The model of facets that scatter once, if it is given.
+    fn facets(&self) -> Option<FacetModel> {
+        self.facets.as_ref().map(|name| match name.get_ref() {
+            FacetName::Ggx => FacetModel::Ggx,
+            FacetName::Beckmann => FacetModel::Beckmann,
         })
     }
 
@@ -202,6 +238,8 @@ impl MaterialTable {
             ("outside_ior", place(&self.outside_ior)),
             ("roughness", place(&self.roughness)),
             ("alpha", place(&self.alpha)),
+            ("facets", place(&self.facets)),
+            ("tint", place(&self.tint)),
             ("transmittance", place(&self.transmittance)),
             ("metallic", place(&self.metallic)),
             ("metallic_roughness_texture", place(&self.metallic_roughness_texture)),
@@ -249,10 +287,15 @@ impl MaterialTable {
 
 /// An interface, rough or smooth.
 pub(in crate::import) fn dielectric(eta: f32, alpha: f32, transmittance: Rgb) -> Bsdf {
-    if alpha < SMOOTH_ALPHA {
+    interface(eta, Facets { model: FacetModel::Correlated, alpha }, transmittance)
+}
+
+/// The same of facets of any model.
+pub(in crate::import) fn interface(eta: f32, facets: Facets, transmittance: Rgb) -> Bsdf {
+    if facets.alpha < SMOOTH_ALPHA {
         Bsdf::Dielectric(Dielectric { eta, transmittance })
     } else {
-        Bsdf::RoughDielectric(RoughDielectric::new(eta, alpha).tinted(transmittance))
+        Bsdf::RoughDielectric(RoughDielectric::of(eta, facets).tinted(transmittance))
     }
 }
 

@@ -1,0 +1,58 @@
+//! Heights as maps of normals.
+
+use crate::scene::{Mesh, NormalMap, Texture, Wrap};
+use glam::{Vec2, Vec3};
+use std::sync::Arc;
+
+/// The map of normals that heights, `scale` scene units at white, make on a mesh: the slopes are those where texture
+/// coordinates grow as fast as they do in the mean over its area. `None` if it has no such.
+pub(super) fn normal_map(heights: &Arc<Texture>, scale: f32, mesh: &Mesh) -> Option<NormalMap> {
+    let lengths = lengths(mesh)?;
+    let [width, height] = heights.size().map(|size| size as usize);
+    let wrap = heights.sampling().wrap;
+    let index = |wrap: Wrap, i: i64, size: usize| match wrap {
+        Wrap::Repeat => i.rem_euclid(size as i64) as usize,
+        Wrap::Mirror | Wrap::Clamp => i.clamp(0, size as i64 - 1) as usize,
+    };
+    let texels = heights.texels();
+    let at = |x: i64, y: i64| {
+        let texel = texels[index(wrap[1], y, height) * width + index(wrap[0], x, width)];
+        (f32::from(texel[0]) + f32::from(texel[1]) + f32::from(texel[2])) * (scale / 765.0)
+    };
+    let mut slopes = Vec::with_capacity(width * height);
+    for y in 0..height as i64 {
+        for x in 0..width as i64 {
+            // Rows go down, v goes up.
+            let along_u = 0.5 * (at(x + 1, y) - at(x - 1, y)) * width as f32;
+            let along_v = 0.5 * (at(x, y - 1) - at(x, y + 1)) * height as f32;
+            slopes.push(Vec2::new(along_u, along_v) / lengths);
+        }
+    }
+    let code = |x: f32| (128.0 + 127.0 * x).round().clamp(1.0, 255.0) as u8;
+    let texels = slopes.iter().map(|slope| {
+        let normal = Vec3::new(-slope.x, -slope.y, 1.0).normalize();
+        [code(normal.x), code(normal.y), code(normal.z), 255]
+    });
+    let map = Texture::new(width as u32, height as u32, texels.collect());
+    Some(NormalMap { texture: Arc::new(map.sampled(heights.sampling())), scale: 1.0 })
+}
+
+/// Mean lengths on the surface of what the texture coordinates span from 0 to 1.
+fn lengths(mesh: &Mesh) -> Option<Vec2> {
+    let (mut sum, mut area) = (Vec2::ZERO, 0.0);
+    for corners in &mesh.triangles {
+        let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
+        let [ua, ub, uc] = corners.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or_default());
+        let (e, f, s, t) = (b - a, c - a, ub - ua, uc - ua);
+        let turn = s.perp_dot(t);
+        let own = e.cross(f).length();
+        let along_u = (t.y * e - s.y * f) / turn;
+        let along_v = (s.x * f - t.x * e) / turn;
+        if along_u.is_finite() && along_v.is_finite() {
+            sum += own * Vec2::new(along_u.length(), along_v.length());
+            area += own;
+        }
+    }
+    let mean = sum / area;
+    (mean.is_finite() && mean.min_element() > 0.0).then_some(mean)
+}

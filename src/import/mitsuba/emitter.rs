@@ -1,0 +1,237 @@
+//! Lights that are no shapes.
+
+use super::color::Meaning;
+use super::object::Object;
+use super::remarks::Remarks;
+use super::texture::Pictures;
+use crate::base::error::Result;
+use crate::base::math::Rgb;
+use crate::import::environment;
+use crate::import::scene_file::light::LEAST_FALLOFF;
+use crate::scene::transform::MAX_COORDINATE;
+use crate::scene::{Directional, Emitter, Environment, Spot};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+
+/// Most pixels across that a small map of radiances is made of.
+const FINE: u32 = 1024;
+
+/// Light from all around, before the scene is turned to it.
+pub(super) struct Surroundings {
+    width: u32,
+    height: u32,
+    pixels: Vec<Rgb>,
+    /// Of a map, from its space, in which +y is up, to the scene's.
+    pub to_world: DMat3,
+}
+
+/// A color of this name, the same everywhere, W or what it is.
+fn power(
+    object: &Object,
+    name: &str,
+    pictures: &mut Pictures,
+    remarks: &mut Remarks,
+) -> Result<Rgb> {
+    let paint = pictures.paint(object, name, Meaning::Light, Rgb::ONE, remarks)?;
+    if paint.texture.is_some() {
+        remarks.skipped(format!("took the mean of the texture `{name}` of"), &object.label());
+    }
+    Ok(paint.mean())
+}
+
+/// A light at a place or far away, in a scene that is moved so; `None` if it is dark or of another kind.
+pub(super) fn emitter(
+    object: &Object,
+    world: DAffine3,
+    pictures: &mut Pictures,
+    remarks: &mut Remarks,
+) -> Result<Option<Emitter>> {
+    let map = world * object.map("to_world")?;
+    let mut light = |name: &str| power(object, name, pictures, remarks);
+    let place = |point: DVec3| {
+        let point = point.as_vec3();
+        if point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all() {
+            return Ok(point);
+        }
+        let problem = format!("its position is beyond {MAX_COORDINATE:e}");
+        Err(object.error(problem, "move it closer"))
+    };
+    let unit = |vector: DVec3| {
+        let unit = vector.try_normalize().map(|unit| unit.as_vec3());
+        unit.ok_or_else(|| object.error("it has no direction", "give one that is not zero"))
+    };
+    let emitter = match object.kind() {
+        "point" => {
+            let own = match object.point("position")? {
+                Some(position) => world.transform_point3(position),
+                None => map.translation,
+            };
+            Emitter::Point { position: place(own)?, intensity: light("intensity")? }
+        }
+        "spot" => {
+            let cutoff = object.float_in("cutoff_angle", 20.0, [1e-3, 90.0])?.to_radians();
+            let beam = object.float("beam_width")?.map_or(0.75 * cutoff, f64::to_radians);
+            if !(0.0..=cutoff).contains(&beam) {
+                let advice = "give an angle from 0 to cutoff_angle";
+                return Err(object.error("`beam_width` is beyond the cutoff", advice));
+            }
+            let intensity = light("intensity")?;
+            let (position, direction) = (place(map.translation)?, unit(map.matrix3.z_axis)?);
+            if object.get("texture")?.is_some() {
+                remarks.skipped("left out the texture of", &object.label());
+            }
+            remarks.skipped(
+                "took a falloff by the cosine, of the same power, for the linear one of",
+                &object.label(),
+            );
+            let [cos_inner, cos_outer] = falloff(beam, cutoff);
+            Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
+        }
+        "directional" => {
+            let along = match object.point("direction")? {
+                Some(direction) => world.transform_vector3(direction),
+                None => map.matrix3.z_axis,
+            };
+            Emitter::Directional(Directional::new(unit(along)?, light("irradiance")?))
+        }
+        other => {
+            let phrase = format!("left out lights of type `{other}`:");
+            remarks.skipped(phrase, &object.label());
+            return Ok(None);
+        }
+    };
+    Ok(Some(emitter))
+}
+
+/// Cosines between which ours falls off by the square of the cosine's way, that send as much light as a falloff
+/// that is linear in the angle from `beam` to `cutoff`, radians: `int I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
+fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
+    let outer = cutoff.cos();
+    let slope =
+        if cutoff - beam > 1e-6 { (cutoff.sin() - beam.sin()) / (cutoff - beam) } else { outer };
+    let inner = (1.5 * (slope - outer / 3.0)) as f32;
+    [inner.min(1.0), (outer as f32).min(inner.min(1.0) - LEAST_FALLOFF)]
+}
+
+impl Surroundings {
+    /// Reads `constant` and `envmap`; `None` for other kinds.
+    pub fn read(
+        object: &Object,
+        pictures: &mut Pictures,
+        remarks: &mut Remarks,
+    ) -> Result<Option<Self>> {
+        let even = |radiance: Rgb| Self {
+            width: 1,
+            height: 1,
+            pixels: vec![radiance],
+            to_world: DMat3::IDENTITY,
+        };
+        match object.kind() {
+            "constant" => Ok(Some(even(power(object, "radiance", pictures, remarks)?))),
+            "envmap" => {
+                let (width, height, mut pixels) = environment::read(&object.file()?)?;
+                let scale = object.float_in("scale", 1.0, [0.0, 1e30])? as f32;
+                let mut mended = 0;
+                for pixel in &mut pixels {
+                    *pixel *= scale;
+                    if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
+                        (*pixel, mended) = (Rgb::ZERO, mended + 1);
+                    }
+                }
+                if mended > 0 {
+                    let phrase =
+                        format!("took 0 for {mended} pixels that are negative or not finite of");
+                    remarks.skipped(phrase, &object.label());
+                }
+                let map = object.map("to_world")?.matrix3;
+                let unit = |axis: DVec3| axis.normalize_or_zero();
+                let axes = [map.x_axis, map.y_axis, map.z_axis].map(unit);
+                let to_world = DMat3::from_cols(axes[0], axes[1], axes[2]);
+                let skew = (to_world.transpose() * to_world - DMat3::IDENTITY).to_cols_array();
+                if skew.iter().any(|x| x.abs() > 1e-3) {
+                    let problem = "its to_world is no rotation";
+                    return Err(object.error(problem, "turn and scale it evenly alone"));
+                }
+                let (width, height, pixels) = fine(width, height, &pixels);
+                remarks.chosen(
+                    "pixels are even, not interpolated (small maps are refined), of",
+                    &object.label(),
+                );
+                Ok(Some(Self { width, height, pixels, to_world }))
+            }
+            _ => Ok(None),
+        }
+    }
+
+    /// What turns the scene so that the map's +y is up: its inverse, without its mirroring.
+    pub fn upright(&self) -> DMat3 {
+        let mirror = self.to_world.determinant() < 0.0;
+        let own = if mirror { self.to_world * MIRROR } else { self.to_world };
+        own.transpose()
+    }
+
+    /// The environment of a scene that was turned so, and mirrored after that if told.
+    pub fn environment(mut self, is_mirrored: bool) -> Environment {
+        if is_mirrored != (self.to_world.determinant() < 0.0) {
+            self.pixels.chunks_exact_mut(self.width as usize).for_each(<[Rgb]>::reverse);
+        }
+        // Mitsuba's first column begins at -z, where our middle one is.
+        let turn_deg = if self.width > 1 { 180.0 } else { 0.0 };
+        Environment::new(self.width, self.height, self.pixels, turn_deg)
+    }
+}
+
+/// Swaps left and right.
+pub(super) const MIRROR: DMat3 = DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
+
+/// A map as Mitsuba interpolates it, by pixels that are even: its columns are centered, and its first and last
+/// row are at the poles.
+fn fine(width: u32, height: u32, pixels: &[Rgb]) -> (u32, u32, Vec<Rgb>) {
+    let factor = (FINE / width).clamp(1, 16);
+    let (columns, rows) = (width * factor, height * factor);
+    let at =
+        |x: i64, y: usize| pixels[y * width as usize + x.rem_euclid(i64::from(width)) as usize];
+    let mut made = Vec::with_capacity(columns as usize * rows as usize);
+    for row in 0..rows {
+        let y = (row as f32 + 0.5) / rows as f32 * (height - 1) as f32;
+        let top = (y as usize).min(height.saturating_sub(2) as usize);
+        let bottom = (top + 1).min(height as usize - 1);
+        let down = y - top as f32;
+        for column in 0..columns {
+            let x = (column as f32 + 0.5) / factor as f32 - 0.5;
+            let left = x.floor();
+            let (i, right) = (left as i64, x - left);
+            let along = |y: usize| at(i, y).lerp(at(i + 1, y), right);
+            made.push(along(top).lerp(along(bottom), down));
+        }
+    }
+    (columns, rows, made)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn falloffs_send_as_much_light() {
+        for (beam, cutoff) in [(15.0, 20.0), (0.0, 60.0), (30.0, 30.0), (80.0, 90.0)] {
+            let (beam, cutoff) = (f64::to_radians(beam), f64::to_radians(cutoff));
+            let [cos_inner, cos_outer] = falloff(beam, cutoff);
+            let spot = Spot {
+                position: Vec3::ZERO,
+                direction: Vec3::Z,
+                intensity: Rgb::ONE,
+                cos_inner,
+                cos_outer,
+            };
+            let n = 100_000;
+            let step = cutoff / f64::from(n);
+            let theirs = |i: i32| {
+                let angle = (f64::from(i) + 0.5) * step;
+                ((cutoff - angle) / (cutoff - beam)).clamp(0.0, 1.0) * angle.sin() * step
+            };
+            let expected: f64 = std::f64::consts::TAU * (0..n).map(theirs).sum::<f64>();
+            let off = f64::from(spot.solid_angle()) / expected - 1.0;
+            assert!(off.abs() < 2e-3, "{beam} {cutoff}: {off}");
+        }
+    }
+}

@@ -1,0 +1,463 @@
+//! Mitsuba's scenes: what its elements become, and what is wrong with a file is told with its place.
+
+use bdpm::bsdf::{Bsdf, FacetModel};
+use bdpm::import::{LoadOptions, Loaded, NoteKind, load, load_with, save};
+use bdpm::scene::{Emitter, FieldOfView, Optics};
+use glam::Vec3;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// The files that are also rendered by Mitsuba itself (`scripts/mitsuba-check.sh --elements`).
+fn data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mitsuba")
+}
+
+const CAMERA: &str = "<sensor type='perspective'><float name='fov' value='40'/><transform name='to_world'>\
+    <lookat origin='0, 0, 5' target='0, 0, 0' up='0, 1, 0'/></transform></sensor>\n";
+const LIGHT: &str = "<emitter type='constant'/>\n";
+const SQUARE: &str = "<shape type='rectangle'/>\n";
+
+fn scene(inside: &str) -> String {
+    format!("<scene version='3.0.0'>\n{inside}</scene>\n")
+}
+
+/// A folder with this text as `a.xml`.
+fn folder(text: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("a.xml"), text).unwrap();
+    folder
+}
+
+#[track_caller]
+fn read(text: &str) -> Loaded {
+    load(&folder(text).path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A scene of camera, light and what is inside.
+#[track_caller]
+fn with(inside: &str) -> Loaded {
+    read(&scene(&[CAMERA, LIGHT, inside].concat()))
+}
+
+/// The square of this BSDF.
+#[track_caller]
+fn look(bsdf: &str) -> Bsdf {
+    with(&format!("<shape type='rectangle'>{bsdf}</shape>")).scene.materials()[0].bsdf
+}
+
+/// The text must be refused with all parts in the message.
+#[track_caller]
+fn refused(text: &str, parts: &[&str]) {
+    let error = load(&folder(text).path().join("a.xml")).expect_err("it is wrong").to_string();
+    for part in parts {
+        assert!(error.contains(part), "{part} is not in\n{error}");
+    }
+    assert!(error.contains("\nhelp: ") && error.len() < 5000, "{error}");
+}
+
+#[test]
+fn every_committed_file_loads_and_converts() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(data()).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if !name.ends_with(".xml") || ["base.xml", "ground.xml"].contains(&&name[..]) {
+            continue;
+        }
+        count += 1;
+        let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.defaults.resolution.unwrap()[0], 64, "{name}");
+        let folder = TempDir::new().unwrap();
+        save(&loaded, &name, folder.path(), false).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let again = load(folder.path()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(loaded.scene.materials().len(), again.scene.materials().len(), "{name}");
+        for (a, b) in loaded.scene.materials().iter().zip(again.scene.materials()) {
+            assert_eq!((a.bsdf, a.emission), (b.bsdf, b.emission), "{name}: {}", a.name);
+        }
+        assert_eq!(loaded.scene.camera, again.scene.camera, "{name}");
+        assert_eq!(loaded.scene.triangle_count(), again.scene.triangle_count(), "{name}");
+    }
+    assert!(count >= 26, "{count}");
+}
+
+#[test]
+fn the_camera_looks_along_z_with_x_to_the_left() {
+    let camera = with(SQUARE).scene.camera;
+    assert_eq!(camera.position(), Vec3::new(0.0, 0.0, 5.0));
+    assert!((camera.direction() - Vec3::NEG_Z).length() < 1e-6);
+    assert!((camera.up() - Vec3::Y).length() < 1e-6);
+    assert_eq!(camera.optics(), Optics::Pinhole(FieldOfView::X(40.0)));
+    for (axis, expected) in [
+        ("y", FieldOfView::Y(50.0)),
+        ("smaller", FieldOfView::Y(50.0)),
+        ("larger", FieldOfView::X(50.0)),
+    ] {
+        let text = format!(
+            "<sensor type='perspective'><float name='fov' value='50'/><string name='fov_axis' value='{axis}'/>\
+             <film type='hdrfilm'><integer name='width' value='30'/><integer name='height' value='20'/></film>\
+             </sensor>"
+        );
+        let loaded = read(&scene(&[&text, LIGHT, SQUARE].concat()));
+        assert_eq!(loaded.scene.camera.optics(), Optics::Pinhole(expected), "{axis}");
+        assert_eq!(loaded.defaults.resolution, Some([30, 20]));
+    }
+    // 50 mm of 36 mm times 24 mm film, across the diagonal.
+    let text = scene(&["<sensor type='perspective'/>", LIGHT, SQUARE].concat());
+    let Optics::Pinhole(FieldOfView::X(degrees)) = read(&text).scene.camera.optics() else {
+        panic!()
+    };
+    assert!((degrees - 38.1848).abs() < 1e-3, "as mitsuba 3.9.1 says: {degrees}");
+}
+
+#[test]
+fn sensors_are_chosen_by_their_id() {
+    let two = CAMERA.replace("<sensor ", "<sensor id='one' ")
+        + "<sensor type='perspective' id='two'><float name='fov' value='20'/></sensor>";
+    let folder = folder(&scene(&[&two, LIGHT, SQUARE].concat()));
+    let path = folder.path().join("a.xml");
+    let chosen = |camera| load_with(&path, &LoadOptions { camera, ..LoadOptions::default() });
+    assert_eq!(chosen(Some("two")).unwrap().scene.camera.position(), Vec3::ZERO);
+    let first = chosen(None).unwrap();
+    assert_eq!(first.summary.camera.as_deref(), Some("one"));
+    assert!(first.notes_text().contains("the first of several cameras"));
+    let error = chosen(Some("three")).unwrap_err().to_string();
+    assert!(error.contains("`three`") && error.contains("`one`, `two`"), "{error}");
+}
+
+#[test]
+fn a_mirrored_camera_mirrors_the_scene() {
+    let mirrored = CAMERA.replace("<lookat", "<scale x='-1'/><lookat");
+    let square =
+        "<shape type='rectangle'><transform name='to_world'><translate x='2'/></transform></shape>";
+    let loaded = read(&scene(&[&mirrored, LIGHT, square].concat()));
+    assert!((loaded.scene.bounds().center() - Vec3::new(-2.0, 0.0, 0.0)).length() < 1e-5);
+    assert!(loaded.notes_text().contains("mirrored"), "{}", loaded.notes_text());
+}
+
+#[test]
+fn parameters_aliases_references_and_included_files() {
+    let folder = folder(&scene(
+        "<default name='grey' value='0.25'/><default name='greyer' value='0.125'/>\n\
+         <include filename='b.xml'/>\n<alias id='look' as='other'/>\n\
+         <shape type='rectangle'><ref id='other'/></shape>\n",
+    ));
+    let inner = [
+        CAMERA,
+        LIGHT,
+        "<default name='grey' value='0.9'/><bsdf type='diffuse' id='look'>\
+         <rgb name='reflectance' value='$grey, $greyer, 0'/></bsdf>",
+    ];
+    std::fs::write(folder.path().join("b.xml"), scene(&inner.concat())).unwrap();
+    let loaded = load(&folder.path().join("a.xml")).unwrap();
+    let material = &loaded.scene.materials()[0];
+    assert_eq!(material.name, "look");
+    let albedo = Vec3::new(0.25, 0.125, 0.0);
+    assert_eq!(material.bsdf, Bsdf::Lambertian { albedo, two_sided: false });
+}
+
+#[test]
+fn transforms_are_applied_in_their_order() {
+    let placed = |steps: &str| {
+        let shape = format!(
+            "<shape type='rectangle'><transform name='to_world'>{steps}</transform></shape>"
+        );
+        let bounds = *with(&shape).scene.bounds();
+        (bounds.center(), bounds.max - bounds.min)
+    };
+    for (steps, center, size) in [
+        ("<translate x='1'/><scale value='2'/>", [2.0, 0.0, 0.0], [4.0, 4.0, 0.0]),
+        ("<scale x='2'/><translate value='1, 2, 3'/>", [1.0, 2.0, 3.0], [4.0, 2.0, 0.0]),
+        ("<rotate y='1' angle='90'/>", [0.0; 3], [0.0, 2.0, 2.0]),
+        ("<matrix value='0 0 1 5 0 1 0 6 -1 0 0 7 0 0 0 1'/>", [5.0, 6.0, 7.0], [0.0, 2.0, 2.0]),
+        ("<matrix value='3 0 0 0 1 0 0 0 1'/>", [0.0; 3], [6.0, 2.0, 0.0]),
+        (
+            "<lookat origin='1, 0, 0' target='2, 0, 0' up='0, 0, 1'/>",
+            [1.0, 0.0, 0.0],
+            [0.0, 2.0, 2.0],
+        ),
+    ] {
+        let (own_center, own_size) = placed(steps);
+        assert!((own_center - Vec3::from_array(center)).length() < 1e-5, "{steps}: {own_center}");
+        assert!((own_size - Vec3::from_array(size)).length() < 1e-5, "{steps}: {own_size}");
+    }
+}
+
+#[test]
+fn mirrored_meshes_face_where_they_do_in_mitsuba() {
+    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of the corners.
+    let up = |kind: &str, file: &str, more: &str| {
+        let text = format!(
+            "<shape type='{kind}'>{file}{more}<transform name='to_world'><scale x='-1'/></transform></shape>"
+        );
+        let folder = folder(&scene(&[CAMERA, LIGHT, &text].concat()));
+        let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1 2 3\n";
+        std::fs::write(folder.path().join("a.obj"), obj).unwrap();
+        std::fs::write(folder.path().join("b.obj"), obj.replace("f 1 2 3", "f 1//1 2//1 3//1"))
+            .unwrap();
+        let loaded = load(&folder.path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"));
+        loaded.scene.triangles()[0].normal.z > 0.0
+    };
+    let [a, b] = ["a", "b"].map(|name| format!("<string name='filename' value='{name}.obj'/>"));
+    let flip = "<boolean name='flip_normals' value='true'/>";
+    let flat = "<boolean name='face_normals' value='true'/>";
+    assert!(!up("obj", &a, "") && up("obj", &a, flip));
+    assert!(up("obj", &b, "") && !up("obj", &b, flip) && !up("obj", &b, flat));
+    assert!(up("rectangle", "", "") && !up("rectangle", "", flip));
+}
+
+#[test]
+fn materials_become_ours() {
+    let Bsdf::Conductor(metal) = look(
+        "<bsdf type='twosided'><bsdf type='roughconductor'><string name='material' value='Cu'/>\
+         <float name='alpha' value='0.2'/><rgb name='specular_reflectance' value='0.5'/></bsdf></bsdf>",
+    ) else {
+        panic!()
+    };
+    assert_eq!(
+        (metal.alpha(), metal.single()),
+        (0.2, Some((FacetModel::Beckmann, Vec3::splat(0.5))))
+    );
+    assert_eq!(look("<bsdf type='conductor'/>"), Bsdf::Mirror { reflectance: Vec3::ONE });
+    let Bsdf::RoughDielectric(glass) = look(
+        "<bsdf type='roughdielectric'><string name='distribution' value='ggx'/>\
+         <string name='int_ior' value='diamond'/><float name='ext_ior' value='1'/></bsdf>",
+    ) else {
+        panic!()
+    };
+    assert_eq!((glass.model(), glass.alpha(), glass.eta()), (FacetModel::Ggx, 0.1, 2.419));
+    let Bsdf::Dielectric(glass) = look("<bsdf type='dielectric'/>") else { panic!() };
+    assert!((glass.eta - 1.504_183).abs() < 1e-6, "as mitsuba 3.9.1 says: {}", glass.eta);
+    assert!(matches!(look("<bsdf type='thindielectric'/>"), Bsdf::ThinDielectric(_)));
+    // White is white in both kinds of plastic.
+    for kind in ["true", "false"] {
+        let Bsdf::Coated(coated) = look(&format!(
+            "<bsdf type='plastic'><boolean name='nonlinear' value='{kind}'/>\
+             <rgb name='diffuse_reflectance' value='1, 0.5, 0'/></bsdf>"
+        )) else {
+            panic!()
+        };
+        let albedo = coated.albedo();
+        assert!((albedo.x - 1.0).abs() < 1e-5 && albedo.z == 0.0, "{albedo}");
+        // `a / (1 - F + a F)` with F = 0.5905 of mitsuba 3.9.1 (`fdr_int`).
+        let expected = if kind == "true" { 0.5 } else { 0.5 / (1.0 - 0.5 * 0.5905) };
+        assert!((albedo.y - expected).abs() < 1e-3, "{albedo}");
+    }
+    assert_eq!(
+        look(
+            "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='diffuse'>\
+             <rgb name='reflectance' value='0.8, 0, 0'/></bsdf><bsdf type='diffuse'>\
+             <rgb name='reflectance' value='0, 0.4, 0'/></bsdf></bsdf>"
+        ),
+        Bsdf::Lambertian { albedo: Vec3::new(0.6, 0.1, 0.0), two_sided: false }
+    );
+    assert!(matches!(look("<bsdf type='roughplastic'/>"), Bsdf::Glossy(_)));
+    assert!(matches!(look("<bsdf type='principled'/>"), Bsdf::Glossy(_)));
+}
+
+#[test]
+fn lights_become_ours() {
+    let loaded = read(&scene(&[
+        CAMERA,
+        SQUARE,
+        "<emitter type='point'><point name='position' x='1' y='2' z='3'/><rgb name='intensity' value='5'/></emitter>\
+         <emitter type='directional'><vector name='direction' x='0' y='0' z='-2'/></emitter>\
+         <emitter type='spot'><float name='cutoff_angle' value='30'/></emitter>\
+         <shape type='sphere'><float name='radius' value='2'/><emitter type='area'>\
+         <rgb name='radiance' value='3'/></emitter></shape>",
+    ].concat()));
+    let emitters = loaded.scene.lights().emitters();
+    let is_point = |e: &&Emitter| {
+        matches!(e, Emitter::Point { position, intensity }
+            if *position == Vec3::new(1.0, 2.0, 3.0) && *intensity == Vec3::splat(5.0))
+    };
+    assert_eq!(emitters.iter().filter(is_point).count(), 1);
+    assert!(
+        emitters.iter().any(|e| matches!(e, Emitter::Directional(d) if d.direction == Vec3::NEG_Z))
+    );
+    assert!(emitters.iter().any(|e| matches!(e, Emitter::Spot(_))));
+    // Without a BSDF lamps are black, and other shapes half grey.
+    let albedos: Vec<f32> = loaded.scene.materials().iter().map(|m| m.bsdf.albedo().x).collect();
+    assert_eq!(albedos, [0.5, 0.0]);
+    // A sphere's power is pi L 4 pi r^2.
+    let area = |e: &Emitter| match e {
+        Emitter::Triangle { shape, .. } => shape.area(),
+        _ => 0.0,
+    };
+    let sum: f32 = emitters.iter().map(area).sum();
+    assert!((sum / (16.0 * std::f32::consts::PI) - 1.0).abs() < 1e-4, "{sum}");
+}
+
+#[test]
+fn what_is_approximated_or_left_out_is_told() {
+    for (inside, kind, note) in [
+        ("<bsdf type='roughplastic'/>", NoteKind::Skipped, "glossy surfaces"),
+        ("<bsdf type='principled'/>", NoteKind::Skipped, "nearest to principled"),
+        ("<bsdf type='plastic'/>", NoteKind::Skipped, "shows from behind"),
+        ("<bsdf type='velvet'/>", NoteKind::Skipped, "`velvet`"),
+        (
+            "<bsdf type='diffuse'><float name='shine' value='1'/></bsdf>",
+            NoteKind::Skipped,
+            "ignored `shine`",
+        ),
+        (
+            "<bsdf type='diffuse'><spectrum name='reflectance' value='400:0.1, 700:0.9'/></bsdf>",
+            NoteKind::Chosen,
+            "linear sRGB of the spectra",
+        ),
+    ] {
+        let loaded = with(&format!("<shape type='rectangle'>{inside}</shape>"));
+        let found = loaded.notes.iter().any(|n| n.kind == kind && n.text.contains(note));
+        assert!(found, "{inside}: {}", loaded.notes_text());
+    }
+    for (inside, note) in [
+        ("<shape type='hair'/>", "left out shapes of type `hair`"),
+        ("<emitter type='sunsky'/>", "left out lights of type `sunsky`"),
+        ("<emitter type='spot'/>", "falloff"),
+        ("<integrator type='path'><integer name='max_depth' value='7'/></integrator>", "after 7"),
+    ] {
+        let loaded = with(&[SQUARE, inside].concat());
+        assert!(loaded.notes_text().contains(note), "{}", loaded.notes_text());
+    }
+    // Nothing else is told of a plain scene.
+    assert_eq!(with(SQUARE).notes_text(), "");
+}
+
+#[test]
+fn errors_name_file_line_and_element() {
+    let shape =
+        |inside: &str| scene(&format!("{CAMERA}{LIGHT}<shape type='rectangle'>\n{inside}</shape>"));
+    for (text, parts) in [
+        ("<scene>", &["a.xml:1: it is no XML"][..]),
+        ("<bsdf type='diffuse'/>", &["a.xml:1: its root is <bsdf>"]),
+        (&shape("<ref id='x'/>"), &["a.xml:5: <ref id=\"x\">: nothing has the id `x`", "5 | <ref"]),
+        (
+            &shape("<bsdf type='diffuse'>\n<rgb name='reflectance' value='a'/></bsdf>"),
+            &["a.xml:6:", "`a` is no"],
+        ),
+        (
+            &shape("<bsdf type='diffuse'><rgb name='reflectance' value='1 2'/></bsdf>"),
+            &["neither one nor three"],
+        ),
+        (
+            &shape("<bsdf type='conductor'><string name='material' value='Xx'/></bsdf>"),
+            &["unknown material `Xx`", "`Au`"],
+        ),
+        (
+            &shape("<transform name='to_world'><scale value='0'/></transform>"),
+            &["<shape type=\"rectangle\">", "flattens"],
+        ),
+        (&shape("<transform name='to_world'><shear/></transform>"), &["<shear>", "no such step"]),
+        (
+            &shape("<transform name='to_world'><matrix value='1 2 3'/></transform>"),
+            &["neither 16 nor 9"],
+        ),
+        (&shape("<bsdf type='mask'/>"), &["<bsdf type=\"mask\">", "no BSDF within"]),
+        (
+            &scene(&format!(
+                "{CAMERA}{LIGHT}<shape type='obj'><string name='filename' value='no.obj'/></shape>"
+            )),
+            &["no file `no.obj`"],
+        ),
+        (&scene(&format!("{CAMERA}{LIGHT}<shape type='instance'/>")), &["refers to no shapegroup"]),
+        (
+            &scene(&format!("<sensor type='orthographic'/>{LIGHT}{SQUARE}")),
+            &["a.xml:2:", "`orthographic` are not supported"],
+        ),
+        (&scene("<float name='a' value='$b'/>"), &["the parameter `$b` has no value"]),
+        (
+            &scene("<bsdf type='diffuse' id='a'/><bsdf type='diffuse' id='a'/>"),
+            &["the id `a` is given twice"],
+        ),
+        (&scene("<include filename='b.xml'/>"), &["there is no file `b.xml`"]),
+        (&scene(&[CAMERA, LIGHT].concat()), &["the scene has no triangle"]),
+    ] {
+        refused(text, &[&["a.xml"], parts].concat());
+    }
+}
+
+#[test]
+fn hostile_files_are_refused() {
+    // Entities.
+    let bomb = "<?xml version='1.0'?><!DOCTYPE scene [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;'>]><scene>&b;</scene>";
+    refused(bomb, &["it has a DTD"]);
+    // Deep nesting: of ours, and of what the parser sees.
+    for depth in [60, 20_000] {
+        let deep = "<bsdf type='twosided'>".repeat(depth) + &"</bsdf>".repeat(depth);
+        refused(&scene(&deep), &["a.xml"]);
+    }
+    // What refers to itself.
+    let cycle = "<bsdf type='twosided' id='a'><ref id='a'/></bsdf><shape type='rectangle'><ref id='a'/></shape>";
+    refused(&scene(&[CAMERA, LIGHT, cycle].concat()), &["refers to itself"]);
+    let group = "<shape type='shapegroup' id='g'><shape type='instance'><ref id='g'/></shape></shape>\
+                 <shape type='instance'><ref id='g'/></shape>";
+    refused(&scene(&[CAMERA, LIGHT, group].concat()), &["no triangle"]);
+    let texture = "<texture type='checkerboard' id='t'><ref name='color0' id='t'/></texture>\
+                   <shape type='rectangle'><bsdf type='diffuse'><ref name='reflectance' id='t'/></bsdf></shape>";
+    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).notes_text().contains("took grey"));
+    let spectrum = "<spectrum type='d65' id='t'><ref name='value' id='t'/></spectrum>\
+                    <emitter type='point'><ref name='intensity' id='t'/></emitter>";
+    refused(&scene(&[CAMERA, SQUARE, spectrum].concat()), &["D65 of D65"]);
+    refused(&scene("<include filename='a.xml'/>"), &["`a.xml` includes itself"]);
+    // What doubles: parameters, and references.
+    let mut text = "<default name='a0' value='xxxxxxxx'/>".to_owned();
+    for i in 0..40 {
+        text += &format!("<default name='b{}' value='$b{i}$b{i}'/>", i + 1).replace("$b0", "$a0");
+    }
+    refused(&scene(&text), &["more than 65536 bytes"]);
+    let mut text = "<bsdf type='diffuse' id='a0'/>".to_owned();
+    for i in 0..45 {
+        let next = i + 1;
+        text +=
+            &format!("<bsdf type='blendbsdf' id='a{next}'><ref id='a{i}'/><ref id='a{i}'/></bsdf>");
+    }
+    text += "<shape type='rectangle'><ref id='a45'/></shape>";
+    let albedo = Vec3::splat(0.5);
+    let loaded = read(&scene(&[CAMERA, LIGHT, &text].concat()));
+    assert_eq!(loaded.scene.materials()[0].bsdf, Bsdf::Lambertian { albedo, two_sided: false });
+}
+
+#[test]
+fn meshes_that_are_broken_are_refused() {
+    let shape = |kind: &str| {
+        scene(&format!(
+            "{CAMERA}{LIGHT}<shape type='{kind}'><string name='filename' value='m.{kind}'/></shape>"
+        ))
+    };
+    let header = |vertices: &str, rest: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\nproperty float y\n\
+             property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n{rest}"
+        )
+    };
+    for (text, problem) in [
+        ("ply\n".to_owned(), "cannot read it as a PLY file"),
+        (header("99999999999", "0 0 0\n"), "end of file"),
+        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "face 0 uses vertex 7 of 3"),
+        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "no indices"),
+        (header("3", "0 0 1e39\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
+    ] {
+        let folder = folder(&shape("ply"));
+        std::fs::write(folder.path().join("m.ply"), &text).unwrap();
+        let error = load(&folder.path().join("a.xml")).unwrap_err().to_string();
+        assert!(error.contains(problem), "{problem}: {error}");
+    }
+    let folder = folder(&shape("serialized"));
+    std::fs::write(folder.path().join("m.serialized"), b"PK12345").unwrap();
+    let error = load(&folder.path().join("a.xml")).unwrap_err().to_string();
+    assert!(error.contains("m.serialized") && error.contains("not 0x041c"), "{error}");
+}
+
+/// Public scenes, where they are at hand.
+#[test]
+fn public_scenes_load() {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes");
+    for (name, triangles) in [("cornell-box", 36), ("veach-mis", 100), ("veach-bidir", 1000)] {
+        let path = shared.join(name).join("scene.xml");
+        if path.exists() {
+            let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
+            assert!(loaded.scene.triangle_count() >= triangles, "{name}");
+            let complete = loaded.notes.iter().all(|note| note.kind == NoteKind::Chosen);
+            assert!(complete, "{name}: {}", loaded.notes_text());
+        }
+    }
+}
