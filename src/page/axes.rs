@@ -199,9 +199,9 @@ mod tests {
             .map(|pair| pair.split(',').map(|number| number.parse().unwrap()).collect())
             .collect();
         for three in places.windows(3) {
-            for axis in 0..2 {
-                let bend = three[0][axis] - 2.0 * three[1][axis] + three[2][axis];
-                assert!(bend.abs() < 0.3, "{places:?}");
+            let ends = three[0].iter().zip(&three[2]);
+            for ((from, to), middle) in ends.zip(&three[1]) {
+                assert!((from - 2.0 * middle + to).abs() < 0.3, "{places:?}");
             }
         }
         assert!(

@@ -80,9 +80,11 @@ pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
     Some(pool(&of_each, width, height))
 }
 
-/// Sums of both nested differences in the batches of each tile, and the iterations of each batch; `None` before
-/// enough are measured.
-fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<[[f64; 2]; BATCHES]>, [f64; BATCHES])> {
+/// Sums of both nested differences in each batch.
+type Nested = [[f64; 2]; BATCHES];
+
+/// Those of each tile, and the iterations of each batch; `None` before enough are measured.
+fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
     let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
     let iterations: u64 = measured.iter().map(|noise| noise.iterations).sum();
     if iterations < LEAST_MEASURED {
