@@ -32,7 +32,7 @@ impl Beckmann {
     pub fn g1(&self, w: Vec3) -> f32 {
         let across = (w.x * w.x + w.y * w.y).sqrt();
         // Slope of the direction over the width.
-        let a = f64::from(w.z) / (f64::from(self.alpha) * f64::from(across)).max(1e-30);
+        let a = f64::from(w.z.abs()) / (f64::from(self.alpha) * f64::from(across)).max(1e-30);
         if a > STEEPEST {
             return 1.0;
         }
