@@ -4,6 +4,7 @@
 mod program;
 
 mod automatic;
+mod denoise;
 mod limits;
 mod noise;
 mod optimize;
