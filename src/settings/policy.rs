@@ -211,8 +211,8 @@ pub const CHECK_SHARE: f64 = 0.2;
 /// Time of rendering from one look at the error to the next, over that before: as the error is expected to fall.
 pub const CHECK_GROWTH: std::ops::Range<f64> = 1.1..2.0;
 
-/// The power of the time that the squared error of denoised images falls with, by trial (docs/denoising.md): less than
-/// that of noise, which is 1.
+/// The power of the time that the squared error of denoised images is taken to fall with: less than that of noise, which
+/// is 1, since the denoiser's bias falls as well, but later. Not from a trial: only when to look next, and promises, depend on it.
 pub const DENOISED_FALL: f64 = 0.7;
 
 /// Share of a given time after which the error at its end is promised.

@@ -49,7 +49,7 @@ fn layers_are_those_that_are_asked_for_and_light_adds_up() {
     ];
     let mut images = Vec::new();
     for (more, expected) in choices {
-        json(&render(&path, &[&["--iterations", "3"], more].concat()));
+        json(&render(&path, &[&["--iterations", "3"][..], more].concat()));
         let image = read_exr(&path).unwrap();
         assert_eq!(names(&image), expected);
         images.push(image.layer("").unwrap().to_rgb().unwrap());
@@ -105,10 +105,11 @@ fn what_a_checkpoint_did_not_keep_is_refused() {
     let path = at("a.exr");
     let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
     json(&render(&path, &["--iterations", "2", "--layers", "none", "--checkpoint", &checkpoint]));
-    for (more, lacks) in [(&["--denoise"][..], "--denoise"), (&["--layers", "albedo"], "--layers")]
+    for (more, lacks) in
+        [(&["--denoise"][..], "--denoise"), (&["--layers", "albedo"][..], "--layers")]
     {
         let output =
-            render(&path, &[&["--iterations", "3", "--resume", &checkpoint], more].concat());
+            render(&path, &[&["--iterations", "3", "--resume", &checkpoint][..], more].concat());
         assert_refused(&output, lacks, "begin anew");
     }
     json(&render(&path, &["--iterations", "3", "--resume", &checkpoint]));

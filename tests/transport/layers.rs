@@ -130,7 +130,7 @@ fn mirrored_box() -> Scene {
     meshes.push(square(Vec3::new(0.0, 0.0, 0.95), -Vec3::Z, 0.2, 2));
     let mirror = Material::new("mirror", Bsdf::Mirror { reflectance: Vec3::splat(0.9) });
     let materials = vec![gray(0.5, 0.0), mirror, gray(0.0, 4.0)];
-    let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, -0.1), 80.0);
+    let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.1, 0.1, 0.25), 80.0);
     scene(meshes, materials, vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)], camera)
 }
 

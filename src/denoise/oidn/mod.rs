@@ -1,7 +1,6 @@
 //! Intel Open Image Denoise 2 on the processor, loaded at run time.
 //!
 //! Besides Embree's layer this is the only place with `unsafe`: nothing of it leaves [`Oidn`].
-#![allow(unsafe_code)]
 
 mod library;
 
