@@ -33,9 +33,10 @@ fn check(name: &str, light_paths: u32, camera_paths: u32) {
         let to = (&reference, &mut oidn);
         let found = compare(&loaded.scene, &*accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
-        let Found { raw, mixed, came, told, error, z2, blocks, .. } = found;
+        let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
         assert!(error < came, "{name} {iterations}: says nothing, {found:?}");
         assert!((told - came).abs() < 0.05 * came + 3.0 * error, "{name} {iterations}: {found:?}");
+        assert!((0.0..=1.0).contains(&share) && unmixed > 0.0, "{name} {iterations}: {found:?}");
         assert!(mixed <= 1.02 * raw, "{name} {iterations}: the mix is worse, {found:?}");
         means.push((z2, blocks));
     }

@@ -25,6 +25,7 @@ impl Reference {
     }
 
     /// Of so many iterations.
+    #[allow(dead_code)] // examples go on with theirs
     pub fn render(scene: &Scene, accel: &dyn Intersect, settings: &Settings, n: u64) -> Self {
         let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
         let mut renderer = Renderer::new(scene, accel, settings).unwrap();
