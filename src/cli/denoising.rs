@@ -60,16 +60,19 @@ pub struct DenoisedReport {
 }
 
 impl Denoising {
-    /// Loads the denoiser and lets it run once to see how long that takes; for an image to be rendered in a time, if
+    /// Loads the denoiser and lets it run to see how long that takes; for an image to be rendered in a time, if
     /// that is given.
     pub fn new(threads: usize, size: (u32, u32), time: Option<Duration>) -> Result<Self> {
         let mut oidn = Oidn::new(threads)?;
         let pixels = size.0 as usize * size.1 as usize;
         let gray = vec![Rgb::splat(0.5); pixels];
-        let start = Instant::now();
         let guides = Guides { albedo: gray.clone(), normal: gray.clone(), clean: true };
-        oidn.denoise(size, &gray, &guides)?;
-        let run = start.elapsed();
+        let mut timed = || {
+            let start = Instant::now();
+            oidn.denoise(size, &gray, &guides).map(|_| start.elapsed())
+        };
+        // The first run also reads the library's weights.
+        let (first, run) = (timed()?, timed()?);
         let most = |time: Duration| time.mul_f64(DENOISE_SHARE).div_duration_f64(run) as usize;
         let parts = time.map_or(PARTS, |time| fitting(most(time).saturating_sub(1)));
         Ok(Self {
@@ -78,7 +81,7 @@ impl Denoising {
             parts,
             is_timed: time.is_some(),
             run,
-            time: run,
+            time: first + run,
             next_check: Duration::ZERO,
             latest: None,
             iterations: 0,
