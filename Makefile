@@ -4,10 +4,14 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup build demo test check bench memcheck check-package check-report check-mitsuba
+.PHONY: setup denoiser build demo test check bench memcheck check-package check-report check-mitsuba
 
 setup:
 	@scripts/setup.sh
+
+# Intel Open Image Denoise for `bdpm render --denoise`: 53 MB, which nobody needs who does not denoise.
+denoiser:
+	@scripts/denoiser.sh
 
 build: setup
 	$(CARGO) build $(FLAGS) --release
@@ -20,14 +24,14 @@ demo: build
 	@echo "The image to look at:   out/$(SCENE).png"
 
 # Minutes: every family of tests has a case here.
-test: setup
+test: setup denoiser
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets --test check -- -D warnings
 	$(CARGO) test $(FLAGS) --workspace
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 
 # The long statistical tables; the program without Embree, and the library alone.
-check: setup
+check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib

@@ -18,6 +18,7 @@ pub mod render;
 pub mod timing;
 pub mod optimize;
 pub mod steer;
+pub mod denoise;
 pub mod files;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // the program's own

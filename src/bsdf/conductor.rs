@@ -114,6 +114,11 @@ impl Conductor {
         self.reflectance
     }
 
+    /// Its reflectance at normal incidence.
+    pub fn normal_reflectance(&self) -> Rgb {
+        self.reflectance.at(1.0)
+    }
+
     /// Width of its facets' distribution; 0 if it is smooth.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha

@@ -315,6 +315,20 @@ impl Bsdf {
         Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
     }
 
+    /// The color of what is neither a mirror nor clear, as denoisers are told it: of a coated or glossy surface that
+    /// of its base, of a metal its reflectance at normal incidence, of rough glass what passes it.
+    pub fn color(&self, front: bool) -> Rgb {
+        match self {
+            Self::Lambertian { albedo, two_sided } if front || *two_sided => *albedo,
+            Self::Lambertian { .. } => Rgb::ZERO,
+            Self::Coated(coated) => coated.albedo(),
+            Self::Glossy(glossy) => glossy.albedo(),
+            Self::Conductor(conductor) => conductor.normal_reflectance(),
+            Self::RoughDielectric(interface) => interface.transmittance(),
+            Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,
+        }
+    }
+
     /// An upper bound of the share of the incident flux that is scattered, per channel; of
     /// Lambertian surfaces and mirrors the share itself.
     #[inline]

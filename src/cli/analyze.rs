@@ -99,7 +99,7 @@ pub fn run(args: &Args) -> Result<String> {
         ("measuring", &counts),
     )?;
     let mut measuring = Measuring(args.estimator);
-    let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| {})?;
+    let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| Ok(None))?;
     let film = renderer.film();
     session.progress.finish();
     if film.iterations < LEAST_ITERATIONS {

@@ -8,9 +8,12 @@ mod calibrate;
 mod compare;
 mod convert;
 mod darkness;
+mod denoise;
+mod denoising;
 mod haste;
 mod info;
 mod interrupts;
+mod layers;
 mod optimize;
 mod optimize_plot;
 mod optimize_rows;
@@ -65,6 +68,8 @@ enum Command {
     Convert(convert::Args),
     /// Tell how far an image is from a reference
     Compare(compare::Args),
+    /// Denoise an image, guided by its albedo and normals if it has them
+    Denoise(denoise::Args),
 }
 
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
@@ -79,6 +84,7 @@ pub fn run() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Denoise(args) => denoise::run(&args),
     };
     match output.and_then(|text| print(&text)) {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,16 +2,21 @@
 
 use super::analyze::{check_counts, noise_file};
 use super::darkness;
+use super::denoising::Denoising;
+use super::layers::{LayerName, Layers};
 use super::outputs::Attempts;
 use super::page::{Moment, Page};
 use super::render_files::{Outputs, Schedule, Writer};
-use super::render_inputs::{Counting, check_goal, check_grain, fitting, fixed_counts, read_plan};
+use super::render_inputs::{
+    Counting, check_goal, check_grain, check_kept, fitting, fixed_counts, read_plan,
+};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::{Begun, Prepared, Session, SessionArgs};
 use super::view::{Place, View};
 use super::{json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
+use bdpm::image::layers::Kept;
 use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
@@ -22,11 +27,12 @@ use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
 use bdpm::settings::origin::Reuse;
 use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, Target, importance};
+use bdpm::steer::goal::{Goal, StoppedBy, Target, importance};
 use bdpm::steer::technique;
 use bdpm::steer::technique::{Chosen, End, Open};
 use bdpm::steer::{Fixed, Replay, Steer};
 use bdpm::timing::Timings;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -72,6 +78,13 @@ pub struct Args {
     /// wrote, or Criterion's folder after `cargo bench --bench tau`
     #[arg(long, value_name = "TIMES", conflicts_with = "plan")]
     timings: Option<PathBuf>,
+    /// Denoise the image with Intel Open Image Denoise, and find the error of what comes out: --target-error and --time
+    /// are then about the denoised image, a layer of the file and its preview
+    #[arg(long)]
+    pub denoise: bool,
+    /// What the file has beside the image [default: all]
+    #[arg(long, value_name = "LAYER", value_delimiter = ',')]
+    pub layers: Vec<LayerName>,
     /// Write the noise coefficients that were measured on the way to this file, for predict
     #[arg(long, value_name = "NOISE.exr")]
     pub noise: Option<PathBuf>,
@@ -116,6 +129,10 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let start = Instant::now();
     let mut goal = args.goal(&counting);
+    let denoising = args.denoise.then(|| args.load_denoiser(&prepared)).transpose()?;
+    if let (Some(time), Some(denoising)) = (&mut goal.time, &denoising) {
+        *time = time.saturating_sub(denoising.reserve());
+    }
     // Borrows no more than it needs: the origin is still to change.
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
@@ -151,16 +168,20 @@ pub fn run(args: &Args) -> Result<String> {
         check_memory(settings.width, settings.height)?;
         renderer = renderer.with_batches(BatchGrain::Pixel);
     }
+    renderer = renderer.keeping(args.kept())?;
     let mut state = None;
     if let Some(checkpoint) = resumed {
         check_goal(goal, &checkpoint.blocks)?;
         check_grain(args, &checkpoint.blocks)?;
+        let features = checkpoint.features.map(Cow::into_owned);
         state = checkpoint.autopilot;
         goal.bias2 = state.map_or(0.0, |state| state.bias2());
-        renderer.resume(checkpoint.blocks.into_owned())?;
+        renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
+        check_kept(args, renderer.kept())?;
     }
     let automatic = matches!(counting, Counting::Automatic);
-    let task = Task { args, prepared: &prepared, goal, outputs, page, automatic, chosen, start };
+    let prepared = &prepared;
+    let task = Task { args, prepared, goal, outputs, page, automatic, chosen, denoising, start };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
@@ -172,7 +193,7 @@ pub fn run(args: &Args) -> Result<String> {
             // Coefficients are written for one pair of counts.
             let pilot = if args.noise.is_some() { pilot.uniform() } else { pilot };
             let pilot = match times.zip(args.timings.as_deref()) {
-                Some((times, path)) => pilot.with_times(fitting(&times, path, &prepared)?),
+                Some((times, path)) => pilot.with_times(fitting(&times, path, prepared)?),
                 None => pilot,
             };
             task.render(renderer, pilot)
@@ -181,6 +202,18 @@ pub fn run(args: &Args) -> Result<String> {
 }
 
 impl Args {
+    /// What is to be kept beside the image.
+    pub fn kept(&self) -> Kept {
+        let kept = Layers::new(&self.layers).kept();
+        Kept { parts: self.denoise, features: kept.features || self.denoise, ..kept }
+    }
+
+    fn load_denoiser(&self, prepared: &Prepared) -> Result<Denoising> {
+        let Settings { width, height, .. } = prepared.origin.settings;
+        let threads = prepared.threads.current_num_threads();
+        Denoising::new(threads, (width, height), self.session.time)
+    }
+
     /// Whether nothing on the command line says how many paths to take.
     fn counts_are_open(&self) -> bool {
         let scene = &self.session.scene;
@@ -251,6 +284,7 @@ struct Task<'a> {
     automatic: bool,
     /// The technique, where that was chosen.
     chosen: Option<Chosen>,
+    denoising: Option<Denoising>,
     /// When rendering began: with the choice of the technique.
     start: Instant,
 }
@@ -258,9 +292,12 @@ struct Task<'a> {
 impl Task<'_> {
     /// Renders to the goal, writes the files and tells of it.
     fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
-        let Self { args, prepared, goal, outputs, mut page, automatic, chosen, start } = self;
+        let Self { args, prepared, goal, outputs, mut page, automatic, chosen, denoising, start } =
+            self;
         page.as_mut().map_or(Ok(()), |page| page.announce(prepared))?;
-        let mut writer = Writer { origin: &prepared.origin, outputs, page, time: Duration::ZERO };
+        let layers = Layers::new(&args.layers);
+        let origin = &prepared.origin;
+        let mut writer = Writer { origin, outputs, page, layers, time: Duration::ZERO };
         let earlier = steer.state(0.0).map_or(0.0, |state| state.elapsed());
         let announced = if automatic {
             "numbers of paths chosen automatically".to_owned()
@@ -273,19 +310,30 @@ impl Task<'_> {
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let place = args.view.as_ref();
         let mut view = place.map(|place| View::new(place, &name(&args.output), &session.progress));
+        session.denoising = denoising;
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
         let stopped_by =
             session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
-                let save = |writer: &mut Writer, attempts: &mut Attempts| {
+                let image = || combined(renderer, steer, goal.objective);
+                if session.denoises_enough(renderer, image)? {
+                    return Ok(Some(StoppedBy::Target));
+                }
+                let save = |writer: &mut Writer, session: &Session, attempts: &mut Attempts| {
                     writer.save_checkpoint(renderer, steer, session.elapsed(), attempts);
                 };
-                schedule.write_when_due(&mut writer, session, save, |writer, attempts| {
-                    writer.save_image(&combined(renderer, steer, goal.objective), attempts);
+                schedule.write_when_due(&mut writer, session, save, |writer, session, attempts| {
+                    let image = image();
+                    match session.preview(renderer, &image) {
+                        Ok(denoised) => {
+                            writer.save_image(renderer, &image, denoised.as_ref(), attempts);
+                        }
+                        Err(error) => session.progress.note(&format!("warning: {error}")),
+                    }
                 });
                 if writer.page_is_due(session) {
                     let image = combined(renderer, steer, goal.objective);
                     let (promise, chosen) = (steer.promise(), chosen.as_ref());
-                    let denoised = None;
+                    let denoised = session.denoised();
                     let report = None;
                     let moment = Moment {
                         session,
@@ -302,15 +350,23 @@ impl Task<'_> {
                 if let Some(view) = &mut view
                     && view.is_due(elapsed)
                 {
-                    view.show(&combined(renderer, steer, goal.objective), None, elapsed);
+                    view.show(
+                        &combined(renderer, steer, goal.objective),
+                        session.denoised(),
+                        elapsed,
+                    );
                 }
+                Ok(None)
             })?;
         let half_way = session.half_way();
         // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer, goal.objective);
         session.progress.finish();
         let mut attempts = Attempts::default();
-        writer.save_image(&image, &mut attempts);
+        let denoised = session.denoise(&renderer, &image);
+        let latest = session.denoising.as_ref().and_then(|denoising| denoising.latest.as_ref());
+        writer.save_image(&renderer, &image, latest, &mut attempts);
+        attempts.add(&writer.outputs.exr, || denoised);
         darkness::warn(&image, &session.progress);
         if let Some(path) = &args.noise {
             match best_measured(&renderer) {
@@ -334,6 +390,7 @@ impl Task<'_> {
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
             promise: steer.promise().copied(),
             error: automatic.then(|| Shares::new(&renderer, &image, &goal)).flatten(),
+            denoised: session.denoising.as_ref().map(|denoising| denoising.report(&goal)),
             technique: chosen,
             half_way,
             merge_bias: MergeBias::new(renderer.blocks(), &image),
@@ -346,13 +403,14 @@ impl Task<'_> {
         if let Some(page) = &mut writer.page {
             session.look_again(&renderer, &steer);
             let (chosen, promise) = (report.technique.as_ref(), report.promise.as_ref());
-            let (session, image, denoised, report) = (&session, &image, None, Some(&report));
+            let (session, image, denoised, report) =
+                (&session, &image, session.denoised(), Some(&report));
             let moment = Moment { session, image, denoised, earlier, promise, chosen, report };
             let path = page.path.clone();
             attempts.add(&path, || page.write(&moment));
         }
         if let Some(view) = view {
-            view.finish(&image, None, session.elapsed());
+            view.finish(&image, session.denoised(), session.elapsed());
         }
         attempts.finish()?;
         Ok(match (args.session.scene.json, quiet) {

@@ -1,5 +1,7 @@
 //! The files that `bdpm render` writes, and when.
 
+use super::denoising;
+use super::layers::Layers;
 use super::outputs::{self, Attempts, Output};
 use super::page::{Moment, Page};
 use super::preview;
@@ -8,6 +10,7 @@ use super::render::Args;
 use super::session::Session;
 use bdpm::base::error::Result;
 use bdpm::base::identity::Identity;
+use bdpm::denoise::Denoised;
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::pictures;
 use bdpm::pictures::{Image, Layer, Value};
@@ -98,22 +101,21 @@ impl Schedule {
     pub fn write_when_due(
         &mut self,
         writer: &mut Writer,
-        session: &Session,
-        save_checkpoint: impl Fn(&mut Writer, &mut Attempts),
-        save_image: impl Fn(&mut Writer, &mut Attempts),
+        session: &mut Session,
+        save_checkpoint: impl Fn(&mut Writer, &Session, &mut Attempts),
+        save_image: impl Fn(&mut Writer, &mut Session, &mut Attempts),
     ) {
-        let attempt = |writer: &mut Writer, save: &dyn Fn(&mut Writer, &mut Attempts)| {
-            let mut attempts = Attempts::default();
-            save(writer, &mut attempts);
-            warn_of_failure(&session.progress, attempts.failures());
-        };
         if session.elapsed() >= self.next_checkpoint {
-            attempt(writer, &save_checkpoint);
+            let mut attempts = Attempts::default();
+            save_checkpoint(writer, session, &mut attempts);
+            warn_of_failure(&session.progress, attempts.failures());
             self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
         }
         if session.elapsed() >= self.next_image {
             let before = Instant::now();
-            attempt(writer, &save_image);
+            let mut attempts = Attempts::default();
+            save_image(writer, session, &mut attempts);
+            warn_of_failure(&session.progress, attempts.failures());
             let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
             self.next_image = session.elapsed() + pause;
         }
@@ -131,6 +133,7 @@ pub struct Writer<'a> {
     pub origin: &'a Origin,
     pub outputs: Outputs,
     pub page: Option<Page>,
+    pub layers: Layers,
     pub time: Duration,
 }
 
@@ -147,6 +150,7 @@ impl Writer<'_> {
         let checkpoint = Checkpoint {
             origin: self.origin.clone(),
             blocks: Cow::Borrowed(renderer.blocks()),
+            features: renderer.features().map(Cow::Borrowed),
             autopilot: steer.state(elapsed.as_secs_f64()),
         };
         attempts.add(path, || checkpoint.save(path));
@@ -165,8 +169,14 @@ impl Writer<'_> {
         self.time += start.elapsed();
     }
 
-    /// The image and its preview.
-    pub fn save_image(&mut self, combined: &Combined, attempts: &mut Attempts) {
+    /// The image and its preview, which is of the denoised one if there is one.
+    pub fn save_image(
+        &mut self,
+        renderer: &Renderer,
+        combined: &Combined,
+        denoised: Option<&Denoised>,
+        attempts: &mut Attempts,
+    ) {
         let start = Instant::now();
         let (width, height) = combined.resolution();
         let pixels = combined.mean();
@@ -174,14 +184,27 @@ impl Writer<'_> {
         if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
+        layers.extend(self.layers.of(renderer, combined, &pixels));
+        layers.extend(denoised.into_iter().flat_map(denoising::layers));
+        let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = self.origin.to_metadata();
+        if let Some(error) = denoised.and_then(|denoised| denoised.error.as_ref()) {
+            let error = &error.whole;
+            for (name, value) in [
+                ("denoised squared error", error.squared),
+                ("denoised squared error's standard error", error.standard_error),
+                ("denoised parts", error.parts as f64),
+            ] {
+                metadata.insert(name.into(), Value::Number(value));
+            }
+        }
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let Outputs { exr, png, .. } = &self.outputs;
         attempts.add(exr, || pictures::write_exr(exr, &image));
-        attempts.add(png, || pictures::write_png(png, width, height, &pixels));
+        attempts.add(png, || pictures::write_png(png, width, height, preview));
         self.time += start.elapsed();
     }
 }

@@ -4,6 +4,7 @@ use super::render::Args;
 use super::session::Prepared;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;
+use bdpm::image::layers::Kept;
 use bdpm::noise::film::BatchGrain;
 use bdpm::pictures;
 use bdpm::render::block::Block;
@@ -91,4 +92,22 @@ pub fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
         .at(path));
     }
     Ok(())
+}
+
+/// Refuses what a checkpoint did not keep.
+pub fn check_kept(args: &Args, kept: Kept) -> Result<()> {
+    let wanted = args.kept();
+    let lacks = if args.denoise && !kept.parts {
+        "--denoise"
+    } else if args.layers.is_empty() {
+        return Ok(());
+    } else if wanted.light && !kept.light || wanted.features && !kept.features {
+        "these --layers"
+    } else {
+        return Ok(());
+    };
+    Err(Error::new(
+        format!("the checkpoint was begun without {lacks}"),
+        "resume without that, or begin anew with it",
+    ))
 }

@@ -1,10 +1,12 @@
 //! What `bdpm render` tells at the end, for programs and for people.
 
+use super::denoising::DenoisedReport;
 use super::human_time;
 use super::session::{Expectation, RunReport};
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
+use bdpm::settings::policy::UPPER_BOUND;
 use bdpm::steer::autopilot::Promise;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use bdpm::steer::technique::Chosen;
@@ -26,6 +28,8 @@ pub struct Report<'a> {
     pub error: Option<Shares>,
     /// What was expected when the counts were first chosen.
     pub promise: Option<Promise>,
+    /// What became of it by denoising.
+    pub denoised: Option<DenoisedReport>,
     /// Techniques that were tried, the chosen one first.
     pub technique: Option<Chosen>,
     /// What was expected of this run's time when half of it had passed.
@@ -130,6 +134,7 @@ pub fn text(report: &Report) -> String {
             100.0 * bias
         );
     }
+    text += &report.denoised.as_ref().map_or(String::new(), denoised);
     text += &report.technique.as_ref().map_or(String::new(), technique);
     text += &choice(report);
     if let Some(bias) = &report.merge_bias
@@ -140,6 +145,42 @@ pub fn text(report: &Report) -> String {
              help: lower --radius; the bias falls with it\n",
             100.0 * bias.share_beyond_noise,
             bias.worst_over_noise
+        );
+    }
+    text
+}
+
+/// The error of the denoised image, and what it was before.
+fn denoised(report: &DenoisedReport) -> String {
+    let Some(error) = &report.error else {
+        return "denoised; its error is not known: there was no time, or too little was rendered\n"
+            .into();
+    };
+    let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
+    let (n, bound) = (error.parts, error.bound(UPPER_BOUND));
+    let mut text = format!(
+        "denoised: relative error {:.2} %, at most {:.2} %, after {}/{n} of the samples; {:.2} % before\n",
+        percent(error.squared),
+        percent(bound),
+        n - 1,
+        percent(error.raw),
+    );
+    if error.worse >= 0.01 {
+        text += &format!(
+            "the denoiser alone was worse in {:.0} % of the image ({:.2} % in all): {:.0} % of the raw image are mixed in\n",
+            100.0 * error.worse,
+            percent(error.unmixed),
+            100.0 * error.raw_share,
+        );
+    }
+    if let Some(promise) = &report.promise
+        && let Some(total) = report.total_error
+    {
+        text += &format!(
+            "promised after {}: an error of {:.2} % when denoised; came: {:.2} %\n",
+            human_time(promise.said_after),
+            100.0 * promise.error,
+            100.0 * total
         );
     }
     text

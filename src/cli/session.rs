@@ -1,11 +1,14 @@
 //! What `render` and `analyze` have in common: from the arguments to the last iteration.
 
+use super::denoising::Denoising;
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, Status, Totals};
-use super::{SceneArgs, say};
+use super::{SceneArgs, human_time, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
+use bdpm::denoise::Denoised;
 use bdpm::import::SceneSummary;
+use bdpm::render::block::Combined;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::scene::Scene;
 use bdpm::scene::backend;
@@ -196,6 +199,8 @@ pub struct Session<'a> {
     /// When iterating began.
     first: Instant,
     interrupted: &'static AtomicBool,
+    /// The denoiser, if there is one, and what it made last.
+    pub denoising: Option<Denoising>,
 }
 
 impl<'a> Session<'a> {
@@ -230,6 +235,7 @@ impl<'a> Session<'a> {
             start,
             first: start,
             interrupted,
+            denoising: None,
         })
     }
 
@@ -243,15 +249,16 @@ impl<'a> Session<'a> {
         Self { start, ..self }
     }
 
-    /// Iterates up to the goal or an interrupt; calls `between` after every iteration but the last.
+    /// Iterates up to the goal or an interrupt, or until `between` says why to end, which is called after every
+    /// iteration but the last.
     ///
     /// # Errors
-    /// Those of `steer`.
+    /// Those of `steer` and `between`.
     pub fn iterate<S: Steer>(
         &mut self,
         renderer: &mut Renderer,
         steer: &mut S,
-        mut between: impl FnMut(&Self, &Renderer, &S),
+        mut between: impl FnMut(&mut Self, &Renderer, &S) -> Result<Option<StoppedBy>>,
     ) -> Result<StoppedBy> {
         loop {
             if let Some(reason) = self.finished(renderer) {
@@ -268,8 +275,54 @@ impl<'a> Session<'a> {
             if self.interrupted.load(Ordering::Relaxed) {
                 return Ok(StoppedBy::Interrupt);
             }
-            between(self, renderer, steer);
+            if let Some(reason) = between(self, renderer, steer)? {
+                return Ok(reason);
+            }
         }
+    }
+
+    /// Finds the error of the denoised image if it is time to; whether it is small enough.
+    pub fn denoises_enough<'b>(
+        &mut self,
+        renderer: &Renderer,
+        image: impl FnOnce() -> Combined<'b>,
+    ) -> Result<bool> {
+        let (elapsed, goal) = (self.elapsed(), self.goal);
+        let Some(denoising) = &mut self.denoising else { return Ok(false) };
+        if !denoising.is_due(elapsed, renderer.iterations(), &goal) {
+            return Ok(false);
+        }
+        let (threads, image) = (&self.prepared.threads, image());
+        threads.install(|| denoising.denoise(renderer, &image))?;
+        let reaches = denoising.reaches(elapsed, &goal);
+        if let Some(error) = denoising.error() {
+            let (relative, after) = (100.0 * error.relative(), elapsed.as_secs_f64());
+            let after = human_time(after);
+            self.progress.note(&format!("denoised after {after}: relative error {relative:.2} %"));
+        }
+        Ok(reaches)
+    }
+
+    /// Denoises the image at the end, with its error.
+    pub fn denoise(&mut self, renderer: &Renderer, image: &Combined) -> Result<()> {
+        let threads = &self.prepared.threads;
+        match &mut self.denoising {
+            Some(denoising) => threads.install(|| denoising.denoise(renderer, image)),
+            None => Ok(()),
+        }
+    }
+
+    /// What was denoised last.
+    pub fn denoised(&self) -> Option<&Denoised> {
+        self.denoising.as_ref()?.latest.as_ref()
+    }
+
+    /// What the image looks like denoised, if it is to be.
+    pub fn preview(&mut self, renderer: &Renderer, image: &Combined) -> Result<Option<Denoised>> {
+        let threads = &self.prepared.threads;
+        let preview =
+            |denoising: &mut Denoising| threads.install(|| denoising.preview(renderer, image));
+        self.denoising.as_mut().map(preview).transpose()
     }
 
     /// Finds where the image stands. That takes a pass over its pixels, so not too often.

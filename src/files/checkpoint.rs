@@ -6,6 +6,7 @@
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_if_begins;
+use crate::image::layers::Features;
 use crate::render::block::{Block, Clock};
 use crate::settings::origin::Origin;
 use crate::steer::autopilot;
@@ -18,7 +19,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -33,6 +34,8 @@ pub struct Checkpoint<'a> {
     pub origin: Origin,
     /// Its sums.
     pub blocks: Cow<'a, [Block]>,
+    /// What is seen in each pixel, if that is kept.
+    pub features: Option<Cow<'a, Features>>,
     /// How far the choice of counts has come, if it is automatic.
     pub autopilot: Option<autopilot::State>,
 }
@@ -42,6 +45,7 @@ pub struct Checkpoint<'a> {
 struct Payload<'a> {
     origin: Cow<'a, Origin>,
     blocks: Cow<'a, [Block]>,
+    features: Option<Cow<'a, Features>>,
     autopilot: Option<autopilot::State>,
     /// Times of the blocks, which only automatic counts depend on: without them, equal images have equal
     /// checkpoints.
@@ -55,13 +59,14 @@ impl Checkpoint<'_> {
     /// # Errors
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { origin, blocks, autopilot } = self;
+        let Self { origin, blocks, features, autopilot } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
         };
         let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
-        let payload = Payload { origin, blocks, autopilot: *autopilot, clocks };
+        let features = features.as_deref().map(Cow::Borrowed);
+        let payload = Payload { origin, blocks, features, autopilot: *autopilot, clocks };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
@@ -119,10 +124,13 @@ impl Checkpoint<'static> {
         // Only a file whose checksum somebody has forged fails below.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { origin, blocks, autopilot, clocks } = payload;
+        let Payload { origin, blocks, features, autopilot, clocks } = payload;
         let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
         origin.settings.validate()?;
-        let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings));
+        let features: Option<Features> = features.map(Cow::into_owned);
+        let pixels = origin.settings.pixels();
+        let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings))
+            && features.as_ref().is_none_or(|features| features.fits(pixels));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
         if blocks.is_empty() || !fits || clocks.len() != timed || !rest.is_empty() {
             return Err(damaged());
@@ -130,7 +138,8 @@ impl Checkpoint<'static> {
         for (block, clock) in blocks.iter_mut().zip(clocks) {
             block.clock = clock;
         }
-        Ok(Self { origin, blocks: Cow::Owned(blocks), autopilot })
+        let features = features.map(Cow::Owned);
+        Ok(Self { origin, blocks: Cow::Owned(blocks), features, autopilot })
     }
 }
 
@@ -166,6 +175,7 @@ impl<W: Write> Write for Hashing<W> {
 mod tests {
     use super::*;
     use crate::image::counts::{CameraCounts, Counts};
+    use crate::image::layers::{LightSums, Parts};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use crate::settings::{Direct, Kernel, Roulette, Settings, Strategy};
     use crate::timing::TimeModel;
@@ -225,7 +235,11 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
-        Checkpoint { origin, blocks: Cow::Owned(vec![first, second]), autopilot: Some(state()) }
+        let features = Some(Cow::Owned(Features::new(15, true)));
+        second.parts = Some(Parts::new(15));
+        second.light = Some(vec![LightSums::default(); 15]);
+        let blocks = Cow::Owned(vec![first, second]);
+        Checkpoint { origin, blocks, features, autopilot: Some(state()) }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 pub mod compare;
 pub mod counts;
 pub mod film;
+pub mod layers;
 mod phase_times;
 
 pub use phase_times::PhaseTimes;

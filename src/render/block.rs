@@ -1,11 +1,12 @@
 //! Blocks: iterations at equal counts, whose sums add; and the image that several of them make.
 
-use super::tiles::TileSums;
+use super::tiles::{LayerTile, TileSums};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image::PhaseTimes;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{Film, luminance, pool, total};
+use crate::image::layers::{Features, Kept, LightSums, Parts};
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
@@ -23,6 +24,10 @@ pub struct Block {
     pub film: Film,
     /// Sums of the measuring ones.
     pub noise: Option<NoiseFilm>,
+    /// Light by kind, if it is kept: stored as the film's sums are.
+    pub light: Option<Vec<LightSums>>,
+    /// Parts of the iterations, if they are kept.
+    pub parts: Option<Parts>,
     /// Times of the others; not part of the image, nor of its files.
     #[serde(skip)]
     pub clock: Clock,
@@ -51,19 +56,32 @@ impl Block {
     /// No iteration yet.
     pub fn new(settings: &Settings, counts: Counts) -> Self {
         let film = Film::new(settings.width, settings.height);
-        Self { counts, film, noise: None, clock: Clock::default() }
+        let (light, parts) = (None, None);
+        Self { counts, film, noise: None, light, parts, clock: Clock::default() }
     }
 
-    /// The counts, and all tiles to add another iteration to.
+    /// The same, also keeping this; no iteration yet.
+    #[must_use]
+    pub(super) fn keeping(self, kept: Kept) -> Self {
+        let pixels = self.film.pixels();
+        Self {
+            light: kept.light.then(|| vec![LightSums::default(); pixels]),
+            parts: kept.parts.then(|| Parts::new(pixels)),
+            ..self
+        }
+    }
+
+    /// The counts, and all tiles to add another iteration to, of this number among those of all blocks.
     ///
     /// # Panics
     /// If it is to measure with fewer than two light paths.
-    pub(super) fn begin_iteration(
-        &mut self,
-        measure: Measure,
+    pub(super) fn begin_iteration<'a>(
+        &'a mut self,
+        (iteration, measure): (u64, Measure),
         grain: BatchGrain,
-    ) -> (&Counts, Vec<TileSums<'_>>) {
-        let Self { counts, film, noise, .. } = self;
+        features: Option<&'a mut Features>,
+    ) -> (&'a Counts, Vec<TileSums<'a>>) {
+        let Self { counts, film, noise, light, parts, .. } = self;
         let mut noise_tiles = Vec::new();
         if measure != Measure::Off {
             assert!(counts.light_paths >= 2, "measuring takes pairs");
@@ -71,17 +89,31 @@ impl Block {
             noise_tiles = noise.tiles_mut(film.tiles());
         }
         let mut noise_tiles = noise_tiles.into_iter();
+        let all = film.tiles();
+        let features = features.map(|features| features.tiles_mut(all, iteration));
+        let parts = parts.as_mut().map(|parts| parts.tiles_mut(film.tiles(), iteration));
+        let mut light = light.as_deref_mut();
+        let (mut features, mut parts) =
+            (features.into_iter().flatten(), parts.into_iter().flatten());
         let tiles = film.tiles_mut().into_iter().map(|(tile, sums)| TileSums {
             tile,
             sums,
             noise: noise_tiles.next(),
             deviation: 0.0,
+            layers: LayerTile {
+                light: light.as_mut().and_then(|light| light.split_off_mut(..tile.len())),
+                features: features.next(),
+                part: parts.next(),
+            },
         });
         (counts, tiles.collect())
     }
 
     /// Takes note that all tiles have it; `deviations` are those of all their pixels.
-    pub(super) fn end_iteration(&mut self, measure: Measure, deviations: f64) {
+    pub(super) fn end_iteration(&mut self, (iteration, measure): (u64, Measure), deviations: f64) {
+        if let Some(parts) = &mut self.parts {
+            parts.end_iteration(iteration);
+        }
         self.film.deviations.add(deviations, self.film.iterations);
         self.film.iterations += 1;
         if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
@@ -117,6 +149,8 @@ impl Block {
             && self.film.resolution() == (settings.width, settings.height)
             && self.film.is_consistent()
             && self.noise.as_ref().is_none_or(|noise| noise.fits(self.film.tiles()))
+            && self.light.as_ref().is_none_or(|light| light.len() == self.film.pixels())
+            && self.parts.as_ref().is_none_or(|parts| parts.fits(self.film.pixels()))
     }
 }
 
@@ -273,6 +307,17 @@ impl<'a> Combined<'a> {
         }
         let scale = self.total().recip();
         sums.into_par_iter().map(|sum| (sum * scale).as_vec3()).collect()
+    }
+
+    /// The same of light by kind, if it is kept in all blocks.
+    pub fn light(&self) -> Option<Vec<LightSums>> {
+        let mut sums = vec![LightSums::default(); self.blocks[0].film.pixels()];
+        let scale = self.total().recip();
+        for (block, weight) in self.pairs() {
+            let light = block.light.as_ref()?;
+            block.film.zip(&mut sums, |sum, at| sum.add(&light[at], weight * scale));
+        }
+        Some(sums)
     }
 
     /// Mean luminance of the image, W/(m^2 sr).

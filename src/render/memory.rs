@@ -4,6 +4,7 @@ use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use crate::bsdf::Bsdf;
 use crate::image::film::PixelSums;
+use crate::image::layers::Kept;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::scene::Scene;
 use crate::settings::{Settings, Strategy};
@@ -28,23 +29,30 @@ fn bytes_per_photon(settings: &Settings) -> f64 {
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.
 pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
-    (memory - film_bytes(settings, 1)) / (photons_per_path * bytes_per_photon(settings))
+    (memory - film_bytes(settings, Kept::default(), 1))
+        / (photons_per_path * bytes_per_photon(settings))
 }
 
 /// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
 /// and what is being written.
-pub(super) fn film_bytes(settings: &Settings, blocks: usize) -> f64 {
+pub(super) fn film_bytes(settings: &Settings, kept: Kept, blocks: usize) -> f64 {
     let written = 2 * size_of::<PixelSums>();
     let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
-    let per_pixel = written + blocks * (block + size_of::<u32>());
+    let (in_blocks, once) = kept.bytes_per_pixel();
+    let per_pixel = written + once + blocks * (block + size_of::<u32>() + in_blocks);
     settings.pixels() as f64 * per_pixel as f64
 }
 
 /// Refuses counts that cannot fit, before anything is allocated.
-pub(super) fn check_memory(scene: &Scene, settings: &Settings, light_paths: u32) -> Result<()> {
+pub(super) fn check_memory(
+    scene: &Scene,
+    settings: &Settings,
+    kept: Kept,
+    light_paths: u32,
+) -> Result<()> {
     let light = f64::from(light_paths) * bytes_per_light_path(scene, settings);
     // Those of earlier blocks are no longer available.
-    let film = film_bytes(settings, 1);
+    let film = film_bytes(settings, kept, 1);
     let needed = light + film;
     match available_memory() {
         Some(available) if needed > available => Err(Error::new(

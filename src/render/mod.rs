@@ -2,6 +2,7 @@
 
 pub mod bias;
 pub mod block;
+mod layers;
 mod memory;
 mod report;
 mod tile_paths;
@@ -18,6 +19,7 @@ use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::image::counts::Counts;
 use crate::image::film::Film;
+use crate::image::layers::{Features, Kept};
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
@@ -51,6 +53,10 @@ pub struct Renderer<'a> {
     grain: BatchGrain,
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
+    /// What is kept beside the image.
+    kept: Kept,
+    /// Over all blocks, if they are kept.
+    features: Option<Features>,
     /// Of the surfaces, if the kernel asks for them.
     areas: Option<Arc<Areas<'a>>>,
     light_paths: LightPaths,
@@ -96,7 +102,7 @@ impl<'a> Renderer<'a> {
         areas: impl FnOnce(&Settings) -> Option<Arc<Areas<'a>>>,
     ) -> Result<Self> {
         settings.validate()?;
-        check_memory(scene, &settings, settings.light_paths)?;
+        check_memory(scene, &settings, Kept::default(), settings.light_paths)?;
         if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
@@ -114,6 +120,8 @@ impl<'a> Renderer<'a> {
             settings,
             grain: BatchGrain::Tile,
             nesting: None,
+            kept: Kept::default(),
+            features: None,
             areas,
             light_paths: LightPaths::default(),
             photon_map: PhotonMap::default(),
@@ -143,6 +151,49 @@ impl<'a> Renderer<'a> {
         self.areas.as_deref()
     }
 
+    /// Keeps this beside the image from now on.
+    ///
+    /// # Errors
+    /// If the memory does not suffice.
+    ///
+    /// # Panics
+    /// If anything was rendered before.
+    pub fn keeping(mut self, kept: Kept) -> Result<Self> {
+        assert!(self.iterations() == 0, "what is kept is kept of all iterations");
+        check_memory(self.scene, &self.settings, kept, self.block().counts.light_paths)?;
+        let pixels = self.settings.pixels();
+        let features = kept.features || kept.parts;
+        self.features = features.then(|| Features::new(pixels, kept.parts));
+        self.blocks = vec![Block::new(&self.settings, self.block().counts.clone()).keeping(kept)];
+        Ok(Self { kept, ..self })
+    }
+
+    /// What is kept beside the image.
+    pub fn kept(&self) -> Kept {
+        self.kept
+    }
+
+    /// What is seen in each pixel, if it is kept.
+    pub fn features(&self) -> Option<&Features> {
+        self.features.as_ref()
+    }
+
+    /// Goes on after iterations of which this was kept beside the image.
+    ///
+    /// # Errors
+    /// As [`Self::resume`].
+    pub fn resume_with(&mut self, blocks: Vec<Block>, features: Option<Features>) -> Result<()> {
+        let pixels = self.settings.pixels();
+        self.resume(blocks)?;
+        let light = self.blocks.iter().all(|block| block.light.is_some());
+        let parts = self.blocks.iter().all(|block| block.parts.is_some());
+        self.features = features.filter(|features| features.fits(pixels));
+        let features = self.features.is_some();
+        let in_parts = self.features.as_ref().is_some_and(Features::is_in_parts);
+        self.kept = Kept { light, features, parts: parts && in_parts };
+        Ok(())
+    }
+
     /// Goes on after the iterations that `blocks` hold.
     ///
     /// # Errors
@@ -168,9 +219,9 @@ impl<'a> Renderer<'a> {
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
         counts.validate(&self.settings)?;
-        check_memory(self.scene, &self.settings, counts.light_paths)?;
+        check_memory(self.scene, &self.settings, self.kept, counts.light_paths)?;
         self.blocks.pop_if(|block| block.film.iterations == 0);
-        self.blocks.push(Block::new(&self.settings, counts));
+        self.blocks.push(Block::new(&self.settings, counts).keeping(self.kept));
         Ok(())
     }
 
@@ -178,7 +229,7 @@ impl<'a> Renderer<'a> {
     pub fn most_light_paths(&self) -> u32 {
         let Self { scene, settings, .. } = self;
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(settings, MOST_BLOCKS)).max(0.0);
+        let for_light = 0.5 * (available - film_bytes(settings, self.kept, MOST_BLOCKS)).max(0.0);
         let most = for_light / bytes_per_light_path(scene, settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
@@ -255,6 +306,7 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let iteration = self.iterations();
         let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
+        let (kept, features) = (self.kept, self.features.as_mut());
         let all = kernel::Kernel::new(settings, areas.as_deref());
         let kernel = self.nesting.map_or(all, |class| all.nesting(class));
         let block = self.blocks.last_mut().expect("there is one");
@@ -271,10 +323,11 @@ impl<'a> Renderer<'a> {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
         };
-        let merge = Merge::new(photon_map, settings.merge_vertex, kernel).weighted(mis);
+        let merge =
+            Merge::new(photon_map, settings.merge_vertex, kernel).weighted(mis).telling(kept.light);
         let before = block.film.iterations;
-        let (counts, mut tiles) = block.begin_iteration(measure, *grain);
-        let job = Job::new(pass, merge, counts, measure, before);
+        let (counts, mut tiles) = block.begin_iteration((iteration, measure), *grain, features);
+        let job = Job::new(pass, merge, counts, measure, before).keeping(kept);
         // Results do not depend on which tiles one thread takes together.
         Shares::new(&mut tiles, job.tiles_together())
             .par_bridge()
@@ -282,7 +335,10 @@ impl<'a> Renderer<'a> {
 
         // Summed in the order of the tiles, whoever rendered them.
         let deviations = tiles.iter().map(|tile| tile.deviation).sum();
-        block.end_iteration(measure, deviations);
+        block.end_iteration((iteration, measure), deviations);
+        if let Some(features) = &mut self.features {
+            features.end_iteration(iteration);
+        }
         let report =
             IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start);
         block.clock.add(measure, &report.times);

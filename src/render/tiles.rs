@@ -1,6 +1,7 @@
 //! Tiles of the image under way, and how threads share them.
 
 use crate::image::film::{PixelSums, Tile};
+use crate::image::layers::{FeatureTile, LightSums, PartTile};
 use crate::noise::film::NoiseTile;
 
 /// A tile of the image under way.
@@ -14,6 +15,19 @@ pub struct TileSums<'a> {
     pub noise: Option<NoiseTile<'a>>,
     /// Sum over its pixels of [`PixelSums::deviation`] of this iteration.
     pub deviation: f64,
+    /// What is kept beside.
+    pub layers: LayerTile<'a>,
+}
+
+/// What is kept of a tile beside its sums, as far as it is; see [`Kept`](crate::image::layers::Kept).
+#[derive(Debug, Default)]
+pub struct LayerTile<'a> {
+    /// Light by kind.
+    pub light: Option<&'a mut [LightSums]>,
+    /// What is seen.
+    pub features: Option<FeatureTile<'a>>,
+    /// The part that the iteration belongs to.
+    pub part: Option<PartTile<'a>>,
 }
 
 /// Tiles that one thread takes at a time: many at first, so that many camera paths are merged together, and
@@ -51,7 +65,13 @@ mod tests {
     #[test]
     fn shares_are_all_tiles_and_shrink_toward_the_end() {
         let mut film = Film::new(160, 160);
-        let tile = |(tile, sums)| TileSums { tile, sums, noise: None, deviation: 0.0 };
+        let tile = |(tile, sums)| TileSums {
+            tile,
+            sums,
+            noise: None,
+            deviation: 0.0,
+            layers: LayerTile::default(),
+        };
         let mut tiles: Vec<TileSums> = film.tiles_mut().into_iter().map(tile).collect();
         for (most, first, count) in [(7, 7, 100), (1000, 25, 100), (0, 1, 100), (5, 1, 1)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();

@@ -1,11 +1,12 @@
 //! One thread's work on some tiles: camera and merge phases, and what becomes of the pairs.
 
+use super::layers::LayerSums;
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
-use crate::base::math::Rgb;
 use crate::image::counts::Counts;
 use crate::image::film::{Tile, luminance};
+use crate::image::layers::{Kept, LayerValue};
 use crate::noise::film::PixelMeasurement;
 use crate::noise::halves::Halves;
 use crate::noise::pairs::AllPairs;
@@ -31,6 +32,8 @@ pub struct Job<'a> {
     pub together: usize,
     /// Iterations that the sums hold already.
     pub before: u64,
+    /// What is kept beside the image.
+    pub kept: Kept,
 }
 
 impl<'a> Job<'a> {
@@ -43,7 +46,12 @@ impl<'a> Job<'a> {
         before: u64,
     ) -> Self {
         let together = merge.together(measure != Measure::Off);
-        Self { pass, merge, counts, measure, together, before }
+        Self { pass, merge, counts, measure, together, before, kept: Kept::default() }
+    }
+
+    /// The same, keeping this beside the image.
+    pub fn keeping(self, kept: Kept) -> Self {
+        Self { kept, ..self }
     }
 
     /// Camera paths that each pixel takes at least.
@@ -68,6 +76,10 @@ pub struct Worker {
     values: Vec<DVec3>,
     /// What is measured of each pixel of the tiles.
     measured: Vec<PixelMeasurement>,
+    /// The same of what is kept beside; none if nothing is.
+    layers: Vec<LayerValue>,
+    /// Caustics alone, where they have to be gathered again.
+    caustics: Gathered,
     pairs: AllPairs,
     halves: Halves,
     clock: Clock,
@@ -106,16 +118,23 @@ impl Worker {
         if job.measure != Measure::Off {
             self.measured.resize(pixels, PixelMeasurement::default());
         }
+        self.layers.clear();
+        if job.kept.any() {
+            self.layers.resize(pixels, LayerValue::default());
+        }
+        self.paths.tell(job.kept.any());
         let Self { paths, gathered, values, measured, pairs, halves, clock, .. } = self;
         let width = job.pass.settings.width;
         let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
         let per_light_path = f64::from(job.counts.light_paths).recip();
-        let mut image = ImageSums { values, per_light_path, paths: ids.clone() };
+        let layers = LayerSums::new(job, &mut self.layers, &mut self.caustics);
+        let mut image = ImageSums { values, per_light_path, paths: ids.clone(), layers };
         match job.measure {
             Measure::Off => trace(job, ids, paths, clock, |paths| {
                 job.merge.gather(paths, gathered);
-                for (direct, gathered) in paths.direct.iter().zip(&gathered.sums) {
-                    image.end_path(*direct, *gathered);
+                image.layers.gather_caustics(job, paths);
+                for path in 0..paths.direct.len() {
+                    image.end_path(paths, gathered, path);
                 }
             }),
             Measure::Pairs => {
@@ -133,7 +152,7 @@ impl Worker {
     /// Moves the tiles' values to the sums over iterations.
     fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
         let mut first = 0;
-        for TileSums { tile, sums, noise, deviation } in tiles {
+        for TileSums { tile, sums, noise, deviation, layers } in tiles {
             for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
@@ -145,6 +164,10 @@ impl Worker {
                 }
                 *deviation += sums.deviation(value, job.before);
                 sums.add(value);
+                if let Some(layer) = self.layers.get(first + index) {
+                    let camera_paths = job.counts.camera_paths.at(pixel);
+                    layers.add(index, value, layer, camera_paths);
+                }
                 if let Some(noise) = noise {
                     let value = luminance(value);
                     let measured = self.measured[first + index];
@@ -200,12 +223,13 @@ fn measure<E: Estimator>(
     mut measuring: Measuring<E>,
 ) {
     trace(job, ids, paths, clock, |paths| {
+        measuring.image.layers.gather_caustics(job, paths);
         job.merge.gather_pairs(paths, gathered, |gathered, complete| {
             for path in complete {
                 for (pairs, nested) in gathered.pairs.of_path(path) {
                     measuring.pairs(pairs, nested);
                 }
-                measuring.end_path(paths.direct[path], gathered.sums[path]);
+                measuring.end_path(paths, gathered, path);
             }
         });
     });
@@ -218,16 +242,19 @@ struct ImageSums<'a> {
     per_light_path: f64,
     /// At the current camera path.
     paths: TilePaths<'a>,
+    layers: LayerSums<'a>,
 }
 
 impl ImageSums<'_> {
     #[inline]
-    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
         let TilePaths { pixel, path, in_image, .. } = self.paths;
         if path < in_image {
             // theory.md (7), of one camera path
-            let value = direct.as_dvec3() + gathered.as_dvec3() * self.per_light_path;
+            let (direct, merged) = (paths.direct[number], gathered.sums[number]);
+            let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
+            self.layers.end_path((paths, gathered), (number, pixel), self.per_light_path);
         }
         self.paths.advance();
     }
@@ -264,9 +291,10 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     }
 
     #[inline]
-    fn end_path(&mut self, direct: Rgb, gathered: Rgb) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
-        self.image.end_path(direct, gathered);
+        self.image.end_path(paths, gathered, number);
+        let direct = paths.direct[number];
         self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
         let measured = &mut self.measured[pixel];
         // theory.md (68)

@@ -145,7 +145,8 @@ impl<'a> Run<'a> {
             let stop = flow.is_break();
             if part.purpose != Purpose::Cell && (stop || saved.elapsed() > SAVE_EVERY) {
                 let blocks = Cow::Borrowed(renderer.blocks());
-                let sums = Checkpoint { origin: origin.clone(), blocks, autopilot: None };
+                let sums =
+                    Checkpoint { origin: origin.clone(), blocks, features: None, autopilot: None };
                 self.folder.save_under_way(&sums)?;
                 self.folder.save(&self.experiment)?;
                 saved = Instant::now();

@@ -211,3 +211,28 @@ pub const UPPER_BOUND: f64 = 1.2816;
 
 /// Standard errors by which a bias must stand out to count.
 pub const BIAS_CERTAINTY: f64 = 2.0;
+
+// --- Denoising -----------------------------------------------------------------------------------
+
+/// Share of a time of rendering that denoising takes at the most where its error is found: fewer parts are left out
+/// in turn where all would take longer.
+pub const DENOISE_SHARE: f64 = 0.25;
+
+/// Iterations of each part at the least before the error of a denoised image is found on the way.
+pub const LEAST_PER_PART: u64 = 2;
+
+/// Share of the time that finding the error on the way takes at the most, about.
+pub const CHECK_SHARE: f64 = 0.2;
+
+/// Time of rendering from one look at the error to the next, over that before: as the error is expected to fall.
+pub const CHECK_GROWTH: std::ops::Range<f64> = 1.1..2.0;
+
+/// The power of the time that the squared error of denoised images is taken to fall with: less than that of noise, which
+/// is 1, since the denoiser's bias falls as well, but later. Not from a trial: only when to look next, and promises, depend on it.
+pub const DENOISED_FALL: f64 = 0.7;
+
+/// Share of a given time after which the error at its end is promised.
+pub const DENOISE_PROMISE_AFTER: f64 = 0.25;
+
+/// Share of the time that this may take.
+pub const DENOISE_PROMISE_SHARE: f64 = 0.1;

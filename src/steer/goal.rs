@@ -32,7 +32,7 @@ pub struct Goal {
 impl Goal {
     /// Relative variance that the error allows beside the bias; a small part of it even where the bias is too
     /// much.
-    fn noise2(&self, error: f64) -> f64 {
+    pub fn noise2(&self, error: f64) -> f64 {
         let error2 = error * error;
         (error2 - self.bias2).max(LEAST_NOISE_SHARE * error2)
     }

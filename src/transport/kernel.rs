@@ -40,6 +40,13 @@ impl Admission {
         self.radius2[EVERY] == self.radius2[LAST]
     }
 
+    /// The same for photons of every vertex alone.
+    pub fn of_every_vertex(self) -> Self {
+        let mut radius2 = self.radius2;
+        radius2[LAST] = -1.0;
+        Self { radius2, ..self }
+    }
+
     /// Where the flux of photons of a class is summed up: all together if the radius is the same.
     pub fn sum_of(&self, class: PhotonClass) -> usize {
         if self.is_uniform() { LAST } else { class as usize }

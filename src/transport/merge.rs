@@ -34,6 +34,8 @@ pub struct Merge<'a> {
     mis: Option<Mis>,
     in_zones: bool,
     most_pairs: usize,
+    /// Whether caustics are told.
+    tells: bool,
 }
 
 /// What camera paths gathered; buffers are reused by the next.
@@ -43,6 +45,9 @@ pub struct Gathered {
     pub sums: Vec<Rgb>,
     /// All of which these are the sums, if they were asked for.
     pub pairs: PairList,
+    /// The part of the sums that photons without a diffuse bounce add at first vertices, if it was asked for and
+    /// can be told apart: if [`Merge::tells_caustics`].
+    pub caustics: Vec<Rgb>,
     look_ups: LookUps,
     ranges: Ranges,
     /// At the gather points, W.
@@ -57,7 +62,26 @@ impl<'a> Merge<'a> {
         let kernel = if map.any_at_every_vertex() { kernel } else { kernel.of_last_vertex() };
         let admission = kernel.admission();
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
-        Self { map, merge_vertex, kernel, admission, mis: None, in_zones, most_pairs }
+        let (mis, tells) = (None, false);
+        Self { map, merge_vertex, kernel, admission, mis, in_zones, most_pairs, tells }
+    }
+
+    /// The same, telling caustics by themselves as well.
+    #[must_use]
+    pub fn telling(self, tells: bool) -> Self {
+        Self { tells, ..self }
+    }
+
+    /// Whether photons with and without a diffuse bounce are summed apart: their radii differ, or there are none of
+    /// the latter.
+    pub fn tells_caustics(&self) -> bool {
+        !self.admission.is_uniform() || !self.map.any_at_every_vertex()
+    }
+
+    /// The same with photons without a diffuse bounce alone: tells caustics where all have one radius.
+    #[must_use]
+    pub fn of_caustics(self) -> Self {
+        Self { admission: self.admission.of_every_vertex(), ..self }
     }
 
     /// Weighs what is merged, at both vertices of camera paths that are cut at the second.
@@ -74,7 +98,7 @@ impl<'a> Merge<'a> {
 
     /// Sets `gathered` to what these camera paths gather.
     pub fn gather(&self, paths: &CameraPaths, gathered: &mut Gathered) {
-        gathered.clear(paths);
+        gathered.clear(paths, self.tells);
         self.find::<false>(paths, 0..paths.direct.len(), gathered);
     }
 
@@ -87,7 +111,7 @@ impl<'a> Merge<'a> {
         gathered: &mut Gathered,
         mut visit: impl FnMut(&Gathered, ops::Range<usize>),
     ) {
-        gathered.clear(paths);
+        gathered.clear(paths, self.tells);
         let (mut first, end) = (0, paths.direct.len());
         let mut count = end;
         while first < end {
@@ -100,6 +124,9 @@ impl<'a> Merge<'a> {
                 count = count.saturating_mul(2);
             } else {
                 gathered.sums[part.clone()].fill(Rgb::ZERO);
+                if self.tells {
+                    gathered.caustics[part.clone()].fill(Rgb::ZERO);
+                }
                 count = part.len().div_ceil(2);
             }
         }
@@ -133,7 +160,7 @@ impl<'a> Merge<'a> {
         part: ops::Range<usize>,
         gathered: &mut Gathered,
     ) -> bool {
-        let Gathered { sums, pairs, ranges, .. } = gathered;
+        let Gathered { sums, pairs, caustics, ranges, .. } = gathered;
         for (packet, first) in paths.gather_points.packets().iter().zip((0..).step_by(LANES)) {
             let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
             self.map.find_ranges(&packet.position, &gathers, ranges);
@@ -157,6 +184,7 @@ impl<'a> Merge<'a> {
                 kernels = self.kernel.at::<false>(packet, &lit(&flux));
             }
             self.add(packet, &kernels, &flux, sums);
+            self.add_caustics(packet, &kernels, &flux, caustics);
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
@@ -173,7 +201,7 @@ impl<'a> Merge<'a> {
         part: ops::Range<usize>,
         gathered: &mut Gathered,
     ) -> bool {
-        let Gathered { sums, pairs, look_ups, ranges, flux, kernels } = gathered;
+        let Gathered { sums, pairs, caustics, look_ups, ranges, flux, kernels } = gathered;
         let packets = paths.gather_points.packets();
         look_ups.sort(
             self.map,
@@ -214,6 +242,7 @@ impl<'a> Merge<'a> {
                 *kernels = self.kernel.at::<false>(packet, &lit(flux));
             }
             self.add(packet, kernels, flux, sums);
+            self.add_caustics(packet, kernels, flux, caustics);
         }
         true
     }
@@ -236,6 +265,29 @@ impl<'a> Merge<'a> {
         let lit = lit(flux);
         for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
             sums[packet.path[lane] as usize] += contribution.get(lane);
+        }
+    }
+
+    /// Of the same, what photons without a diffuse bounce contribute at first vertices, if that is told.
+    #[inline(always)] // vectorized
+    fn add_caustics(
+        &self,
+        packet: &GatherPacket,
+        kernels: &PointKernels,
+        [every, _]: &ByClass<Vec3s>,
+        caustics: &mut [Rgb],
+    ) {
+        if !self.tells {
+            return;
+        }
+        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & (packet.vertex[lane] == 1)) {
+            if every.get(lane) == Rgb::ZERO {
+                continue; // The kernel is known where there is flux.
+            }
+            let kernel = kernels.get(lane);
+            let flux = every.get(lane) * kernel.relative()[PhotonClass::EveryVertex as usize];
+            caustics[packet.path[lane] as usize] +=
+                packet.weight.get(lane) * kernel.inverse_area * flux;
         }
     }
 
@@ -372,9 +424,13 @@ fn lit(flux: &ByClass<Vec3s>) -> Mask {
 }
 
 impl Gathered {
-    fn clear(&mut self, paths: &CameraPaths) {
+    fn clear(&mut self, paths: &CameraPaths, tells: bool) {
         self.sums.clear();
         self.sums.resize(paths.direct.len(), Rgb::ZERO);
+        self.caustics.clear();
+        if tells {
+            self.caustics.resize(paths.direct.len(), Rgb::ZERO);
+        }
     }
 }
 

@@ -10,6 +10,8 @@ mod boxes;
 mod committed;
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/denoised.rs"]
+mod denoised;
 #[path = "../common/far_counts.rs"]
 mod far_counts;
 #[path = "../common/material_noise.rs"]
@@ -27,6 +29,7 @@ mod true_bias;
 
 mod choice;
 mod counts;
+mod denoise;
 mod kernel;
 mod materials_light;
 mod mis;

@@ -6,6 +6,7 @@ mod html;
 mod program;
 
 mod automatic;
+mod denoise;
 mod limits;
 mod noise;
 mod optimize;

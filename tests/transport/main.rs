@@ -27,6 +27,7 @@ mod camera_batches;
 mod cameras;
 mod instances;
 mod interpolated_normals;
+mod layers;
 mod lights;
 mod materials_furnace;
 mod materials_light;

@@ -59,7 +59,7 @@ impl Maps {
         };
         let grid = Grid { size, step };
         let mean = image.mean();
-        let shown = moment.denoised.map_or(&mean, |denoised| &denoised.pixels);
+        let shown = moment.denoised.map_or(&mean, |denoised| &denoised.image);
         let exposure = auto_exposure(shown);
         let radiance = |name, alt: &str, pixels: &[Rgb]| {
             let pixels = grid.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
@@ -85,7 +85,7 @@ impl Maps {
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
             denoised: moment.denoised.map(|denoised| {
-                radiance("denoised", &format!("the picture of {scene}, denoised"), &denoised.pixels)
+                radiance("denoised", &format!("the picture of {scene}, denoised"), &denoised.image)
             }),
             noise,
             bias,

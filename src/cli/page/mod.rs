@@ -12,7 +12,7 @@ use super::render_report::Report;
 use super::session::{Prepared, Session};
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::base::math::Rgb;
+use bdpm::denoise::Denoised;
 use bdpm::page::document;
 use bdpm::render::block::Combined;
 use bdpm::steer::autopilot::Promise;
@@ -41,15 +41,6 @@ const FIRST_PIXEL: Duration = Duration::from_micros(10);
 
 /// Pixels of a picture at the most while rendering goes on; larger ones are shown at a whole part of their size.
 const LIVE_PIXELS: u64 = 1 << 20;
-
-/// A denoised image, and how far off it is.
-#[derive(Clone, Debug)]
-pub struct Denoised {
-    /// Radiance, row by row.
-    pub pixels: Vec<Rgb>,
-    /// Relative RMS error, what denoising smeared included, and its standard error, where they are known.
-    pub error: Option<(f64, f64)>,
-}
 
 /// A render at a moment.
 pub struct Moment<'a> {

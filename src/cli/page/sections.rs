@@ -8,6 +8,7 @@ use crate::cli::render_report::text;
 use crate::cli::session::Prepared;
 use bdpm::page::number::count;
 use bdpm::pictures::number;
+use bdpm::settings::policy::UPPER_BOUND;
 use bdpm::steer::goal::{Goal, StoppedBy, Target};
 use maud::{Markup, html};
 
@@ -112,9 +113,10 @@ fn tiles(moment: &Moment) -> Markup {
     html! {
         dl .tiles {
             @if let Some(denoised) = moment.denoised {
-                @let shown = denoised.error.map_or("unknown".into(), |(error, _)| percent(error));
-                (tile("error, denoised", shown, denoised.error.map(|(_, error)| {
-                    format!("give or take {}", percent(error))
+                @let whole = denoised.error.as_ref().map(|error| error.whole);
+                @let shown = whole.map_or("unknown".into(), |error| percent(error.relative()));
+                (tile("error, denoised", shown, whole.map(|error| {
+                    format!("at most {}", percent(error.bound(UPPER_BOUND).sqrt()))
                 })))
             }
             (tile("error", now.map_or("–".into(), percent), split))

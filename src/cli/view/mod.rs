@@ -5,9 +5,9 @@
 mod terminal;
 mod tev;
 
-use super::page::Denoised;
 use super::progress::Progress;
 use bdpm::base::error::{Error, Result};
+use bdpm::denoise::Denoised;
 use bdpm::render::block::Combined;
 use std::str::FromStr;
 use std::time::{Duration, Instant};

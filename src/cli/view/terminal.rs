@@ -1,9 +1,9 @@
 //! A small picture in the terminal: two pixels to a character, the upper half of which is inked in one color on
 //! another. It takes 24-bit colors and nothing else.
 
-use crate::cli::page::Denoised;
 use crate::cli::progress::Progress;
 use bdpm::base::math::Rgb;
+use bdpm::denoise::Denoised;
 use bdpm::pictures::{auto_exposure, tone_map};
 use bdpm::render::block::Combined;
 use std::fmt::Write;
@@ -23,7 +23,7 @@ pub fn show(progress: &Progress, image: &Combined, denoised: Option<&Denoised>) 
     let Some(small) = fitting(size, (columns, 2 * rows)) else { return };
     let mean;
     let pixels = match denoised {
-        Some(denoised) => &denoised.pixels,
+        Some(denoised) => &denoised.image,
         None => {
             mean = image.mean();
             &mean

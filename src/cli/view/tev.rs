@@ -1,8 +1,8 @@
 //! The image in tev, by its protocol over TCP: an image of named channels is created once, then its pixels are
 //! updated. A thread of its own sends, so that a viewer that hangs holds up nobody.
 
-use crate::cli::page::Denoised;
 use crate::cli::progress::Progress;
+use bdpm::denoise::Denoised;
 use bdpm::pictures::Layer;
 use bdpm::render::block::Combined;
 use std::io::{self, ErrorKind};
@@ -32,7 +32,7 @@ impl Frame {
         let (width, height) = image.resolution();
         let rms = image.rms().unwrap_or_else(|| vec![0.0; width as usize * height as usize]);
         layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
-        layers.extend(denoised.map(|denoised| Layer::rgb("denoised", &denoised.pixels)));
+        layers.extend(denoised.map(|denoised| Layer::rgb("denoised", &denoised.image)));
         let (mut names, mut values) = (Vec::new(), Vec::new());
         for Layer { name: layer, channels } in layers {
             for (name, channel) in channels {

@@ -3,7 +3,10 @@
 
 mod connections;
 mod non_diffuse;
+mod told;
 mod weighted;
+
+pub use told::Told;
 
 use super::flight::Flight;
 use super::gather::{GatherPoints, GatherView};
@@ -72,6 +75,9 @@ pub struct CameraPaths {
     parts: Vec<f32>,
     /// Where light could be connected that each path hits.
     roughs: Vec<Rough>,
+    /// What each path tells of itself, if they are to.
+    pub told: Vec<Told>,
+    tells: bool,
 }
 
 impl CameraPaths {
@@ -99,6 +105,9 @@ impl CameraPaths {
             self.parts.resize(self.direct.len(), 0.0);
             self.roughs.truncate(first);
             self.roughs.resize(self.direct.len(), Rough::default());
+        }
+        if self.tells {
+            self.prepare_telling();
         }
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
@@ -189,6 +198,9 @@ impl CameraPaths {
                     self.next.push_walk(&ray, &walk);
                 }
             }
+            if self.tells {
+                self.tell_diffuse(pass, &at, &walks);
+            }
             self.scatter_diffuse(simd, pass, &at, &mut walks);
         }
         self.hits = hits;
@@ -263,7 +275,11 @@ impl CameraPaths {
                     emission *= self.emission_weight(scene, walks.path[lane], place);
                 }
                 // theory.md (42), first line
-                self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * emission;
+                let seen = walks.weight.get(lane) * emission;
+                self.direct[walks.path[lane] as usize] += seen;
+                if self.tells {
+                    self.tell_emission(walks.path[lane], seen);
+                }
             }
         }
     }
@@ -310,6 +326,9 @@ impl CameraPaths {
                 let contribution = connections.contribution.get(lane);
                 let visible = if *occluded { Rgb::ZERO } else { contribution };
                 self.direct[connections.path[lane] as usize] += visible;
+                if self.tells {
+                    self.told[connections.path[lane] as usize].connects(visible);
+                }
             }
         }
         self.shadow_rays.clear();

@@ -23,7 +23,11 @@ impl CameraPaths {
                 beyond *= self.beyond_weight(pass.scene, walks.path[lane], direction);
             }
             // theory.md (42), second line
-            self.direct[walks.path[lane] as usize] += walks.weight.get(lane) * beyond;
+            let seen = walks.weight.get(lane) * beyond;
+            self.direct[walks.path[lane] as usize] += seen;
+            if self.tells {
+                self.tell_emission(walks.path[lane], seen);
+            }
         }
     }
 
@@ -44,18 +48,27 @@ impl CameraPaths {
                 emission *= self.emission_weight(pass.scene, walk.path, place);
             }
             self.direct[walk.path as usize] += walk.weight * emission;
+            if self.tells {
+                self.tell_emission(walk.path, walk.weight * emission);
+            }
         }
         let vertex = walk.depth.diffuse() + 1;
+        let at = surface.vertex(Transport::Radiance);
+        if self.tells {
+            self.tell_other(pass, surface, (&walk, at.normal));
+        }
         let merges = self.at_other_vertex(pass, surface, &mut walk);
         // Cut here, the path still goes on where the surface mirrors besides.
         let cut = merges && vertex == merge_vertex;
         let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
-        let at = surface.vertex(Transport::Radiance);
         let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
         self.carry_on(surface, (&walk, &at), &sample);
+        if self.tells && sample.lobe == Lobe::Rough && walk.depth.diffuse() == 0 {
+            self.tell_rough(walk.path);
+        }
         // theory.md (41)
         walk.weight *= sample.weight;
         if sample.lobe.passes_through() {

@@ -1,0 +1,212 @@
+//! The error that is told of denoised images against that to long references: the tables of docs/denoising.md.
+//!
+//! ```sh
+//! cargo run --release --example denoise_table -- scenes/cornell-box scenes/materials
+//! cargo run --release --example denoise_table -- scenes/cornell-box --program target/release/bdpm --times 2s,8s,30s
+//! ```
+//!
+//! What is done is kept in `--folder`: a run that was stopped goes on where it was, and what is there is not made
+//! again. The first table renders at the scene's own counts; the second and third run the program.
+
+#[path = "../tests/common/denoised.rs"]
+mod denoised;
+
+use bdpm::base::error::{Error, Result};
+use bdpm::base::math::luminance;
+use bdpm::denoise::{Oidn, importance};
+use bdpm::files::checkpoint::Checkpoint;
+use bdpm::import::load;
+use bdpm::noise::Measure;
+use bdpm::pictures::{Layer, read_exr};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::settings::PartialSettings;
+use bdpm::settings::origin::Origin;
+use bdpm::{Renderer, Settings};
+use clap::Parser;
+use denoised::{Found, Reference, compare};
+use std::borrow::Cow;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Compares what is told of denoised images with what came.
+#[derive(Parser)]
+struct Args {
+    /// Scenes: files, or folders that hold scene.toml
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    /// Pixels across
+    #[arg(long, default_value_t = 96)]
+    side: u32,
+    /// Numbers of iterations, at the scene's own numbers of paths
+    #[arg(long, value_delimiter = ',', default_value = "8,32,128")]
+    iterations: Vec<u64>,
+    /// Iterations of the reference, over the most of those
+    #[arg(long, default_value_t = 16)]
+    reference: u64,
+    /// Light paths, instead of the scene's own
+    #[arg(long)]
+    light_paths: Option<u32>,
+    /// Renders for these times by the program, instead
+    #[arg(long, value_delimiter = ',')]
+    times: Vec<String>,
+    /// Renders to these errors by the program, instead, with and without denoising
+    #[arg(long, value_delimiter = ',')]
+    targets: Vec<String>,
+    /// The program
+    #[arg(long, default_value = "target/release/bdpm")]
+    program: PathBuf,
+    /// Where everything is kept
+    #[arg(long, default_value = "out/denoise-table")]
+    folder: PathBuf,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    fs::create_dir_all(&args.folder).map_err(|e| Error::io("make", &args.folder, e))?;
+    if args.times.is_empty() && args.targets.is_empty() {
+        println!(
+            "| scene | iterations | raw | denoised | mixed | told/came (7/8) | standard errors off | z^2 of blocks |"
+        );
+        println!("|---|---|---|---|---|---|---|---|");
+    } else {
+        println!("| scene | asked | time | raw | denoised | told |");
+        println!("|---|---|---|---|---|---|");
+    }
+    for scene in &args.scenes {
+        if args.times.is_empty() && args.targets.is_empty() {
+            errors(&args, scene)?;
+        } else {
+            by_program(&args, scene)?;
+        }
+    }
+    Ok(())
+}
+
+/// A line of a table, made only where it is not kept.
+fn kept(args: &Args, name: &str, make: impl FnOnce() -> Result<String>) -> Result<()> {
+    let path = args.folder.join(format!("{name}.md"));
+    let line = match fs::read_to_string(&path) {
+        Ok(line) => line,
+        Err(_) => {
+            let line = make()?;
+            fs::write(&path, &line).map_err(|e| Error::io("write", &path, e))?;
+            line
+        }
+    };
+    println!("{line}");
+    Ok(())
+}
+
+fn prepare(args: &Args, path: &Path) -> Result<(bdpm::Scene, Settings)> {
+    let loaded = load(path)?;
+    let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
+    let resolution = Some([args.side, (args.side * height / width).max(1)]);
+    let wishes =
+        PartialSettings { resolution, light_paths: args.light_paths, ..PartialSettings::default() };
+    let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
+    Ok((loaded.scene, settings))
+}
+
+/// Renders the reference, or goes on with it, and keeps it.
+fn reference(args: &Args, scene: &bdpm::Scene, settings: &Settings, n: u64) -> Result<Reference> {
+    let accel = build(Backend::default(), scene)?;
+    let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
+    let origin = Origin {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.name.clone(),
+        fingerprint: scene.fingerprint(),
+        backend: Backend::default().name().into(),
+        settings: settings.clone(),
+    };
+    let path = args.folder.join(format!("{}-{}.ckpt", scene.name, args.side));
+    let mut renderer = Renderer::new(scene, &*accel, settings)?;
+    if let Ok(checkpoint) = Checkpoint::load(&path) {
+        renderer.resume(checkpoint.blocks.into_owned())?;
+    }
+    while renderer.iterations() < n {
+        renderer.iterate(Measure::Off);
+        if renderer.iterations() % 64 == 0 || renderer.iterations() == n {
+            let blocks = Cow::Borrowed(renderer.blocks());
+            let origin = origin.clone();
+            Checkpoint { origin, blocks, features: None, autopilot: None }.save(&path)?;
+        }
+    }
+    Ok(Reference::of(renderer.film()))
+}
+
+/// What is told against what came, at several numbers of iterations.
+fn errors(args: &Args, path: &Path) -> Result<()> {
+    let (scene, settings) = prepare(args, path)?;
+    let most = args.iterations.iter().copied().max().unwrap_or(1);
+    for &iterations in &args.iterations {
+        kept(args, &format!("{}-{}-{iterations}", scene.name, args.side), || {
+            let reference = reference(args, &scene, &settings, most * args.reference)?;
+            let accel = build(Backend::default(), &scene)?;
+            let mut oidn = Oidn::new(rayon::current_num_threads())?;
+            let found = compare(&scene, &*accel, &settings, iterations, (&reference, &mut oidn));
+            let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
+            Ok(format!(
+                "| {} | {iterations} | {raw:.2e} | {unmixed:.2e} | {mixed:.2e} ({:.0} % raw) | {:.2} +- {:.2} | {:+.1} | {z2:.2} ({blocks}) |",
+                scene.name,
+                100.0 * share,
+                told / came,
+                error / came,
+                (told - came) / error
+            ))
+        })?;
+    }
+    Ok(())
+}
+
+/// Errors of what the program rendered, raw and denoised.
+fn by_program(args: &Args, path: &Path) -> Result<()> {
+    let (scene, settings) = prepare(args, path)?;
+    let size = format!("{}x{}", settings.width, settings.height);
+    let asked = args.times.iter().map(|time| ("--time", time));
+    let asked = asked.chain(args.targets.iter().map(|error| ("--target-error", error)));
+    for (option, value) in asked {
+        for denoise in [&["--denoise"][..], &[]] {
+            if denoise.is_empty() && option == "--time" {
+                continue; // The raw image is in the same file.
+            }
+            let kind = if denoise.is_empty() { "raw" } else { "denoised" };
+            let name = format!("{}-{size}{option}-{value}-{kind}", scene.name);
+            kept(args, &name, || {
+                let reference = reference(
+                    args,
+                    &scene,
+                    &settings,
+                    args.reference * args.iterations.iter().max().copied().unwrap_or(1),
+                )?;
+                let exr = args.folder.join(format!("{name}.exr"));
+                let mut command = Command::new(&args.program);
+                command.arg("render").arg(path).arg("--output").arg(&exr);
+                command.args(["--resolution", &size, option, value, "--quiet", "--json"]);
+                let output = command.args(denoise).output();
+                let output = output.map_err(|e| Error::io("run", &args.program, e))?;
+                let report: serde_json::Value = serde_json::from_slice(&output.stdout)
+                    .map_err(|e| Error::new(e.to_string(), "see what the program says").at(&exr))?;
+                let image = read_exr(&exr)?;
+                let error = |layer: &str| {
+                    let pixels = image.layer(layer).and_then(Layer::to_rgb)?;
+                    let lit = pixels.iter().map(|value| f64::from(luminance(*value)));
+                    let weights = importance(&pixels);
+                    Some(100.0 * reference.error(lit, &weights).max(0.0).sqrt())
+                };
+                let show =
+                    |error: Option<f64>| error.map_or(String::new(), |e| format!("{e:.2} %"));
+                let told = report["denoised"]["relative_error"].as_f64().map(|e| 100.0 * e);
+                Ok(format!(
+                    "| {} | {value} | {:.1} s | {} | {} | {} |",
+                    scene.name,
+                    report["seconds"]["render"].as_f64().unwrap_or(f64::NAN),
+                    show(error("")),
+                    show(error("denoised")),
+                    show(told)
+                ))
+            })?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,100 @@
+//! `bdpm denoise IMAGE`.
+
+use super::denoising;
+use super::outputs::{self, Attempts, Output};
+use super::preview;
+use bdpm::base::error::{Error, Result};
+use bdpm::denoise::{Denoised, Guides, Oidn};
+use bdpm::pictures::{self, Image, Layer};
+use glam::Vec3;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Image to denoise (EXR); layers called albedo and normal guide the denoiser
+    image: PathBuf,
+    /// Image to write, with all layers of the other and what was denoised as the layer `denoised`; its PNG preview has
+    /// the same name [default: IMAGE.denoised.exr]
+    #[arg(long, short, value_name = "OUT.exr")]
+    output: Option<PathBuf>,
+    /// Number of threads [default: all processors]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    exr: String,
+    png: String,
+    denoiser: String,
+    /// Whether albedo and normals guided it.
+    guided: bool,
+    seconds: f64,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let exr = args.output.clone().unwrap_or_else(|| args.image.with_extension("denoised.exr"));
+    let beside = preview::beside(&exr);
+    let output = |path| Output::new("--output", path, Some("exr"));
+    let preview_at = |path| Output::new("the preview of --output", path, Some("png"));
+    outputs::check(&[output(&exr), preview_at(&beside)])?;
+    let mut image = pictures::read_exr(&args.image)?;
+    outputs::spare_inputs(&[output(&exr)])?;
+    let png = preview::aside(&beside)?;
+    let available = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut oidn = Oidn::new(args.threads.map_or(available, usize::from))?;
+    let start = Instant::now();
+    let (radiance, guides) = inputs(&image).map_err(|e| e.at(&args.image))?;
+    let size = (image.width, image.height);
+    let denoised = Denoised { image: oidn.denoise(size, &radiance, &guides)?, error: None };
+    let (seconds, guided) = (start.elapsed().as_secs_f64(), !guides.albedo.is_empty());
+    // Errors that were told are those of what was denoised before.
+    image.layers.retain(|layer| !layer.name.starts_with("denoised"));
+    image.metadata.retain(|name, _| !name.starts_with("denoised"));
+    image.layers.extend(denoising::layers(&denoised));
+    let mut attempts = Attempts::default();
+    attempts.add(&exr, || pictures::write_exr(&exr, &image));
+    attempts.add(&png, || pictures::write_png(&png, size.0, size.1, &denoised.image));
+    attempts.finish()?;
+    let name = |path: &Path| path.to_string_lossy().into_owned();
+    let denoiser = format!("Open Image Denoise {}", oidn.version());
+    let report = Report { exr: name(&exr), png: name(&png), denoiser, guided, seconds };
+    Ok(if args.json { super::json(&report) } else { text(&report) })
+}
+
+/// Radiance, and albedo and normals if both are there.
+fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
+    let finite = |values: Vec<Vec3>| -> Vec<Vec3> {
+        values.into_iter().map(|value| if value.is_finite() { value } else { Vec3::ZERO }).collect()
+    };
+    let radiance = image
+        .layer("")
+        .and_then(Layer::to_rgb)
+        .ok_or_else(|| Error::new("the image has no channels R, G and B", "give an RGB image"))?;
+    let albedo = image.layer("albedo").and_then(Layer::to_rgb);
+    let normal = image.layer("normal").and_then(|layer| {
+        let [x, y, z] = ["X", "Y", "Z"].map(|name| layer.channel(name));
+        let (x, y, z) = (x?, y?, z?);
+        Some(x.iter().zip(y).zip(z).map(|((&x, &y), &z)| Vec3::new(x, y, z)).collect())
+    });
+    let guides = albedo.zip(normal).map_or_else(Guides::default, |(albedo, normal)| Guides {
+        albedo: finite(albedo),
+        normal: finite(normal),
+        clean: false, // Nobody knows.
+    });
+    Ok((finite(radiance), guides))
+}
+
+fn text(report: &Report) -> String {
+    let Report { exr, png, denoiser, guided, seconds } = report;
+    let by = if *guided { "guided by albedo and normals" } else { "without albedo and normals" };
+    format!(
+        "{exr} and {png}: denoised by {denoiser} {by}, in {seconds:.2}s\n\
+         its error is not known: that takes parts of the samples (render --denoise)\n"
+    )
+}

@@ -1,0 +1,129 @@
+//! What an image file has beside the image: `--layers`.
+
+use bdpm::base::math::Rgb;
+use bdpm::image::layers::{FAR, Kept, LightSums};
+use bdpm::pictures::Layer;
+use bdpm::render::Renderer;
+use bdpm::render::block::Combined;
+use glam::Vec3;
+
+/// A layer, or a choice of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LayerName {
+    /// All of those below
+    All,
+    /// None of those below
+    None,
+    /// Color of the first surface that is no mirror and no clear glass
+    Albedo,
+    /// Shading normal of that surface, in world space
+    Normal,
+    /// Distance of the first surface along the camera's axis
+    Depth,
+    /// Where the first surface is, in world space
+    Position,
+    /// Light sources, seen directly or by mirrors and clear glass
+    Emission,
+    /// Light of one bounce
+    Direct,
+    /// Light of several bounces
+    Indirect,
+    /// Light of one bounce that came through mirrors and glass
+    Caustics,
+}
+
+impl LayerName {
+    fn is_light(self) -> bool {
+        matches!(self, Self::Emission | Self::Direct | Self::Indirect | Self::Caustics)
+    }
+}
+
+/// The layers that are asked for.
+#[derive(Clone, Debug)]
+pub struct Layers(Vec<LayerName>);
+
+impl Layers {
+    /// All of these; without any, all that there are.
+    pub fn new(names: &[LayerName]) -> Self {
+        let names = if names.is_empty() { &[LayerName::All] } else { names };
+        Self(names.to_vec())
+    }
+
+    fn has(&self, name: LayerName) -> bool {
+        self.0.contains(&name) || self.0.contains(&LayerName::All)
+    }
+
+    /// What has to be kept for them.
+    pub fn kept(&self) -> Kept {
+        let all = self.0.contains(&LayerName::All);
+        let light = all || self.0.iter().any(|name| name.is_light());
+        let features =
+            all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
+        Kept { light, features, parts: false }
+    }
+
+    /// Of what was kept, `pixels` being the image; the sum of all light is the image.
+    pub fn of(&self, renderer: &Renderer, image: &Combined, pixels: &[Rgb]) -> Vec<Layer> {
+        let mut layers = self.seen(renderer);
+        if self.kept().light
+            && let Some(light) = image.light()
+        {
+            layers.extend(self.light(&light, pixels));
+        }
+        layers
+    }
+
+    fn seen(&self, renderer: &Renderer) -> Vec<Layer> {
+        let Some(features) = renderer.features().filter(|_| self.kept().features) else {
+            return Vec::new();
+        };
+        let film = renderer.film();
+        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, FAR); film.pixels()];
+        film.zip(&mut seen, |seen, at| {
+            let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));
+            *seen = (guide.albedo, guide.normal, position, depth);
+        });
+        let three = |name: &str, of: fn(&(Vec3, Vec3, Vec3, f32)) -> Vec3, channels: [&str; 3]| {
+            let channel = |axis: usize| seen.iter().map(|seen| of(seen)[axis]).collect();
+            let channels = channels.iter().enumerate();
+            let channels = channels.map(|(axis, &name)| (name.to_owned(), channel(axis)));
+            Layer { name: name.into(), channels: channels.collect() }
+        };
+        let (rgb, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
+        let mut layers = Vec::new();
+        let mut add = |name, layer: &dyn Fn() -> Layer| {
+            if self.has(name) {
+                layers.push(layer());
+            }
+        };
+        add(LayerName::Albedo, &|| three("albedo", |seen| seen.0, rgb));
+        add(LayerName::Normal, &|| three("normal", |seen| seen.1, xyz));
+        add(LayerName::Position, &|| three("position", |seen| seen.2, xyz));
+        add(LayerName::Depth, &|| {
+            let depth = seen.iter().map(|seen| seen.3).collect();
+            Layer { name: "depth".into(), channels: vec![("Z".into(), depth)] }
+        });
+        layers
+    }
+
+    fn light(&self, light: &[LightSums], pixels: &[Rgb]) -> Vec<Layer> {
+        let mut layers = Vec::new();
+        let mut add = |name, of: &dyn Fn(&LightSums, Rgb) -> Rgb, layer: &str| {
+            if self.has(name) {
+                let values: Vec<Rgb> =
+                    light.iter().zip(pixels).map(|(light, pixel)| of(light, *pixel)).collect();
+                layers.push(Layer::rgb(layer, &values));
+            }
+        };
+        add(LayerName::Emission, &|light, _| light.emission.as_vec3(), "emission");
+        add(LayerName::Direct, &|light, _| light.direct.as_vec3(), "direct");
+        // What rounding leaves is not light.
+        let rest = |light: &LightSums, pixel: Rgb| {
+            let told = light.emission + light.direct + light.caustics;
+            (pixel.as_dvec3() - told).as_vec3().max(Rgb::ZERO)
+        };
+        add(LayerName::Indirect, &rest, "indirect");
+        add(LayerName::Caustics, &|light, _| light.caustics.as_vec3(), "caustics");
+        layers
+    }
+}

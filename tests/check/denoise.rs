@@ -1,0 +1,67 @@
+//! What is told of the error of denoised images, against long references: docs/denoising.md.
+
+use crate::common::accel;
+use crate::denoised::{Found, Reference, compare};
+use bdpm::Settings;
+use bdpm::denoise::Oidn;
+use bdpm::import::load;
+use bdpm::settings::PartialSettings;
+use std::path::Path;
+
+/// Pixels across.
+const WIDTH: u32 = 64;
+
+/// Iterations of the images, and of the reference over the most of them.
+const ITERATIONS: [u64; 3] = [8, 32, 128];
+const REFERENCE: u64 = 16;
+
+/// At so many light paths per iteration and camera paths per pixel.
+fn check(name: &str, light_paths: u32, camera_paths: u32) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    let loaded = load(&path).unwrap();
+    let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
+    let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
+    let wishes = PartialSettings { resolution, ..PartialSettings::default() };
+    let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
+    let settings = Settings { light_paths, camera_paths, ..settings };
+    let accel = accel(&loaded.scene);
+    let most = *ITERATIONS.iter().max().unwrap();
+    let reference = Reference::render(&loaded.scene, &*accel, &settings, most * REFERENCE);
+    let mut oidn = Oidn::new(rayon::current_num_threads()).unwrap();
+    let mut means = Vec::new();
+    for iterations in ITERATIONS {
+        let to = (&reference, &mut oidn);
+        let found = compare(&loaded.scene, &*accel, &settings, iterations, to);
+        eprintln!("{name} {iterations}: {found:?}");
+        let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
+        assert!(error < came, "{name} {iterations}: says nothing, {found:?}");
+        assert!((told - came).abs() < 0.05 * came + 3.0 * error, "{name} {iterations}: {found:?}");
+        assert!((0.0..=1.0).contains(&share) && unmixed > 0.0, "{name} {iterations}: {found:?}");
+        assert!(mixed <= 1.02 * raw, "{name} {iterations}: the mix is worse, {found:?}");
+        means.push((z2, blocks));
+    }
+    // Blocks share light paths, and their noise is not normal.
+    let count: usize = means.iter().map(|(_, blocks)| blocks).sum();
+    let z2 = means.iter().map(|(z2, blocks)| z2 * *blocks as f64).sum::<f64>() / count as f64;
+    assert!((0.4..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
+}
+
+#[test]
+fn of_a_box_with_a_point_light() {
+    check("cornell-box-classic", 4000, 1);
+}
+
+#[test]
+fn of_caustics() {
+    check("caustic-sphere", 4000, 1);
+}
+
+#[test]
+fn of_all_materials() {
+    check("materials", 4000, 1);
+}
+
+#[test]
+fn of_noise_that_pixels_share() {
+    check("cornell-box", 100, 16);
+}

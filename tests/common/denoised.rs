@@ -1,0 +1,121 @@
+//! The error that is told of denoised images against that to a long reference.
+
+use bdpm::accel::Intersect;
+use bdpm::base::math::luminance;
+use bdpm::denoise::{Folds, InParts, Mix, Oidn, importance};
+use bdpm::image::film::Film;
+use bdpm::image::layers::{Kept, PARTS};
+use bdpm::noise::Measure;
+use bdpm::render::block::Combined;
+use bdpm::{Renderer, Scene, Settings};
+
+/// A long render of the same settings with other random numbers.
+pub struct Reference {
+    /// Row by row.
+    pub luminance: Vec<f64>,
+    /// Of its own noise.
+    pub variance: Vec<f64>,
+}
+
+impl Reference {
+    pub fn of(film: &Film) -> Self {
+        let luminance = film.mean().into_iter().map(|value| f64::from(luminance(value)));
+        let variance = film.variance_of_mean().expect("several iterations");
+        Self { luminance: luminance.collect(), variance }
+    }
+
+    /// Of so many iterations.
+    #[allow(dead_code)] // examples go on with theirs
+    pub fn render(scene: &Scene, accel: &dyn Intersect, settings: &Settings, n: u64) -> Self {
+        let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
+        let mut renderer = Renderer::new(scene, accel, settings).unwrap();
+        (0..n).for_each(|_| drop(renderer.iterate(Measure::Off)));
+        Self::of(renderer.film())
+    }
+
+    /// The weighted mean square of what an image is off by, less what the reference's own noise adds.
+    pub fn error(&self, image: impl Iterator<Item = f64>, weights: &[f64]) -> f64 {
+        let own = self.luminance.iter().zip(&self.variance).zip(weights);
+        let sum: f64 = image.zip(own).map(|(x, ((l, v), w))| w * ((x - l).powi(2) - v)).sum();
+        sum / weights.iter().filter(|weight| **weight > 0.0).count().max(1) as f64
+    }
+}
+
+/// What came of an image.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Squared relative error of the raw image, of what the denoiser made of it, and of their mix: as they came.
+    pub raw: f64,
+    pub unmixed: f64,
+    pub mixed: f64,
+    /// That of the mixes of `(n-1)/n` of the samples: as it came, and as it was told, with its standard error.
+    pub came: f64,
+    pub told: f64,
+    pub error: f64,
+    /// Of blocks of 16 by 16 pixels, how many standard errors what was told was off: mean square and count.
+    pub z2: f64,
+    pub blocks: usize,
+    /// Mean share of the raw image.
+    pub share: f64,
+}
+
+/// Renders so many iterations and compares.
+pub fn compare(
+    scene: &Scene,
+    accel: &dyn Intersect,
+    settings: &Settings,
+    iterations: u64,
+    (reference, oidn): (&Reference, &mut Oidn),
+) -> Found {
+    let kept = Kept { parts: true, features: true, light: false };
+    let mut renderer =
+        Renderer::new(scene, accel, settings.clone()).unwrap().keeping(kept).unwrap();
+    (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Off)));
+    let image = Combined::new(renderer.blocks(), vec![1.0]);
+    let parts = InParts::new(&image, renderer.features(), PARTS).unwrap();
+    let size = image.resolution();
+    let folds =
+        Folds::new(&parts, |radiance, guides| oidn.denoise(size, radiance, guides)).unwrap();
+    let raw = image.mean();
+    let guides = parts.guides();
+    let denoised = oidn.denoise(size, &raw, &guides).unwrap();
+    let weights = importance(&denoised);
+    let mix = Mix::new(&folds, &weights, size);
+    let (mixed, delivered) = (folds.mixed(&mix), mix.apply(&raw, &denoised));
+    let rgb = |image: &[glam::Vec3], weights: &[f64]| {
+        reference.error(image.iter().map(|value| f64::from(luminance(*value))), weights)
+    };
+    let of_folds = |weights: &[f64]| {
+        let each = mixed.images().iter();
+        let each = each.map(|image| reference.error(image.iter().map(|l| f64::from(*l)), weights));
+        each.sum::<f64>() / mixed.len() as f64
+    };
+    let estimate = mixed.estimate(&weights);
+    let (mut z2, mut blocks) = (0.0, 0);
+    for block in 0..size.0.div_ceil(16) * size.1.div_ceil(16) {
+        let (left, top) = (block % size.0.div_ceil(16), block / size.0.div_ceil(16));
+        let inside = |pixel: usize| {
+            let (x, y) = (pixel as u32 % size.0, pixel as u32 / size.0);
+            x / 16 == left && y / 16 == top
+        };
+        let own = weights.iter().enumerate();
+        let own: Vec<f64> = own.map(|(p, w)| if inside(p) { *w } else { 0.0 }).collect();
+        let told = mixed.estimate(&own);
+        if told.standard_error > 0.0 {
+            z2 += ((told.squared - of_folds(&own)) / told.standard_error).powi(2);
+            blocks += 1;
+        }
+    }
+    let share = mix.shares.iter().map(|share| f64::from(*share)).sum::<f64>();
+    Found {
+        raw: rgb(&raw, &weights),
+        unmixed: rgb(&denoised, &weights),
+        mixed: rgb(&delivered, &weights),
+        came: of_folds(&weights),
+        told: estimate.squared,
+        error: estimate.standard_error,
+        z2: z2 / f64::from(blocks.max(1) as u32),
+        blocks,
+        share: share / weights.len() as f64,
+    }
+}

@@ -1,0 +1,160 @@
+//! `bdpm render --layers`, `--denoise`, and `bdpm denoise`.
+
+use crate::program::{assert_refused, json, succeed};
+use bdpm::pictures::{Image, read_exr};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+
+fn run(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
+    command.args(arguments).stdin(Stdio::null());
+    command
+}
+
+/// A small image at fixed counts, `more` being further arguments.
+fn render(output: &Path, more: &[&str]) -> Output {
+    let mut command = run(&["render", SCENE, "--accel", "bvh", "--json", "--quiet"]);
+    command.args(["--light-paths", "300", "--camera-paths", "1", "--resolution", "40x30"]);
+    command.arg("--output").arg(output).args(more).output().unwrap()
+}
+
+fn folder() -> (tempfile::TempDir, impl Fn(&str) -> PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_owned();
+    (folder, move |name| path.join(name))
+}
+
+fn names(image: &Image) -> Vec<&str> {
+    let mut names: Vec<&str> = image.layers.iter().map(|layer| &layer.name[..]).collect();
+    names.sort_unstable();
+    names
+}
+
+const ALL: [&str; 10] = [
+    "", "albedo", "caustics", "depth", "direct", "emission", "indirect", "normal", "position",
+    "rms",
+];
+
+#[test]
+fn layers_are_those_that_are_asked_for_and_light_adds_up() {
+    let (_folder, at) = folder();
+    let path = at("a.exr");
+    let choices: [(&[&str], Vec<&str>); 3] = [
+        (&[], ALL.into()),
+        (&["--layers", "none"], vec!["", "rms"]),
+        (&["--layers", "depth,direct"], vec!["", "depth", "direct", "rms"]),
+    ];
+    let mut images = Vec::new();
+    for (more, expected) in choices {
+        json(&render(&path, &[&["--iterations", "3"][..], more].concat()));
+        let image = read_exr(&path).unwrap();
+        assert_eq!(names(&image), expected);
+        images.push(image.layer("").unwrap().to_rgb().unwrap());
+        if more.is_empty() {
+            let light = ["emission", "direct", "indirect", "caustics"]
+                .map(|name| image.layer(name).unwrap().to_rgb().unwrap());
+            for (pixel, value) in images[0].iter().enumerate() {
+                let sum: glam::Vec3 = light.iter().map(|light| light[pixel]).sum();
+                assert!((sum - value).abs().max_element() <= 1e-5 * value.max_element(), "{pixel}");
+            }
+        }
+    }
+    assert!(images.iter().all(|image| *image == images[0]), "layers change no image");
+}
+
+#[test]
+fn a_denoised_image_is_a_layer_with_its_error_and_a_resumed_one_is_the_same() {
+    let (_folder, at) = folder();
+    let [raw, whole, resumed] = ["raw.exr", "whole.exr", "resumed.exr"].map(&at);
+    let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
+    json(&render(&raw, &["--iterations", "24"]));
+    let report = json(&render(&whole, &["--iterations", "24", "--denoise"]));
+    let error = &report["denoised"]["error"];
+    assert_eq!(error["parts"], 8, "{report}");
+    let (squared, raw_squared) =
+        (error["squared"].as_f64().unwrap(), error["raw"].as_f64().unwrap());
+    assert!(error["standard_error"].as_f64().unwrap() > 0.0 && squared < raw_squared, "{report}");
+    let (raw, image) = (read_exr(&raw).unwrap(), read_exr(&whole).unwrap());
+    assert_eq!(raw.layer(""), image.layer(""), "the raw image stays the image");
+    let mut expected = ALL.to_vec();
+    expected.extend(["denoised", "denoised_error", "denoised_mix"]);
+    expected.sort_unstable();
+    assert_eq!(names(&image), expected);
+    assert_ne!(
+        image.layer("denoised").unwrap().channel("R"),
+        image.layer("").unwrap().channel("R")
+    );
+    // The preview is of what was denoised.
+    let png = |path: &Path| std::fs::read(path.with_extension("png")).unwrap();
+    assert_ne!(png(&at("raw.exr")), png(&whole));
+
+    let begin = ["--iterations", "10", "--denoise", "--checkpoint", &checkpoint];
+    json(&render(&resumed, &begin));
+    let go_on = ["--iterations", "24", "--denoise", "--resume", &checkpoint];
+    json(&render(&resumed, &go_on));
+    let image = (image, read_exr(&resumed).unwrap());
+    assert_eq!(image.0.layers, image.1.layers);
+}
+
+#[test]
+fn what_a_checkpoint_did_not_keep_is_refused() {
+    let (_folder, at) = folder();
+    let path = at("a.exr");
+    let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
+    json(&render(&path, &["--iterations", "2", "--layers", "none", "--checkpoint", &checkpoint]));
+    for (more, lacks) in
+        [(&["--denoise"][..], "--denoise"), (&["--layers", "albedo"][..], "--layers")]
+    {
+        let output =
+            render(&path, &[&["--iterations", "3", "--resume", &checkpoint][..], more].concat());
+        assert_refused(&output, lacks, "begin anew");
+    }
+    json(&render(&path, &["--iterations", "3", "--resume", &checkpoint]));
+    assert_eq!(names(&read_exr(&path).unwrap()), ["", "rms"]);
+}
+
+#[test]
+fn a_missing_denoiser_is_told_before_anything_is_rendered() {
+    let (folder, at) = folder();
+    let mut command = run(&["render", SCENE, "--denoise", "--quiet", "--output"]);
+    let output = command.arg(at("a.exr")).env("OIDN_DIR", folder.path()).output().unwrap();
+    assert_refused(&output, "OIDN_DIR", "unset it");
+    assert!(!at("a.exr").exists());
+}
+
+#[test]
+fn a_target_is_about_the_denoised_image() {
+    let (_folder, at) = folder();
+    let goal = ["--target-error", "25%", "--denoise"];
+    let mut command =
+        run(&["render", SCENE, "--accel", "bvh", "--json", "--quiet", "--resolution", "40x30"]);
+    let report = json(&command.arg("--output").arg(at("a.exr")).args(goal).output().unwrap());
+    assert_eq!(report["stopped_by"], "target", "{report}");
+    let error = |of: &Value| of.as_f64().unwrap();
+    assert!(error(&report["denoised"]["total_error"]) < 0.25, "{report}");
+    assert!(error(&report["denoised"]["relative_error"]) > 0.0, "{report}");
+}
+
+#[test]
+fn any_image_is_denoised_and_its_error_not_made_up() {
+    let (_folder, at) = folder();
+    let (image, out) = (at("a.exr"), at("b.exr"));
+    for (layers, guided) in [("all", true), ("none", false)] {
+        json(&render(&image, &["--iterations", "4", "--layers", layers]));
+        let mut command = run(&["denoise", "--json", "--output"]);
+        let report = json(&command.arg(&out).arg(&image).output().unwrap());
+        assert_eq!(report["guided"], guided);
+        let denoised = read_exr(&out).unwrap();
+        assert_eq!(denoised.layer(""), read_exr(&image).unwrap().layer(""));
+        assert!(denoised.layer("denoised").is_some() && denoised.layer("denoised_error").is_none());
+        assert!(out.with_extension("png").exists());
+    }
+    let output = run(&["denoise"]).arg(&image).output().unwrap();
+    assert!(succeed(&output).contains("error is not known"));
+    assert!(at("a.denoised.exr").exists());
+    let output = run(&["denoise", "--output"]).arg(&image).arg(&image).output().unwrap();
+    assert_refused(&output, "--output", "");
+}
