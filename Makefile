@@ -37,9 +37,8 @@ check: setup denoiser
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	$(CARGO) test $(FLAGS) --benches --no-run
-	$(MAKE) check-mitsuba
 
-# Small scenes held against Mitsuba's own renders, where Python and its wheel are at hand.
+# Small scenes held against Mitsuba's own renders, where Python and its wheel are at hand; some minutes.
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
 

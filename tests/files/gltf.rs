@@ -372,7 +372,7 @@ fn strictness_and_cameras_by_name_are_for_other_formats_as_well() {
     assert!(error.contains("ignored 1 points, lines or curves"), "{error}");
     let camera = LoadOptions { camera: Some("Front"), ..LoadOptions::default() };
     let error = load_with(&good.1, &camera).unwrap_err().to_string();
-    assert!(error.contains("only glTF files have cameras by name"), "{error}");
+    assert!(error.contains("only glTF and Mitsuba's files have cameras by name"), "{error}");
     assert!(load(&lines.1).is_ok());
 }
 
