@@ -2,7 +2,8 @@
 //!
 //! At its end it prints the fitted time model beside that table. `bdpm predict --timings
 //! target/criterion` uses the result. `BDPM_SCENE` takes another scene than `scenes/cornell-box`,
-//! `BDPM_RESOLUTION=WxH` and `BDPM_THREADS` replace the scene's resolution and all processors.
+//! `BDPM_RESOLUTION=WxH` and `BDPM_THREADS` replace the scene's resolution and all processors, `BDPM_STRATEGY=mis` or
+//! `BDPM_STRATEGY=single` its strategy, `BDPM_MERGE_VERTEX` its vertex.
 
 #![allow(missing_docs)]
 
@@ -12,8 +13,8 @@ use bdpm::accel::Intersect;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::PartialSettings;
 use bdpm::settings::origin::Origin;
+use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};
 use bdpm::timing::grid::{Size, sizes_of};
 use bdpm::timing::sample::Phase;
@@ -46,7 +47,15 @@ impl Subject {
         let threads = variable("BDPM_THREADS")
             .map_or(0, |text| text.parse().expect("BDPM_THREADS is a number"));
         let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let wishes = PartialSettings { resolution, ..PartialSettings::default() };
+        let strategy = variable("BDPM_STRATEGY").map(|name| match &name[..] {
+            "single" => Strategy::Single,
+            "mis" => Strategy::Mis,
+            _ => panic!("BDPM_STRATEGY is single or mis"),
+        });
+        let merge_vertex = variable("BDPM_MERGE_VERTEX")
+            .map(|text| text.parse().expect("BDPM_MERGE_VERTEX is a number"));
+        let wishes =
+            PartialSettings { resolution, strategy, merge_vertex, ..PartialSettings::default() };
         let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
         let scene = loaded.scene;
         let accel = threads.install(|| build(Backend::default(), &scene))?;
