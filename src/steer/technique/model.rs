@@ -209,19 +209,18 @@ fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
     }
 }
 
-/// Means over trials; that of merging per squared reach.
+/// Means over trials; that of merging per squared reach, by least squares: within small ones it hardly shows.
 fn mean_times(trials: &[Trial]) -> TimeModel {
     let count = trials.len() as f64;
     let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / count;
+    let reach2 = |trial: &Trial| trial.radii[EVERY].max(trial.radii[LAST]).powi(2);
     TimeModel {
         fixed: mean(&|trial| trial.times.fixed),
         light_path: mean(&|trial| trial.times.light_path),
         camera_path: mean(&|trial| trial.times.camera_path),
         look_up: mean(&|trial| trial.times.look_up),
-        merge_pair: mean(&|trial| {
-            let reach = trial.radii[EVERY].max(trial.radii[LAST]);
-            trial.times.merge_pair / (reach * reach)
-        }),
+        merge_pair: mean(&|trial| trial.times.merge_pair * reach2(trial))
+            / mean(&|trial| reach2(trial).powi(2)),
         pixels: trials[0].times.pixels,
     }
 }

@@ -171,7 +171,9 @@ impl Pilot<'_> {
         let mut scored: Vec<(Model, Best)> = self.tried.iter().map(score).collect();
         let Self { settings, demand, site, .. } = self;
         loop {
-            let is_over = self.start.elapsed().as_secs_f64() > self.budget;
+            // One is tried in any case: that tells times, which counts follow, better than any other trial.
+            let is_over = self.start.elapsed().as_secs_f64() > self.budget
+                && scored.iter().any(|(_, best)| best.tried);
             let rank = |best: &Best| {
                 best.rank(demand) * if is_over && !best.tried { UNTRIED } else { 1.0 }
             };
