@@ -22,7 +22,7 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
 #[test]
 fn the_noise_of_scenes_by_all_ways_is_known_at_far_counts() {
-    for name in ["cornell-box-classic", "caustic-sphere", "point-caustic"] {
+    for name in ["cornell-box-classic", "caustic-sphere"] {
         let (scene, settings) = committed::small(name);
         let radius = 0.04 * scene.size();
         let settings = Settings {
@@ -34,7 +34,8 @@ fn the_noise_of_scenes_by_all_ways_is_known_at_far_counts() {
             mis_light_paths: 1000,
             ..settings
         };
-        Subject { name: name.into(), scene: &scene, settings, iterations: 5000, quiet: 0.3 }
-            .assert_far_counts(&[(30_000, 4, 260), (300, 60, 2000)]);
+        let (name, scene) = (name.into(), &scene);
+        Subject { name, scene, settings, iterations: 5000, quiet: 0.3, most: 0.05 }
+            .assert_far_counts(&[(30_000, 4, 260), (300, 60, 1000)]);
     }
 }

@@ -30,13 +30,18 @@ pub fn all(image: &NoiseImage) -> Vec<usize> {
 }
 
 /// Asserts that two independent statistics agree within `relative` or two standard errors,
-/// whichever is larger, the latter being at most 3 %.
+/// whichever is larger, the latter being less than `most`.
 #[track_caller]
-fn assert_agree(what: &str, predicted: Statistic, sampled: Statistic, relative: f64) {
+fn assert_agree(
+    what: &str,
+    predicted: Statistic,
+    sampled: Statistic,
+    (relative, most): (f64, f64),
+) {
     let error = predicted.error.hypot(sampled.error) / sampled.value;
     let off = predicted.value / sampled.value - 1.0;
     println!("{what}: {:.5} / {:.5}, {off:+.4} +- {error:.4}", predicted.value, sampled.value);
-    assert!(2.0 * error < 0.03, "{what}: two standard errors are {:.4}", 2.0 * error);
+    assert!(2.0 * error < most, "{what}: two standard errors are {:.4}", 2.0 * error);
     assert!(off.abs() < relative.max(2.0 * error), "{what}: off by {off:+.4} +- {error:.4}");
 }
 
@@ -51,13 +56,15 @@ pub struct Subject<'a> {
     /// Share of the pixels that count: those with the least noise in a run of their own. Rare light in the others
     /// would take too long to be sampled.
     pub quiet: f64,
+    /// Two standard errors are less than this, so that the test says something.
+    pub most: f64,
 }
 
 impl Subject<'_> {
     /// Asserts that coefficients measured at few paths of both kinds tell the noise at far counts: light and camera
     /// paths, and iterations that sample it.
     pub fn assert_far_counts(&self, far: &[(u32, u32, usize)]) {
-        let Self { name, scene, settings, iterations, quiet } = self;
+        let Self { name, scene, settings, iterations, quiet, most } = self;
         let accel = accel(scene);
         let at = |light_paths, camera_paths, seed| Settings {
             light_paths,
@@ -77,7 +84,7 @@ impl Subject<'_> {
             let what = format!("{name} {light_paths} {camera_paths}");
             let (n, m) = (f64::from(light_paths), f64::from(camera_paths));
             let sampled = far.sampled_pooled_rms(&region);
-            assert_agree(&what, poor.pooled_rms(&region, n, m), sampled, 0.02);
+            assert_agree(&what, poor.pooled_rms(&region, n, m), sampled, (0.02, *most));
         }
     }
 }
@@ -91,6 +98,6 @@ pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     // Weights for other counts than any of these.
     let settings = Settings { mis_light_paths: 1000, ..by_way(asked) };
     let name = format!("{direct:?} {kernel:?} k={merge_vertex}");
-    Subject { name, scene: &furnished_box(), settings, iterations: 2500, quiet: 1.0 }
+    Subject { name, scene: &furnished_box(), settings, iterations: 2500, quiet: 1.0, most: 0.03 }
         .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);
 }
