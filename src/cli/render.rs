@@ -366,7 +366,9 @@ impl Task<'_> {
         let denoised = session.denoise(&renderer, &image);
         let latest = session.denoising.as_ref().and_then(|denoising| denoising.latest.as_ref());
         writer.save_image(&renderer, &image, latest, &mut attempts);
-        attempts.add(&writer.outputs.exr, || denoised);
+        if denoised.is_err() {
+            attempts.add(&writer.outputs.exr, || denoised);
+        }
         darkness::warn(&image, &session.progress);
         if let Some(path) = &args.noise {
             match best_measured(&renderer) {
