@@ -6,7 +6,7 @@ use maud::{Markup, html};
 const SIZE: [f64; 2] = [560.0, 360.0];
 
 /// Room beside the plot for labels: left, right, top, bottom.
-const MARGINS: [f64; 4] = [92.0, 18.0, 12.0, 56.0];
+const MARGINS: [f64; 4] = [92.0, 18.0, 16.0, 56.0];
 
 /// Ticks along an axis at the most.
 const MOST_TICKS: usize = 6;
@@ -93,7 +93,7 @@ impl LogPlot<'_> {
                     (self.names[0])
                 }
                 text .name text-anchor="middle"
-                    transform=(format!("translate(17 {:.1}) rotate(-90)", 0.5 * (top + height - bottom))) {
+                    transform=(format!("translate(20 {:.1}) rotate(-90)", 0.5 * (top + height - bottom))) {
                     (self.names[1])
                 }
                 @for Curve { class, points } in &self.curves {
