@@ -1,12 +1,10 @@
 //! What is told of the error of denoised images, against long references: docs/denoising.md.
 
+use crate::committed::across;
 use crate::common::accel;
 use crate::denoised::{Found, Reference, compare};
 use bdpm::Settings;
 use bdpm::denoise::Oidn;
-use bdpm::import::load;
-use bdpm::settings::PartialSettings;
-use std::path::Path;
 
 /// Pixels across.
 const WIDTH: u32 = 64;
@@ -17,21 +15,16 @@ const REFERENCE: u64 = 16;
 
 /// At so many light paths per iteration and camera paths per pixel.
 fn check(name: &str, light_paths: u32, camera_paths: u32) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
-    let loaded = load(&path).unwrap();
-    let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
-    let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
-    let wishes = PartialSettings { resolution, ..PartialSettings::default() };
-    let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
+    let (scene, settings) = across(name, WIDTH);
     let settings = Settings { light_paths, camera_paths, ..settings };
-    let accel = accel(&loaded.scene);
+    let accel = accel(&scene);
     let most = *ITERATIONS.iter().max().unwrap();
-    let reference = Reference::render(&loaded.scene, &*accel, &settings, most * REFERENCE);
+    let reference = Reference::render(&scene, &*accel, &settings, most * REFERENCE);
     let mut oidn = Oidn::new(rayon::current_num_threads()).unwrap();
     let mut means = Vec::new();
     for iterations in ITERATIONS {
         let to = (&reference, &mut oidn);
-        let found = compare(&loaded.scene, &*accel, &settings, iterations, to);
+        let found = compare(&scene, &*accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
         let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
         // Of few samples it may not tell more than that.
@@ -45,7 +38,7 @@ fn check(name: &str, light_paths: u32, camera_paths: u32) {
     // Blocks share light paths. Where noise is rare and bright, standard errors are told larger than they are.
     let count: usize = means.iter().map(|(_, blocks)| blocks).sum();
     let z2 = means.iter().map(|(z2, blocks)| z2 * *blocks as f64).sum::<f64>() / count as f64;
-    assert!((0.05..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
+    assert!((0.4..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
 }
 
 #[test]

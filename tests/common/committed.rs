@@ -19,10 +19,15 @@ const LAMPS_ALONE: [&str; 3] = ["materials", "objective", "hall"];
 
 /// A scene with its own settings, but small.
 pub fn small(name: &str) -> (Scene, Settings) {
+    across(name, WIDTH)
+}
+
+/// The same, so many pixels across.
+pub fn across(name: &str, pixels: u32) -> (Scene, Settings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let loaded = load(&path).unwrap();
     let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
-    let resolution = Some([WIDTH, (WIDTH * height / width).max(1)]);
+    let resolution = Some([pixels, (pixels * height / width).max(1)]);
     let wishes = PartialSettings { resolution, ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     (loaded.scene, settings)
