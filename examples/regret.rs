@@ -36,8 +36,14 @@ const SEEDS: [u64; 2] = [1, 2];
 /// How many of the grid are rendered.
 const FINALISTS: usize = 3;
 
-const ALL: Open =
-    Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
+const ALL: Open = Open {
+    strategy: true,
+    direct: true,
+    kernel: true,
+    radius: true,
+    caustic_radius: true,
+    guide: true,
+};
 
 /// What one had in [`MEASURED`] seconds, relative.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]

@@ -147,7 +147,7 @@ pub fn run(args: &Args) -> Result<String> {
     };
     if let Some(chosen) = &chosen {
         let wishes = &args.session.scene.wishes;
-        let settings = chosen.best().apply(&prepared.origin.settings);
+        let settings = chosen.apply(&prepared.origin.settings);
         prepared.origin.settings = Settings {
             mis_light_paths: wishes.mis_light_paths.unwrap_or(settings.mis_light_paths),
             mis_c1: wishes.mis_c1.unwrap_or(settings.mis_c1),
@@ -155,7 +155,8 @@ pub fn run(args: &Args) -> Result<String> {
             ..settings
         };
         goal.bias2 = chosen.best().bias.powi(2);
-        renderer = renderer.like(prepared.origin.settings.clone())?;
+        let settings = prepared.origin.settings.clone();
+        renderer = prepared.threads.install(|| renderer.like(settings))?;
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;
@@ -233,6 +234,7 @@ impl Args {
             kernel: any && wishes.kernel.is_none(),
             radius: any && wishes.radius.is_none(),
             caustic_radius: any && wishes.caustic_radius.is_none(),
+            guide: any && wishes.guide.is_none(),
         };
         let end = match (goal.time, goal.error, goal.target) {
             (Some(time), _, _) => End::Time(time.as_secs_f64()),

@@ -197,6 +197,9 @@ fn technique(chosen: &Chosen) -> String {
         best.radius,
         best.caustic_radius
     );
+    if let Some(guided) = &chosen.guide {
+        text += &format!("; {}", guided.describe());
+    }
     // What was not tried at its best radii may have promised too much.
     if let Some(next) = chosen.runner_up() {
         let name = next.technique.describe();

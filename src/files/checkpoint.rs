@@ -211,6 +211,7 @@ mod tests {
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
+            guide: 0,
             seed: u64::MAX,
         };
         let first = Block::new(&settings, Counts::uniform(100, 2));

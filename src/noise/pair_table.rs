@@ -89,6 +89,11 @@ impl<T: Copy + Default> PairTable<T> {
         }
     }
 
+    /// All entries with their light paths, in the order in which they were made.
+    pub fn entries(&self) -> impl Iterator<Item = (u32, &T)> {
+        self.entries.iter().map(|entry| (entry.light_path, &entry.value))
+    }
+
     /// The values of all entries, in the order in which they were made.
     pub fn values(&self) -> impl Iterator<Item = &T> {
         self.entries.iter().map(|entry| &entry.value)

@@ -3,6 +3,7 @@
 pub mod bias;
 pub mod block;
 mod layers;
+pub mod learning;
 mod memory;
 mod report;
 mod tile_paths;
@@ -23,6 +24,7 @@ use crate::image::layers::{Features, Kept};
 use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
+use crate::scene::lights::guide::Guide;
 use crate::scene::{Scene, View};
 use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
@@ -70,10 +72,34 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+        Self::unguided(scene, accel, settings)?.learning()
+    }
+
+    /// [`Self::new`] but for the guide.
+    fn unguided(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
         Self::with_areas(scene, accel, settings, |settings| match settings.kernel {
             Kernel::Area => Some(Arc::new(Areas::of_scene(scene, accel, settings.reach()))),
             Kernel::Disc => None,
         })
+    }
+
+    /// Learns where light paths start, if the settings ask for it.
+    fn learning(self) -> Result<Self> {
+        let all = self.settings.guide;
+        let learned = (all > 0).then(|| self.learn_guide(|done| done < all)).transpose()?;
+        Ok(self.guided(learned.map(|learned| learned.guide)))
+    }
+
+    /// Starts light paths where `guide` says, whatever the settings ask for.
+    #[must_use]
+    pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
+        self.light_paths.guide = guide;
+        self
+    }
+
+    /// Where light paths start; in proportion to the lights' power if there is none.
+    pub fn guide(&self) -> Option<&Arc<Guide>> {
+        self.light_paths.guide.as_ref()
     }
 
     /// Prepares to render the same scene with other settings, from the first iteration: what is known of its surfaces
@@ -82,17 +108,23 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// As [`Self::new`].
     pub fn like(&self, settings: Settings) -> Result<Self> {
-        if settings.kernel != self.settings.kernel {
-            return Self::new(self.scene, self.accel, settings);
-        }
-        Self::with_areas(self.scene, self.accel, settings, |settings| {
-            let areas = self.areas.as_ref()?;
-            Some(if areas.radius() == settings.reach() {
-                Arc::clone(areas)
-            } else {
-                Arc::new(areas.at(settings.reach()))
-            })
-        })
+        let like = if settings.kernel != self.settings.kernel {
+            Self::unguided(self.scene, self.accel, settings)?
+        } else {
+            Self::with_areas(self.scene, self.accel, settings, |settings| {
+                let areas = self.areas.as_ref()?;
+                Some(if areas.radius() == settings.reach() {
+                    Arc::clone(areas)
+                } else {
+                    Arc::new(areas.at(settings.reach()))
+                })
+            })?
+        };
+        // Neither counts nor seed matter to what is learned.
+        let Settings { light_paths, camera_paths, seed, .. } = self.settings;
+        let own = Settings { light_paths, camera_paths, seed, ..like.settings.clone() };
+        let is_same = own == self.settings;
+        if is_same { Ok(like.guided(self.guide().cloned())) } else { like.learning() }
     }
 
     fn with_areas(
@@ -305,15 +337,47 @@ impl<'a> Renderer<'a> {
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
         let iteration = self.iterations();
-        let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
-        let (kept, features) = (self.kept, self.features.as_mut());
-        let all = kernel::Kernel::new(settings, areas.as_deref());
-        let kernel = self.nesting.map_or(all, |class| all.nesting(class));
-        let block = self.blocks.last_mut().expect("there is one");
+        // Out of the way of what all threads share.
+        let mut block = self.blocks.pop().expect("there is one");
+        let mut features = self.features.take();
 
+        let Self { scene, accel, settings, light_paths, .. } = self;
         light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
-        let build_time = photon_map.build(light_paths, kernel.reach());
+        let reach = self.kernel().reach();
+        let build_time = self.photon_map.build(&self.light_paths, reach);
 
+        let (pass, merge) = self.passes(iteration);
+        let before = block.film.iterations;
+        let (counts, mut tiles) =
+            block.begin_iteration((iteration, measure), self.grain, features.as_mut());
+        let job = Job::new(pass, merge, counts, measure, before).keeping(self.kept);
+        // Results do not depend on which tiles one thread takes together.
+        Shares::new(&mut tiles, job.tiles_together())
+            .par_bridge()
+            .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
+
+        // Summed in the order of the tiles, whoever rendered them.
+        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
+        block.end_iteration((iteration, measure), deviations);
+        if let Some(features) = &mut features {
+            features.end_iteration(iteration);
+        }
+        let Self { light_paths, photon_map, workers, .. } = self;
+        let report = IterationReport::new(light_paths, build_time, photon_map, workers, start);
+        block.clock.add(measure, &report.times);
+        self.blocks.push(block);
+        self.features = features;
+        report
+    }
+
+    fn kernel(&self) -> kernel::Kernel<'_> {
+        let all = kernel::Kernel::new(&self.settings, self.areas.as_deref());
+        self.nesting.map_or(all, |class| all.nesting(class))
+    }
+
+    /// How an iteration traces camera paths, and what it merges them with: its photons are in the map.
+    fn passes(&self, iteration: u64) -> (CameraPass<'_>, Merge<'_>) {
+        let Self { scene, accel, settings, view, photon_map, kept, .. } = self;
         let mis = Mis::new(settings);
         let pass = CameraPass {
             scene,
@@ -323,25 +387,7 @@ impl<'a> Renderer<'a> {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
         };
-        let merge =
-            Merge::new(photon_map, settings.merge_vertex, kernel).weighted(mis).telling(kept.light);
-        let before = block.film.iterations;
-        let (counts, mut tiles) = block.begin_iteration((iteration, measure), *grain, features);
-        let job = Job::new(pass, merge, counts, measure, before).keeping(kept);
-        // Results do not depend on which tiles one thread takes together.
-        Shares::new(&mut tiles, job.tiles_together())
-            .par_bridge()
-            .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
-
-        // Summed in the order of the tiles, whoever rendered them.
-        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
-        block.end_iteration((iteration, measure), deviations);
-        if let Some(features) = &mut self.features {
-            features.end_iteration(iteration);
-        }
-        let report =
-            IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start);
-        block.clock.add(measure, &report.times);
-        report
+        let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
+        (pass, merge.weighted(mis).telling(kept.light))
     }
 }

@@ -46,6 +46,12 @@ impl<'a> TilePaths<'a> {
         self.traced == 0
     }
 
+    /// Index of the pixel in the image, row by row.
+    pub fn image_index(&self) -> usize {
+        let (x, y) = self.place;
+        (y * self.image_width + x) as usize
+    }
+
     /// Goes on to the next path.
     ///
     /// # Panics
@@ -79,9 +85,8 @@ impl<'a> TilePaths<'a> {
 
     #[inline]
     fn enter_pixel(&mut self) {
-        let (x, y) = self.place;
         self.path = 0;
-        self.in_image = self.counts.at((y * self.image_width + x) as usize);
+        self.in_image = self.counts.at(self.image_index());
         self.traced = self.in_image.max(self.least);
     }
 }

@@ -88,7 +88,7 @@ pub struct Worker {
 
 /// Busy times.
 #[derive(Debug, Default)]
-struct Clock {
+pub(super) struct Clock {
     camera: Duration,
     merge: Duration,
 }
@@ -191,7 +191,7 @@ impl Worker {
 }
 
 /// Traces camera paths, and hands over as many at once as are merged together.
-fn trace(
+pub(super) fn trace(
     job: &Job,
     mut ids: TilePaths,
     paths: &mut CameraPaths,

@@ -161,6 +161,7 @@ mod tests {
             direct: Direct::Connect,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
+            guide: 0,
             seed: u64::MAX,
         };
         Origin {

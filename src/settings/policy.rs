@@ -153,6 +153,43 @@ pub const DISC_FALL: f64 = 0.8409;
 /// Pixels across and down at which the size of what one sees is asked for.
 pub const FOOTPRINTS: u32 = 16;
 
+// --- Learning where light paths start ------------------------------------------------------------
+
+/// Light paths of an iteration that learns: enough that rounds know more than the one before.
+pub const LEARNING_LIGHT_PATHS: u32 = 8192;
+
+/// Its pixels, about, and camera paths in each.
+pub const LEARNING_PIXELS: f64 = 4096.0;
+/// See [`LEARNING_PIXELS`].
+pub const LEARNING_CAMERA_PATHS: u32 = 2;
+
+/// Its radii over those of the settings: what paths from a place bring is smoother than where they bring it.
+pub const LEARNING_RADIUS: f32 = 4.0;
+
+/// Iterations before, which tell what pixels weigh.
+pub const LEARNING_FIRST: u32 = 2;
+
+/// Iterations after which what was learned is used to learn more, and after twice as many again.
+pub const LEARNING_ROUND: u32 = 4;
+
+/// Iterations of learning at the least: the second half tells what the first has learned.
+pub const LEAST_LEARNING: u32 = 2 * LEARNING_ROUND;
+
+/// Iterations at the most: the cells are then as small as pays.
+pub const MOST_LEARNING: u32 = 64;
+
+/// Share of a pilot that it takes.
+pub const LEARNING_SHARE: f64 = 0.2;
+
+/// The least learning may take so many times as long.
+pub const LEARNING_PATIENCE: f64 = 2.0;
+
+/// A guide is taken if it leaves at most this share of the second moment of what light paths bring.
+pub const WORTHWHILE_GUIDE: f64 = 0.9;
+
+/// Seed of learning.
+pub const LEARNING_SEED: u64 = 0x1ea2_4176_0f11_6475;
+
 // --- Choosing counts -----------------------------------------------------------------------------
 
 /// Blocks that a render of automatic counts may come to: each keeps its sums in memory.

@@ -198,6 +198,10 @@ settings! {
     #[arg(value_name = "C", allow_negative_numbers = true)]
     mis_c2: f64 as f64 = shared_by(camera_paths), check_scale;
 
+    /// Iterations beside the image that teach light paths to start where they bring more to it; 0 for as much as lights emit
+    #[arg(value_name = "N")]
+    guide: u32 as u32 = 0, anything;
+
     /// How light that comes straight from a light source is found
     direct: Direct as Direct = Direct::Connect, anything;
 
@@ -303,6 +307,7 @@ mod tests {
             direct: Direct::PhotonMap,
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
+            guide: 0,
             seed: 9,
         };
         assert_eq!(settings, expected);
@@ -332,6 +337,7 @@ mod tests {
             direct: Some(Direct::PhotonMap),
             light_roulette: Some(Roulette::Weight),
             camera_roulette: Some(Roulette::Weight),
+            guide: Some(15),
             seed: Some(13),
         };
         assert_eq!(PartialSettings::default().or(&all), all);

@@ -12,12 +12,14 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, any, lanes_of};
 use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::lights::guide::Guide;
 use crate::scene::{Lights, Scene, Seen, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::mem;
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
@@ -32,6 +34,8 @@ pub(super) const MAX_SURVIVAL: f32 = 0.995;
 pub struct LightPaths {
     batches: Vec<Batch>,
     tracers: Pool<Tracer>,
+    /// Where they start; in proportion to the lights' power if there is none.
+    pub guide: Option<Arc<Guide>>,
 }
 
 impl LightPaths {
@@ -50,14 +54,15 @@ impl LightPaths {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers } = self;
+        let Self { batches, tracers, guide } = self;
+        let guide = guide.as_deref();
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
             |tracer, (batch, index)| {
                 let first = index * BATCH;
                 let last = light_paths.min(first + BATCH);
-                tracer.trace(batch, scene, accel, settings, key, first..last);
+                tracer.trace(batch, (scene, accel), settings, guide, key, first..last);
             },
         );
     }
@@ -172,9 +177,9 @@ impl Tracer {
     fn trace(
         &mut self,
         batch: &mut Batch,
-        scene: &Scene,
-        accel: &dyn Intersect,
+        (scene, accel): (&Scene, &dyn Intersect),
         settings: &Settings,
+        guide: Option<&Guide>,
         key: StreamKey,
         paths: Range<u32>,
     ) {
@@ -188,7 +193,7 @@ impl Tracer {
         batch.rays = 0;
         vectorized(
             #[inline(always)]
-            |simd| self.emit(simd, scene, key, paths),
+            |simd| self.emit(simd, scene.lights(), guide, key, paths),
         );
         while self.in_flight.len() > 0 {
             batch.rays += self.in_flight.len() as u64;
@@ -211,7 +216,14 @@ impl Tracer {
     }
 
     #[inline(always)] // vectorized
-    fn emit(&mut self, simd: Simd, scene: &Scene, key: StreamKey, mut paths: Range<u32>) {
+    fn emit(
+        &mut self,
+        simd: Simd,
+        lights: &Lights,
+        guide: Option<&Guide>,
+        key: StreamKey,
+        mut paths: Range<u32>,
+    ) {
         self.in_flight.clear();
         let mut walks = Walks::default();
         while !paths.is_empty() {
@@ -220,7 +232,7 @@ impl Tracer {
             for lane in 0..count {
                 walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = scene.lights().emit_all(&mut walks.rng, count);
+            let emissions = lights.emit_all(guide, &mut walks.rng, count);
             if self.parts.are_wanted() {
                 self.parts.emit(first, &emissions.emitter[..count]);
             }

@@ -45,8 +45,14 @@ fn automatic_renders_have_the_mean_of_their_replays() {
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     let accel = build(Backend::default(), &loaded.scene).unwrap();
     let base = Renderer::new(&loaded.scene, &*accel, settings.clone()).unwrap();
-    let open =
-        Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
+    let open = Open {
+        strategy: true,
+        direct: true,
+        kernel: true,
+        radius: true,
+        caustic_radius: true,
+        guide: true,
+    };
     let mut differences: Vec<Vec<f64>> = vec![Vec::new(); ((SIDE / BLOCK) as usize).pow(2)];
     let mut chosen = Vec::new();
     for seed in 0..RENDERS {

@@ -1,7 +1,7 @@
 //! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes of this project.
 
 use crate::committed;
-use crate::common::MIS;
+use crate::common::{MIS, furnished_box, settings};
 use crate::far_counts::{Subject, assert_far_counts};
 use bdpm::Settings;
 use bdpm::settings::{Direct, Kernel, Strategy};
@@ -17,6 +17,16 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     ] {
         assert_far_counts(direct, merge_vertex, kernel);
     }
+}
+
+/// Light paths that start where they bring more have coefficients of their own, which are as good.
+#[test]
+fn the_noise_of_guided_light_paths_is_known_at_far_counts() {
+    let settings =
+        Settings { direct: Direct::PhotonMap, radius: 0.2, guide: 16, ..settings(12, 12) };
+    let (name, scene) = ("guided".into(), &furnished_box());
+    Subject { name, scene, settings, iterations: 4000, quiet: 1.0, most: 0.03 }
+        .assert_far_counts(&[(30_000, 4, 260), (300, 100, 800)]);
 }
 
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.

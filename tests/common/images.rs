@@ -38,7 +38,7 @@ impl Subject<'_> {
 
     /// By the renderer.
     pub fn rendered(&self, settings: Settings, iterations: u64) -> Pixels {
-        let mut images = self.images(settings);
+        let mut images = images(self.renderer(settings));
         self.pixels((0..iterations).map(|_| images()))
     }
 
@@ -46,25 +46,20 @@ impl Subject<'_> {
     /// settings and one that is smaller by a root of two. Both take the same paths, so that most of
     /// what the difference would add to the noise cancels.
     pub fn extrapolated(&self, iterations: u64) -> Pixels {
-        let [mut large, mut small] = [1.0, 0.5f32.sqrt()].map(|factor| {
-            let Settings { radius, caustic_radius, .. } = *self.settings;
-            let [radius, caustic_radius] = [radius, caustic_radius].map(|r| factor * r);
-            self.images(Settings { radius, caustic_radius, ..self.settings.clone() })
-        });
+        let large = self.renderer(self.settings.clone());
+        let Settings { radius, caustic_radius, .. } = *self.settings;
+        let [radius, caustic_radius] = [radius, caustic_radius].map(|r| 0.5f32.sqrt() * r);
+        let small = Settings { radius, caustic_radius, guide: 0, ..self.settings.clone() };
+        let small = self.renderer(small).guided(large.guide().cloned());
+        let [mut large, mut small] = [large, small].map(images);
         self.pixels((0..iterations).map(|_| {
             let pairs = small().into_iter().zip(large());
             pairs.map(|(small, large)| 2.0 * small - large).collect()
         }))
     }
 
-    /// The images of one iteration after the other.
-    fn images(&self, settings: Settings) -> impl FnMut() -> Vec<f64> {
-        let mut renderer = Renderer::new(self.scene, self.accel, settings).unwrap();
-        let mut last = Last::default();
-        move || {
-            assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
-            last.of(renderer.film())
-        }
+    fn renderer(&self, settings: Settings) -> Renderer<'_> {
+        Renderer::new(self.scene, self.accel, settings).unwrap()
     }
 
     /// From the images of iterations, which are independent.
@@ -83,6 +78,15 @@ impl Subject<'_> {
             variance: each.iter().map(|pixel| pixel.error.powi(2)).collect(),
             variance_of_sum: Estimate::from_samples(&sums).error.powi(2),
         }
+    }
+}
+
+/// The images of one iteration after the other.
+fn images(mut renderer: Renderer<'_>) -> impl FnMut() -> Vec<f64> {
+    let mut last = Last::default();
+    move || {
+        assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
+        last.of(renderer.film())
     }
 }
 

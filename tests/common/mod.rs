@@ -150,6 +150,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         direct: Direct::Connect,
         light_roulette: Roulette::Albedo,
         camera_roulette: Roulette::Weight,
+        guide: 0,
         seed: 1,
     }
 }

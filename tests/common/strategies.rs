@@ -15,6 +15,11 @@ pub const ALL: [(Direct, u32); 6] =
 /// Asserts it of each pixel and of the whole image, after the merge bias has been taken out by two
 /// radii.
 pub fn assert_same(name: &str, strategies: &[(Direct, u32)]) {
+    assert_same_guided(name, strategies, 0);
+}
+
+/// The same with light paths that learn for so many iterations where to start.
+pub fn assert_same_guided(name: &str, strategies: &[(Direct, u32)], guide: u32) {
     let scene = &boxes::named(name);
     let accel = accel(scene);
     let expected = Table::of(name, scene, [SIDE; 2]).pixels(&[]);
@@ -27,6 +32,7 @@ pub fn assert_same(name: &str, strategies: &[(Direct, u32)]) {
             radius: 0.04,
             caustic_radius: 0.04,
             seed: 3,
+            guide,
             ..settings(SIDE, SIDE)
         });
         let subject = Subject { scene, accel: &*accel, settings: &settings, region: &[] };

@@ -163,6 +163,27 @@ fn a_resumed_image_is_the_same_bit_for_bit() {
     assert!(fail(fewer, 1).contains("holds 2 iterations"));
 }
 
+/// What is learned is part of the settings: it is learned again.
+#[test]
+fn a_guided_image_is_the_same_resumed_and_replayed() {
+    let (_folder, at) = folder();
+    let (straight, resumed, replayed) = (at("a.exr"), at("b.exr"), at("c.exr"));
+    let checkpoint = at("a.ckpt").to_string_lossy().into_owned();
+    let guided = ["--guide", "9", "--seed", "4"];
+    succeed(render(&straight, &[&guided[..], &["--iterations", "6"]].concat()));
+    let first = ["--iterations", "3", "--checkpoint", &checkpoint];
+    succeed(render(&resumed, &[&guided[..], &first].concat()));
+    succeed(render(&resumed, &["--resume", &checkpoint, "--iterations", "6", "--threads", "1"]));
+    assert_eq!(bits(&straight), bits(&resumed));
+    let plan = straight.to_string_lossy().into_owned();
+    let mut replay = bdpm(&["render", SCENE, "--plan", &plan, "--threads", "1", "--output"]);
+    replay.arg(&replayed);
+    succeed(replay);
+    assert_eq!(bits(&straight), bits(&replayed));
+    succeed(render(&replayed, &["--seed", "4", "--iterations", "6"]));
+    assert_ne!(bits(&straight), bits(&replayed));
+}
+
 #[test]
 fn noise_is_measured_on_the_way_and_kept_by_checkpoints() {
     let (_folder, at) = folder();

@@ -25,6 +25,7 @@ mod backends_render;
 mod bsdf;
 mod camera_batches;
 mod cameras;
+mod guides;
 mod instances;
 mod interpolated_normals;
 mod layers;

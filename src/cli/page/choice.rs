@@ -42,6 +42,9 @@ fn technique(chosen: &Chosen) -> Markup {
             b { (best.technique.describe()) } "."
             " Photons are merged within " (number(best.radius.into())) " scene units, those of caustics within "
             (number(best.caustic_radius.into())) "."
+            @if let Some(guided) = &chosen.guide {
+                " " (guided.describe().replacen("light", "Light", 1)) "."
+            }
             @if let Some(next) = chosen.runner_up() {
                 " The next best, " (next.technique.describe()) ", " (beaten(best, next)) "."
             }

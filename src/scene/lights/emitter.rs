@@ -1,7 +1,7 @@
 //! The kinds of light sources: their power, the light paths that they emit, and connections to them.
 
 use super::solid_angle::SphericalTriangle;
-use super::{Emission, LightSample};
+use super::{Emission, LightSample, below_one};
 use crate::base::math::{
     Rgb, cosine_hemisphere, luminance, sin_cos_turns, uniform_disc, uniform_sphere,
     uniform_triangle,
@@ -87,20 +87,21 @@ impl Spot {
         share.clamp(0.0, 1.0).powi(2)
     }
 
-    /// Starts a light path in proportion to the intensity.
-    fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let choice = rng.next_1d();
-        let [u, v] = rng.next_2d();
+    /// Starts a light path in proportion to the intensity, of two uniform numbers.
+    /// theory.md (13).
+    fn emit(&self, prob: f32, [choice, around]: [f32; 2]) -> Emission {
         let [full, falloff] = self.solid_angles();
-        // theory.md (13)
-        let cosine = if choice * (full + falloff) < full {
-            1.0 - u * (1.0 - self.cos_inner)
+        // What is left of the choice is uniform again.
+        let place = choice * (full + falloff);
+        let cosine = if place < full {
+            1.0 - place / full * (1.0 - self.cos_inner)
         } else {
             // The share of the way has the density 3 t^2.
-            self.cos_outer + u.cbrt() * (self.cos_inner - self.cos_outer)
+            let u = ((place - full) / falloff).min(1.0);
+            self.cos_outer + (1.0 - u).cbrt() * (self.cos_inner - self.cos_outer)
         };
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-        let (sin, cos) = sin_cos_turns(v);
+        let (sin, cos) = sin_cos_turns(around);
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
         Emission {
             origin: self.position,
@@ -135,8 +136,8 @@ impl Directional {
         PI * self.radius * self.radius
     }
 
-    fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let [u, v] = uniform_disc(rng.next_2d());
+    fn emit(&self, prob: f32, across: [f32; 2]) -> Emission {
+        let [u, v] = uniform_disc(across);
         let (right, up) = self.direction.any_orthonormal_pair();
         let across = u * right + v * up - self.direction;
         Emission {
@@ -224,25 +225,27 @@ impl Emitter {
         !matches!(self, Self::Triangle { .. } | Self::Textured(_))
     }
 
-    /// Starts a light path, if it was chosen with probability `prob`.
-    pub(in crate::scene) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
+    /// Starts a light path of four uniform numbers, if it was chosen with probability `prob`: the first two are of the
+    /// place on a surface, the last two of the direction; a light that has one of these alone takes the first.
+    pub(in crate::scene) fn emit(&self, prob: f32, at: [f64; 4]) -> Emission {
+        let [a, b, c, d] = at.map(below_one);
         match self {
             Self::Point { position, intensity } => Emission {
                 origin: *position,
-                direction: uniform_sphere(rng.next_2d()),
+                direction: uniform_sphere([a, b]),
                 flux: *intensity * (4.0 * PI / prob),
             },
             Self::Triangle { shape, radiance } => {
-                let point = shape.point(uniform_triangle(rng.next_2d()));
+                let point = shape.point(uniform_triangle([a, b]));
                 Emission {
                     origin: point + shape.normal * shape.offset,
-                    direction: cosine_hemisphere(shape.normal, rng.next_2d()),
+                    direction: cosine_hemisphere(shape.normal, [c, d]),
                     flux: *radiance * (PI * shape.area() / prob),
                 }
             }
-            Self::Spot(spot) => spot.emit(prob, rng),
-            Self::Directional(light) => light.emit(prob, rng),
-            Self::Textured(panel) => panel.emit(prob, rng),
+            Self::Spot(spot) => spot.emit(prob, [a, b]),
+            Self::Directional(light) => light.emit(prob, [a, b]),
+            Self::Textured(panel) => panel.emit(prob, [a, b, c, d]),
         }
     }
 
@@ -359,7 +362,8 @@ mod tests {
         let n = 400_000;
         let mut counts = [0.0; BINS];
         for _ in 0..n {
-            let Emission { origin, direction, flux } = emitter.emit(0.5, &mut rng);
+            let Emission { origin, direction, flux } =
+                emitter.emit(0.5, [(); 4].map(|()| rng.next_f64()));
             assert_eq!((origin, flux), (spot.position, emitter.power() / 0.5));
             assert!((direction.length() - 1.0).abs() < 1e-5);
             let place = (direction.dot(spot.direction) - spot.cos_outer) / (1.0 - spot.cos_outer);
@@ -391,7 +395,8 @@ mod tests {
         let n = 200_000;
         let (mut inner, mut flux_sum) = (0.0, 0.0);
         for _ in 0..n {
-            let Emission { origin, direction, flux } = emitter.emit(1.0, &mut rng);
+            let Emission { origin, direction, flux } =
+                emitter.emit(1.0, [(); 4].map(|()| rng.next_f64()));
             assert_eq!(direction, light.direction);
             let from_center = origin - light.center;
             let axis = from_center - from_center.dot(direction) * direction;

@@ -1,6 +1,6 @@
 //! Light from all around the scene: a map of radiance over directions, importance sampled.
 
-use super::{Emission, LightSample};
+use super::{Emission, LightSample, below_one};
 use crate::base::math::{Bounds, Rgb, luminance, uniform_disc};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -17,8 +17,10 @@ pub struct Environment {
     radiance: Vec<Rgb>,
     /// Turn about +y, as a share of a full turn; counterclockwise seen from +y.
     turn: f32,
-    /// Upper end of each pixel's share of the choices, all pixels row by row.
-    cumulative: Vec<f64>,
+    /// Upper end of each row's share of the choices.
+    rows: Vec<f64>,
+    /// Upper end of each pixel's share of its row's, row by row.
+    columns: Vec<f64>,
     /// Integral of the radiance over all directions, W/m^2.
     integral: Rgb,
     /// A sphere around the scene.
@@ -39,25 +41,24 @@ impl Environment {
             height,
             radiance,
             turn: turn_deg / 360.0,
-            cumulative: Vec::new(),
+            rows: Vec::new(),
+            columns: Vec::new(),
             integral: Rgb::ZERO,
             center: Vec3::ZERO,
             radius: 0.0,
         };
         let mut integral = glam::DVec3::ZERO;
-        let mut sum = 0.0;
-        let mut cumulative = Vec::with_capacity(environment.radiance.len());
+        let mut columns = Vec::with_capacity(environment.radiance.len());
+        let mut rows = Vec::with_capacity(height as usize);
         for row in 0..height {
             let solid_angle = environment.solid_angle(row);
-            for column in 0..width {
-                let flux = environment.pixel(column, row) * solid_angle;
-                integral += flux.as_dvec3();
-                sum += f64::from(luminance(flux));
-                cumulative.push(sum);
-            }
+            let fluxes = (0..width).map(|column| environment.pixel(column, row) * solid_angle);
+            integral += fluxes.clone().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>();
+            let own = cumulative(fluxes.map(|flux| f64::from(luminance(flux))), &mut columns);
+            rows.push(own);
         }
-        cumulative.iter_mut().for_each(|end| *end /= sum);
-        environment.cumulative = cumulative;
+        environment.columns = columns;
+        cumulative(rows.into_iter(), &mut environment.rows);
         environment.integral = integral.as_vec3();
         environment
     }
@@ -114,33 +115,31 @@ impl Environment {
         self.pixel(column, index(latitude, self.height))
     }
 
-    /// A direction toward it in proportion to the luminance, and the radiance from there divided by
-    /// the density, W/m^2, and one over the density, sr.
-    fn sample(&self, rng: &mut Rng) -> (Vec3, Rgb, f32) {
-        let choice = rng.next_f64();
-        let last = self.cumulative.len() - 1;
-        let index = self.cumulative.partition_point(|&end| end <= choice).min(last);
-        let begin = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
-        // theory.md (15)
-        let prob = (self.cumulative[index] - begin) as f32;
-        let (column, row) = (index as u32 % self.width, index as u32 / self.width);
-        let [u, v] = rng.next_2d();
+    /// A direction toward it in proportion to the luminance, of two uniform numbers, and the radiance from there
+    /// divided by the density, W/m^2, and one over the density, sr.
+    /// theory.md (15).
+    fn sample(&self, [u, v]: [f64; 2]) -> (Vec3, Rgb, f32) {
+        let (row, prob_of_row, v) = choose(&self.rows, v);
+        let first = row * self.width as usize;
+        let (column, prob, u) = choose(&self.columns[first..first + self.width as usize], u);
+        let index = first + column;
+        let (column, row) = (column as u32, row as u32);
         // Uniform in solid angle: in longitude and in the cosine.
         let step = PI / self.height as f32;
         let [above, below] = [row, row + 1].map(|row| (row as f32 * step).cos());
-        let y = above + v * (below - above);
-        let longitude = TAU * ((column as f32 + u) / self.width as f32 - 0.5 - self.turn);
+        let y = above + v as f32 * (below - above);
+        let longitude = TAU * ((column as f32 + u as f32) / self.width as f32 - 0.5 - self.turn);
         let across = (1.0 - y * y).max(0.0).sqrt();
         let (sin, cos) = longitude.sin_cos();
         let direction = Vec3::new(across * sin, y, -across * cos);
-        let inverse_pdf_w = self.solid_angle(row) / prob;
+        let inverse_pdf_w = self.solid_angle(row) / (prob_of_row * prob) as f32;
         (direction, self.radiance[index] * inverse_pdf_w, inverse_pdf_w)
     }
 
-    /// Starts a light path, if the environment was chosen with probability `prob`.
-    pub(in crate::scene) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let (toward, radiance, _) = self.sample(rng);
-        let [u, v] = uniform_disc(rng.next_2d());
+    /// Starts a light path of four uniform numbers, if the environment was chosen with probability `prob`.
+    pub(in crate::scene) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
+        let (toward, radiance, _) = self.sample([a, b]);
+        let [u, v] = uniform_disc([c, d].map(below_one));
         let (right, up) = toward.any_orthonormal_pair();
         let origin = self.center + self.radius * (u * right + v * up + toward);
         Emission { origin, direction: -toward, flux: radiance * (self.disc() / prob) }
@@ -153,7 +152,7 @@ impl Environment {
         prob: f32,
         rng: &mut Rng,
     ) -> LightSample {
-        let (wi, irradiance, inverse_pdf_w) = self.sample(rng);
+        let (wi, irradiance, inverse_pdf_w) = self.sample([rng.next_f64(), rng.next_f64()]);
         // Out of the sphere around the scene, wherever in it the position is.
         let distance = 2.0 * self.radius + (position - self.center).length();
         LightSample {
@@ -164,6 +163,27 @@ impl Environment {
             inverse_pdf_w: inverse_pdf_w / prob,
         }
     }
+}
+
+/// Adds the upper end of each weight's share of their sum, which it returns; all the same where that is 0.
+fn cumulative(weights: impl ExactSizeIterator<Item = f64>, ends: &mut Vec<f64>) -> f64 {
+    let (first, count, mut sum) = (ends.len(), weights.len(), 0.0);
+    ends.extend(weights.map(|weight| {
+        sum += weight;
+        sum
+    }));
+    for (index, end) in ends[first..].iter_mut().enumerate() {
+        *end = if sum > 0.0 { *end / sum } else { (index + 1) as f64 / count as f64 };
+    }
+    sum
+}
+
+/// The index whose share holds `u` of [0, 1), its probability, and where in the share `u` is.
+fn choose(ends: &[f64], u: f64) -> (usize, f64, f64) {
+    let index = ends.partition_point(|&end| end <= u).min(ends.len() - 1);
+    let begin = if index == 0 { 0.0 } else { ends[index - 1] };
+    let prob = ends[index] - begin;
+    (index, prob, ((u - begin) / prob).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
@@ -192,7 +212,8 @@ mod tests {
             let n = 100_000;
             let mut strayed = 0;
             for _ in 0..n {
-                let (direction, value, inverse_pdf_w) = map.sample(&mut rng);
+                let (direction, value, inverse_pdf_w) =
+                    map.sample([rng.next_f64(), rng.next_f64()]);
                 let radiance = luminance(value) / inverse_pdf_w;
                 assert!((direction.length() - 1.0).abs() < 1e-5);
                 // In proportion to the luminance, which is therefore always the same.
@@ -261,7 +282,8 @@ mod tests {
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
         let n = 20_000;
         for _ in 0..n {
-            let Emission { origin, direction, flux } = map.emit(0.25, &mut rng);
+            let Emission { origin, direction, flux } =
+                map.emit(0.25, [(); 4].map(|()| rng.next_f64()));
             let share = 0.25 * luminance(flux) / luminance(map.power());
             assert!((share - 1.0).abs() < 1e-3, "{share}");
             let from_center = origin - map.center;

@@ -2,7 +2,9 @@
 //!
 //! The arithmetic of point lights is done side by side; other lights do their own.
 
+use super::Emission;
 use super::emitter::Emitter;
+use super::guide::Guide;
 use crate::base::math::uniform_sphere;
 use crate::base::rng::unit_f64;
 use crate::lanes::{LANES, Rngs, Vec3s};
@@ -11,7 +13,7 @@ use crate::scene::diffuse::DiffuseVertices;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Beginnings of light paths; see [`Emission`](super::Emission).
+/// Beginnings of light paths; see [`Emission`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Emissions {
     /// Start points.
@@ -38,13 +40,17 @@ pub struct LightSamples {
 }
 
 impl Lights {
-    /// [`Self::emit`] of the first `count` lanes.
+    /// [`Self::emit`], or [`Self::emit_guided`], of the first `count` lanes.
     ///
     /// # Panics
     /// If there are no lights.
     #[inline(always)] // part of the loop over light paths
-    pub fn emit_all(&self, rngs: &mut Rngs, count: usize) -> Emissions {
+    pub fn emit_all(&self, guide: Option<&Guide>, rngs: &mut Rngs, count: usize) -> Emissions {
         let mut emissions = Emissions::default();
+        if let Some(guide) = guide {
+            self.emit_all_guided(guide, rngs, &mut emissions, count);
+            return emissions;
+        }
         let choices = rngs.next_bits();
         let (u, v) = (rngs.next_1d(), rngs.next_1d());
         for lane in 0..LANES {
@@ -65,14 +71,29 @@ impl Lights {
                 emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
             } else {
                 let mut rng = rngs.get(lane);
-                let emission = self.emit_chosen(index, prob, &mut rng);
+                let emission = self.emit_chosen(index, prob, self.numbers(index, &mut rng));
                 rngs.set(lane, rng);
-                emissions.origin.set(lane, emission.origin);
-                emissions.direction.set(lane, emission.direction);
-                emissions.flux.set(lane, emission.flux);
+                emissions.set(lane, &emission);
             }
         }
         emissions
+    }
+
+    #[inline(never)] // keeps the other loop short
+    fn emit_all_guided(
+        &self,
+        guide: &Guide,
+        rngs: &mut Rngs,
+        emissions: &mut Emissions,
+        count: usize,
+    ) {
+        for lane in 0..count {
+            let mut rng = rngs.get(lane);
+            let (index, emission) = self.emit_guided(guide, &mut rng);
+            rngs.set(lane, rng);
+            emissions.emitter[lane] = index as u32;
+            emissions.set(lane, &emission);
+        }
     }
 
     /// [`Self::connect`] of each vertex.
@@ -121,6 +142,16 @@ impl Lights {
             rngs.set(lane, rng);
         }
         samples
+    }
+}
+
+impl Emissions {
+    #[inline]
+    fn set(&mut self, lane: usize, emission: &Emission) {
+        let Emission { origin, direction, flux } = *emission;
+        self.origin.set(lane, origin);
+        self.direction.set(lane, direction);
+        self.flux.set(lane, flux);
     }
 }
 

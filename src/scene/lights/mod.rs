@@ -5,6 +5,7 @@ mod choice;
 mod cluster;
 pub mod emitter;
 pub mod environment;
+pub mod guide;
 pub(in crate::scene) mod lanes;
 mod solid_angle;
 mod split;
@@ -29,6 +30,15 @@ pub struct Emission {
     /// the path's density. Its mean over paths is the power of all lights.
     /// theory.md (11).
     pub flux: Rgb,
+}
+
+/// Where among all ways to start a light path one does, in [0, 1) each: the light, then what
+/// [`Emitter::emit`] asks for.
+pub type Place = [f64; 5];
+
+/// A number of [0, 1) in single precision, less than 1 as well.
+pub(in crate::scene) fn below_one(u: f64) -> f32 {
+    (u as f32).min(1.0f32.next_down())
 }
 
 /// A point on a light, as seen from a vertex.
@@ -157,7 +167,16 @@ impl Lights {
     /// If there are no lights.
     pub fn emit(&self, rng: &mut Rng) -> Emission {
         let (index, prob) = self.choose_by_power(rng.next_f64());
-        self.emit_chosen(index, prob, rng)
+        self.emit_chosen(index, prob, self.numbers(index, rng))
+    }
+
+    /// Starts a light path of uniform numbers, the first for the light; with the light's index.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    pub fn emit_at(&self, [choice, at @ ..]: Place) -> (usize, Emission) {
+        let (index, prob) = self.choose_by_power(choice);
+        (index, self.emit_chosen(index, prob, at))
     }
 
     /// An index for [`Self::emit_chosen`] and its probability.
@@ -166,11 +185,18 @@ impl Lights {
         self.by_power.choose(u)
     }
 
+    /// Numbers for [`Self::emit_chosen`]: as fine as choices among pixels ask for.
+    #[inline]
+    pub(super) fn numbers(&self, index: usize, rng: &mut Rng) -> [f64; 4] {
+        let is_environment = index == self.emitters.len();
+        [(); 4].map(|()| if is_environment { rng.next_f64() } else { rng.next_1d().into() })
+    }
+
     #[inline(never)] // point lights need it not: see `emit_all`
-    pub(super) fn emit_chosen(&self, index: usize, prob: f32, rng: &mut Rng) -> Emission {
+    pub(super) fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
         match self.emitters.get(index) {
-            Some(emitter) => emitter.emit(prob, rng),
-            None => self.chosen_environment().emit(prob, rng),
+            Some(emitter) => emitter.emit(prob, at),
+            None => self.chosen_environment().emit(prob, at),
         }
     }
 
@@ -405,10 +431,44 @@ mod tests {
         // Light paths start with what that takes for granted.
         for _ in 0..5000 {
             let (index, prob) = lights.choose_by_power(rng.next_f64());
-            let flux = luminance(lights.emit_chosen(index, prob, &mut rng).flux);
+            let flux =
+                luminance(lights.emit_chosen(index, prob, lights.numbers(index, &mut rng)).flux);
             let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
             assert!(textured || (flux / lights.start() - 1.0).abs() < 2e-3, "{index} {flux}");
         }
+    }
+
+    #[test]
+    fn guided_light_paths_carry_the_power_of_all_lights() {
+        // The environment's more often from one side, the others' from some lights and in some directions.
+        let lights = all_kinds();
+        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+        let brought = |_| {
+            let start = guide::Guide::even().start(&mut rng);
+            let place = start.place;
+            let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
+            guide::Brought { start, square }
+        };
+        let guide = guide::Guide::learn(&(0..50_000).map(brought).collect::<Vec<_>>());
+        assert!(guide.len() > 10);
+        let n = 200_000;
+        let (mut sum, mut square) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
+        let mut toward = [glam::DVec3::ZERO; 2];
+        for _ in 0..n {
+            let (_, emission) = lights.emit_guided(&guide, &mut rng);
+            let flux = emission.flux.as_dvec3();
+            sum += flux / f64::from(n);
+            square += flux * flux / f64::from(n);
+            toward[0] += flux * f64::from(emission.direction.z) / f64::from(n);
+            let plain = lights.emit(&mut rng);
+            toward[1] += plain.flux.as_dvec3() * f64::from(plain.direction.z) / f64::from(n);
+        }
+        let error = ((square - sum * sum) / f64::from(n)).map(f64::sqrt);
+        let power = lights.power().as_dvec3();
+        // A texture's mean is known to a thousandth.
+        assert!((sum - power).abs().cmple(4.0 * error + 1e-3 * power).all(), "{sum} {power}");
+        let off = (toward[0] - toward[1]).abs();
+        assert!(off.cmple(6.0 * error + 1e-3 * power).all(), "{toward:?} {error}");
     }
 
     #[test]

@@ -67,11 +67,11 @@ impl TexturedTriangle {
         self.factor * self.texture.color(interpolate(self.uvs, at))
     }
 
-    pub(in crate::scene) fn emit(&self, prob: f32, rng: &mut Rng) -> Emission {
-        let (shape, at) = (&self.shape, uniform_triangle(rng.next_2d()));
+    pub(in crate::scene) fn emit(&self, prob: f32, [a, b, c, d]: [f32; 4]) -> Emission {
+        let (shape, at) = (&self.shape, uniform_triangle([a, b]));
         Emission {
             origin: shape.point(at) + shape.normal * shape.offset,
-            direction: cosine_hemisphere(shape.normal, rng.next_2d()),
+            direction: cosine_hemisphere(shape.normal, [c, d]),
             flux: self.radiance(at) * (PI * shape.area() / prob),
         }
     }

@@ -160,8 +160,14 @@ pub mod tests {
     }
 
     pub fn demand(end: End) -> Demand {
-        let open =
-            Open { strategy: true, direct: true, kernel: true, radius: true, caustic_radius: true };
+        let open = Open {
+            strategy: true,
+            direct: true,
+            kernel: true,
+            radius: true,
+            caustic_radius: true,
+            guide: true,
+        };
         Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
     }
 

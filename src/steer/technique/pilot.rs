@@ -36,7 +36,8 @@ pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result
         open,
         wished: [settings.caustic_radius, settings.radius],
     };
-    let site = Site::new(renderer, each)?;
+    let mut site = Site::new(renderer, each)?;
+    let guide = if open.guide { site.learn_guide(LEARNING_SHARE * budget)? } else { None };
     let at = Radii::new(settings, open);
     let mut pilot = Pilot { settings, demand, site, at, start, budget, tried: Vec::new() };
     pilot.screen(candidates, each)?;
@@ -44,7 +45,7 @@ pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result
     pilot.widen(wide)?;
     let candidates = pilot.finish(last / FINALISTS)?;
     let candidates = candidates.iter().map(|(model, best)| best.scored(model.technique)).collect();
-    Ok(Chosen { candidates, open, seconds: start.elapsed().as_secs_f64() })
+    Ok(Chosen { candidates, open, guide, seconds: start.elapsed().as_secs_f64() })
 }
 
 struct Pilot<'a> {

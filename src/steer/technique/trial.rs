@@ -1,7 +1,7 @@
 //! One technique at given radii on a sample of the pixels: its noise, its nested radii and its times.
 
-use super::Technique;
 use super::census::{Census, Ground, Surfaces};
+use super::{Guided, Technique};
 use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::image::counts::Counts;
@@ -9,6 +9,8 @@ use crate::noise::film::BatchGrain;
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::render::Renderer;
+use crate::render::learning::Learned;
+use crate::scene::lights::guide::Guide;
 use crate::scene::{Material, Placement, Scene};
 use crate::settings::policy::*;
 use crate::settings::{Kernel, Settings};
@@ -19,10 +21,13 @@ use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Where trials take place.
 pub struct Site<'a> {
+    /// Of the whole image, for what is learned beside it.
+    whole: Renderer<'a>,
     ground: Ground<'a>,
     /// What areas cost at some vertices and radii.
     census: Vec<(u32, f64, Census)>,
@@ -30,6 +35,10 @@ pub struct Site<'a> {
     known: Vec<Renderer<'a>>,
     /// Of so many by so many pixels one is taken.
     stride: u32,
+    /// Where light paths of trials start.
+    guide: Option<Arc<Guide>>,
+    /// Wall-clock time of a path of either kind, seconds.
+    per_path: f64,
     /// Of an iteration of a trial.
     light_paths: u32,
     /// That the memory allows.
@@ -98,7 +107,8 @@ impl<'a> Site<'a> {
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
         let probe = stride(TRIAL_PATHS.start);
         // Half of them are light paths.
-        let paths = 0.5 * each / seconds_per_path(renderer, probe)?;
+        let per_path = seconds_per_path(renderer, probe)?;
+        let paths = 0.5 * each / per_path;
         let paths = paths.clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
         let stride = stride(paths);
         let (area, footprint) = (merging_area(scene), footprint(scene, accel, settings));
@@ -107,16 +117,42 @@ impl<'a> Site<'a> {
         let resolution = [settings.width, settings.height];
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
         Ok(Self {
+            whole: renderer.like(Settings { guide: 0, ..settings.clone() })?,
             ground: Ground { scene, accel, view, resolution, seed },
             census: Vec::new(),
-            known: vec![renderer.sample(settings.clone(), stride)?],
+            known: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
             stride,
+            guide: renderer.guide().cloned(),
+            per_path,
             light_paths: (paths as u32).min(most_light_paths),
             most_light_paths,
             pixels: settings.pixels() as f64,
             area,
             footprint,
         })
+    }
+
+    /// Lets trials start light paths where it learns in about so long that they bring more; `None` if there is no time
+    /// to learn that, or it does not pay.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn learn_guide(&mut self, seconds: f64) -> Result<Option<Guided>> {
+        let start = Instant::now();
+        let camera_paths = 2.0 * LEARNING_PIXELS * f64::from(LEARNING_CAMERA_PATHS);
+        let iteration = self.per_path * (camera_paths + f64::from(LEARNING_LIGHT_PATHS));
+        if f64::from(LEAST_LEARNING) * iteration > LEARNING_PATIENCE * seconds {
+            return Ok(None);
+        }
+        let goes_on = |done: u32| {
+            done < LEAST_LEARNING || done < MOST_LEARNING && start.elapsed().as_secs_f64() < seconds
+        };
+        let Learned { guide, iterations, second_moment } = self.whole.learn_guide(goes_on)?;
+        if second_moment > WORTHWHILE_GUIDE {
+            return Ok(None);
+        }
+        self.guide = Some(guide);
+        Ok(Some(Guided { iterations, second_moment }))
     }
 
     /// Tries the strategy, radii and weights of `settings` for so long; one class of photons may be merged at
@@ -135,12 +171,13 @@ impl<'a> Site<'a> {
         let camera_paths = TRIAL_CAMERA_PATHS;
         // Its samples are none of the image's.
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
-        let mut own = Settings { light_paths, camera_paths, seed, ..settings.clone() };
+        let mut own = Settings { light_paths, camera_paths, seed, guide: 0, ..settings.clone() };
         if nests.is_some() && own.caustic_radius == own.radius {
             // Equal radii are one for all photons, and would tell the bias of both classes twice.
             own.caustic_radius *= TOLD_APART;
         }
-        let renderer = self.renderer(own.clone())?.with_batches(BatchGrain::Pixel);
+        let renderer = self.renderer(own.clone())?.guided(self.guide.clone());
+        let renderer = renderer.with_batches(BatchGrain::Pixel);
         let mut renderer = match nests {
             Some(class) => renderer.nesting(class),
             None => renderer,
@@ -261,7 +298,7 @@ impl<'a> Site<'a> {
 fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     let light_paths = (TRIAL_PATHS.start as u32).min(renderer.most_light_paths());
     let camera_paths = TRIAL_CAMERA_PATHS;
-    let own = Settings { light_paths, camera_paths, ..renderer.settings().clone() };
+    let own = Settings { light_paths, camera_paths, guide: 0, ..renderer.settings().clone() };
     let mut probe = renderer.sample(own, stride)?;
     let paths = probe.settings().pixels() as f64 * f64::from(camera_paths) + f64::from(light_paths);
     // The first one meets cold memory.

@@ -1,0 +1,162 @@
+//! Finds the cells of a guide from what light paths brought.
+//!
+//! Of light paths with the density `g` the second moment of what they bring is the integral of `m/g`, where `m` is
+//! that of paths from a place. In cells of volume `v` and mass `m v` it is least where `g` goes as the root of `m`,
+//! and then the square of the sum of `sqrt(v * mass)`: cells are cut where that falls the most. theory.md, section 10a.
+
+use super::{Cell, Guide, Start};
+use crate::scene::lights::Place;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use std::ops::Range;
+
+/// What a light path brought.
+#[derive(Clone, Copy, Debug)]
+pub struct Brought {
+    /// Where it started.
+    pub start: Start,
+    /// The sum over the image of the squares of what it brought, weighted.
+    pub square: f64,
+}
+
+/// Cells at the most.
+const MOST_CELLS: usize = 4096;
+
+/// Share of the light paths that starts evenly, so that nothing is missed: what is not learned has at most the
+/// reciprocal as many times the noise.
+const EVEN_SHARE: f64 = 0.2;
+
+/// Parts along a side by which it is judged whether to cut across: what lies in the middle is found only so.
+const PARTS: usize = 8;
+
+/// A cell is cut if that gains so much more than noise does, of as many equal values as it has.
+const CERTAINTY: f64 = 3.0;
+
+/// Least share of the sum over all cells that cutting one gains.
+const LEAST_GAIN: f64 = 1e-4;
+
+/// A path from a place, and its part of the second moment.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    place: Place,
+    mass: f64,
+}
+
+/// A cell that may be cut.
+struct Open {
+    cell: Cell,
+    /// Of the paths that start in it.
+    moments: Range<usize>,
+    mass: f64,
+    /// What cutting it gains, and along which side.
+    gain: f64,
+    side: usize,
+}
+
+impl Guide {
+    /// For the least second moment of what light paths bring that start there; of those that brought
+    /// anything.
+    /// theory.md (40b).
+    pub fn learn(brought: &[Brought]) -> Self {
+        let moment = |brought: &Brought| Moment {
+            place: brought.start.place,
+            mass: brought.square * brought.start.density,
+        };
+        let mut moments: Vec<_> =
+            brought.iter().map(moment).filter(|moment| moment.mass > 0.0).collect();
+        let cells = cut(&mut moments);
+        let root = |open: &Open| (open.mass * open.cell.volume()).sqrt();
+        let sum: f64 = cells.iter().map(root).sum();
+        let with_density = |open: &Open| {
+            let share = if sum > 0.0 { root(open) / sum } else { open.cell.volume() };
+            let density = EVEN_SHARE + (1.0 - EVEN_SHARE) * share / open.cell.volume();
+            Cell { density, ..open.cell }
+        };
+        Self::of_cells(cells.iter().map(with_density).collect())
+    }
+}
+
+/// Cuts the cube, the cell that gains the most first.
+fn cut(moments: &mut [Moment]) -> Vec<Open> {
+    let whole = Open::new(Cell::ALL, 0..moments.len(), moments);
+    let least = LEAST_GAIN * whole.mass.sqrt();
+    let (mut heap, mut done) = (BinaryHeap::from([whole]), Vec::new());
+    while let Some(open) = heap.pop() {
+        if open.gain <= least || heap.len() + done.len() + 2 > MOST_CELLS {
+            done.push(open);
+        } else {
+            heap.extend(open.halves(moments));
+        }
+    }
+    done
+}
+
+impl Open {
+    fn new(cell: Cell, range: Range<usize>, moments: &[Moment]) -> Self {
+        let own = &moments[range.clone()];
+        let (mut mass, mut square, mut parts) = (0.0, 0.0, [[0.0; PARTS]; 5]);
+        for moment in own {
+            mass += moment.mass;
+            square += moment.mass * moment.mass;
+            for (side, parts) in parts.iter_mut().enumerate() {
+                let share = (moment.place[side] - cell.low[side]) / cell.size[side];
+                parts[((share * PARTS as f64) as usize).min(PARTS - 1)] += moment.mass;
+            }
+        }
+        let (mut gain, mut side) = (0.0, 0);
+        let part_volume = cell.volume() / PARTS as f64;
+        let root = (mass * cell.volume()).sqrt();
+        for (number, parts) in parts.iter().enumerate() {
+            let cut: f64 = parts.iter().map(|mass| (mass * part_volume).sqrt()).sum();
+            if root - cut > gain {
+                (gain, side) = (root - cut, number);
+            }
+        }
+        // As many equal values are worth: what falls into the parts by chance lessens the sum of their roots by
+        // about an eighth of a part's share each.
+        let values = if square > 0.0 { mass * mass / square } else { 0.0 };
+        let by_chance = root * (PARTS - 1) as f64 / (8.0 * values.max(1.0));
+        if gain < CERTAINTY * by_chance {
+            gain = 0.0;
+        }
+        Self { cell, moments: range, mass, gain, side }
+    }
+
+    fn halves(self, moments: &mut [Moment]) -> [Self; 2] {
+        let Self { cell, moments: range, side, .. } = self;
+        let mut size = cell.size;
+        size[side] *= 0.5;
+        let middle = cell.low[side] + size[side];
+        let mut first = range.start;
+        for index in range.clone() {
+            if moments[index].place[side] < middle {
+                moments.swap(index, first);
+                first += 1;
+            }
+        }
+        let mut low = cell.low;
+        low[side] = middle;
+        let below = Self::new(Cell { size, ..cell }, range.start..first, moments);
+        [below, Self::new(Cell { low, size, ..cell }, first..range.end, moments)]
+    }
+}
+
+impl Ord for Open {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.gain.total_cmp(&other.gain)
+    }
+}
+
+impl PartialOrd for Open {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Open {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Open {}
