@@ -40,17 +40,17 @@ pub struct Learned {
 
 impl Renderer<'_> {
     /// Learns a guide for light paths on a sample of the image, as long as `goes_on` with the number of iterations so
-    /// far. What is learned in as many iterations is the same on any number of threads and whatever the counts and
+    /// far and the guide that they taught. What is learned in as many iterations is the same on any number of threads and whatever the counts and
     /// the seed of the settings.
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn learn_guide(&self, mut goes_on: impl FnMut(u32) -> bool) -> Result<Learned> {
+    pub fn learn_guide(&self, mut goes_on: impl FnMut(u32, &Guide) -> bool) -> Result<Learned> {
         let mut renderer = self.learner()?;
         let mut guide = Arc::new(Guide::even());
         let (mut brought, mut iterations, mut second_moment) = (Vec::new(), 0, 1.0);
         let mut begin = 0;
-        while goes_on(iterations) {
+        while goes_on(iterations, &guide) {
             renderer.light_paths.guide = Some(Arc::clone(&guide));
             brought.extend(renderer.score(&guide));
             second_moment = of_own(&brought[begin..]);

@@ -86,7 +86,7 @@ impl<'a> Renderer<'a> {
     /// Learns where light paths start, if the settings ask for it.
     fn learning(self) -> Result<Self> {
         let all = self.settings.guide;
-        let learned = (all > 0).then(|| self.learn_guide(|done| done < all)).transpose()?;
+        let learned = (all > 0).then(|| self.learn_guide(|done, _| done < all)).transpose()?;
         Ok(self.guided(learned.map(|learned| learned.guide)))
     }
 

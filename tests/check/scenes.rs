@@ -19,6 +19,11 @@ fn point_caustic() {
 }
 
 #[test]
+fn daylight() {
+    Case { name: "daylight", guide: 24, ..Case::default() }.check();
+}
+
+#[test]
 fn materials() {
     Case { name: "materials", ..Case::default() }.check();
 }

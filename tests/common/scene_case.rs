@@ -19,6 +19,8 @@ pub struct Case {
     pub radius: f32,
     /// Light paths per iteration.
     pub light_paths: u32,
+    /// Iterations that teach light paths where to start.
+    pub guide: u32,
     /// Iterations of each image.
     pub iterations: u64,
     /// Iterations that measure noise, of fewer paths.
@@ -37,6 +39,7 @@ impl Default for Case {
             name: "",
             radius: 0.01,
             light_paths: 100_000,
+            guide: 0,
             iterations: 10,
             measured: 200,
             quiet: 1.0,
@@ -60,6 +63,7 @@ impl Case {
             caustic_radius: radius,
             kernel: Kernel::Disc,
             light_paths: self.light_paths,
+            guide: self.guide,
             camera_paths: 64,
             ..settings
         };

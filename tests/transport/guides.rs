@@ -83,11 +83,11 @@ fn of_light_paths(scene: &Scene, settings: Settings) -> f64 {
 
 #[test]
 fn guided_light_paths_make_less_noise_and_say_how_much() {
-    let scene = &committed_window();
+    let scene = &daylight();
     let settings = Settings { radius: 0.1, caustic_radius: 0.1, ..settings(24, 24) };
     let accel = accel(scene);
     let renderer = Renderer::new(scene, &*accel, settings.clone()).unwrap();
-    let learned = renderer.learn_guide(|done| done < 32).unwrap();
+    let learned = renderer.learn_guide(|done, _| done < 32).unwrap();
     let plain = of_light_paths(scene, Settings { light_paths: 20_000, ..settings.clone() });
     let guided = of_light_paths(scene, Settings { light_paths: 20_000, guide: 32, ..settings });
     println!("{} cells: {plain} to {guided}, told {}", learned.guide.len(), learned.second_moment);
@@ -96,13 +96,13 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     assert!((0.03..0.4).contains(&learned.second_moment), "{}", learned.second_moment);
 }
 
-fn committed_window() -> Scene {
-    crate::committed::small("window").0
+fn daylight() -> Scene {
+    crate::committed::small("daylight").0
 }
 
 #[test]
 fn what_is_learned_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
-    let scene = &committed_window();
+    let scene = &daylight();
     let accel = accel(scene);
     let learned = |threads, own: Settings| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

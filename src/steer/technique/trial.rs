@@ -144,11 +144,13 @@ impl<'a> Site<'a> {
         if f64::from(LEAST_LEARNING) * iteration > LEARNING_PATIENCE * seconds {
             return Ok(None);
         }
-        let goes_on = |done: u32| {
-            done < LEAST_LEARNING || done < MOST_LEARNING && start.elapsed().as_secs_f64() < seconds
+        let goes_on = |done: u32, guide: &Guide| {
+            let is_hopeless = done >= LEARNING_ROUND && guide.expected() > WORTHWHILE_GUIDE;
+            let has_time = done < MOST_LEARNING && start.elapsed().as_secs_f64() < seconds;
+            !is_hopeless && (done < LEAST_LEARNING || has_time)
         };
         let Learned { guide, iterations, second_moment } = self.whole.learn_guide(goes_on)?;
-        if second_moment > WORTHWHILE_GUIDE {
+        if iterations < LEAST_LEARNING || second_moment > WORTHWHILE_GUIDE {
             return Ok(None);
         }
         self.guide = Some(guide);

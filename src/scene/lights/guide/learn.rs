@@ -72,7 +72,13 @@ impl Guide {
             let density = EVEN_SHARE + (1.0 - EVEN_SHARE) * share / open.cell.volume();
             Cell { density, ..open.cell }
         };
-        Self::of_cells(cells.iter().map(with_density).collect())
+        let dense: Vec<Cell> = cells.iter().map(with_density).collect();
+        let (mut own, mut even) = (0.0, 0.0);
+        for (open, cell) in cells.iter().zip(&dense) {
+            own += open.mass / cell.density;
+            even += open.mass;
+        }
+        Self::of_cells(dense, if even > 0.0 { own / even } else { 1.0 })
     }
 }
 

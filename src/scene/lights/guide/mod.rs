@@ -16,6 +16,8 @@ pub struct Guide {
     cells: Vec<Cell>,
     /// Upper end of each cell's share of the choices.
     cumulative: Vec<f64>,
+    /// Second moment of what it was learned from, over that of light paths that start evenly.
+    expected: f64,
 }
 
 /// A box of the unit cube.
@@ -47,18 +49,24 @@ impl Cell {
 impl Guide {
     /// All places alike: in proportion to what the lights emit there.
     pub fn even() -> Self {
-        Self::of_cells(vec![Cell::ALL])
+        Self::of_cells(vec![Cell::ALL], 1.0)
     }
 
     /// Of cells that fill the cube and whose densities have the mean 1.
-    fn of_cells(cells: Vec<Cell>) -> Self {
+    fn of_cells(cells: Vec<Cell>, expected: f64) -> Self {
         let mut sum = 0.0;
         let cumulative = cells.iter().map(|cell| {
             sum += cell.density * cell.volume();
             sum
         });
         let cumulative: Vec<f64> = cumulative.collect();
-        Self { cumulative: cumulative.iter().map(|end| end / sum).collect(), cells }
+        Self { cumulative: cumulative.iter().map(|end| end / sum).collect(), cells, expected }
+    }
+
+    /// Second moment of what light paths bring that start so, over that of those that start evenly: by what it was
+    /// learned from, hence less than it will be.
+    pub fn expected(&self) -> f64 {
+        self.expected
     }
 
     /// How many cells it has.
