@@ -14,12 +14,14 @@ mod haste;
 mod info;
 mod interrupts;
 mod layers;
+mod merge;
 mod optimize;
 mod optimize_plot;
 mod optimize_rows;
 mod optimize_text;
 mod outputs;
 mod page;
+mod part;
 mod predict;
 mod preview;
 mod progress;
@@ -27,6 +29,7 @@ mod render;
 mod render_files;
 mod render_inputs;
 mod render_report;
+mod render_task;
 mod reproduce;
 mod session;
 mod view;
@@ -52,6 +55,8 @@ struct Cli {
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
     Render(render::Args),
+    /// Make one image of the parts that several machines rendered with `render --part`
+    Merge(merge::Args),
     /// Measure the noise of a scene: coefficients that predict it at any numbers of paths
     Analyze(analyze::Args),
     /// Predict the noise at other numbers of paths from what `analyze` measured
@@ -76,6 +81,7 @@ enum Command {
 pub fn run() -> ExitCode {
     let output = match <Cli as clap::Parser>::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),

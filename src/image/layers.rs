@@ -2,6 +2,8 @@
 //!
 //! All sums are stored as those of the image are: tile after tile, rows within a tile.
 
+mod merge;
+
 use super::film::Tile;
 use crate::base::math::Rgb;
 use glam::{DVec3, Vec3};

@@ -15,6 +15,7 @@ pub use report::IterationReport;
 use crate::accel::Intersect;
 use crate::base::error::{Error, Result};
 use crate::base::memory::available_memory;
+use crate::base::numbers::Numbers;
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::image::counts::Counts;
@@ -48,8 +49,12 @@ pub struct Renderer<'a> {
     accel: &'a dyn Intersect,
     settings: Settings,
     view: View,
-    /// At least one; the last is under way.
+    /// At least one, by the numbers of their iterations.
     blocks: Vec<Block>,
+    /// The block under way.
+    current: usize,
+    /// Numbers of the iterations to render.
+    own: Numbers,
     grain: BatchGrain,
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
@@ -116,7 +121,9 @@ impl<'a> Renderer<'a> {
             scene,
             accel,
             view,
-            blocks: vec![Block::new(&settings, counts)],
+            blocks: vec![Block::new(&settings, 0, counts)],
+            current: 0,
+            own: Numbers::all(),
             settings,
             grain: BatchGrain::Tile,
             nesting: None,
@@ -164,7 +171,8 @@ impl<'a> Renderer<'a> {
         let pixels = self.settings.pixels();
         let features = kept.features || kept.parts;
         self.features = features.then(|| Features::new(pixels, kept.parts));
-        self.blocks = vec![Block::new(&self.settings, self.block().counts.clone()).keeping(kept)];
+        let counts = self.block().counts.clone();
+        self.blocks = vec![Block::new(&self.settings, 0, counts).keeping(kept)];
         Ok(Self { kept, ..self })
     }
 
@@ -206,8 +214,32 @@ impl<'a> Renderer<'a> {
                 "render at the --resolution that it was begun with",
             ));
         }
+        self.current = blocks.len() - 1;
         self.blocks = blocks;
         Ok(())
+    }
+
+    /// Renders none but the iterations of these numbers from now on.
+    #[must_use]
+    pub fn sharing(self, own: Numbers) -> Self {
+        Self { own, ..self }
+    }
+
+    /// Numbers of the iterations to render, those that there are included.
+    pub fn own(&self) -> &Numbers {
+        &self.own
+    }
+
+    /// Number of the next iteration in the block under way, among those of the whole image.
+    pub fn next(&self) -> u64 {
+        let block = self.block();
+        let open = Numbers::from(block.first..u64::MAX).without(&block.numbers);
+        open.within(&self.own).first().unwrap_or(u64::MAX)
+    }
+
+    /// How many iterations of the block under way go before the next one, whoever renders them.
+    pub fn turn(&self) -> u64 {
+        self.next() - self.block().first
     }
 
     /// Takes other counts from now on, in a new block; a block without iterations is replaced.
@@ -218,11 +250,29 @@ impl<'a> Renderer<'a> {
     /// # Panics
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
+        self.enter_block(self.iterations(), counts)
+    }
+
+    /// The same for the block whose first iteration has the number `first`, which may be there already.
+    ///
+    /// # Errors
+    /// If the counts are out of bounds, do not fit in the memory, or are not those of the block that is there.
+    ///
+    /// # Panics
+    /// If there are counts for another number of pixels.
+    pub fn enter_block(&mut self, first: u64, counts: Counts) -> Result<()> {
         counts.validate(&self.settings)?;
         check_memory(self.scene, &self.settings, self.kept, counts.light_paths)?;
-        self.blocks.pop_if(|block| block.film.iterations == 0);
-        self.blocks.push(Block::new(&self.settings, counts).keeping(self.kept));
-        Ok(())
+        self.blocks.retain(|block| block.film.iterations > 0);
+        self.current = self.blocks.partition_point(|block| block.first < first);
+        match self.blocks.get(self.current) {
+            Some(block) if block.first == first => block.check_counts(&counts),
+            _ => {
+                let block = Block::new(&self.settings, first, counts).keeping(self.kept);
+                self.blocks.insert(self.current, block);
+                Ok(())
+            }
+        }
     }
 
     /// The most light paths that take no more than half of the memory that is left.
@@ -257,14 +307,14 @@ impl<'a> Renderer<'a> {
         self.photon_map.any_at_every_vertex()
     }
 
-    /// All blocks; the last is under way.
+    /// All blocks, by the numbers of their iterations.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
     /// The block under way.
     pub fn block(&self) -> &Block {
-        self.blocks.last().expect("there is always one")
+        &self.blocks[self.current]
     }
 
     /// What was measured in the block under way.
@@ -301,15 +351,16 @@ impl<'a> Renderer<'a> {
     /// image, which is the same whether it is measured or not.
     ///
     /// # Panics
-    /// If it is to measure with fewer than two light paths.
+    /// If it is to measure with fewer than two light paths, or all its own iterations are there.
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
-        let iteration = self.iterations();
+        let iteration = self.next();
+        assert!(iteration < u64::MAX, "there are iterations to render");
         let Self { scene, accel, settings, view, grain, areas, light_paths, photon_map, .. } = self;
         let (kept, features) = (self.kept, self.features.as_mut());
         let all = kernel::Kernel::new(settings, areas.as_deref());
         let kernel = self.nesting.map_or(all, |class| all.nesting(class));
-        let block = self.blocks.last_mut().expect("there is one");
+        let block = &mut self.blocks[self.current];
 
         light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
         let build_time = photon_map.build(light_paths, kernel.reach());

@@ -7,6 +7,7 @@ pub mod plan;
 pub mod technique;
 
 use crate::base::error::Result;
+use crate::base::numbers::Numbers;
 use crate::noise::Measure;
 use crate::render::Renderer;
 use crate::render::block;
@@ -14,6 +15,7 @@ use crate::render::block::Block;
 use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
 use autopilot::{Promise, State};
 use plan::Plan;
+use std::ops::Range;
 
 /// Decides about counts and measuring while an image is rendered.
 pub trait Steer: Send + Sync {
@@ -41,6 +43,11 @@ pub trait Steer: Send + Sync {
         None
     }
 
+    /// What is rendered step by step, if that is known beforehand.
+    fn plan(&self) -> Option<&Plan> {
+        None
+    }
+
     /// What was promised, if anything.
     fn promise(&self) -> Option<&Promise> {
         None
@@ -54,10 +61,13 @@ pub struct Fixed;
 
 impl Steer for Fixed {
     fn steer(&mut self, renderer: &mut Renderer, _: f64) -> Result<Measure> {
-        let Block { counts, film, .. } = renderer.block();
-        let measures =
-            film.iterations < FIXED_PILOT || film.iterations.is_multiple_of(MEASURE_EVERY);
-        Ok(if measures && counts.can_measure() { Measure::Pairs } else { Measure::Off })
+        let turn = renderer.turn();
+        let measures = turn < FIXED_PILOT || turn.is_multiple_of(MEASURE_EVERY);
+        Ok(if measures && renderer.block().counts.can_measure() {
+            Measure::Pairs
+        } else {
+            Measure::Off
+        })
     }
 }
 
@@ -75,32 +85,43 @@ impl Steer for Measuring {
 #[derive(Clone, Debug)]
 pub struct Replay {
     plan: Plan,
-    /// Steps begun.
-    begun: usize,
+    /// Numbers of the iterations of each step.
+    ranges: Vec<Range<u64>>,
 }
 
 impl Replay {
-    /// Begins with the first step.
+    /// Begins with the first step of which there are iterations to render.
     pub fn new(plan: Plan) -> Self {
-        Self { plan, begun: 0 }
+        let ranges = plan.ranges();
+        Self { plan, ranges }
+    }
+
+    /// Whether the renderer still has iterations of the step to render.
+    fn is_open(range: &Range<u64>, renderer: &Renderer) -> bool {
+        let blocks = renderer.blocks();
+        let block = blocks.iter().find(|block| block.first == range.start);
+        let own = renderer.own().within(&Numbers::from(range.clone()));
+        !block.map_or(own.clone(), |block| own.without(&block.numbers)).is_empty()
     }
 }
 
 impl Steer for Replay {
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
-        let step = self.begun.checked_sub(1).map(|last| &self.plan.steps[last]);
-        let rendered = step.map(|step| step.rendered.map_or(u64::MAX, |r| r.iterations));
-        let over = rendered.is_none_or(|iterations| renderer.film().iterations >= iterations);
-        if over && let Some(next) = self.plan.steps.get(self.begun) {
-            renderer.begin_block(next.counts.clone())?;
-            self.begun += 1;
+        let open = self.ranges.iter().position(|range| Self::is_open(range, renderer));
+        let step = open.unwrap_or(self.ranges.len() - 1);
+        let (first, counts) = (self.ranges[step].start, &self.plan.steps[step].counts);
+        let block = renderer.block();
+        if block.first != first || block.counts != *counts {
+            renderer.enter_block(first, counts.clone())?;
         }
         Fixed.steer(renderer, elapsed)
     }
 
     fn weights(&self, blocks: &[Block], _: &[f64]) -> Vec<f64> {
-        let mut weights = self.plan.weights();
-        weights.truncate(blocks.len());
-        weights
+        self.plan.weights(blocks)
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        Some(&self.plan)
     }
 }
