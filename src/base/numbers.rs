@@ -180,6 +180,9 @@ mod tests {
         numbers.add(30);
         assert_eq!(numbers.to_string(), "0 to 7, 16 to 23, 30");
         assert_eq!(Numbers::all().without(&numbers).first(), Some(8));
-        assert!(!Numbers(vec![3..3]).is_consistent() && !Numbers(vec![0..2, 2..3]).is_consistent());
+        assert!(
+            !Numbers(vec![0..2, 3..3]).is_consistent()
+                && !Numbers(vec![0..2, 2..3]).is_consistent()
+        );
     }
 }

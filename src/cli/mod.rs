@@ -54,7 +54,7 @@ struct Cli {
 #[derive(clap::Subcommand)]
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Make one image of the parts that several machines rendered with `render --part`
     Merge(merge::Args),
     /// Measure the noise of a scene: coefficients that predict it at any numbers of paths

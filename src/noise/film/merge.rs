@@ -2,7 +2,6 @@
 
 use super::{BATCHES, BatchGrain, NoiseFilm, PixelNoise};
 use crate::image::film::Tile;
-use std::mem;
 
 impl NoiseFilm {
     /// Adds what other iterations of the same block measured, at the same grain.
@@ -46,12 +45,6 @@ impl NoiseFilm {
         }
         self.counts.iterations.iter_mut().zip(other.counts.iterations).for_each(|(n, m)| *n += m);
         self.iterations += other.iterations;
-    }
-
-    /// The sums without any iteration, which stay behind empty.
-    pub(crate) fn take(&mut self, tiles: impl Iterator<Item = Tile>) -> Self {
-        let empty = Self::new(tiles, self.grain);
-        mem::replace(self, empty)
     }
 }
 
