@@ -3,8 +3,9 @@
 use super::analyze_text::text;
 use super::json;
 use super::outputs::{self, Attempts, Output};
+use super::prepared::{Prepared, SessionArgs};
 use super::render_report::describe_counts;
-use super::session::{Prepared, RunReport, Session, SessionArgs};
+use super::session::{RunReport, Session};
 use bdpm::base::error::{Error, Result};
 use bdpm::image::film::Film;
 use bdpm::noise::Measure;
@@ -101,7 +102,7 @@ pub fn run(args: &Args) -> Result<String> {
         ("measuring", &counts),
     )?;
     let mut measuring = Measuring(args.estimator);
-    let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| Ok(None))?;
+    let stopped_by = session.iterate(&mut renderer, &mut measuring, None, |_, _, _| Ok(None))?;
     let film = renderer.film();
     session.progress.finish();
     if film.iterations < LEAST_ITERATIONS {

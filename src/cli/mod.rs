@@ -7,7 +7,9 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod convert;
+mod crew;
 mod darkness;
+mod follower;
 mod denoise;
 mod denoising;
 mod haste;
@@ -23,6 +25,7 @@ mod outputs;
 mod page;
 mod part;
 mod predict;
+mod prepared;
 mod preview;
 mod progress;
 mod render;
@@ -80,7 +83,7 @@ enum Command {
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
     let output = match <Cli as clap::Parser>::parse().command {
-        Command::Render(args) => render::run(&args),
+        Command::Render(args) => render::run(*args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),

@@ -1,17 +1,19 @@
 //! `bdpm render SCENE`: what is to be done.
 
 use super::analyze::check_counts;
+use super::crew::{Crew, Setup};
 use super::denoising::Denoising;
+use super::follower::follow;
 use super::layers::{LayerName, Layers};
 use super::page::Page;
 use super::part::Part;
+use super::prepared::{Begun, Prepared, SessionArgs};
 use super::render_files::Outputs;
 use super::render_inputs::{
     Counting, check_goal, check_grain, check_kept, fitting, fixed_counts, read_plan,
 };
 use super::render_task::Task;
 use super::say;
-use super::session::{Begun, Prepared, SessionArgs};
 use super::view::Place;
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
@@ -19,6 +21,8 @@ use bdpm::image::layers::Kept;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::optimize::Objective;
+use bdpm::ranks;
+use bdpm::ranks::Ranks;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
 use bdpm::settings::origin::Reuse;
@@ -103,7 +107,26 @@ pub struct Args {
     part: Option<Part>,
 }
 
-pub fn run(args: &Args) -> Result<String> {
+/// Renders by all processes that were begun together.
+pub fn run(mut args: Args) -> Result<String> {
+    let ranks = ranks::join()?;
+    let result = if ranks.is_first() {
+        lead(&args, &*ranks)
+    } else {
+        args.session.quiet = true;
+        follow(&args, &*ranks).map(|()| String::new())
+    };
+    if let Err(error) = &result
+        && ranks.count() > 1
+    {
+        say(&format!("error: {error}"));
+        ranks.abort();
+    }
+    result
+}
+
+fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
+    let crew = Crew::new(ranks);
     let mut outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
     let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
@@ -122,7 +145,10 @@ pub fn run(args: &Args) -> Result<String> {
         .map(|(origin, file)| begun(origin, file, Reuse::Resume))
         .or(plans.map(|(origin, file)| begun(origin, file, Reuse::Plan)));
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
+    let told = begun.map(|Begun { origin, file, reuse }| (origin.clone(), file.to_owned(), reuse));
+    crew.as_ref().map_or(Ok(()), |crew| crew.begin(told))?;
     let mut prepared = Prepared::new(&args.session, begun)?;
+    crew.as_ref().map_or(Ok(()), |crew| crew.muster(&prepared))?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
@@ -144,7 +170,8 @@ pub fn run(args: &Args) -> Result<String> {
     // Borrows no more than it needs: the origin is still to change.
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
-    let mut renderer = prepared.threads.install(|| Renderer::new(scene, accel, settings))?;
+    let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
+    let mut renderer = new?.as_one_of(ranks.count());
     let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
         Counting::Automatic if resumed.is_none() => {
@@ -163,20 +190,21 @@ pub fn run(args: &Args) -> Result<String> {
             ..settings
         };
         goal.bias2 = chosen.best().bias.powi(2);
-        renderer = renderer.like(prepared.origin.settings.clone())?;
+        renderer = renderer.like(prepared.origin.settings.clone())?.as_one_of(ranks.count());
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;
     }
+    let mut grain = BatchGrain::Tile;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
         if !matches!(counting, Counting::Automatic) {
             check_counts(settings)?;
         }
         check_memory(settings.width, settings.height)?;
-        renderer = renderer.with_batches(BatchGrain::Pixel);
+        grain = BatchGrain::Pixel;
     }
-    renderer = renderer.keeping(args.kept())?;
+    renderer = renderer.with_batches(grain).keeping(args.kept())?;
     if let Some(share) = &share {
         renderer = renderer.sharing(share.own.clone());
         if !args.session.quiet {
@@ -194,11 +222,26 @@ pub fn run(args: &Args) -> Result<String> {
         renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
         check_kept(args, renderer.kept())?;
     }
+    if let Some(crew) = &crew {
+        let (settings, kept) = (prepared.origin.settings.clone(), renderer.kept());
+        crew.set_up(Setup { settings, grain, kept })?;
+    }
     let automatic = matches!(counting, Counting::Automatic);
     let prepared = &prepared;
     let whole = share.map(|share| share.whole);
-    let task =
-        Task { args, prepared, goal, outputs, page, whole, automatic, chosen, denoising, start };
+    let task = Task {
+        args,
+        prepared,
+        goal,
+        outputs,
+        page,
+        crew,
+        whole,
+        automatic,
+        chosen,
+        denoising,
+        start,
+    };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),

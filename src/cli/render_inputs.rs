@@ -1,7 +1,7 @@
 //! What `bdpm render` goes on with, plans and times: whether they fit.
 
+use super::prepared::Prepared;
 use super::render::Args;
-use super::session::Prepared;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;
 use bdpm::image::layers::Kept;

@@ -1,16 +1,18 @@
 //! A render from the first iteration to the last file.
 
 use super::analyze::noise_file;
+use super::crew::Crew;
 use super::darkness;
 use super::denoising::Denoising;
 use super::json;
 use super::layers::Layers;
 use super::outputs::Attempts;
 use super::page::{Moment, Page};
+use super::prepared::Prepared;
 use super::render::Args;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
-use super::session::{Prepared, Session};
+use super::session::Session;
 use super::view::View;
 use bdpm::base::error::Result;
 use bdpm::files::checkpoint::Whole;
@@ -34,6 +36,8 @@ pub struct Task<'a> {
     pub goal: Goal,
     pub outputs: Outputs,
     pub page: Option<Page>,
+    /// The other processes, if there are any.
+    pub crew: Option<Crew<'a>>,
     /// What this is a part of, if it is.
     pub whole: Option<Whole>,
     /// Whether counts are chosen on the way.
@@ -49,7 +53,7 @@ impl Task<'_> {
     /// Renders to the goal, writes the files and tells of it.
     pub fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
         let Self { args, prepared, goal, outputs, whole, automatic, chosen, .. } = self;
-        let Self { mut page, denoising, start, .. } = self;
+        let Self { mut page, mut crew, denoising, start, .. } = self;
         page.as_mut().map_or(Ok(()), |page| page.announce(prepared))?;
         let layers = Layers::new(&args.layers);
         let origin = &prepared.origin;
@@ -70,8 +74,11 @@ impl Task<'_> {
         let mut view = place.map(|place| View::new(place, &name(&args.output), &session.progress));
         session.denoising = denoising;
         let mut schedule = Schedule::new(prepared.origin.settings.pixels());
-        let stopped_by =
-            session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
+        let stopped_by = session.iterate(
+            &mut renderer,
+            &mut steer,
+            crew.as_mut(),
+            |session, renderer, steer| {
                 let image = || combined(renderer, steer, goal.objective);
                 if session.denoises_enough(renderer, image)? {
                     return Ok(Some(StoppedBy::Target));
@@ -116,7 +123,11 @@ impl Task<'_> {
                     );
                 }
                 Ok(None)
-            })?;
+            },
+        )?;
+        if let Some(crew) = crew {
+            crew.dismiss()?;
+        }
         let half_way = session.half_way();
         // What was asked for first, and all of it whatever fails.
         let image = combined(&renderer, &steer, goal.objective);

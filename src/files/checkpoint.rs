@@ -8,6 +8,7 @@ use crate::base::error::{Error, Result};
 use crate::base::input::read_if_begins;
 use crate::base::numbers::Numbers;
 use crate::image::layers::Features;
+use crate::render::Sums;
 use crate::render::block::{Block, Clock};
 use crate::scene::Region;
 use crate::settings::origin::Origin;
@@ -128,6 +129,12 @@ impl<'a> Checkpoint<'a> {
 }
 
 impl Checkpoint<'static> {
+    /// Takes out its sums.
+    pub fn take_sums(&mut self) -> Sums {
+        let features = self.features.take().map(Cow::into_owned);
+        Sums::new(std::mem::take(self.blocks.to_mut()), features)
+    }
+
     /// Reads a checkpoint.
     ///
     /// # Errors

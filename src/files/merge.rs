@@ -3,10 +3,10 @@
 use super::checkpoint::{Checkpoint, Whole};
 use crate::base::error::{Error, Result};
 use crate::base::numbers::Numbers;
-use crate::image::layers::Features;
 use crate::render::block::Block;
 use crate::settings::origin::{Origin, Reuse};
 use crate::steer::plan::Plan;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// What the parts make together.
@@ -56,22 +56,19 @@ pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     }
     check_agree(&heads)?;
     heads.sort_by_key(|head| head.numbers.first().unwrap_or(u64::MAX));
-    let mut sums: Option<Sums> = None;
-    for Head { path, .. } in &heads {
-        let next = Checkpoint::load(path)?;
-        match &mut sums {
-            None => sums = Some(Sums::new(next)),
-            Some(sums) => sums.add(next).map_err(|e| e.at(*path))?,
-        }
+    let mut checkpoint = Checkpoint::load(heads[0].path)?;
+    let mut sums = checkpoint.take_sums();
+    for Head { path, .. } in &heads[1..] {
+        let next = Checkpoint::load(path)?.take_sums();
+        sums.add(next).map_err(|e| e.at(*path))?;
     }
-    let Sums { checkpoint, features } = sums.expect("there is a file");
-    let all = numbers(&checkpoint.blocks);
+    let all = numbers(&sums.blocks);
     let whole = heads.iter().find_map(|head| head.whole);
     let missing = missing(&all, whole);
     // Nothing is a part any more that lacks nothing.
     let whole = whole.filter(|_| !missing.is_empty());
-    let features = features.map(std::borrow::Cow::Owned);
-    let checkpoint = Checkpoint { features, whole, ..checkpoint };
+    let (blocks, features) = (Cow::Owned(sums.blocks), sums.features.map(Cow::Owned));
+    let checkpoint = Checkpoint { blocks, features, whole, ..checkpoint };
     Ok(Merged { checkpoint, missing, unreadable, files: heads.len() })
 }
 
@@ -124,42 +121,6 @@ fn check_agree(heads: &[Head]) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// Sums of the files so far.
-struct Sums {
-    checkpoint: Checkpoint<'static>,
-    features: Option<Features>,
-}
-
-impl Sums {
-    fn new(mut checkpoint: Checkpoint<'static>) -> Self {
-        let features = checkpoint.features.take().map(std::borrow::Cow::into_owned);
-        Self { checkpoint, features }
-    }
-
-    fn add(&mut self, other: Checkpoint) -> Result<()> {
-        let blocks = self.checkpoint.blocks.to_mut();
-        let same = match (&mut self.features, &other.features) {
-            (Some(features), Some(others)) => features.merge(others),
-            (None, None) => true,
-            _ => false,
-        };
-        if !same {
-            return Err(Error::new(
-                "it does not keep what the others do",
-                "render all parts with the same --layers, --noise and --denoise",
-            ));
-        }
-        for block in other.blocks.into_owned() {
-            let at = blocks.partition_point(|own| own.first < block.first);
-            match blocks.get_mut(at).filter(|own| own.first == block.first) {
-                Some(own) => own.merge(&block)?,
-                None => blocks.insert(at, block),
-            }
-        }
-        Ok(())
-    }
 }
 
 /// What is missing to a whole, or else between the first iteration and the last.

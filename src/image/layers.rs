@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub const PARTS: usize = 8;
 
 /// What is to be kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Kept {
     /// Light by kind: [`LightSums`].
     pub light: bool,

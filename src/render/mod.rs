@@ -5,12 +5,14 @@ pub mod block;
 mod layers;
 mod memory;
 mod report;
+mod sharing;
 mod tile_paths;
 mod tiles;
 mod worker;
 
 pub use memory::light_paths_in;
 pub use report::IterationReport;
+pub use sharing::Sums;
 
 use crate::accel::Intersect;
 use crate::base::error::{Error, Result};
@@ -55,6 +57,8 @@ pub struct Renderer<'a> {
     current: usize,
     /// Numbers of the iterations to render.
     own: Numbers,
+    /// Processes that render this image together.
+    ranks: u32,
     grain: BatchGrain,
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
@@ -124,6 +128,7 @@ impl<'a> Renderer<'a> {
             blocks: vec![Block::new(&settings, 0, counts)],
             current: 0,
             own: Numbers::all(),
+            ranks: 1,
             settings,
             grain: BatchGrain::Tile,
             nesting: None,
@@ -219,29 +224,6 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    /// Renders none but the iterations of these numbers from now on.
-    #[must_use]
-    pub fn sharing(self, own: Numbers) -> Self {
-        Self { own, ..self }
-    }
-
-    /// Numbers of the iterations to render, those that there are included.
-    pub fn own(&self) -> &Numbers {
-        &self.own
-    }
-
-    /// Number of the next iteration in the block under way, among those of the whole image.
-    pub fn next(&self) -> u64 {
-        let block = self.block();
-        let open = Numbers::from(block.first..u64::MAX).without(&block.numbers);
-        open.within(&self.own).first().unwrap_or(u64::MAX)
-    }
-
-    /// How many iterations of the block under way go before the next one, whoever renders them.
-    pub fn turn(&self) -> u64 {
-        self.next() - self.block().first
-    }
-
     /// Takes other counts from now on, in a new block; a block without iterations is replaced.
     ///
     /// # Errors
@@ -251,28 +233,6 @@ impl<'a> Renderer<'a> {
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
         self.enter_block(self.iterations(), counts)
-    }
-
-    /// The same for the block whose first iteration has the number `first`, which may be there already.
-    ///
-    /// # Errors
-    /// If the counts are out of bounds, do not fit in the memory, or are not those of the block that is there.
-    ///
-    /// # Panics
-    /// If there are counts for another number of pixels.
-    pub fn enter_block(&mut self, first: u64, counts: Counts) -> Result<()> {
-        counts.validate(&self.settings)?;
-        check_memory(self.scene, &self.settings, self.kept, counts.light_paths)?;
-        self.blocks.retain(|block| block.film.iterations > 0);
-        self.current = self.blocks.partition_point(|block| block.first < first);
-        match self.blocks.get(self.current) {
-            Some(block) if block.first == first => block.check_counts(&counts),
-            _ => {
-                let block = Block::new(&self.settings, first, counts).keeping(self.kept);
-                self.blocks.insert(self.current, block);
-                Ok(())
-            }
-        }
     }
 
     /// The most light paths that take no more than half of the memory that is left.
@@ -391,7 +351,8 @@ impl<'a> Renderer<'a> {
             features.end_iteration(iteration);
         }
         let report =
-            IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start);
+            IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start)
+                .as_one_of(self.ranks);
         block.clock.add(measure, &report.times);
         report
     }

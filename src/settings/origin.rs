@@ -21,7 +21,7 @@ pub struct Origin {
 }
 
 /// What is done with an image that was begun.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reuse {
     /// Its iterations are gone on with.
     Resume,

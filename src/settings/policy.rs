@@ -179,6 +179,14 @@ pub const LEAST_ITERATIONS: f64 = 16.0;
 /// may choose again.
 pub const LEAST_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
 
+/// The same for every one of several processes that share them: so that none ends long before another.
+pub const LEAST_ITERATIONS_OF_RANK: f64 = 8.0;
+
+/// [`LEAST_ITERATIONS_AFTER_CHOICE`] of so many processes.
+pub fn least_iterations_after_choice(ranks: u32) -> f64 {
+    LEAST_ITERATIONS_AFTER_CHOICE.max(LEAST_ITERATIONS_OF_RANK * f64::from(ranks))
+}
+
 /// Iterations at chosen counts before anything is promised or chosen anew: enough for a sample variance
 /// of the pooled noise within a few percent.
 pub const FIRST_ITERATIONS: u64 = 12;

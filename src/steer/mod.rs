@@ -8,6 +8,7 @@ pub mod technique;
 
 use crate::base::error::Result;
 use crate::base::numbers::Numbers;
+use crate::image::counts::Counts;
 use crate::noise::Measure;
 use crate::render::Renderer;
 use crate::render::block;
@@ -15,7 +16,25 @@ use crate::render::block::Block;
 use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
 use autopilot::{Promise, State};
 use plan::Plan;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// Which iterations of a block are measured, by how many go before them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Schedule {
+    /// The first ones.
+    pub pilot: u64,
+    /// Then one in so many.
+    pub every: u64,
+}
+
+impl Schedule {
+    /// Whether to measure the one after `turn` others at these counts.
+    pub fn measure(self, turn: u64, counts: &Counts) -> Measure {
+        let measures = turn < self.pilot || turn.is_multiple_of(self.every);
+        if measures && counts.can_measure() { Measure::Pairs } else { Measure::Off }
+    }
+}
 
 /// Decides about counts and measuring while an image is rendered.
 pub trait Steer: Send + Sync {
@@ -25,6 +44,16 @@ pub trait Steer: Send + Sync {
     /// # Errors
     /// If other counts are to be taken and do not fit in the memory.
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure>;
+
+    /// What is measured of the iterations that follow before the next decision.
+    fn schedule(&self) -> Schedule {
+        Schedule { pilot: FIXED_PILOT, every: MEASURE_EVERY }
+    }
+
+    /// Numbers of the iterations that the block may have that begins with the number `first`.
+    fn range(&self, first: u64) -> Range<u64> {
+        first..u64::MAX
+    }
 
     /// Weight of an iteration of each block, for pixels of such importance.
     fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
@@ -61,13 +90,7 @@ pub struct Fixed;
 
 impl Steer for Fixed {
     fn steer(&mut self, renderer: &mut Renderer, _: f64) -> Result<Measure> {
-        let turn = renderer.turn();
-        let measures = turn < FIXED_PILOT || turn.is_multiple_of(MEASURE_EVERY);
-        Ok(if measures && renderer.block().counts.can_measure() {
-            Measure::Pairs
-        } else {
-            Measure::Off
-        })
+        Ok(self.schedule().measure(renderer.turn(), &renderer.block().counts))
     }
 }
 
@@ -115,6 +138,11 @@ impl Steer for Replay {
             renderer.enter_block(first, counts.clone())?;
         }
         Fixed.steer(renderer, elapsed)
+    }
+
+    fn range(&self, first: u64) -> Range<u64> {
+        let range = self.ranges.iter().find(|range| range.start == first);
+        range.cloned().unwrap_or(first..u64::MAX)
     }
 
     fn weights(&self, blocks: &[Block], _: &[f64]) -> Vec<f64> {
