@@ -17,7 +17,7 @@ use bdpm::steer::goal::Goal;
 use bdpm::steer::{Schedule, Steer};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Time of iterations per time of exchange.
 const ITERATE_SHARE: f64 = 100.0;
@@ -59,11 +59,14 @@ pub struct Order {
 pub struct Haul {
     pub sums: Sums,
     pub totals: Totals,
+    /// Whether any was asked to end.
+    pub is_interrupted: bool,
 }
 
 impl Haul {
     pub fn add(&mut self, other: Self) -> Result<()> {
         self.totals.join(&other.totals);
+        self.is_interrupted |= other.is_interrupted;
         self.sums.add(other.sums)
     }
 }
@@ -126,11 +129,13 @@ impl<'a> Crew<'a> {
         for rank in 1..self.ranks.count() {
             self.ranks.wait(rank);
             let ready: Ready = bdpm::ranks::decode(&self.ranks.receive(rank))?;
-            let agrees = ready.map_err(|problem| {
-                Error::new(problem, "give all machines the same files and the same program")
+            let agrees = ready.and_then(|own| {
+                own.check_agrees(&prepared.origin, Reuse::Merge).map_err(|e| e.to_string())
             });
-            let agrees = agrees.and_then(|own| own.check_agrees(&prepared.origin, Reuse::Merge));
-            agrees.map_err(|e| Error::new(format!("rank {rank}: {e}"), "see above"))?;
+            agrees.map_err(|problem| {
+                let advice = "give all machines the same files and the same program";
+                Error::new(format!("rank {rank}: {problem}"), advice)
+            })?;
         }
         Ok(())
     }
@@ -168,15 +173,18 @@ impl<'a> Crew<'a> {
         renderer.share(all);
         let before = self.exchange.adding.get();
         let haul = self.ranks.reduce(Haul::default(), &self.exchange, Haul::add)?;
-        let Haul { sums, totals } = haul.unwrap_or_default();
+        let Haul { sums, totals, is_interrupted } = haul.unwrap_or_default();
         let adding = Instant::now();
         renderer.add_sums(sums)?;
         let adding = self.exchange.adding.get() + adding.elapsed();
         self.exchange.adding.set(adding);
         self.adding = (adding - before).as_secs_f64();
         session.totals.join(&totals);
-        let waiting = self.exchange.waiting.get();
-        session.shared = Shared { ranks: self.ranks.count(), waiting, adding };
+        if is_interrupted {
+            session.interrupt();
+        }
+        let (waiting, bytes) = (self.exchange.waiting.get(), self.exchange.bytes.get());
+        session.shared = Shared { ranks: self.ranks.count(), waiting, adding, bytes };
         self.lengthen();
         Ok(())
     }
@@ -201,7 +209,7 @@ impl<'a> Crew<'a> {
         if let Some(time) = time
             && self.tau > 0.0
         {
-            let left = time.saturating_sub(session.elapsed() + Duration::ZERO).as_secs_f64();
+            let left = time.saturating_sub(session.elapsed()).as_secs_f64();
             each = each.min(within(left - self.adding));
         }
         if let Some(forecast) = session.status.forecast

@@ -29,7 +29,7 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
     let Setup { settings, grain, kept } = ranks.broadcast(None)?;
     let new = || Renderer::new(&prepared.scene, &*prepared.accel, settings);
     let renderer = prepared.threads.install(new)?.with_batches(grain).keeping(kept)?;
-    let mut renderer = renderer.as_one_of(ranks.count());
+    let mut renderer = renderer.one_of(ranks.count());
     let interrupted = catch_interrupts(Progress::new(Goal::default(), true))?;
     let exchange = Exchange::default();
     while let Some(Order { block, schedule, numbers }) = ranks.broadcast::<Option<Order>>(None)? {
@@ -42,7 +42,8 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
         let told = |report: &_, _| totals.add(report);
         render_own((&prepared, &mut renderer), (own, schedule), is_over, told);
         let sums = renderer.take_sums();
-        ranks.reduce(Haul { sums, totals }, &exchange, Haul::add)?;
+        let haul = Haul { sums, totals, is_interrupted: is_over() };
+        ranks.reduce(haul, &exchange, Haul::add)?;
     }
     Ok(())
 }

@@ -171,7 +171,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
     let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
-    let mut renderer = new?.as_one_of(ranks.count());
+    let mut renderer = new?.one_of(ranks.count());
     let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
         Counting::Automatic if resumed.is_none() => {
@@ -190,7 +190,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
             ..settings
         };
         goal.bias2 = chosen.best().bias.powi(2);
-        renderer = renderer.like(prepared.origin.settings.clone())?.as_one_of(ranks.count());
+        renderer = renderer.like(prepared.origin.settings.clone())?.one_of(ranks.count());
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;

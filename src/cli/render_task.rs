@@ -66,6 +66,10 @@ impl Task<'_> {
         } else {
             describe_counts(renderer.block())
         };
+        let announced = match renderer.ranks() {
+            1 => announced,
+            ranks => format!("{announced}, {ranks} processes"),
+        };
         let quiet = args.session.quiet;
         let session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
         let mut session = session.begun_at(start);

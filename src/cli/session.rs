@@ -24,9 +24,10 @@ pub struct RunReport<'a> {
     scene: &'a str,
     fingerprint: String,
     backend: &'a str,
-    threads: usize,
-    /// Processes, each of so many threads.
-    ranks: u32,
+    pub threads: usize,
+    /// Processes, each of so many threads, and bytes that the first received from others.
+    pub ranks: u32,
+    received_bytes: u64,
     settings: &'a Settings,
     /// Of the image, and of this run.
     pub iterations: u64,
@@ -81,11 +82,13 @@ pub struct Past {
 }
 
 /// What is to be told of several processes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Shared {
     pub ranks: u32,
     pub waiting: Duration,
     pub adding: Duration,
+    /// Received by this one.
+    pub bytes: u64,
 }
 
 /// Time between two looks at the whole image's noise, seconds, once some have passed.
@@ -150,7 +153,7 @@ impl<'a> Session<'a> {
             start,
             first: start,
             interrupted,
-            shared: Shared { ranks: 1, waiting: Duration::ZERO, adding: Duration::ZERO },
+            shared: Shared { ranks: 1, ..Shared::default() },
             denoising: None,
         })
     }
@@ -169,6 +172,11 @@ impl<'a> Session<'a> {
     pub fn count(&mut self, report: &IterationReport, number: u64) {
         self.totals.add(report);
         self.warn_of_bad_pixels(report, number);
+    }
+
+    /// Lets it end as Ctrl-C does.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Relaxed);
     }
 
     /// Whether the user wants it to end.
@@ -368,6 +376,7 @@ impl<'a> Session<'a> {
             backend: &origin.backend,
             threads,
             ranks: self.shared.ranks,
+            received_bytes: self.shared.bytes,
             settings: &origin.settings,
             iterations,
             new_iterations: new,

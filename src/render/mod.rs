@@ -232,7 +232,8 @@ impl<'a> Renderer<'a> {
     /// # Panics
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
-        self.enter_block(self.iterations(), counts)
+        let end = |block: &Block| block.numbers.ranges().last().map_or(0, |range| range.end);
+        self.enter_block(self.blocks.iter().map(end).max().unwrap_or(0), counts)
     }
 
     /// The most light paths that take no more than half of the memory that is left.
@@ -352,7 +353,7 @@ impl<'a> Renderer<'a> {
         }
         let report =
             IterationReport::new(light_paths, build_time, photon_map, &mut self.workers, start)
-                .as_one_of(self.ranks);
+                .one_of(self.ranks);
         block.clock.add(measure, &report.times);
         report
     }

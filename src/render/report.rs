@@ -46,7 +46,7 @@ impl IterationReport {
     }
 
     /// The same with times per iteration of so many processes together.
-    pub(super) fn as_one_of(mut self, ranks: u32) -> Self {
+    pub(super) fn one_of(mut self, ranks: u32) -> Self {
         self.times = self.times / ranks;
         self
     }

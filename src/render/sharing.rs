@@ -87,7 +87,7 @@ impl Renderer<'_> {
 
     /// Is one of so many processes that render the image together: times are those of all of them, per iteration.
     #[must_use]
-    pub fn as_one_of(self, ranks: u32) -> Self {
+    pub fn one_of(self, ranks: u32) -> Self {
         Self { ranks, ..self }
     }
 
