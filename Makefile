@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser build demo test check bench memcheck check-package check-report check-mitsuba
+.PHONY: setup denoiser mpi build demo test check bench memcheck check-package check-report check-mitsuba
 
 setup:
 	@scripts/setup.sh
@@ -12,6 +12,10 @@ setup:
 # Intel Open Image Denoise for `bdpm render --denoise`: 53 MB, which nobody needs who does not denoise.
 denoiser:
 	@scripts/denoiser.sh
+
+# Open MPI for `cargo build --features mpi` (docs/clusters.md): who renders on one machine needs none.
+mpi: setup
+	@scripts/mpi.sh
 
 build: setup
 	$(CARGO) build $(FLAGS) --release
@@ -30,12 +34,13 @@ test: setup denoiser
 	$(CARGO) test $(FLAGS) --workspace
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 
-# The long statistical tables; the program without Embree, and the library alone.
+# The long statistical tables; renders by several processes; the program without Embree, and the library alone.
 check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
+	CARGO=$(CARGO) scripts/check-ranks.sh
 	$(CARGO) test $(FLAGS) --benches --no-run
 
 # Small scenes held against Mitsuba's own renders, where Python and its wheel are at hand; some minutes.

@@ -24,7 +24,6 @@ use bdpm::settings::origin::Origin;
 use bdpm::{Renderer, Settings};
 use clap::Parser;
 use denoised::{Found, Reference, compare};
-use std::borrow::Cow;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -127,9 +126,7 @@ fn reference(args: &Args, scene: &bdpm::Scene, settings: &Settings, n: u64) -> R
     while renderer.iterations() < n {
         renderer.iterate(Measure::Off);
         if renderer.iterations() % 64 == 0 || renderer.iterations() == n {
-            let blocks = Cow::Borrowed(renderer.blocks());
-            let origin = origin.clone();
-            Checkpoint { origin, blocks, features: None, autopilot: None }.save(&path)?;
+            Checkpoint::new(origin.clone(), renderer.blocks()).save(&path)?;
         }
     }
     Ok(Reference::of(renderer.film()))

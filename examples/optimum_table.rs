@@ -123,6 +123,7 @@ fn candidates(
         kernel: false,
         radius: false,
         caustic_radius: false,
+        guide: false,
     };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;

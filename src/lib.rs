@@ -20,6 +20,8 @@ pub mod optimize;
 pub mod steer;
 pub mod denoise;
 pub mod files;
+#[doc(hidden)] // the program's own
+pub mod ranks;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // the program's own
 pub mod page;

@@ -23,8 +23,14 @@ pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 const REFERENCE: f64 = 40.0;
 
 /// Nothing is left to the program but counts.
-pub const NONE: Open =
-    Open { strategy: false, direct: false, kernel: false, radius: false, caustic_radius: false };
+pub const NONE: Open = Open {
+    strategy: false,
+    direct: false,
+    kernel: false,
+    radius: false,
+    caustic_radius: false,
+    guide: false,
+};
 
 /// A scene at a size.
 pub struct Subject<'a> {

@@ -1,5 +1,5 @@
-//! What all stages use: errors, vectors and sampling, random numbers, memory, files: which one a path stands for,
-//! those that are read, and those that appear whole.
+//! What all stages use: errors, vectors and sampling, random numbers, sets of numbers, memory, files: which one a path
+//! stands for, those that are read, and those that appear whole.
 
 pub mod atomic;
 pub mod error;
@@ -7,5 +7,6 @@ pub mod identity;
 pub mod input;
 pub mod math;
 pub(crate) mod memory;
+pub mod numbers;
 pub(crate) mod pool;
 pub mod rng;

@@ -3,8 +3,9 @@
 use super::analyze_text::text;
 use super::json;
 use super::outputs::{self, Attempts, Output};
+use super::prepared::{Prepared, SessionArgs};
 use super::render_report::describe_counts;
-use super::session::{Prepared, RunReport, Session, SessionArgs};
+use super::session::{RunReport, Session};
 use bdpm::base::error::{Error, Result};
 use bdpm::image::film::Film;
 use bdpm::noise::Measure;
@@ -15,7 +16,9 @@ use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
 use bdpm::pictures::Value;
+use bdpm::scene::Region;
 use bdpm::settings::Settings;
+use bdpm::settings::origin::Origin;
 use bdpm::steer::Measuring;
 use bdpm::steer::goal::{Goal, StoppedBy};
 use serde::Serialize;
@@ -99,7 +102,7 @@ pub fn run(args: &Args) -> Result<String> {
         ("measuring", &counts),
     )?;
     let mut measuring = Measuring(args.estimator);
-    let stopped_by = session.iterate(&mut renderer, &mut measuring, |_, _, _| Ok(None))?;
+    let stopped_by = session.iterate(&mut renderer, &mut measuring, None, |_, _, _| Ok(None))?;
     let film = renderer.film();
     session.progress.finish();
     if film.iterations < LEAST_ITERATIONS {
@@ -112,7 +115,8 @@ pub fn run(args: &Args) -> Result<String> {
     let noise = renderer.noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
-    let mut file = noise_file(&prepared, film, noise, args.estimator);
+    let mut file =
+        noise_file((&prepared.origin, &prepared.scene.regions), film, noise, args.estimator);
     let light_paths = session.totals.iterations as f64 * f64::from(settings.light_paths);
     let photons = session.totals.photons as f64 / light_paths;
     file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), Value::Number(photons));
@@ -146,17 +150,17 @@ pub fn run(args: &Args) -> Result<String> {
 
 /// What was measured, with all that it takes to measure it again.
 pub fn noise_file(
-    prepared: &Prepared,
+    (origin, regions): (&Origin, &[Region]),
     film: &Film,
     noise: NoiseImage,
     estimator: Measure,
 ) -> NoiseFile {
-    let mut facts = prepared.origin.to_metadata();
+    let mut facts = origin.to_metadata();
     facts.insert("iterations".into(), Value::Number(film.iterations as f64));
     let estimator = serde_json::to_value(estimator).expect("a plain name");
     let estimator = estimator.as_str().unwrap_or_default().to_owned();
     facts.insert("estimator".into(), Value::Text(estimator));
-    let regions = prepared.scene.regions.clone();
+    let regions = regions.to_vec();
     NoiseFile { noise, pixels: film.mean(), regions, facts }
 }
 

@@ -3,8 +3,8 @@
 use super::interrupts::catch_interrupts;
 use super::json;
 use super::outputs::{self, Output};
+use super::prepared::{Prepared, SessionArgs};
 use super::progress::{Progress, Status, Totals};
-use super::session::{Prepared, SessionArgs};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::Measure;
 use bdpm::render::Renderer;

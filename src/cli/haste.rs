@@ -1,6 +1,6 @@
 //! Whether anything can be rendered in the time that is given.
 
-use super::session::Prepared;
+use super::prepared::Prepared;
 use super::{human_time, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;

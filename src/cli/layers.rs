@@ -1,9 +1,9 @@
 //! What an image file has beside the image: `--layers`.
 
 use bdpm::base::math::Rgb;
-use bdpm::image::layers::{FAR, Kept, LightSums};
+use bdpm::image::film::Film;
+use bdpm::image::layers::{FAR, Features, Kept, LightSums};
 use bdpm::pictures::Layer;
-use bdpm::render::Renderer;
 use bdpm::render::block::Combined;
 use glam::Vec3;
 
@@ -63,8 +63,8 @@ impl Layers {
     }
 
     /// Of what was kept, `pixels` being the image; the sum of all light is the image.
-    pub fn of(&self, renderer: &Renderer, image: &Combined, pixels: &[Rgb]) -> Vec<Layer> {
-        let mut layers = self.seen(renderer);
+    pub fn of(&self, features: Option<&Features>, image: &Combined, pixels: &[Rgb]) -> Vec<Layer> {
+        let mut layers = self.seen(features, &image.blocks()[0].film);
         if self.kept().light
             && let Some(light) = image.light()
         {
@@ -73,11 +73,10 @@ impl Layers {
         layers
     }
 
-    fn seen(&self, renderer: &Renderer) -> Vec<Layer> {
-        let Some(features) = renderer.features().filter(|_| self.kept().features) else {
+    fn seen(&self, features: Option<&Features>, film: &Film) -> Vec<Layer> {
+        let Some(features) = features.filter(|_| self.kept().features) else {
             return Vec::new();
         };
-        let film = renderer.film();
         let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, FAR); film.pixels()];
         film.zip(&mut seen, |seen, at| {
             let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));

@@ -7,26 +7,32 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod convert;
+mod crew;
 mod darkness;
+mod follower;
 mod denoise;
 mod denoising;
 mod haste;
 mod info;
 mod interrupts;
 mod layers;
+mod merge;
 mod optimize;
 mod optimize_plot;
 mod optimize_rows;
 mod optimize_text;
 mod outputs;
 mod page;
+mod part;
 mod predict;
+mod prepared;
 mod preview;
 mod progress;
 mod render;
 mod render_files;
 mod render_inputs;
 mod render_report;
+mod render_task;
 mod reproduce;
 mod session;
 mod view;
@@ -51,7 +57,9 @@ struct Cli {
 #[derive(clap::Subcommand)]
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
-    Render(render::Args),
+    Render(Box<render::Args>),
+    /// Make one image of the parts that several machines rendered with `render --part`
+    Merge(merge::Args),
     /// Measure the noise of a scene: coefficients that predict it at any numbers of paths
     Analyze(analyze::Args),
     /// Predict the noise at other numbers of paths from what `analyze` measured
@@ -75,7 +83,8 @@ enum Command {
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
     let output = match <Cli as clap::Parser>::parse().command {
-        Command::Render(args) => render::run(&args),
+        Command::Render(args) => render::run(*args),
+        Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),

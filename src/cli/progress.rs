@@ -5,6 +5,7 @@ use bdpm::image::PhaseTimes;
 use bdpm::render::IterationReport;
 use bdpm::steer::goal::{Forecast, Goal, Standing};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::io::{self, IsTerminal};
 use std::sync::{Arc, Mutex};
@@ -25,7 +26,7 @@ pub struct Status {
 }
 
 /// What this run has done.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Totals {
     /// Iterations of this run.
     pub iterations: u64,
@@ -47,6 +48,15 @@ impl Totals {
         self.photons += report.photons as u64;
         self.non_finite += report.non_finite.len() as u64;
         self.times += report.times;
+    }
+
+    /// Adds what another process has done.
+    pub fn join(&mut self, other: &Self) {
+        self.iterations += other.iterations;
+        self.rays += other.rays;
+        self.photons += other.photons;
+        self.non_finite += other.non_finite;
+        self.times += other.times;
     }
 
     /// Rays per second of wall-clock time.

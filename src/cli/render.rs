@@ -1,40 +1,40 @@
-//! `bdpm render SCENE`.
+//! `bdpm render SCENE`: what is to be done.
 
-use super::analyze::{check_counts, noise_file};
-use super::darkness;
+use super::analyze::check_counts;
+use super::crew::{Crew, Setup};
 use super::denoising::Denoising;
+use super::follower::follow;
 use super::layers::{LayerName, Layers};
-use super::outputs::Attempts;
-use super::page::{Moment, Page};
-use super::render_files::{Outputs, Schedule, Writer};
+use super::page::Page;
+use super::part::Part;
+use super::prepared::{Begun, Prepared, SessionArgs};
+use super::render_files::Outputs;
 use super::render_inputs::{
     Counting, check_goal, check_grain, check_kept, fitting, fixed_counts, read_plan,
 };
-use super::render_report::{Report, Shares, block_reports, describe_counts, text};
-use super::session::{Begun, Prepared, Session, SessionArgs};
-use super::view::{Place, View};
-use super::{json, say};
+use super::render_task::Task;
+use super::say;
+use super::view::Place;
 use bdpm::base::error::{Error, Result};
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::image::layers::Kept;
-use bdpm::noise::Measure;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::optimize::Objective;
+use bdpm::ranks;
+use bdpm::ranks::Ranks;
 use bdpm::render::Renderer;
-use bdpm::render::bias::MergeBias;
-use bdpm::render::block::{Block, Combined};
 use bdpm::settings::Settings;
 use bdpm::settings::origin::Reuse;
 use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, StoppedBy, Target, importance};
+use bdpm::steer::goal::{Goal, Target};
 use bdpm::steer::technique;
 use bdpm::steer::technique::{Chosen, End, Open};
-use bdpm::steer::{Fixed, Replay, Steer};
+use bdpm::steer::{Fixed, Replay};
 use bdpm::timing::Timings;
 use std::borrow::Cow;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::time::Instant;
 
 /// The relative error to stop at where nothing else says when.
 const DEFAULT_ERROR: f64 = 0.01;
@@ -95,21 +95,44 @@ pub struct Args {
     /// small picture in the terminal
     #[arg(long, value_name = "HOST:PORT|terminal", num_args = 0..=1, require_equals = true)]
     #[arg(default_missing_value = "127.0.0.1:14158")]
-    view: Option<Place>,
+    pub view: Option<Place>,
     /// Write a checkpoint to this file every minute, on Ctrl-C and at the end
     #[arg(long, value_name = "FILE")]
     pub checkpoint: Option<PathBuf>,
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     pub resume: Option<PathBuf>,
+    /// Render only part I of N of the --iterations, or of those of the --plan, for `bdpm merge`
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
+    part: Option<Part>,
 }
 
-pub fn run(args: &Args) -> Result<String> {
+/// Renders by all processes that were begun together.
+pub fn run(mut args: Args) -> Result<String> {
+    let ranks = ranks::join()?;
+    let result = if ranks.is_first() {
+        lead(&args, &*ranks)
+    } else {
+        args.session.quiet = true;
+        follow(&args, &*ranks).map(|()| String::new())
+    };
+    if let Err(error) = &result
+        && ranks.count() > 1
+    {
+        say(&format!("error: {error}"));
+        ranks.abort();
+    }
+    result
+}
+
+fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
+    let crew = Crew::new(ranks);
     let mut outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
     let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
-    let counting = match (&resumed, planned.as_ref()) {
-        (_, Some((plan, _))) => Counting::Replay(plan.clone()),
+    let kept_plan = resumed.as_ref().and_then(|checkpoint| checkpoint.plan.as_ref());
+    let counting = match (&resumed, planned.as_ref().map(|(plan, _)| plan).or(kept_plan)) {
+        (_, Some(plan)) => Counting::Replay(plan.clone()),
         (Some(checkpoint), _) if checkpoint.autopilot.is_some() => Counting::Automatic,
         (Some(_), _) => Counting::Fixed,
         (None, None) if args.counts_are_open() => Counting::Automatic,
@@ -122,13 +145,24 @@ pub fn run(args: &Args) -> Result<String> {
         .map(|(origin, file)| begun(origin, file, Reuse::Resume))
         .or(plans.map(|(origin, file)| begun(origin, file, Reuse::Plan)));
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
+    let told = begun.map(|Begun { origin, file, reuse }| (origin.clone(), file.to_owned(), reuse));
+    crew.as_ref().map_or(Ok(()), |crew| crew.begin(told))?;
     let mut prepared = Prepared::new(&args.session, begun)?;
+    crew.as_ref().map_or(Ok(()), |crew| crew.muster(&prepared))?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
     }
     let start = Instant::now();
     let mut goal = args.goal(&counting);
+    let begun_whole = resumed.as_ref().and_then(|checkpoint| checkpoint.whole);
+    if args.part.is_some() && matches!(counting, Counting::Automatic) {
+        let problem = "parts cannot choose their numbers of paths: all must take the same";
+        let advice = "give --iterations, or --plan with an image that chose them";
+        return Err(Error::new(problem, advice));
+    }
+    let share = args.part.map(|part| part.share(goal, begun_whole)).transpose()?;
+    goal.iterations = share.as_ref().map_or(goal.iterations, |share| Some(share.own.count()));
     let denoising = args.denoise.then(|| args.load_denoiser(&prepared)).transpose()?;
     if let (Some(time), Some(denoising)) = (&mut goal.time, &denoising) {
         *time = time.saturating_sub(denoising.reserve());
@@ -136,7 +170,8 @@ pub fn run(args: &Args) -> Result<String> {
     // Borrows no more than it needs: the origin is still to change.
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
-    let mut renderer = prepared.threads.install(|| Renderer::new(scene, accel, settings))?;
+    let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
+    let mut renderer = new?.one_of(ranks.count());
     let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
         Counting::Automatic if resumed.is_none() => {
@@ -156,33 +191,59 @@ pub fn run(args: &Args) -> Result<String> {
         };
         goal.bias2 = chosen.best().bias.powi(2);
         let settings = prepared.origin.settings.clone();
-        renderer = prepared.threads.install(|| renderer.like(settings))?;
+        let like = prepared.threads.install(|| renderer.like(settings))?;
+        renderer = like.one_of(ranks.count());
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;
     }
+    let mut grain = BatchGrain::Tile;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
         if !matches!(counting, Counting::Automatic) {
             check_counts(settings)?;
         }
         check_memory(settings.width, settings.height)?;
-        renderer = renderer.with_batches(BatchGrain::Pixel);
+        grain = BatchGrain::Pixel;
     }
-    renderer = renderer.keeping(args.kept())?;
+    renderer = renderer.with_batches(grain).keeping(args.kept())?;
+    if let Some(share) = &share {
+        renderer = renderer.sharing(share.own.clone());
+        if !args.session.quiet {
+            say(&share.to_string());
+        }
+    }
     let mut state = None;
     if let Some(checkpoint) = resumed {
         check_goal(goal, &checkpoint.blocks)?;
         check_grain(args, &checkpoint.blocks)?;
+        share.as_ref().map_or(Ok(()), |share| share.check_holds(&checkpoint.blocks))?;
         let features = checkpoint.features.map(Cow::into_owned);
         state = checkpoint.autopilot;
         goal.bias2 = state.map_or(0.0, |state| state.bias2());
         renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
         check_kept(args, renderer.kept())?;
     }
+    if let Some(crew) = &crew {
+        let (settings, kept) = (prepared.origin.settings.clone(), renderer.kept());
+        crew.set_up(Setup { settings, grain, kept })?;
+    }
     let automatic = matches!(counting, Counting::Automatic);
     let prepared = &prepared;
-    let task = Task { args, prepared, goal, outputs, page, automatic, chosen, denoising, start };
+    let whole = share.map(|share| share.whole);
+    let task = Task {
+        args,
+        prepared,
+        goal,
+        outputs,
+        page,
+        crew,
+        whole,
+        automatic,
+        chosen,
+        denoising,
+        start,
+    };
     match counting {
         Counting::Fixed => task.render(renderer, Fixed),
         Counting::Replay(plan) => task.render(renderer, Replay::new(plan)),
@@ -256,7 +317,7 @@ impl Args {
         };
         let iterations = self.iterations.or(planned);
         let (time, target, mut error) = (self.session.time, self.target_rms, self.target_error);
-        if iterations.is_none() && time.is_none() && target.is_none() {
+        if iterations.is_none() && time.is_none() && target.is_none() && self.part.is_none() {
             error = error.or(Some(DEFAULT_ERROR));
         }
         let objective = match self.objective {
@@ -273,173 +334,4 @@ fn share(text: &str) -> Result<f64> {
         Ok(Target::Share(share)) => Ok(share),
         _ => Err(Error::new(format!("`{text}` is no share"), "give a positive share such as 2%")),
     }
-}
-
-/// A render that is ready to begin.
-struct Task<'a> {
-    args: &'a Args,
-    prepared: &'a Prepared,
-    goal: Goal,
-    outputs: Outputs,
-    page: Option<Page>,
-    /// Whether counts are chosen on the way.
-    automatic: bool,
-    /// The technique, where that was chosen.
-    chosen: Option<Chosen>,
-    denoising: Option<Denoising>,
-    /// When rendering began: with the choice of the technique.
-    start: Instant,
-}
-
-impl Task<'_> {
-    /// Renders to the goal, writes the files and tells of it.
-    fn render(self, mut renderer: Renderer, mut steer: impl Steer) -> Result<String> {
-        let Self { args, prepared, goal, outputs, mut page, automatic, chosen, denoising, start } =
-            self;
-        page.as_mut().map_or(Ok(()), |page| page.announce(prepared))?;
-        let layers = Layers::new(&args.layers);
-        let origin = &prepared.origin;
-        let mut writer = Writer { origin, outputs, page, layers, time: Duration::ZERO };
-        let earlier = steer.state(0.0).map_or(0.0, |state| state.elapsed());
-        let announced = if automatic {
-            "numbers of paths chosen automatically".to_owned()
-        } else {
-            describe_counts(renderer.block())
-        };
-        let quiet = args.session.quiet;
-        let session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
-        let mut session = session.begun_at(start);
-        let name = |path: &Path| path.to_string_lossy().into_owned();
-        let place = args.view.as_ref();
-        let mut view = place.map(|place| View::new(place, &name(&args.output), &session.progress));
-        session.denoising = denoising;
-        let mut schedule = Schedule::new(prepared.origin.settings.pixels());
-        let stopped_by =
-            session.iterate(&mut renderer, &mut steer, |session, renderer, steer| {
-                let image = || combined(renderer, steer, goal.objective);
-                if session.denoises_enough(renderer, image)? {
-                    return Ok(Some(StoppedBy::Target));
-                }
-                let save = |writer: &mut Writer, session: &Session, attempts: &mut Attempts| {
-                    writer.save_checkpoint(renderer, steer, session.elapsed(), attempts);
-                };
-                schedule.write_when_due(&mut writer, session, save, |writer, session, attempts| {
-                    let image = image();
-                    match session.preview(renderer, &image) {
-                        Ok(denoised) => {
-                            writer.save_image(renderer, &image, denoised.as_ref(), attempts);
-                        }
-                        Err(error) => session.progress.note(&format!("warning: {error}")),
-                    }
-                });
-                if writer.page_is_due(session) {
-                    let image = combined(renderer, steer, goal.objective);
-                    let (promise, chosen) = (steer.promise(), chosen.as_ref());
-                    let denoised = session.denoised();
-                    let report = None;
-                    let moment = Moment {
-                        session,
-                        image: &image,
-                        denoised,
-                        earlier,
-                        promise,
-                        chosen,
-                        report,
-                    };
-                    writer.renew_page(&moment);
-                }
-                let elapsed = session.elapsed();
-                if let Some(view) = &mut view
-                    && view.is_due(elapsed)
-                {
-                    view.show(
-                        &combined(renderer, steer, goal.objective),
-                        session.denoised(),
-                        elapsed,
-                    );
-                }
-                Ok(None)
-            })?;
-        let half_way = session.half_way();
-        // What was asked for first, and all of it whatever fails.
-        let image = combined(&renderer, &steer, goal.objective);
-        session.progress.finish();
-        let mut attempts = Attempts::default();
-        let denoised = session.denoise(&renderer, &image);
-        let latest = session.denoising.as_ref().and_then(|denoising| denoising.latest.as_ref());
-        writer.save_image(&renderer, &image, latest, &mut attempts);
-        if denoised.is_err() {
-            attempts.add(&writer.outputs.exr, || denoised);
-        }
-        darkness::warn(&image, &session.progress);
-        if let Some(path) = &args.noise {
-            match best_measured(&renderer) {
-                Some(block) => _ = attempts.add(path, || save_noise(path, prepared, block)),
-                None => session
-                    .progress
-                    .note("warning: too few iterations to tell the noise; --noise wrote nothing"),
-            }
-        }
-        writer.save_checkpoint(&renderer, &steer, session.elapsed(), &mut attempts);
-
-        let (variance, luminance) = (image.pooled_variance(), image.mean_luminance());
-        let rms = variance.map(|(variance, _)| variance.sqrt());
-        let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
-        let report = Report {
-            run: session.report((image.iterations(), luminance), stopped_by, writer.time),
-            automatic,
-            blocks: block_reports(&image, renderer.blocks()),
-            rms,
-            rms_error: error.filter(|error| error.is_finite()),
-            relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
-            promise: steer.promise().copied(),
-            error: automatic.then(|| Shares::new(&renderer, &image, &goal)).flatten(),
-            denoised: session.denoising.as_ref().map(|denoising| denoising.report(&goal)),
-            technique: chosen,
-            half_way,
-            merge_bias: MergeBias::new(renderer.blocks(), &image),
-            exr: name(&writer.outputs.exr),
-            png: name(&writer.outputs.png),
-            noise: args.noise.as_deref().map(name),
-            report: args.report.as_deref().map(name),
-            checkpoint: writer.outputs.checkpoint.as_deref().map(name),
-        };
-        if let Some(page) = &mut writer.page {
-            session.look_again(&renderer, &steer);
-            let (chosen, promise) = (report.technique.as_ref(), report.promise.as_ref());
-            let (session, image, denoised, report) =
-                (&session, &image, session.denoised(), Some(&report));
-            let moment = Moment { session, image, denoised, earlier, promise, chosen, report };
-            let path = page.path.clone();
-            attempts.add(&path, || page.write(&moment));
-        }
-        if let Some(view) = view {
-            view.finish(&image, session.denoised(), session.elapsed());
-        }
-        attempts.finish()?;
-        Ok(match (args.session.scene.json, quiet) {
-            (true, _) => json(&report),
-            (false, true) => String::new(),
-            (false, false) => text(&report),
-        })
-    }
-}
-
-/// The image of all blocks.
-fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer, objective: Objective) -> Combined<'a> {
-    let importance = importance(renderer.blocks(), objective);
-    Combined::new(renderer.blocks(), steer.weights(renderer.blocks(), &importance))
-}
-
-/// The block with the most measuring iterations, if they tell its noise.
-fn best_measured<'a>(renderer: &'a Renderer) -> Option<&'a Block> {
-    let measured = |block: &Block| block.noise.as_ref().map_or(0, |noise| noise.iterations);
-    let best = renderer.blocks().iter().max_by_key(|block| measured(block));
-    best.filter(|block| measured(block) >= 2)
-}
-
-/// Writes what its measuring iterations found.
-fn save_noise(path: &Path, prepared: &Prepared, block: &Block) -> Result<()> {
-    let noise = block.noise_image()?;
-    noise_file(prepared, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -11,11 +11,13 @@ use super::session::Session;
 use bdpm::base::error::Result;
 use bdpm::base::identity::Identity;
 use bdpm::denoise::Denoised;
-use bdpm::files::checkpoint::Checkpoint;
+use bdpm::files::checkpoint::{Checkpoint, Whole};
+use bdpm::image::layers::Features;
 use bdpm::pictures;
 use bdpm::pictures::{Image, Layer, Value};
 use bdpm::render::Renderer;
 use bdpm::render::block::Combined;
+use bdpm::scene::Region;
 use bdpm::settings::origin::Origin;
 use bdpm::steer::Steer;
 use bdpm::steer::plan::Plan;
@@ -131,8 +133,12 @@ fn warn_of_failure(progress: &Progress, result: Result<()>) {
 /// Writes the files and keeps the time that takes.
 pub struct Writer<'a> {
     pub origin: &'a Origin,
+    /// The scene's.
+    pub regions: &'a [Region],
     pub outputs: Outputs,
     pub page: Option<Page>,
+    /// What the image is a part of, if it is.
+    pub whole: Option<Whole>,
     pub layers: Layers,
     pub time: Duration,
 }
@@ -152,6 +158,9 @@ impl Writer<'_> {
             blocks: Cow::Borrowed(renderer.blocks()),
             features: renderer.features().map(Cow::Borrowed),
             autopilot: steer.state(elapsed.as_secs_f64()),
+            plan: steer.plan().cloned(),
+            whole: self.whole,
+            regions: self.regions.to_vec(),
         };
         attempts.add(path, || checkpoint.save(path));
         self.time += start.elapsed();
@@ -172,7 +181,7 @@ impl Writer<'_> {
     /// The image and its preview, which is of the denoised one if there is one.
     pub fn save_image(
         &mut self,
-        renderer: &Renderer,
+        features: Option<&Features>,
         combined: &Combined,
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
@@ -184,7 +193,7 @@ impl Writer<'_> {
         if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        layers.extend(self.layers.of(renderer, combined, &pixels));
+        layers.extend(self.layers.of(features, combined, &pixels));
         layers.extend(denoised.into_iter().flat_map(denoising::layers));
         let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = self.origin.to_metadata();

@@ -1,7 +1,7 @@
 //! What `bdpm render` goes on with, plans and times: whether they fit.
 
+use super::prepared::Prepared;
 use super::render::Args;
-use super::session::Prepared;
 use bdpm::base::error::{Error, Result};
 use bdpm::image::counts::Counts;
 use bdpm::image::layers::Kept;
@@ -39,12 +39,6 @@ pub fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
     if plan.iterations().is_none() {
         origin.version = env!("CARGO_PKG_VERSION").into();
         origin.settings.seed = args.session.scene.wishes.seed.unwrap_or(origin.settings.seed);
-    } else if args.checkpoint.is_some() {
-        return Err(Error::new(
-            "an image is replayed in one go, without checkpoints",
-            "leave --checkpoint out",
-        )
-        .at(path));
     }
     Ok((plan, origin))
 }

@@ -2,7 +2,7 @@
 
 use super::denoising::DenoisedReport;
 use super::human_time;
-use super::session::{Expectation, RunReport};
+use super::session::{Expectation, RunReport, Seconds};
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, Combined};
@@ -126,6 +126,7 @@ pub fn text(report: &Report) -> String {
         run.rays_per_second / 1e6,
         run.mean_luminance
     );
+    text += &processes(run);
     if let Some(Shares { total, noise, bias }) = report.error {
         text += &format!(
             "relative error {:.2} %: noise {:.2} %, merge bias {:.2} %\n",
@@ -148,6 +149,22 @@ pub fn text(report: &Report) -> String {
         );
     }
     text
+}
+
+/// How many took part, and what of the time that took.
+fn processes(run: &RunReport) -> String {
+    if run.ranks < 2 {
+        return String::new();
+    }
+    let Seconds { render, adding, waiting, .. } = run.seconds;
+    let percent = |seconds: f64| 100.0 * seconds / (render + adding + waiting);
+    format!(
+        "{} processes of {} threads: {:.1} % of the time adding up their sums, {:.1} % waiting for the slowest\n",
+        run.ranks,
+        run.threads,
+        percent(adding),
+        percent(waiting)
+    )
 }
 
 /// The error of the denoised image, and what it was before.

@@ -1,8 +1,8 @@
 //! `bdpm reproduce`.
 
 use super::interrupts::catch_interrupts;
+use super::prepared::{Prepared, SessionArgs};
 use super::progress::{Progress, Status, Totals};
-use super::session::{Prepared, SessionArgs};
 use super::{human_time, json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::check_memory;

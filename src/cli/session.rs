@@ -1,42 +1,21 @@
-//! What `render` and `analyze` have in common: from the arguments to the last iteration.
+//! What `render` and `analyze` have in common: from the first iteration to the last.
 
+use super::crew::Crew;
 use super::denoising::Denoising;
+use super::human_time;
 use super::interrupts::catch_interrupts;
+use super::prepared::Prepared;
 use super::progress::{Progress, Status, Totals};
-use super::{SceneArgs, human_time, say};
-use bdpm::accel::Intersect;
-use bdpm::base::error::{Error, Result};
+use bdpm::base::error::Result;
 use bdpm::denoise::Denoised;
-use bdpm::import::SceneSummary;
 use bdpm::render::block::Combined;
 use bdpm::render::{IterationReport, Renderer};
-use bdpm::scene::Scene;
-use bdpm::scene::backend;
-use bdpm::scene::backend::Backend;
-use bdpm::settings::origin::{Origin, Reuse};
-use bdpm::settings::{PartialSettings, Settings};
+use bdpm::settings::Settings;
 use bdpm::steer::Steer;
 use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use serde::Serialize;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-#[derive(clap::Args)]
-pub struct SessionArgs {
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// Render for about this long, such as 30s, 2m or 1h; at least one iteration, which must not take
-    /// far longer
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
-    pub time: Option<Duration>,
-    /// Number of threads; the image does not depend on it [default: all processors]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Show nothing but errors
-    #[arg(long, short)]
-    pub quiet: bool,
-}
 
 /// The part of the result that tells of the run.
 #[derive(Serialize)]
@@ -45,7 +24,10 @@ pub struct RunReport<'a> {
     scene: &'a str,
     fingerprint: String,
     backend: &'a str,
-    threads: usize,
+    pub threads: usize,
+    /// Processes, each of so many threads, and bytes that the first received from others.
+    pub ranks: u32,
+    received_bytes: u64,
     settings: &'a Settings,
     /// Of the image, and of this run.
     pub iterations: u64,
@@ -61,7 +43,7 @@ pub struct RunReport<'a> {
     non_finite: u64,
 }
 
-/// Wall-clock times. `light`, `camera` and `merge` are busy thread-seconds over threads.
+/// Wall-clock times. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
 #[derive(Default, Serialize)]
 pub struct Seconds {
     load: f64,
@@ -71,85 +53,9 @@ pub struct Seconds {
     merge: f64,
     pub render: f64,
     write: f64,
-}
-
-/// What there is of an image: what it was made of, its file, and what is done with it.
-#[derive(Clone, Copy)]
-pub struct Begun<'a> {
-    pub origin: &'a Origin,
-    pub file: &'a Path,
-    pub reuse: Reuse,
-}
-
-/// A scene ready to render.
-pub struct Prepared {
-    pub threads: rayon::ThreadPool,
-    pub scene: Scene,
-    pub summary: SceneSummary,
-    pub accel: Box<dyn Intersect>,
-    pub origin: Origin,
-    load_time: Duration,
-    build_time: Duration,
-}
-
-impl Prepared {
-    /// Loads the scene and builds its hierarchy, for an image that may have begun.
-    pub fn new(args: &SessionArgs, begun: Option<Begun>) -> Result<Self> {
-        Self::with_wishes(args, args.scene.wishes.clone(), begun)
-    }
-
-    /// The same for the first time, at `resolution` unless the arguments say otherwise: that of the
-    /// scene file does not count.
-    pub fn with_resolution(args: &SessionArgs, resolution: [u32; 2]) -> Result<Self> {
-        let mut wishes = args.scene.wishes.clone();
-        wishes.resolution.get_or_insert(resolution);
-        Self::with_wishes(args, wishes, None)
-    }
-
-    fn with_wishes(
-        args: &SessionArgs,
-        asked: PartialSettings,
-        begun: Option<Begun>,
-    ) -> Result<Self> {
-        let threads = rayon::ThreadPoolBuilder::new()
-            .num_threads(args.threads.unwrap_or(0).into())
-            .build()
-            .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "lower --threads"))?;
-        let start = Instant::now();
-        let loaded = threads.install(|| args.scene.load())?;
-        let load_time = start.elapsed();
-        if !args.quiet {
-            loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
-        }
-        let (scene, summary) = (loaded.scene, loaded.summary);
-        // A resumed image has its own settings; arguments that agree with them do no harm.
-        let defaults = begun.map_or(loaded.defaults, |begun| (&begun.origin.settings).into());
-        let settings = Settings::resolve(&asked, &defaults, scene.size())?;
-        let begun_backend = begun.and_then(|Begun { origin, .. }| {
-            Backend::ALL.into_iter().find(|backend| backend.name() == origin.backend)
-        });
-        let backend = args.scene.accel.or(begun_backend).unwrap_or_default();
-        let origin = Origin {
-            version: env!("CARGO_PKG_VERSION").into(),
-            scene: scene.name.clone(),
-            fingerprint: scene.fingerprint(),
-            backend: backend.name().into(),
-            settings,
-        };
-        if let Some(Begun { origin: begun, file, reuse }) = begun {
-            begun.check_agrees(&origin, reuse).map_err(|e| e.at(file))?;
-        }
-        let start = Instant::now();
-        let accel = threads.install(|| backend::build(backend, &scene))?;
-        let build_time = start.elapsed();
-        Ok(Self { threads, scene, summary, accel, origin, load_time, build_time })
-    }
-
-    /// A renderer from the first iteration.
-    pub fn renderer(&self) -> Result<Renderer<'_>> {
-        let settings = self.origin.settings.clone();
-        self.threads.install(|| Renderer::new(&self.scene, &*self.accel, settings))
-    }
+    /// Of several processes: until the others had done their part, and until their sums were added.
+    pub waiting: f64,
+    pub adding: f64,
 }
 
 /// Relative growth of the time between two expectations that are remembered.
@@ -173,6 +79,16 @@ pub struct Past {
     pub seconds: f64,
     /// Relative variance: by what counts, of each pixel's luminance or of the mean.
     pub noise2: f64,
+}
+
+/// What is to be told of several processes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shared {
+    pub ranks: u32,
+    pub waiting: Duration,
+    pub adding: Duration,
+    /// Received by this one.
+    pub bytes: u64,
 }
 
 /// Time between two looks at the whole image's noise, seconds, once some have passed.
@@ -199,6 +115,8 @@ pub struct Session<'a> {
     /// When iterating began.
     first: Instant,
     interrupted: &'static AtomicBool,
+    /// Several processes, and the times of what they exchange.
+    pub shared: Shared,
     /// The denoiser, if there is one, and what it made last.
     pub denoising: Option<Denoising>,
 }
@@ -235,6 +153,7 @@ impl<'a> Session<'a> {
             start,
             first: start,
             interrupted,
+            shared: Shared { ranks: 1, ..Shared::default() },
             denoising: None,
         })
     }
@@ -249,8 +168,24 @@ impl<'a> Session<'a> {
         Self { start, ..self }
     }
 
+    /// Takes note of the iteration of this number.
+    pub fn count(&mut self, report: &IterationReport, number: u64) {
+        self.totals.add(report);
+        self.warn_of_bad_pixels(report, number);
+    }
+
+    /// Lets it end as Ctrl-C does.
+    pub fn interrupt(&self) {
+        self.interrupted.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the user wants it to end.
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+
     /// Iterates up to the goal or an interrupt, or until `between` says why to end, which is called after every
-    /// iteration but the last.
+    /// iteration but the last; with others, after every round of iterations that are shared with them.
     ///
     /// # Errors
     /// Those of `steer` and `between`.
@@ -258,6 +193,7 @@ impl<'a> Session<'a> {
         &mut self,
         renderer: &mut Renderer,
         steer: &mut S,
+        mut crew: Option<&mut Crew>,
         mut between: impl FnMut(&mut Self, &Renderer, &S) -> Result<Option<StoppedBy>>,
     ) -> Result<StoppedBy> {
         loop {
@@ -267,12 +203,16 @@ impl<'a> Session<'a> {
             let elapsed = self.elapsed().as_secs_f64();
             let threads = &self.prepared.threads;
             let measure = threads.install(|| steer.steer(renderer, elapsed))?;
-            let report = threads.install(|| renderer.iterate(measure));
-            self.totals.add(&report);
-            self.warn_of_bad_pixels(&report, renderer.iterations() - 1);
+            if let Some(crew) = &mut crew {
+                crew.round(self, renderer, steer)?;
+            } else {
+                let number = renderer.next();
+                let report = threads.install(|| renderer.iterate(measure));
+                self.count(&report, number);
+            }
             self.look(renderer, steer);
             self.progress.update(&self.totals, &self.status, self.start.elapsed());
-            if self.interrupted.load(Ordering::Relaxed) {
+            if self.is_interrupted() {
                 return Ok(StoppedBy::Interrupt);
             }
             if let Some(reason) = between(self, renderer, steer)? {
@@ -398,7 +338,8 @@ impl<'a> Session<'a> {
         // An iteration that would end past the time by more than half of its own is not begun.
         let elapsed = self.start.elapsed().as_secs_f64();
         // theory.md (92)
-        let half = 0.5 * self.first.elapsed().as_secs_f64() / done.max(1) as f64;
+        let each = self.first.elapsed().as_secs_f64() / done.max(1) as f64;
+        let half = 0.5 * each * f64::from(self.shared.ranks);
         let over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
         over.then_some(StoppedBy::Time)
     }
@@ -434,6 +375,8 @@ impl<'a> Session<'a> {
             fingerprint: format!("{:016x}", origin.fingerprint),
             backend: &origin.backend,
             threads,
+            ranks: self.shared.ranks,
+            received_bytes: self.shared.bytes,
             settings: &origin.settings,
             iterations,
             new_iterations: new,
@@ -446,6 +389,8 @@ impl<'a> Session<'a> {
                 merge: busy(times.merge),
                 render: times.wall.as_secs_f64(),
                 write: write_time.as_secs_f64(),
+                waiting: self.shared.waiting.as_secs_f64(),
+                adding: self.shared.adding.as_secs_f64(),
             },
             rays,
             rays_per_second: self.totals.rays_per_second(),

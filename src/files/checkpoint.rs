@@ -6,10 +6,14 @@
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_if_begins;
+use crate::base::numbers::Numbers;
 use crate::image::layers::Features;
+use crate::render::Sums;
 use crate::render::block::{Block, Clock};
+use crate::scene::Region;
 use crate::settings::origin::Origin;
 use crate::steer::autopilot;
+use crate::steer::plan::Plan;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -19,7 +23,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -38,6 +42,31 @@ pub struct Checkpoint<'a> {
     pub features: Option<Cow<'a, Features>>,
     /// How far the choice of counts has come, if it is automatic.
     pub autopilot: Option<autopilot::State>,
+    /// What was to be rendered step by step, if that is known.
+    pub plan: Option<Plan>,
+    /// What it is a part of, if it is.
+    pub whole: Option<Whole>,
+    /// The scene's named regions.
+    pub regions: Vec<Region>,
+}
+
+/// An image that is rendered in parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Whole {
+    /// Its iterations.
+    pub iterations: u64,
+    /// How many parts.
+    pub parts: u32,
+}
+
+impl Whole {
+    /// Numbers of the iterations of a part, by its index.
+    ///
+    /// # Panics
+    /// Unless there are more parts than that.
+    pub fn part(self, index: u32) -> Numbers {
+        Numbers::from(0..self.iterations).share(index, self.parts)
+    }
 }
 
 /// A checkpoint as it is written.
@@ -47,26 +76,44 @@ struct Payload<'a> {
     blocks: Cow<'a, [Block]>,
     features: Option<Cow<'a, Features>>,
     autopilot: Option<autopilot::State>,
+    plan: Option<Cow<'a, Plan>>,
+    whole: Option<Whole>,
+    regions: Cow<'a, [Region]>,
     /// Times of the blocks, which only automatic counts depend on: without them, equal images have equal
     /// checkpoints.
     clocks: Vec<Clock>,
 }
 
-impl Checkpoint<'_> {
+impl<'a> Checkpoint<'a> {
+    /// Of sums at fixed counts, with nothing beside.
+    pub fn new(origin: Origin, blocks: impl Into<Cow<'a, [Block]>>) -> Self {
+        Self {
+            origin,
+            blocks: blocks.into(),
+            features: None,
+            autopilot: None,
+            plan: None,
+            whole: None,
+            regions: Vec::new(),
+        }
+    }
+
     /// Writes it to `path` in place of what was there. Times of iterations are kept only where the counts
     /// are chosen by them.
     ///
     /// # Errors
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { origin, blocks, features, autopilot } = self;
+        let Self { origin, blocks, features, autopilot, plan, whole, regions } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
         };
         let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
         let features = features.as_deref().map(Cow::Borrowed);
-        let payload = Payload { origin, blocks, features, autopilot: *autopilot, clocks };
+        let plan = plan.as_ref().map(Cow::Borrowed);
+        let (autopilot, whole, regions) = (*autopilot, *whole, Cow::Borrowed(&regions[..]));
+        let payload = Payload { origin, blocks, features, autopilot, plan, whole, regions, clocks };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
@@ -82,6 +129,12 @@ impl Checkpoint<'_> {
 }
 
 impl Checkpoint<'static> {
+    /// Takes out its sums.
+    pub fn take_sums(&mut self) -> Sums {
+        let features = self.features.take().map(Cow::into_owned);
+        Sums::new(std::mem::take(self.blocks.to_mut()), features)
+    }
+
     /// Reads a checkpoint.
     ///
     /// # Errors
@@ -124,13 +177,17 @@ impl Checkpoint<'static> {
         // Only a file whose checksum somebody has forged fails below.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { origin, blocks, features, autopilot, clocks } = payload;
+        let Payload { origin, blocks, features, autopilot, plan, whole, regions, clocks } = payload;
         let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
+        let (plan, regions) = (plan.map(Cow::into_owned), regions.into_owned());
         origin.settings.validate()?;
         let features: Option<Features> = features.map(Cow::into_owned);
         let pixels = origin.settings.pixels();
         let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings))
-            && features.as_ref().is_none_or(|features| features.fits(pixels));
+            && blocks.is_sorted_by(|one, next| one.first < next.first)
+            && features.as_ref().is_none_or(|features| features.fits(pixels))
+            && plan.as_ref().is_none_or(Plan::is_consistent)
+            && whole.is_none_or(|whole| (1..=whole.iterations).contains(&whole.parts.into()));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
         if blocks.is_empty() || !fits || clocks.len() != timed || !rest.is_empty() {
             return Err(damaged());
@@ -139,7 +196,8 @@ impl Checkpoint<'static> {
             block.clock = clock;
         }
         let features = features.map(Cow::Owned);
-        Ok(Self { origin, blocks: Cow::Owned(blocks), features, autopilot })
+        let blocks = Cow::Owned(blocks);
+        Ok(Self { origin, blocks, features, autopilot, plan, whole, regions })
     }
 }
 
@@ -214,20 +272,22 @@ mod tests {
             guide: 0,
             seed: u64::MAX,
         };
-        let first = Block::new(&settings, Counts::uniform(100, 2));
+        let first = Block::new(&settings, 0, Counts::uniform(100, 2));
         let camera_paths = CameraCounts::PerPixel((1..=15).collect());
-        let mut second = Block::new(&settings, Counts { light_paths: 70, camera_paths });
+        let counts = Counts { light_paths: 70, camera_paths };
+        let mut second = Block::new(&settings, 3, counts.clone());
         for (_, sums) in second.film.tiles_mut() {
             for (index, sums) in sums.iter_mut().enumerate() {
                 sums.add(DVec3::new(1e-300, index as f64, 0.1));
             }
         }
         second.film.iterations = 7;
+        second.numbers = Numbers::from(4..11);
         second.film.deviations.add(0.3, 1);
         let mut noise = NoiseFilm::new(second.film.tiles(), BatchGrain::Tile);
         let measured = PixelMeasurement { value: 0.1, ..Default::default() };
         noise.tiles_mut(second.film.tiles())[0].add(3, &measured);
-        noise.iterations = 1;
+        noise.end_iteration();
         second.noise = Some(noise);
         let origin = Origin {
             version: "1.2.3".into(),
@@ -240,7 +300,10 @@ mod tests {
         second.parts = Some(Parts::new(15));
         second.light = Some(vec![LightSums::default(); 15]);
         let blocks = Cow::Owned(vec![first, second]);
-        Checkpoint { origin, blocks, features, autopilot: Some(state()) }
+        let plan = Some(Plan::new(counts));
+        let whole = Some(Whole { iterations: 100, parts: 9 });
+        let regions = vec![Region { name: "ball".into(), rectangles: vec![[0.0, 0.0, 0.5, 1.0]] }];
+        Checkpoint { origin, blocks, features, autopilot: Some(state()), plan, whole, regions }
     }
 
     #[test]
@@ -309,10 +372,10 @@ mod tests {
         let shown = Checkpoint::load(&path).unwrap_err().to_string();
         assert!(shown.contains("notes.txt: this is no checkpoint\nhelp: "), "{shown}");
         let mut bytes = saved();
-        bytes[MAGIC.len()] = 9;
+        bytes[MAGIC.len()] = 8;
         bytes.truncate(bytes.len() - TRAILER);
         bytes.extend(xxh3_64(&bytes).to_le_bytes());
         let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
-        assert!(shown.contains("has format 9"), "{shown}");
+        assert!(shown.contains("has format 8"), "{shown}");
     }
 }

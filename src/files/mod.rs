@@ -1,3 +1,4 @@
 //! Files of renders under way.
 
 pub mod checkpoint;
+pub mod merge;

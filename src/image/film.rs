@@ -1,5 +1,7 @@
 //! The image so far: sums per pixel over iterations, stored tile by tile.
 
+mod merge;
+
 use crate::base::math::Rgb;
 use glam::DVec3;
 use rayon::prelude::*;

@@ -2,6 +2,8 @@
 //!
 //! All sums are stored as those of the image are: tile after tile, rows within a tile.
 
+mod merge;
+
 use super::film::Tile;
 use crate::base::math::Rgb;
 use glam::{DVec3, Vec3};
@@ -11,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub const PARTS: usize = 8;
 
 /// What is to be kept.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Kept {
     /// Light by kind: [`LightSums`].
     pub light: bool,

@@ -16,6 +16,16 @@ pub struct PhaseTimes {
     pub wall: Duration,
 }
 
+impl std::ops::Div<u32> for PhaseTimes {
+    type Output = Self;
+
+    fn div(self, parts: u32) -> Self {
+        let Self { light, camera, merge, wall } = self;
+        let [light, camera, merge, wall] = [light, camera, merge, wall].map(|time| time / parts);
+        Self { light, camera, merge, wall }
+    }
+}
+
 impl std::ops::AddAssign for PhaseTimes {
     fn add_assign(&mut self, other: Self) {
         self.light += other.light;

@@ -1,7 +1,7 @@
 //! Merge bias by three nested radii: theory.md, section 17.
 
 use super::film::BATCHES;
-use super::image::{NoiseImage, Statistic, batch_counts};
+use super::image::{NoiseImage, Statistic};
 use crate::settings::policy::{BIAS_CERTAINTY, UPPER_BOUND};
 use serde::Serialize;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -99,8 +99,7 @@ impl LeftOut {
     /// `S_ab = (sum d_a sum d_b - sum_q d_aq d_bq)/(n^2 - sum_q n_q^2)`, the `d_q` being sums over batches: no
     /// noise of one batch meets itself, so that none adds to the mean: theory.md (69).
     fn new(noise: &NoiseImage, region: &[usize], weight: impl Fn(usize) -> f64) -> Self {
-        let counts: [f64; BATCHES] =
-            std::array::from_fn(|batch| batch_counts(noise.iterations, batch)[0]);
+        let counts = noise.counts.iterations.map(|n| n as f64);
         let (n, n2) = (counts.iter().sum::<f64>(), counts.iter().map(|n| n * n).sum::<f64>());
         let (mut all, mut without) = ([0.0; 3], [[0.0; 3]; BATCHES]);
         let scale = 1.0 / region.len() as f64;
@@ -159,17 +158,18 @@ impl NoiseImage {
 mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
+    use crate::noise::film::BatchCounts;
     use crate::noise::image::{NoiseSample, PixelEstimate};
 
     /// An image of 64 pixels whose bias in each is known, with noise of iterations in each batch.
     fn noisy(falls_to: f64, bias: f64, noise: f64, iterations: u64) -> NoiseImage {
         let mut rng = StreamKey::new(5, Stream::Pilot, 0).rng(0);
-        let pixels = 64;
+        let (pixels, counts) = (64, BatchCounts::of(iterations));
         let mut batches = vec![[NoiseSample::default(); BATCHES]; pixels];
         for (index, batches) in batches.iter_mut().enumerate() {
             let sign = if index % 2 == 0 { 1.0 } else { -1.0 };
             for (batch, sample) in batches.iter_mut().enumerate() {
-                let [n, _] = batch_counts(iterations, batch);
+                let [n, _] = counts.of_batch(batch);
                 let mut gauss = || (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
                 let first = sign * bias * (1.0 - falls_to);
                 sample.nested = [first, falls_to * first].map(|d| d + noise / n.sqrt() * gauss());
@@ -177,7 +177,8 @@ mod tests {
         }
         let pixels = vec![PixelEstimate { luminance: 2.0, ..Default::default() }; pixels];
         let (light_paths, camera_paths) = (100, 2);
-        NoiseImage { width: 8, height: 8, light_paths, camera_paths, iterations, pixels, batches }
+        let (width, height) = (8, 8);
+        NoiseImage { width, height, light_paths, camera_paths, iterations, pixels, batches, counts }
     }
 
     fn all() -> Vec<usize> {

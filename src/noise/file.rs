@@ -10,9 +10,12 @@
 //! | `bias` | `Y`, `error` | merge bias and its standard error |
 //! | `nested` | `first`, `second`, `error` | `L(r) - L(r/sqrt 2)`, its standard error, and `L(r/sqrt 2) - L(r/2)` |
 //! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `first`, `second` | means over the batch's iterations |
+//!
+//! The attribute `bdpm.batches` tells how many iterations each batch has, `n0 n1 ... n15`, and then the batch of the
+//! first. Without it they were dealt out in turn, beginning with batch 0.
 
 use super::Coefficients;
-use super::film::{BATCHES, BatchGrain, NoiseFilm};
+use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
 use super::image::{NoiseImage, NoiseSample, PixelEstimate};
 use super::region::{rectangles_from_text, rectangles_to_text};
 use crate::base::error::{Error, Result};
@@ -25,6 +28,9 @@ use std::path::Path;
 
 /// Name of the attribute for the mean number of photons that a light path leaves.
 pub const PHOTONS_PER_LIGHT_PATH: &str = "photons_per_light_path";
+
+/// Name of the attribute for the numbers of iterations of the batches.
+const BATCH_COUNTS: &str = "batches";
 
 /// Goes before the names of regions among the metadata.
 const REGION: &str = "region.";
@@ -124,6 +130,7 @@ impl NoiseFile {
             ("light_paths".into(), Value::Number(counts.0)),
             ("camera_paths".into(), Value::Number(counts.1)),
             ("iterations".into(), Value::Number(noise.iterations as f64)),
+            (BATCH_COUNTS.into(), Value::Text(counts_to_text(&noise.counts))),
         ]);
         for Region { name, rectangles } in regions {
             let text = rectangles_to_text(rectangles);
@@ -194,16 +201,46 @@ impl NoiseFile {
                 facts.remove(key);
             }
         }
-        for key in ["light_paths", "camera_paths", "iterations"] {
+        let counts = match image.metadata.get(BATCH_COUNTS) {
+            None => Some(BatchCounts::of(iterations)),
+            Some(Value::Text(text)) => counts_from_text(text, iterations),
+            Some(_) => None,
+        };
+        let counts =
+            counts.ok_or_else(|| broken(&format!("valid attribute bdpm.{BATCH_COUNTS}")))?;
+        for key in ["light_paths", "camera_paths", "iterations", BATCH_COUNTS] {
             facts.remove(key);
         }
         let rgb = image.layer("").and_then(Layer::to_rgb);
         let rgb = rgb.ok_or_else(|| broken("channels R, G and B"))?;
         let (width, height) = (image.width, image.height);
-        let noise =
-            NoiseImage { width, height, light_paths, camera_paths, iterations, pixels, batches };
+        let noise = NoiseImage {
+            width,
+            height,
+            light_paths,
+            camera_paths,
+            iterations,
+            pixels,
+            batches,
+            counts,
+        };
         Ok(Self { noise, pixels: rgb, regions, facts })
     }
+}
+
+fn counts_to_text(counts: &BatchCounts) -> String {
+    let all = counts.iterations.iter().copied().chain([u64::from(counts.first)]);
+    all.map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
+}
+
+/// What [`counts_to_text`] gave, for so many iterations.
+fn counts_from_text(text: &str, iterations: u64) -> Option<BatchCounts> {
+    let numbers: Vec<u64> = text.split(' ').map(|n| n.parse().ok()).collect::<Option<_>>()?;
+    let (first, counts) = numbers.split_last()?;
+    let counts =
+        BatchCounts { iterations: counts.try_into().ok()?, first: (*first).try_into().ok()? };
+    let sum = counts.iterations.iter().try_fold(0u64, |sum, n| sum.checked_add(*n))?;
+    (sum == iterations && counts.is_consistent()).then_some(counts)
 }
 
 fn batch_name(batch: usize) -> String {

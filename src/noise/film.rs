@@ -1,11 +1,54 @@
 //! Sums of the measured coefficients, pixel by pixel, with batches for standard errors.
 
+mod merge;
+
 use super::Coefficients;
 use crate::image::film::Tile;
 use serde::{Deserialize, Serialize};
 
-/// Batches of iterations: iteration `t` of the measuring ones belongs to batch `t % BATCHES`.
+/// Batches of iterations, to which the measuring ones are dealt out in turn.
 pub const BATCHES: usize = 16;
+
+/// How many measuring iterations belong to each batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BatchCounts {
+    /// Of each batch.
+    pub iterations: [u64; BATCHES],
+    /// The batch of the one iteration that says nothing of the variance: the first.
+    pub first: u8,
+}
+
+impl BatchCounts {
+    /// Of so many iterations that were dealt out one after another.
+    pub fn of(iterations: u64) -> Self {
+        let batches = BATCHES as u64;
+        let own = |batch| iterations / batches + u64::from((batch as u64) < iterations % batches);
+        Self { iterations: std::array::from_fn(own), first: 0 }
+    }
+
+    /// Iterations of all batches.
+    pub fn total(&self) -> u64 {
+        self.iterations.iter().sum()
+    }
+
+    /// Iterations in a batch, and of its parts of the sample variance.
+    pub fn of_batch(&self, batch: usize) -> [f64; 2] {
+        let own = self.iterations[batch];
+        let first = u64::from(batch == usize::from(self.first));
+        [own as f64, own.saturating_sub(first) as f64]
+    }
+
+    /// Whether these are batches (they may come from a file).
+    pub fn is_consistent(&self) -> bool {
+        let first = self.iterations.get(usize::from(self.first));
+        first.is_some_and(|&own| own > 0 || self.total() == 0)
+    }
+
+    /// The batch of the next iteration.
+    fn next(&self) -> usize {
+        ((u64::from(self.first) + self.total()) % BATCHES as u64) as usize
+    }
+}
 
 /// What one measuring iteration says of one pixel; luminances.
 #[derive(Clone, Copy, Debug, Default)]
@@ -99,6 +142,7 @@ pub struct NoiseFilm {
     grain: BatchGrain,
     /// Iterations measured.
     pub iterations: u64,
+    counts: BatchCounts,
 }
 
 /// The part of a [`NoiseFilm`] that belongs to one tile.
@@ -108,6 +152,7 @@ pub struct NoiseTile<'a> {
     batches: &'a mut [BatchSums],
     grain: BatchGrain,
     iterations: u64,
+    batch: usize,
 }
 
 impl NoiseFilm {
@@ -124,13 +169,23 @@ impl NoiseFilm {
             batches: vec![BatchSums::default(); groups * BATCHES],
             grain,
             iterations: 0,
+            counts: BatchCounts::default(),
         }
+    }
+
+    /// The same, to go on after so many iterations that others measure.
+    #[must_use]
+    pub fn after(mut self, measured: u64) -> Self {
+        self.counts.first = (measured % BATCHES as u64) as u8;
+        self
     }
 
     /// Whether it was made for `tiles` (it may come from a file).
     pub fn fits(&self, tiles: impl Iterator<Item = Tile>) -> bool {
         let empty = Self::new(tiles, self.grain);
         (self.pixels.len(), self.batches.len()) == (empty.pixels.len(), empty.batches.len())
+            && self.counts.is_consistent()
+            && self.counts.total() == self.iterations
     }
 
     /// Bytes per pixel at the given grain (tiles counted as if they were whole).
@@ -145,7 +200,7 @@ impl NoiseFilm {
     /// The parts of all `tiles`, which must be those it was made for.
     pub fn tiles_mut(&mut self, tiles: impl Iterator<Item = Tile>) -> Vec<NoiseTile<'_>> {
         let (mut pixels, mut batches) = (&mut self.pixels[..], &mut self.batches[..]);
-        let (grain, iterations) = (self.grain, self.iterations);
+        let (grain, iterations, batch) = (self.grain, self.iterations, self.counts.next());
         tiles
             .map(|tile| {
                 let groups = match grain {
@@ -157,7 +212,7 @@ impl NoiseFilm {
                 let (own_batches, rest) =
                     std::mem::take(&mut batches).split_at_mut(groups * BATCHES);
                 batches = rest;
-                NoiseTile { pixels: own_pixels, batches: own_batches, grain, iterations }
+                NoiseTile { pixels: own_pixels, batches: own_batches, grain, iterations, batch }
             })
             .collect()
     }
@@ -172,10 +227,15 @@ impl NoiseFilm {
         self.grain
     }
 
-    /// Iterations in a batch.
-    pub fn batch_size(&self, batch: usize) -> u64 {
-        let batches = BATCHES as u64;
-        self.iterations / batches + u64::from((batch as u64) < self.iterations % batches)
+    /// Takes note that all tiles have another iteration.
+    pub fn end_iteration(&mut self) {
+        self.counts.iterations[self.counts.next()] += 1;
+        self.iterations += 1;
+    }
+
+    /// How the iterations belong to batches.
+    pub fn counts(&self) -> &BatchCounts {
+        &self.counts
     }
 
     /// The [`BATCHES`] batches of each pixel or tile, in tile order.
@@ -192,7 +252,6 @@ impl NoiseTile<'_> {
             BatchGrain::Pixel => index,
             BatchGrain::Tile => 0,
         };
-        let batch = (self.iterations % BATCHES as u64) as usize;
-        self.batches[group * BATCHES + batch].add(measured, part);
+        self.batches[group * BATCHES + self.batch].add(measured, part);
     }
 }

@@ -2,7 +2,7 @@
 //! statistics of regions with standard errors.
 
 use super::Coefficients;
-use super::film::{BATCHES, BatchGrain, NoiseFilm};
+use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
 use crate::image::film::Film;
 
 /// Means over the measuring iterations, row by row.
@@ -22,6 +22,8 @@ pub struct NoiseImage {
     pub pixels: Vec<PixelEstimate>,
     /// Means over the iterations of each batch, row by row.
     pub batches: Vec<[NoiseSample; BATCHES]>,
+    /// How many these are.
+    pub counts: BatchCounts,
 }
 
 /// Estimates for one pixel; luminances.
@@ -117,7 +119,7 @@ impl NoiseImage {
                 };
                 for (batch, sums) in batch_sums.iter().enumerate() {
                     let [a, b, f] = sums.coefficients.map(f64::from);
-                    let [n, parts] = batch_counts(noise.iterations, batch);
+                    let [n, parts] = noise.counts().of_batch(batch);
                     batches[place][batch] = NoiseSample {
                         coefficients: Coefficients { a, b, f } * (1.0 / n.max(1.0)),
                         sampled: f64::from(sums.variance) / parts.max(1.0),
@@ -126,8 +128,8 @@ impl NoiseImage {
                 }
             }
         }
-        let iterations = noise.iterations;
-        Self { width, height, light_paths, camera_paths, iterations, pixels, batches }
+        let (iterations, counts) = (noise.iterations, *noise.counts());
+        Self { width, height, light_paths, camera_paths, iterations, pixels, batches, counts }
     }
 
     /// Indices of the pixels whose center `contains` (column, row, width, height) accepts.
@@ -155,7 +157,7 @@ impl NoiseImage {
         let mut without = all.clone();
         let left_out: Vec<f64> = (0..BATCHES)
             .map(|batch| {
-                let [n_k, parts_k] = batch_counts(self.iterations, batch);
+                let [n_k, parts_k] = self.counts.of_batch(batch);
                 for ((rest, all), &pixel) in without.iter_mut().zip(&all).zip(region) {
                     let own = &self.batches[pixel][batch];
                     rest.coefficients =
@@ -201,14 +203,6 @@ impl NoiseImage {
         let sum: Coefficients = region.iter().map(|&i| self.pixels[i].noise.coefficients).sum();
         sum * (1.0 / region.len() as f64)
     }
-}
-
-/// Number of iterations in a batch, and of its parts of the sample variance, which the very first
-/// iteration does not have.
-pub(super) fn batch_counts(iterations: u64, batch: usize) -> [f64; 2] {
-    let batches = BATCHES as u64;
-    let n = iterations / batches + u64::from((batch as u64) < iterations % batches);
-    [n as f64, (n - u64::from(batch == 0)) as f64]
 }
 
 /// Mean over pixels of what `of` gives.

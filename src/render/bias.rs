@@ -95,7 +95,7 @@ fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
     let mut counts = [0.0; BATCHES];
     for noise in measured {
         for (batch, count) in counts.iter_mut().enumerate() {
-            *count += noise.batch_size(batch) as f64;
+            *count += noise.counts().iterations[batch] as f64;
         }
         let mut batches = noise.batches();
         for (tile, sums) in film.tiles().zip(&mut nested) {

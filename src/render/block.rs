@@ -1,8 +1,11 @@
 //! Blocks: iterations at equal counts, whose sums add; and the image that several of them make.
 
+mod merge;
+
 use super::tiles::{LayerTile, TileSums};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::base::numbers::Numbers;
 use crate::image::PhaseTimes;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{Film, luminance, pool, total};
@@ -11,13 +14,18 @@ use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::settings::Settings;
+use crate::settings::policy::measured_before;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Consecutive iterations at equal counts.
+/// Iterations at equal counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Block {
+    /// Number of its first iteration among those of the whole image.
+    pub first: u64,
+    /// Numbers of the iterations that it holds: all from the first on, or a part of them.
+    pub numbers: Numbers,
     /// What every iteration took.
     pub counts: Counts,
     /// Sums of all iterations.
@@ -53,11 +61,11 @@ impl Clock {
 }
 
 impl Block {
-    /// No iteration yet.
-    pub fn new(settings: &Settings, counts: Counts) -> Self {
+    /// No iteration yet; the first will have this number.
+    pub fn new(settings: &Settings, first: u64, counts: Counts) -> Self {
         let film = Film::new(settings.width, settings.height);
-        let (light, parts) = (None, None);
-        Self { counts, film, noise: None, light, parts, clock: Clock::default() }
+        let (numbers, light, parts) = (Numbers::default(), None, None);
+        Self { first, numbers, counts, film, noise: None, light, parts, clock: Clock::default() }
     }
 
     /// The same, also keeping this; no iteration yet.
@@ -81,11 +89,15 @@ impl Block {
         grain: BatchGrain,
         features: Option<&'a mut Features>,
     ) -> (&'a Counts, Vec<TileSums<'a>>) {
-        let Self { counts, film, noise, light, parts, .. } = self;
+        let Self { first, counts, film, noise, light, parts, .. } = self;
         let mut noise_tiles = Vec::new();
         if measure != Measure::Off {
             assert!(counts.light_paths >= 2, "measuring takes pairs");
-            let noise = noise.get_or_insert_with(|| NoiseFilm::new(film.tiles(), grain));
+            let begin = || {
+                let before = measured_before(iteration - *first);
+                NoiseFilm::new(film.tiles(), grain).after(before)
+            };
+            let noise = noise.get_or_insert_with(begin);
             noise_tiles = noise.tiles_mut(film.tiles());
         }
         let mut noise_tiles = noise_tiles.into_iter();
@@ -116,8 +128,9 @@ impl Block {
         }
         self.film.deviations.add(deviations, self.film.iterations);
         self.film.iterations += 1;
+        self.numbers.add(iteration);
         if let (Some(noise), true) = (&mut self.noise, measure != Measure::Off) {
-            noise.iterations += 1;
+            noise.end_iteration();
         }
     }
 
@@ -145,6 +158,9 @@ impl Block {
             CameraCounts::PerPixel(counts) => counts.len() == settings.pixels(),
         };
         counts_fit
+            && self.numbers.is_consistent()
+            && self.numbers.count() == self.film.iterations
+            && self.numbers.first().is_none_or(|number| number >= self.first)
             && self.counts.validate(settings).is_ok()
             && self.film.resolution() == (settings.width, settings.height)
             && self.film.is_consistent()

@@ -95,7 +95,7 @@ impl Renderer<'_> {
 
     /// Renders an iteration, and tells what its light paths brought.
     fn score(&mut self, guide: &Guide) -> Vec<Brought> {
-        let iteration = self.iterations();
+        let iteration = self.next();
         self.iterate(Measure::Off);
         let settings = &self.settings;
         let image: Vec<_> = self.film().mean().iter().map(|l| [luminance(l.as_dvec3())]).collect();

@@ -1,27 +1,29 @@
-//! The iteration loop: light phase, photon map, camera and merge phases for some tiles at a time.
+//! Renders a scene, iteration after iteration: what a renderer holds, and how one is made of another.
 
 pub mod bias;
 pub mod block;
 mod layers;
+mod iteration;
 pub mod learning;
 mod memory;
 mod report;
+mod sharing;
 mod tile_paths;
 mod tiles;
 mod worker;
 
 pub use memory::light_paths_in;
 pub use report::IterationReport;
+pub use sharing::Sums;
 
 use crate::accel::Intersect;
 use crate::base::error::{Error, Result};
 use crate::base::memory::available_memory;
+use crate::base::numbers::Numbers;
 use crate::base::pool::Pool;
-use crate::base::rng::{Stream, StreamKey};
 use crate::image::counts::Counts;
 use crate::image::film::Film;
 use crate::image::layers::{Features, Kept};
-use crate::noise::Measure;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::scene::lights::guide::Guide;
@@ -29,20 +31,13 @@ use crate::scene::{Scene, View};
 use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::Areas;
-use crate::transport::camera_paths::CameraPass;
-use crate::transport::kernel;
 use crate::transport::light_paths::LightPaths;
-use crate::transport::merge::Merge;
-use crate::transport::mis::Mis;
 use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
-use rayon::prelude::*;
 use std::sync::Arc;
-use std::time::Instant;
-use tiles::Shares;
-use worker::{Job, Worker};
+use worker::Worker;
 
 /// Renders one scene, iteration after iteration.
 pub struct Renderer<'a> {
@@ -50,8 +45,14 @@ pub struct Renderer<'a> {
     accel: &'a dyn Intersect,
     settings: Settings,
     view: View,
-    /// At least one; the last is under way.
+    /// At least one, by the numbers of their iterations.
     blocks: Vec<Block>,
+    /// The block under way.
+    current: usize,
+    /// Numbers of the iterations to render.
+    own: Numbers,
+    /// Processes that render this image together.
+    ranks: u32,
     grain: BatchGrain,
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
@@ -148,7 +149,10 @@ impl<'a> Renderer<'a> {
             scene,
             accel,
             view,
-            blocks: vec![Block::new(&settings, counts)],
+            blocks: vec![Block::new(&settings, 0, counts)],
+            current: 0,
+            own: Numbers::all(),
+            ranks: 1,
             settings,
             grain: BatchGrain::Tile,
             nesting: None,
@@ -196,7 +200,8 @@ impl<'a> Renderer<'a> {
         let pixels = self.settings.pixels();
         let features = kept.features || kept.parts;
         self.features = features.then(|| Features::new(pixels, kept.parts));
-        self.blocks = vec![Block::new(&self.settings, self.block().counts.clone()).keeping(kept)];
+        let counts = self.block().counts.clone();
+        self.blocks = vec![Block::new(&self.settings, 0, counts).keeping(kept)];
         Ok(Self { kept, ..self })
     }
 
@@ -238,6 +243,7 @@ impl<'a> Renderer<'a> {
                 "render at the --resolution that it was begun with",
             ));
         }
+        self.current = blocks.len() - 1;
         self.blocks = blocks;
         Ok(())
     }
@@ -250,11 +256,8 @@ impl<'a> Renderer<'a> {
     /// # Panics
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
-        counts.validate(&self.settings)?;
-        check_memory(self.scene, &self.settings, self.kept, counts.light_paths)?;
-        self.blocks.pop_if(|block| block.film.iterations == 0);
-        self.blocks.push(Block::new(&self.settings, counts).keeping(self.kept));
-        Ok(())
+        let end = |block: &Block| block.numbers.ranges().last().map_or(0, |range| range.end);
+        self.enter_block(self.blocks.iter().map(end).max().unwrap_or(0), counts)
     }
 
     /// The most light paths that take no more than half of the memory that is left.
@@ -289,14 +292,14 @@ impl<'a> Renderer<'a> {
         self.photon_map.any_at_every_vertex()
     }
 
-    /// All blocks; the last is under way.
+    /// All blocks, by the numbers of their iterations.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
     /// The block under way.
     pub fn block(&self) -> &Block {
-        self.blocks.last().expect("there is always one")
+        &self.blocks[self.current]
     }
 
     /// What was measured in the block under way.
@@ -326,68 +329,5 @@ impl<'a> Renderer<'a> {
     /// The settings; counts are those of the first block.
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-
-    /// Renders one iteration on the threads of the current rayon pool. One that measures takes at
-    /// least two camera paths in each pixel; those that the counts do not ask for stay out of the
-    /// image, which is the same whether it is measured or not.
-    ///
-    /// # Panics
-    /// If it is to measure with fewer than two light paths.
-    pub fn iterate(&mut self, measure: Measure) -> IterationReport {
-        let start = Instant::now();
-        let iteration = self.iterations();
-        // Out of the way of what all threads share.
-        let mut block = self.blocks.pop().expect("there is one");
-        let mut features = self.features.take();
-
-        let Self { scene, accel, settings, light_paths, .. } = self;
-        light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
-        let reach = self.kernel().reach();
-        let build_time = self.photon_map.build(&self.light_paths, reach);
-
-        let (pass, merge) = self.passes(iteration);
-        let before = block.film.iterations;
-        let (counts, mut tiles) =
-            block.begin_iteration((iteration, measure), self.grain, features.as_mut());
-        let job = Job::new(pass, merge, counts, measure, before).keeping(self.kept);
-        // Results do not depend on which tiles one thread takes together.
-        Shares::new(&mut tiles, job.tiles_together())
-            .par_bridge()
-            .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
-
-        // Summed in the order of the tiles, whoever rendered them.
-        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
-        block.end_iteration((iteration, measure), deviations);
-        if let Some(features) = &mut features {
-            features.end_iteration(iteration);
-        }
-        let Self { light_paths, photon_map, workers, .. } = self;
-        let report = IterationReport::new(light_paths, build_time, photon_map, workers, start);
-        block.clock.add(measure, &report.times);
-        self.blocks.push(block);
-        self.features = features;
-        report
-    }
-
-    fn kernel(&self) -> kernel::Kernel<'_> {
-        let all = kernel::Kernel::new(&self.settings, self.areas.as_deref());
-        self.nesting.map_or(all, |class| all.nesting(class))
-    }
-
-    /// How an iteration traces camera paths, and what it merges them with: its photons are in the map.
-    fn passes(&self, iteration: u64) -> (CameraPass<'_>, Merge<'_>) {
-        let Self { scene, accel, settings, view, photon_map, kept, .. } = self;
-        let mis = Mis::new(settings);
-        let pass = CameraPass {
-            scene,
-            view: *view,
-            accel: *accel,
-            settings,
-            key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
-        };
-        let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
-        (pass, merge.weighted(mis).telling(kept.light))
     }
 }

@@ -44,4 +44,10 @@ impl IterationReport {
         report.times.wall = start.elapsed();
         report
     }
+
+    /// The same with times per iteration of so many processes together.
+    pub(super) fn one_of(mut self, ranks: u32) -> Self {
+        self.times = self.times / ranks;
+        self
+    }
 }

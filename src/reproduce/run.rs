@@ -16,7 +16,6 @@ use crate::settings::Settings;
 use crate::settings::origin::Origin;
 use crate::steer::pace;
 use crate::timing::sample::Recorder;
-use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -144,9 +143,7 @@ impl<'a> Run<'a> {
             // Cells take seconds: they begin anew.
             let stop = flow.is_break();
             if part.purpose != Purpose::Cell && (stop || saved.elapsed() > SAVE_EVERY) {
-                let blocks = Cow::Borrowed(renderer.blocks());
-                let sums =
-                    Checkpoint { origin: origin.clone(), blocks, features: None, autopilot: None };
+                let sums = Checkpoint::new(origin.clone(), renderer.blocks());
                 self.folder.save_under_way(&sums)?;
                 self.folder.save(&self.experiment)?;
                 saved = Instant::now();

@@ -21,12 +21,14 @@ pub struct Origin {
 }
 
 /// What is done with an image that was begun.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reuse {
     /// Its iterations are gone on with.
     Resume,
     /// Its plan is rendered.
     Plan,
+    /// It is a part of another.
+    Merge,
 }
 
 impl Origin {
@@ -129,6 +131,10 @@ impl Origin {
                 "cannot continue this image",
                 "resume with the scene and settings that it was begun with, or render anew without \
                  --resume",
+            ),
+            Reuse::Merge => (
+                "this is no part of the same image",
+                "merge parts of one scene with the same settings, by one version of bdpm",
             ),
             Reuse::Plan => (
                 "this plan is for another image",

@@ -14,6 +14,12 @@ pub const FIXED_PILOT: u64 = 8;
 /// one and a half times as long as another (`docs/performance.md`), so that this costs 6 % at most.
 pub const MEASURE_EVERY: u64 = 8;
 
+/// How many of the first `iterations` at equal counts are measured; see [`FIXED_PILOT`], [`MEASURE_EVERY`].
+pub fn measured_before(iterations: u64) -> u64 {
+    let pilot = iterations.min(FIXED_PILOT);
+    pilot + iterations.div_ceil(MEASURE_EVERY) - pilot.div_ceil(MEASURE_EVERY)
+}
+
 /// Of the first iterations of an automatic render, one in so many: times come from the others.
 pub const MEASURE_FIRST_EVERY: u64 = 2;
 
@@ -209,6 +215,14 @@ pub const LEAST_ITERATIONS: f64 = 16.0;
 /// The same for the iterations that follow a choice in `bdpm render`, which still measures among them and
 /// may choose again.
 pub const LEAST_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
+
+/// The same for every one of several processes that share them: so that none ends long before another.
+pub const LEAST_ITERATIONS_OF_RANK: f64 = 8.0;
+
+/// [`LEAST_ITERATIONS_AFTER_CHOICE`] of so many processes.
+pub fn least_iterations_after_choice(ranks: u32) -> f64 {
+    LEAST_ITERATIONS_AFTER_CHOICE.max(LEAST_ITERATIONS_OF_RANK * f64::from(ranks))
+}
 
 /// Iterations at chosen counts before anything is promised or chosen anew: enough for a sample variance
 /// of the pooled noise within a few percent.

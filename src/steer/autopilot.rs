@@ -1,8 +1,8 @@
 //! Automatic counts: those of the settings at first, which a choice of technique found, then the optimum, chosen
 //! again at a few moments from all that is known by then.
 
-use super::Steer;
 use super::goal::{Goal, Standing, importance, luminances};
+use super::{Schedule, Steer};
 use crate::base::error::Result;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{luminance_weights, pool};
@@ -181,7 +181,8 @@ impl Autopilot {
         let standing = self.standing(renderer);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
-        let model = self.times.unwrap_or_else(|| scaled(&self.state.sampled, blocks));
+        let times = self.times.map(|times| times.scaled(f64::from(renderer.ranks()).recip()));
+        let model = times.unwrap_or_else(|| scaled(&self.state.sampled, blocks));
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
@@ -203,7 +204,9 @@ impl Autopilot {
             let rest = standing.forecast(&self.goal, variance, tau, elapsed);
             let share =
                 // theory.md (86), (90)
-                rest.map_or(f64::INFINITY, |rest| rest.seconds / LEAST_ITERATIONS_AFTER_CHOICE);
+                rest.map_or(f64::INFINITY, |rest| {
+                    rest.seconds / least_iterations_after_choice(renderer.ranks())
+                });
             longest = share.max(least);
         }
         let problem = problem(longest);
@@ -285,10 +288,13 @@ impl Steer for Autopilot {
             }
         }
         // The first iteration of a block is measured, so that its start-up is not in the times.
-        let every =
-            if self.state.stage == Stage::First { MEASURE_FIRST_EVERY } else { MEASURE_EVERY };
-        let measures = renderer.film().iterations.is_multiple_of(every);
+        let measures = renderer.film().iterations.is_multiple_of(self.schedule().every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
+    }
+
+    fn schedule(&self) -> Schedule {
+        let first = self.state.stage == Stage::First;
+        Schedule { pilot: 0, every: if first { MEASURE_FIRST_EVERY } else { MEASURE_EVERY } }
     }
 
     /// Production and measuring iterations in the shares that they have in the long run.
@@ -329,15 +335,7 @@ fn scaled(sampled: &TimeModel, blocks: &[Block]) -> TimeModel {
         expected += clock.iterations as f64 * each;
     }
     let scale = if found > 0.0 && expected > 0.0 { found / expected } else { 1.0 };
-    let TimeModel { fixed, light_path, camera_path, look_up, merge_pair, pixels } = *sampled;
-    TimeModel {
-        fixed: scale * fixed,
-        light_path: scale * light_path,
-        camera_path: scale * camera_path,
-        look_up: scale * look_up,
-        merge_pair: scale * merge_pair,
-        pixels,
-    }
+    sampled.scaled(scale)
 }
 
 /// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as

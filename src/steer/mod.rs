@@ -7,6 +7,8 @@ pub mod plan;
 pub mod technique;
 
 use crate::base::error::Result;
+use crate::base::numbers::Numbers;
+use crate::image::counts::Counts;
 use crate::noise::Measure;
 use crate::render::Renderer;
 use crate::render::block;
@@ -14,6 +16,25 @@ use crate::render::block::Block;
 use crate::settings::policy::{FIXED_PILOT, MEASURE_EVERY};
 use autopilot::{Promise, State};
 use plan::Plan;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Which iterations of a block are measured, by how many go before them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Schedule {
+    /// The first ones.
+    pub pilot: u64,
+    /// Then one in so many.
+    pub every: u64,
+}
+
+impl Schedule {
+    /// Whether to measure the one after `turn` others at these counts.
+    pub fn measure(self, turn: u64, counts: &Counts) -> Measure {
+        let measures = turn < self.pilot || turn.is_multiple_of(self.every);
+        if measures && counts.can_measure() { Measure::Pairs } else { Measure::Off }
+    }
+}
 
 /// Decides about counts and measuring while an image is rendered.
 pub trait Steer: Send + Sync {
@@ -23,6 +44,16 @@ pub trait Steer: Send + Sync {
     /// # Errors
     /// If other counts are to be taken and do not fit in the memory.
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure>;
+
+    /// What is measured of the iterations that follow before the next decision.
+    fn schedule(&self) -> Schedule {
+        Schedule { pilot: FIXED_PILOT, every: MEASURE_EVERY }
+    }
+
+    /// Numbers of the iterations that the block may have that begins with the number `first`.
+    fn range(&self, first: u64) -> Range<u64> {
+        first..u64::MAX
+    }
 
     /// Weight of an iteration of each block, for pixels of such importance.
     fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
@@ -41,6 +72,11 @@ pub trait Steer: Send + Sync {
         None
     }
 
+    /// What is rendered step by step, if that is known beforehand.
+    fn plan(&self) -> Option<&Plan> {
+        None
+    }
+
     /// What was promised, if anything.
     fn promise(&self) -> Option<&Promise> {
         None
@@ -54,10 +90,7 @@ pub struct Fixed;
 
 impl Steer for Fixed {
     fn steer(&mut self, renderer: &mut Renderer, _: f64) -> Result<Measure> {
-        let Block { counts, film, .. } = renderer.block();
-        let measures =
-            film.iterations < FIXED_PILOT || film.iterations.is_multiple_of(MEASURE_EVERY);
-        Ok(if measures && counts.can_measure() { Measure::Pairs } else { Measure::Off })
+        Ok(self.schedule().measure(renderer.turn(), &renderer.block().counts))
     }
 }
 
@@ -75,32 +108,48 @@ impl Steer for Measuring {
 #[derive(Clone, Debug)]
 pub struct Replay {
     plan: Plan,
-    /// Steps begun.
-    begun: usize,
+    /// Numbers of the iterations of each step.
+    ranges: Vec<Range<u64>>,
 }
 
 impl Replay {
-    /// Begins with the first step.
+    /// Begins with the first step of which there are iterations to render.
     pub fn new(plan: Plan) -> Self {
-        Self { plan, begun: 0 }
+        let ranges = plan.ranges();
+        Self { plan, ranges }
+    }
+
+    /// Whether the renderer still has iterations of the step to render.
+    fn is_open(range: &Range<u64>, renderer: &Renderer) -> bool {
+        let blocks = renderer.blocks();
+        let block = blocks.iter().find(|block| block.first == range.start);
+        let own = renderer.own().within(&Numbers::from(range.clone()));
+        !block.map_or(own.clone(), |block| own.without(&block.numbers)).is_empty()
     }
 }
 
 impl Steer for Replay {
     fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
-        let step = self.begun.checked_sub(1).map(|last| &self.plan.steps[last]);
-        let rendered = step.map(|step| step.rendered.map_or(u64::MAX, |r| r.iterations));
-        let over = rendered.is_none_or(|iterations| renderer.film().iterations >= iterations);
-        if over && let Some(next) = self.plan.steps.get(self.begun) {
-            renderer.begin_block(next.counts.clone())?;
-            self.begun += 1;
+        let open = self.ranges.iter().position(|range| Self::is_open(range, renderer));
+        let step = open.unwrap_or(self.ranges.len() - 1);
+        let (first, counts) = (self.ranges[step].start, &self.plan.steps[step].counts);
+        let block = renderer.block();
+        if block.first != first || block.counts != *counts {
+            renderer.enter_block(first, counts.clone())?;
         }
         Fixed.steer(renderer, elapsed)
     }
 
+    fn range(&self, first: u64) -> Range<u64> {
+        let range = self.ranges.iter().find(|range| range.start == first);
+        range.cloned().unwrap_or(first..u64::MAX)
+    }
+
     fn weights(&self, blocks: &[Block], _: &[f64]) -> Vec<f64> {
-        let mut weights = self.plan.weights();
-        weights.truncate(blocks.len());
-        weights
+        self.plan.weights(blocks)
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        Some(&self.plan)
     }
 }

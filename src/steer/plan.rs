@@ -10,19 +10,20 @@ use crate::image::counts::{CameraCounts, Counts};
 use crate::pictures::{Image, Layer, Value};
 use crate::render::block::Block;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Name of the attribute.
 const ATTRIBUTE: &str = "plan";
 
 /// What to render, step by step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// At least one.
     pub steps: Vec<Step>,
 }
 
 /// Iterations at equal counts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// The counts.
     pub counts: Counts,
@@ -76,10 +77,40 @@ impl Plan {
         self.steps.iter().map(|step| Some(step.rendered?.iterations)).sum()
     }
 
-    /// Weights of the iterations of each step, 1 where that is open.
-    pub fn weights(&self) -> Vec<f64> {
-        let weight = |step: &Step| step.rendered.map_or(1.0, |rendered| rendered.weight);
-        self.steps.iter().map(weight).collect()
+    /// Numbers of the iterations of each step; the last has no end.
+    pub fn ranges(&self) -> Vec<Range<u64>> {
+        let mut start = 0;
+        let mut range = |(index, step): (usize, &Step)| {
+            let length = step.rendered.map_or(u64::MAX, |rendered| rendered.iterations);
+            let end = if index + 1 < self.steps.len() { start + length } else { u64::MAX };
+            std::mem::replace(&mut start, end)..end
+        };
+        self.steps.iter().enumerate().map(&mut range).collect()
+    }
+
+    /// Weights of the iterations of each block, 1 where that is open.
+    pub fn weights(&self, blocks: &[Block]) -> Vec<f64> {
+        let starts = self.ranges();
+        let weight = |block: &Block| {
+            let step = starts.iter().position(|range| range.start == block.first);
+            let rendered = step.and_then(|step| self.steps[step].rendered);
+            rendered.map_or(1.0, |rendered| rendered.weight)
+        };
+        blocks.iter().map(weight).collect()
+    }
+
+    /// Whether all weights are positive, and only a single step is open (it may come from a file).
+    pub fn is_consistent(&self) -> bool {
+        let positive = |weight: f64| weight > 0.0 && weight.is_finite();
+        let valid = |step: &Step| match step.rendered {
+            Some(Rendered { iterations, weight }) => iterations > 0 && positive(weight),
+            None => self.steps.len() == 1,
+        };
+        let sum =
+            |sum: u64, step: &Step| sum.checked_add(step.rendered.map_or(0, |r| r.iterations));
+        !self.steps.is_empty()
+            && self.steps.iter().all(valid)
+            && self.steps.iter().try_fold(0, sum).is_some()
     }
 
     /// Adds it to the attributes and layers of an image.
@@ -134,15 +165,11 @@ impl Plan {
             Ok(Step { counts, rendered: step.rendered })
         };
         let steps = written.into_iter().map(step).collect::<Result<Vec<_>>>()?;
-        let positive = |weight: f64| weight > 0.0 && weight.is_finite();
-        let valid = |step: &Step| match step.rendered {
-            Some(Rendered { iterations, weight }) => iterations > 0 && positive(weight),
-            None => steps.len() == 1,
-        };
-        if steps.is_empty() || !steps.iter().all(valid) {
+        let plan = Self { steps };
+        if !plan.is_consistent() {
             return Err(broken("iterations or weights are missing or not positive".into()));
         }
-        Ok(Self { steps })
+        Ok(plan)
     }
 }
 

@@ -27,6 +27,20 @@ pub struct TimeModel {
 }
 
 impl TimeModel {
+    /// The same with so many times the times.
+    #[must_use]
+    pub fn scaled(&self, scale: f64) -> Self {
+        let Self { fixed, light_path, camera_path, look_up, merge_pair, pixels } = *self;
+        Self {
+            fixed: scale * fixed,
+            light_path: scale * light_path,
+            camera_path: scale * camera_path,
+            look_up: scale * look_up,
+            merge_pair: scale * merge_pair,
+            pixels,
+        }
+    }
+
     /// Reads a JSON object with exactly the six keys.
     ///
     /// # Errors

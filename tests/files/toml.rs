@@ -107,6 +107,7 @@ fn the_cornell_box_is_the_paper_s() {
         mis_light_paths: None,
         mis_c1: None,
         mis_c2: None,
+        guide: None,
         direct: Some(Direct::Connect),
         light_roulette: Some(Roulette::Albedo),
         camera_roulette: Some(Roulette::Weight),

@@ -10,6 +10,7 @@ mod far_counts;
 mod counts;
 mod estimators;
 mod files;
+mod merge;
 mod optimize;
 mod predicts;
 mod reproduce;

@@ -74,9 +74,14 @@ fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
     // What the plan was made for must agree.
     let shown = fail(render(&again, &["--plan", &plan, "--seed", "5"]), 1);
     assert!(shown.contains("seed is 1, not 5") && shown.contains("a.exr"), "{shown}");
+
+    // A replay that was interrupted goes on by itself.
     let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
-    let shown = fail(render(&again, &["--plan", &plan, "--checkpoint", &checkpoint]), 1);
-    assert!(shown.contains("without checkpoints"), "{shown}");
+    let begin = ["--plan", &plan, "--iterations", "5", "--checkpoint", &checkpoint];
+    assert_eq!(iterations(&report(render(&again, &begin))), 5);
+    let rest = report(render(&again, &["--resume", &checkpoint]));
+    assert_eq!(iterations(&rest), iterations(&found));
+    assert_eq!(bits(&first), bits(&again));
 }
 
 #[test]

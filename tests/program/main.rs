@@ -8,6 +8,7 @@ mod program;
 mod automatic;
 mod denoise;
 mod limits;
+mod merge;
 mod noise;
 mod optimize;
 mod outputs;

@@ -8,8 +8,9 @@ mod fall;
 mod maps;
 mod sections;
 
+use super::prepared::Prepared;
 use super::render_report::Report;
-use super::session::{Prepared, Session};
+use super::session::Session;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
 use bdpm::denoise::Denoised;

@@ -3,9 +3,9 @@
 use super::Moment;
 use super::fall::error;
 use crate::cli::human_time;
+use crate::cli::prepared::Prepared;
 use crate::cli::progress::way;
 use crate::cli::render_report::text;
-use crate::cli::session::Prepared;
 use bdpm::page::number::count;
 use bdpm::pictures::number;
 use bdpm::settings::policy::UPPER_BOUND;

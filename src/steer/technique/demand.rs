@@ -15,7 +15,10 @@ const LAST: usize = PhotonClass::LastVertex as usize;
 
 /// What is asked for.
 pub struct Demand {
+    /// A time is that of all processes together.
     pub end: End,
+    /// How many these are.
+    pub ranks: u32,
     pub most_light_paths: u32,
     pub open: Open,
     /// Radii that were asked for.
@@ -68,7 +71,7 @@ impl Demand {
             let [base, per_light_path] = times.in_light_paths(n_camera);
             let (camera, light) = (b / n_camera, a / n_camera + f);
             let longest = match self.end {
-                End::Time(time) => time / LEAST_ITERATIONS_AFTER_CHOICE,
+                End::Time(time) => time / least_iterations_after_choice(self.ranks),
                 End::Error(_) => f64::INFINITY,
             };
             if base > longest && best.is_some() {
@@ -168,7 +171,7 @@ pub mod tests {
             caustic_radius: true,
             guide: true,
         };
-        Demand { end, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
+        Demand { end, ranks: 1, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
     }
 
     #[test]

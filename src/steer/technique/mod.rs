@@ -251,7 +251,8 @@ pub enum End {
 }
 
 /// Tries what is open beside the settings of a renderer, on the threads of the current rayon pool. Where the time is
-/// not known, a short pilot tells how much a longer one may take.
+/// not known, a short pilot tells how much a longer one may take. The pilot runs in this process alone, whatever the
+/// number of [`Renderer::ranks`] that render afterwards.
 ///
 /// # Errors
 /// As [`Renderer::new`].
@@ -266,7 +267,7 @@ pub fn choose(renderer: &Renderer, open: Open, end: End) -> Result<Chosen> {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
             let first = pilot(TECHNIQUE_TIME)?;
-            let budget = share(first.best().seconds);
+            let budget = share(first.best().seconds / f64::from(renderer.ranks()));
             if budget < LONGER_PILOT * TECHNIQUE_TIME {
                 return Ok(first);
             }

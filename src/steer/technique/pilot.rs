@@ -29,9 +29,10 @@ pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result
     let each = screening / candidates.len() as f64;
     let demand = Demand {
         end: match end {
-            End::Time(time) => End::Time(time - budget),
+            End::Time(time) => End::Time((time - budget) * f64::from(renderer.ranks())),
             error => error,
         },
+        ranks: renderer.ranks(),
         most_light_paths: renderer.most_light_paths(),
         open,
         wished: [settings.caustic_radius, settings.radius],

@@ -1,0 +1,49 @@
+//! A render by several processes, as all but the first see it: they render what they are told to.
+
+use super::crew::{Begun, Haul, Order, Ready, Setup, render_own};
+use super::interrupts::catch_interrupts;
+use super::prepared::{self, Prepared};
+use super::progress::{Progress, Totals};
+use super::render::Args;
+use bdpm::base::error::Result;
+use bdpm::ranks::{Exchange, Ranks, encode};
+use bdpm::render::Renderer;
+use bdpm::steer::goal::Goal;
+use std::sync::atomic::Ordering;
+
+/// Renders its shares until there is none left. Ctrl-C ends a share after the iteration under way.
+pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
+    let begun: Begun = ranks.broadcast(None)?;
+    let begun =
+        begun.as_ref().map(|(origin, file, reuse)| prepared::Begun { origin, file, reuse: *reuse });
+    let prepared = match Prepared::new(&args.session, begun) {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            ranks.send(0, &encode(&Ready::Err(error.to_string())));
+            // The first one says so, and ends all.
+            ranks.broadcast::<Setup>(None)?;
+            return Err(error);
+        }
+    };
+    ranks.send(0, &encode(&Ready::Ok(prepared.origin.clone())));
+    let Setup { settings, grain, kept } = ranks.broadcast(None)?;
+    let new = || Renderer::new(&prepared.scene, &*prepared.accel, settings);
+    let renderer = prepared.threads.install(new)?.with_batches(grain).keeping(kept)?;
+    let mut renderer = renderer.one_of(ranks.count());
+    let interrupted = catch_interrupts(Progress::new(Goal::default(), true))?;
+    let exchange = Exchange::default();
+    while let Some(Order { block, schedule, numbers }) = ranks.broadcast::<Option<Order>>(None)? {
+        if let Some((first, counts)) = block {
+            renderer.enter_block(first, counts)?;
+        }
+        let own = numbers.share(ranks.rank(), ranks.count());
+        let mut totals = Totals::default();
+        let is_over = || interrupted.load(Ordering::Relaxed);
+        let told = |report: &_, _| totals.add(report);
+        render_own((&prepared, &mut renderer), (own, schedule), is_over, told);
+        let sums = renderer.take_sums();
+        let haul = Haul { sums, totals, is_interrupted: is_over() };
+        ranks.reduce(haul, &exchange, Haul::add)?;
+    }
+    Ok(())
+}

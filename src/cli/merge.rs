@@ -1,0 +1,194 @@
+//! `bdpm merge PART...`.
+
+use super::json;
+use super::layers::Layers;
+use super::outputs::{self, Attempts, Output};
+use super::preview;
+use super::render_files::{Outputs, Writer};
+use super::render_task::{best_measured, save_noise};
+use super::say;
+use bdpm::base::error::{Error, Result};
+use bdpm::files::checkpoint::Checkpoint;
+use bdpm::files::merge::{Merged, merge};
+use bdpm::optimize::Objective;
+use bdpm::render::block;
+use bdpm::render::block::Combined;
+use bdpm::steer::goal::importance;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Checkpoints of `render --part`, in any order, or of images that were merged of them
+    #[arg(value_name = "PART", required = true)]
+    parts: Vec<PathBuf>,
+    /// Image to write; the PNG preview beside it has the same name, or ends in .preview.png where that
+    /// is another picture
+    #[arg(long, short, value_name = "OUT.exr")]
+    output: PathBuf,
+    /// Write the noise coefficients of all parts to this file; the parts must have been rendered with --noise
+    #[arg(long, value_name = "NOISE.exr")]
+    noise: Option<PathBuf>,
+    /// Write a checkpoint of the whole, with which `render --resume` goes on
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Show nothing but errors
+    #[arg(long, short)]
+    quiet: bool,
+    /// Print the result as one JSON object on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// The result.
+#[derive(Serialize)]
+struct Report {
+    version: String,
+    scene: String,
+    /// Files that were merged.
+    files: usize,
+    iterations: u64,
+    /// What is missing to the whole image, in words.
+    missing: Vec<String>,
+    /// W/(m^2 sr).
+    mean_luminance: f64,
+    /// Pooled RMS of the image and its standard error, W/(m^2 sr); RMS over the mean luminance.
+    rms: Option<f64>,
+    rms_error: Option<f64>,
+    relative_rms: Option<f64>,
+    exr: String,
+    png: String,
+    noise: Option<String>,
+    checkpoint: Option<String>,
+}
+
+pub fn run(args: &Args) -> Result<String> {
+    let beside = preview::beside(&args.output);
+    outputs::check(&args.files(&beside))?;
+    let Merged { checkpoint, missing, unreadable, files } = merge(&args.parts)?;
+    let png = preview::aside(&beside)?;
+    let all = args.files(&png);
+    outputs::check(&all)?;
+    outputs::spare_inputs(&all)?;
+    let tell = |line: &str| {
+        if !args.quiet {
+            say(line);
+        }
+    };
+    if png != beside {
+        tell(&format!(
+            "note: the preview is {}: {} is another picture",
+            png.display(),
+            beside.display()
+        ));
+    }
+    for what in &missing {
+        tell(&format!("warning: {what} is missing"));
+    }
+    let mut attempts = Attempts::default();
+    let outputs = Outputs { exr: args.output.clone(), png, checkpoint: args.checkpoint.clone() };
+    let image = combined(&checkpoint);
+    if image.iterations() == 0 {
+        return Err(Error::new("the parts hold no iteration", "render them first"));
+    }
+    let mut writer = Writer {
+        origin: &checkpoint.origin,
+        regions: &checkpoint.regions,
+        outputs,
+        page: None,
+        whole: checkpoint.whole,
+        layers: Layers::new(&[]),
+        time: Duration::ZERO,
+    };
+    writer.save_image(checkpoint.features.as_deref(), &image, None, &mut attempts);
+    if let Some(path) = &args.noise {
+        attempts.add(path, || {
+            let block = best_measured(&checkpoint.blocks).ok_or_else(|| {
+                let problem = "too few iterations were measured to tell the noise";
+                Error::new(problem, "leave --noise out, or render more iterations").at(path)
+            })?;
+            save_noise(path, (&checkpoint.origin, &checkpoint.regions), block)
+        });
+    }
+    if let Some(path) = &args.checkpoint {
+        attempts.add(path, || checkpoint.save(path));
+    }
+    let report = Report::new(args, &checkpoint, &image, files, missing, &writer.outputs.png);
+    for error in unreadable {
+        attempts.add(&args.output, || Err::<(), _>(error));
+    }
+    attempts.finish()?;
+    Ok(match (args.json, args.quiet) {
+        (true, _) => json(&report),
+        (false, true) => String::new(),
+        (false, false) => report.text(),
+    })
+}
+
+/// The image of all blocks, weighted as one run does.
+fn combined<'a>(checkpoint: &'a Checkpoint) -> Combined<'a> {
+    let blocks = &checkpoint.blocks[..];
+    let weights = match &checkpoint.plan {
+        Some(plan) => plan.weights(blocks),
+        None => block::weights(blocks, &importance(blocks, Objective::Relative)),
+    };
+    Combined::new(blocks, weights)
+}
+
+impl Args {
+    fn files<'a>(&'a self, png: &'a Path) -> Vec<Output<'a>> {
+        let mut all = vec![
+            Output::new("--output", &self.output, Some("exr")),
+            Output::new("the preview of --output", png, Some("png")),
+        ];
+        let noise = self.noise.as_deref();
+        all.extend(noise.map(|path| Output::new("--noise", path, Some("exr"))));
+        let checkpoint = self.checkpoint.as_deref();
+        all.extend(checkpoint.map(|path| Output::new("--checkpoint", path, None)));
+        all
+    }
+}
+
+impl Report {
+    fn new(
+        args: &Args,
+        checkpoint: &Checkpoint,
+        image: &Combined,
+        files: usize,
+        missing: Vec<String>,
+        png: &Path,
+    ) -> Self {
+        let name = |path: &Path| path.to_string_lossy().into_owned();
+        let variance = image.pooled_variance();
+        let rms = variance.map(|(variance, _)| variance.sqrt());
+        let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
+        let mean_luminance = image.mean_luminance();
+        Self {
+            version: checkpoint.origin.version.clone(),
+            scene: checkpoint.origin.scene.clone(),
+            files,
+            iterations: image.iterations(),
+            missing,
+            mean_luminance,
+            rms,
+            rms_error: error.filter(|error| error.is_finite()),
+            relative_rms: rms.map(|rms| rms / mean_luminance).filter(|share| share.is_finite()),
+            exr: name(&args.output),
+            png: name(png),
+            noise: args.noise.as_deref().map(name),
+            checkpoint: args.checkpoint.as_deref().map(name),
+        }
+    }
+
+    fn text(&self) -> String {
+        let rms = match (self.rms, self.relative_rms) {
+            (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
+            _ => String::new(),
+        };
+        format!(
+            "{} and {}: {} iterations of {} files, mean luminance {:.4}{rms}\n",
+            self.exr, self.png, self.iterations, self.files, self.mean_luminance
+        )
+    }
+}

@@ -1,0 +1,240 @@
+//! Parts of an image, rendered apart and merged: all that is kept is what one run keeps.
+
+use crate::automatic::*;
+use bdpm::base::numbers::Numbers;
+use bdpm::files::checkpoint::{Checkpoint, Whole};
+use bdpm::files::merge::{Merged, merge};
+use bdpm::image::counts::{CameraCounts, Counts};
+use bdpm::image::layers::{Kept, PARTS};
+use bdpm::noise::film::{BatchCounts, BatchGrain, BatchSums, NoiseFilm};
+use bdpm::render::block::{Block, Combined};
+use bdpm::scene::backend::{Backend, build};
+use bdpm::settings::origin::Origin;
+use bdpm::steer::plan::{Plan, Rendered, Step};
+use bdpm::steer::{Fixed, Replay, Steer};
+use bdpm::{Renderer, Settings};
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+const ALL: Kept = Kept { light: true, features: true, parts: true };
+
+fn small() -> (bdpm::Scene, Settings) {
+    let (scene, settings) = scene();
+    (scene, Settings { width: 24, height: 18, light_paths: 300, camera_paths: 2, ..settings })
+}
+
+/// Renders the iterations `own` and keeps all there is.
+fn part(
+    folder: &Path,
+    own: Numbers,
+    (grain, mut steer): (BatchGrain, impl Steer),
+    whole: Option<Whole>,
+) -> PathBuf {
+    let (scene, settings) = small();
+    let accel = build(Backend::Bvh, &scene).unwrap();
+    let renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+    let mut renderer = renderer.with_batches(grain).keeping(ALL).unwrap().sharing(own.clone());
+    while renderer.iterations() < own.count() {
+        let measure = steer.steer(&mut renderer, 0.0).unwrap();
+        renderer.iterate(measure);
+    }
+    let (backend, fingerprint) = ("bvh".into(), scene.fingerprint());
+    let origin =
+        Origin { version: "1".into(), scene: "box".into(), fingerprint, backend, settings };
+    let checkpoint = Checkpoint {
+        features: renderer.features().map(Cow::Borrowed),
+        plan: steer.plan().cloned(),
+        whole,
+        ..Checkpoint::new(origin, renderer.blocks())
+    };
+    let path = folder.join(format!("{own}.ckpt"));
+    checkpoint.save(&path).unwrap();
+    path
+}
+
+/// Whether two sums of the same terms differ by no more than order of addition explains.
+#[track_caller]
+fn assert_near(one: f64, other: f64, size: f64, precision: f64, what: &str) {
+    assert!((one - other).abs() <= precision * size, "{what}: {one} {other}");
+}
+
+/// Sums over the image, and each of its sums, of a merged block against those of one run.
+fn assert_same(merged: &Block, whole: &Block) {
+    assert_eq!((merged.first, &merged.numbers), (whole.first, &whole.numbers));
+    assert_eq!(merged.counts, whole.counts);
+    for (own, other) in merged.film.sums().iter().zip(whole.film.sums()) {
+        for axis in 0..3 {
+            let [one, two] = [own, other].map(|sums| sums.radiance[axis]);
+            assert_near(one, two, two, 1e-12, "radiance");
+        }
+        assert_near(own.luminance2, other.luminance2, other.luminance2, 1e-12, "square");
+    }
+    let [(one, error), (two, other_error)] =
+        [merged, whole].map(|block| block.film.pooled_variance().unwrap());
+    assert_near(one, two, two, 1e-12, "pooled variance");
+    // The same squared deviations in other terms: as good an error, but not the same.
+    assert!(error / other_error > 0.5 && error / other_error < 2.0, "{error} {other_error}");
+
+    assert_eq!(merged.noise.is_some(), whole.noise.is_some());
+    if let (Some(noise), Some(others)) = (&merged.noise, &whole.noise) {
+        assert_same_noise(noise, others);
+    }
+    for (own, other) in merged.light.iter().flatten().zip(whole.light.iter().flatten()) {
+        for (one, two) in [
+            (own.direct, other.direct),
+            (own.caustics, other.caustics),
+            (own.emission, other.emission),
+        ] {
+            assert_near(one.x, two.x, two.x, 1e-12, "light");
+        }
+    }
+    let [parts, others] = [merged, whole].map(|block| block.parts.as_ref().unwrap());
+    assert_eq!(parts.iterations(), others.iterations());
+    for pixel in 0..merged.film.pixels() {
+        for (own, other) in parts.of(pixel).iter().zip(others.of(pixel)) {
+            assert_near(own.y.into(), other.y.into(), other.y.into(), 1e-5, "part");
+        }
+    }
+}
+
+/// The same of what was measured.
+fn assert_same_noise(noise: &NoiseFilm, others: &NoiseFilm) {
+    assert_eq!(noise.iterations, others.iterations);
+    let scale: f64 = others.pixels().iter().map(|p| p.coefficients.a.abs()).sum();
+    for (own, other) in noise.pixels().iter().zip(others.pixels()) {
+        for (one, two) in [
+            (own.coefficients.a, other.coefficients.a),
+            (own.coefficients.b, other.coefficients.b),
+            (own.coefficients.f, other.coefficients.f),
+            (own.deviations2, other.deviations2),
+            (own.nested2, other.nested2),
+        ] {
+            assert_near(one, two, two.abs().max(1e-6 * scale), 1e-11, "noise");
+        }
+        assert_near(own.value, other.value, other.value, 1e-12, "value");
+    }
+    for (own, other) in noise.batches().zip(others.batches()) {
+        let variance = |batches: &[BatchSums]| -> f64 {
+            batches.iter().map(|batch| f64::from(batch.variance)).sum()
+        };
+        assert_near(variance(own), variance(other), variance(other), 1e-5, "variance");
+        for (own, other) in own.iter().zip(other) {
+            let size = other.coefficients.iter().fold(1e-9 * scale, |m, x| m.max(x.abs().into()));
+            for (one, two) in own.coefficients.iter().zip(other.coefficients) {
+                // Where a gap was filled, they are dealt out to other batches.
+                if noise.counts() == others.counts() {
+                    assert_near((*one).into(), two.into(), size, 1e-5, "batch");
+                }
+            }
+        }
+    }
+}
+
+/// That no value differs by more than a unit in the last place.
+fn assert_same_image(merged: &Checkpoint, whole: &Checkpoint) {
+    let image = |checkpoint: &Checkpoint| {
+        let weights = match &checkpoint.plan {
+            Some(plan) => plan.weights(&checkpoint.blocks),
+            None => vec![1.0],
+        };
+        Combined::new(&checkpoint.blocks, weights).mean()
+    };
+    for (one, two) in image(merged).iter().zip(image(whole)) {
+        for axis in 0..3 {
+            let [one, two] = [one[axis], two[axis]].map(f32::to_bits);
+            assert!(one.abs_diff(two) <= 1, "{one} {two}");
+        }
+    }
+    let [own, other] = [merged, whole].map(|all| all.features.as_deref().unwrap());
+    for pixel in 0..whole.blocks[0].film.pixels() {
+        for part in 0..PARTS {
+            let [one, two] = [own, other].map(|features| features.guide(pixel, |p| p == part));
+            assert!((one.albedo - two.albedo).length() < 1e-5);
+            assert!((one.normal - two.normal).length() < 1e-5);
+        }
+        assert!((own.place(pixel).0 - other.place(pixel).0).length() < 1e-5);
+    }
+}
+
+#[test]
+fn parts_merged_in_any_order_are_the_image_of_one_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir(&path).unwrap();
+        path
+    };
+    for grain in [BatchGrain::Pixel, BatchGrain::Tile] {
+        let folder = at(&format!("{grain:?}"));
+        let whole = part(&folder, Numbers::from(0..75), (grain, Fixed), None);
+        let whole = Checkpoint::load(&whole).unwrap();
+        // Uneven parts, of which one was interrupted twice.
+        let ranges = [0..8, 8..31, 31..33, 33..75];
+        let parts = ranges.map(|range| part(&folder, Numbers::from(range), (grain, Fixed), None));
+        let mut orders = vec![parts.to_vec()];
+        orders.push(parts.iter().rev().cloned().collect());
+        orders.push([2, 0, 3, 1].map(|i: usize| parts[i].clone()).to_vec());
+        let merged: Vec<Merged> = orders.iter().map(|order| merge(order).unwrap()).collect();
+        assert!(merged.iter().all(|other| other.checkpoint == merged[0].checkpoint));
+        let Merged { checkpoint, missing, unreadable, files } = &merged[0];
+        assert!(missing.is_empty() && unreadable.is_empty() && *files == 4);
+        assert_same(&checkpoint.blocks[0], &whole.blocks[0]);
+        assert_same_image(checkpoint, &whole);
+        // 8 of the pilot, then every eighth.
+        for block in [&whole.blocks[0], &checkpoint.blocks[0]] {
+            assert_eq!(*block.noise.as_ref().unwrap().counts(), BatchCounts::of(17));
+        }
+
+        // Merging is the same in steps.
+        let [first, last] = [&parts[..2], &parts[2..]].map(|parts| merge(parts).unwrap());
+        assert_eq!(last.missing, ["iterations 0 to 30"]);
+        let halves = [(first, "first"), (last, "last")].map(|(half, name)| {
+            let path = folder.join(name);
+            half.checkpoint.save(&path).unwrap();
+            path
+        });
+        assert_same(&merge(&halves).unwrap().checkpoint.blocks[0], &whole.blocks[0]);
+    }
+}
+
+#[test]
+fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = CameraCounts::PerPixel((0..24 * 18).map(|i| 1 + i % 3).collect());
+    let step = |light_paths, camera_paths, iterations, weight| Step {
+        counts: Counts { light_paths, camera_paths },
+        rendered: Some(Rendered { iterations, weight }),
+    };
+    let steps = vec![
+        step(300, CameraCounts::Uniform(2), 9, 0.5),
+        step(200, map, 14, 1.0),
+        step(100, CameraCounts::Uniform(1), 17, 0.25),
+    ];
+    let replay = || (BatchGrain::Tile, Replay::new(Plan { steps: steps.clone() }));
+    let whole = Whole { iterations: 40, parts: 3 };
+    let one = part(folder.path(), Numbers::from(0..40), replay(), None);
+    let one = Checkpoint::load(&one).unwrap();
+    let parts = [0, 1, 2].map(|i| part(folder.path(), whole.part(i), replay(), Some(whole)));
+    let merged = merge(&parts).unwrap();
+    let firsts = merged.checkpoint.blocks.iter().map(|block| block.first);
+    assert_eq!(firsts.collect::<Vec<_>>(), [0, 9, 23]);
+    assert_eq!((merged.missing.len(), merged.checkpoint.whole), (0, None));
+    merged.checkpoint.blocks.iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));
+    assert_same_image(&merged.checkpoint, &one);
+
+    // The middle part is missing: a run that goes on renders it, in two blocks, and ends with the same.
+    let lacking = merge(&[&parts[0], &parts[2]].map(Clone::clone)).unwrap();
+    assert_eq!(lacking.missing, ["part 2/3 (iterations 13 to 25)"]);
+    assert_eq!(lacking.checkpoint.whole, Some(whole));
+    let (scene, settings) = small();
+    let accel = build(Backend::Bvh, &scene).unwrap();
+    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap().keeping(ALL).unwrap();
+    let Checkpoint { blocks, features, plan, .. } = lacking.checkpoint;
+    renderer.resume_with(blocks.into_owned(), features.map(Cow::into_owned)).unwrap();
+    let mut steer = Replay::new(plan.unwrap());
+    while renderer.iterations() < 40 {
+        let measure = steer.steer(&mut renderer, 0.0).unwrap();
+        renderer.iterate(measure);
+    }
+    renderer.blocks().iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));
+}
