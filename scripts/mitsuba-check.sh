@@ -11,6 +11,7 @@
 #   THREADS=n      of both programs (default: all processors)
 #   SECONDS_EACH   of each image (default: 10), RUNS: images of each program (3)
 #   SECONDS_REFERENCE  of the reference by each program (90)
+#   ALSO           options of bdpm for one more row of the table
 #   SIZES          pixels across and down, `own` for the file's own size (default: 128,own)
 #
 # Mitsuba's variant `llvm_ad_rgb`, which needs libLLVM 17 or newer, is taken if it runs, else `scalar_rgb`.
@@ -25,7 +26,7 @@ skip() {
     exit 0
 }
 
-[ $# -gt 0 ] || { sed -n '2,17s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 2; }
+[ $# -gt 0 ] || { sed -n '2,18s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 2; }
 if ! "$venv/bin/python" -c 'import mitsuba, numpy, OpenEXR' 2>/dev/null; then
     command -v python3 >/dev/null || skip "there is no Python"
     python3 -m venv "$venv" 2>/dev/null || skip "Python has no venv (Debian: apt install python3-venv)"

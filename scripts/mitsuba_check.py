@@ -208,11 +208,14 @@ def whole(path, size, seconds, runs, long):
     size = tuple(int(n) for n in scene.sensors()[0].film().size())
     count = {kind: samples_for(scene, kind, seconds) for kind in ("path", "ptracer")}
     images, took, reports = {"path": [], "ptracer": [], "bdpm": []}, {}, []
+    also = os.environ.get("ALSO", "")
+    if also:
+        images[f"bdpm {also}"] = []
     for seed in range(1, runs + 1):
         for kind in images:
-            if kind == "bdpm":
-                image, own, report = with_bdpm(path, size, seconds, seed)
-                reports.append(report)
+            if kind.startswith("bdpm"):
+                image, own, report = with_bdpm(path, size, seconds, seed, *kind.split()[1:])
+                reports += [report] if kind == "bdpm" else []
             else:
                 image, own = with_mitsuba(scene, kind, count[kind], seed)
             images[kind].append(image)
@@ -226,7 +229,7 @@ def whole(path, size, seconds, runs, long):
     ratio, error, z = compare(ours, theirs)
     agree = (np.abs(ratio - 1) < 0.005 + 3 * error).all()
     common = Reference(theirs, ours)
-    references = {kind: common if agree else Reference(ours if kind == "bdpm" else theirs) for kind in images}
+    references = {kind: common if agree else Reference(ours if kind.startswith("bdpm") else theirs) for kind in images}
     print(f"\n{path.parent.name}/{path.name} {size[0]}x{size[1]}, {THREADS} threads")
     print(f"  ratio of means (bdpm / path), R G B: {shown(ratio, error)}")
     over = 100 * np.mean(np.abs(z) > 3)
