@@ -6,13 +6,14 @@
 //! ```
 //!
 //! What is done is kept in `--folder`: a run that was stopped goes on where it was, and what is there is not made
-//! again. The first table renders at the scene's own counts; the second and third run the program.
+//! again. The first table renders at the scene's own counts; the second and third run the program, and take as
+//! reference two long renders of it at a third of the radii that it chose for the first image.
 
 #[path = "../tests/common/denoised.rs"]
 mod denoised;
 
 use bdpm::base::error::{Error, Result};
-use bdpm::base::math::luminance;
+use bdpm::base::math::{Rgb, luminance};
 use bdpm::denoise::{Oidn, importance};
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::import::load;
@@ -27,6 +28,7 @@ use denoised::{Found, Reference, compare};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 /// Compares what is told of denoised images with what came.
 #[derive(Parser)]
@@ -52,6 +54,12 @@ struct Args {
     /// Renders to these errors by the program, instead, with and without denoising
     #[arg(long, value_delimiter = ',')]
     targets: Vec<String>,
+    /// Seconds of each of the two references of those
+    #[arg(long, default_value_t = 60.0)]
+    reference_time: f64,
+    /// Threads of the program (default: as many as processors)
+    #[arg(long)]
+    threads: Option<u32>,
     /// The program
     #[arg(long, default_value = "target/release/bdpm")]
     program: PathBuf,
@@ -69,8 +77,8 @@ fn main() -> Result<()> {
         );
         println!("|---|---|---|---|---|---|---|---|");
     } else {
-        println!("| scene | asked | time | raw | denoised | told |");
-        println!("|---|---|---|---|---|---|");
+        println!("| scene | asked | time | raw, came | told | denoised, came | told |");
+        println!("|---|---|---|---|---|---|---|");
     }
     for scene in &args.scenes {
         if args.times.is_empty() && args.targets.is_empty() {
@@ -156,6 +164,64 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// A render by the program: its report, and the seconds that it took with all that it prepares.
+fn run(args: &Args, path: &Path, exr: &Path, options: &[&str]) -> Result<(serde_json::Value, f64)> {
+    let start = Instant::now();
+    let mut command = Command::new(&args.program);
+    command.arg("render").arg(path).arg("--output").arg(exr).args(["--quiet", "--json"]);
+    if let Some(threads) = args.threads {
+        command.args(["--threads", &threads.to_string()]);
+    }
+    let output = command.args(options).output();
+    let output = output.map_err(|e| Error::io("run", &args.program, e))?;
+    let seconds = start.elapsed().as_secs_f64();
+    let report = serde_json::from_slice(&output.stdout).map_err(|e| {
+        let said = String::from_utf8_lossy(&output.stderr);
+        Error::new(format!("{e}: {said}"), "see what the program says").at(exr)
+    })?;
+    Ok((report, seconds))
+}
+
+fn colors(exr: &Path, layer: &str) -> Result<Option<Vec<Rgb>>> {
+    Ok(read_exr(exr)?.layer(layer).and_then(Layer::to_rgb))
+}
+
+/// The mean of two long renders at a third of the radii of `chosen`, whose merge bias is a ninth; with weights of the
+/// squared errors by its luminance.
+fn long_renders(
+    args: &Args,
+    path: &Path,
+    (name, size): (&str, &str),
+    chosen: &serde_json::Value,
+) -> Result<(Reference, Vec<f64>)> {
+    let mut images = Vec::new();
+    for seed in ["1000003", "1000004"] {
+        let exr = args.folder.join(format!("{name}-{size}-reference-{seed}.exr"));
+        if !exr.exists() {
+            let third = |radius: &str| (chosen[radius].as_f64().unwrap_or(0.0) / 3.0).to_string();
+            let [radius, caustic] = ["radius", "caustic_radius"].map(third);
+            let time = format!("{}s", args.reference_time);
+            let options = ["--resolution", size, "--time", &time, "--seed", seed];
+            let radii = ["--radius", &radius, "--caustic-radius", &caustic, "--layers", "none"];
+            run(args, path, &exr, &[&options[..], &radii].concat())?;
+        }
+        images.extend(colors(&exr, "")?);
+    }
+    let [one, other] = &images[..] else {
+        return Err(Error::new("a reference has no colors", "remove it and make it again"));
+    };
+    let mean: Vec<Rgb> = one.iter().zip(other).map(|(a, b)| 0.5 * (*a + *b)).collect();
+    let luminance_of = |value: &Rgb| f64::from(luminance(*value));
+    // Of the mean of two, by their difference.
+    let variance = one.iter().zip(other);
+    let variance = variance.map(|(a, b)| 0.25 * (luminance_of(a) - luminance_of(b)).powi(2));
+    let reference = Reference {
+        luminance: mean.iter().map(luminance_of).collect(),
+        variance: variance.collect(),
+    };
+    Ok((reference, importance(&mean)))
+}
+
 /// Errors of what the program rendered, raw and denoised.
 fn by_program(args: &Args, path: &Path) -> Result<()> {
     let (scene, settings) = prepare(args, path)?;
@@ -170,37 +236,28 @@ fn by_program(args: &Args, path: &Path) -> Result<()> {
             let kind = if denoise.is_empty() { "raw" } else { "denoised" };
             let name = format!("{}-{size}{option}-{value}-{kind}", scene.name);
             kept(args, &name, || {
-                let reference = reference(
-                    args,
-                    &scene,
-                    &settings,
-                    args.reference * args.iterations.iter().max().copied().unwrap_or(1),
-                )?;
                 let exr = args.folder.join(format!("{name}.exr"));
-                let mut command = Command::new(&args.program);
-                command.arg("render").arg(path).arg("--output").arg(&exr);
-                command.args(["--resolution", &size, option, value, "--quiet", "--json"]);
-                let output = command.args(denoise).output();
-                let output = output.map_err(|e| Error::io("run", &args.program, e))?;
-                let report: serde_json::Value = serde_json::from_slice(&output.stdout)
-                    .map_err(|e| Error::new(e.to_string(), "see what the program says").at(&exr))?;
-                let image = read_exr(&exr)?;
-                let error = |layer: &str| {
-                    let pixels = image.layer(layer).and_then(Layer::to_rgb)?;
-                    let lit = pixels.iter().map(|value| f64::from(luminance(*value)));
-                    let weights = importance(&pixels);
-                    Some(100.0 * reference.error(lit, &weights).max(0.0).sqrt())
+                let options = [&["--resolution", &size, option, value][..], denoise].concat();
+                let (report, seconds) = run(args, path, &exr, &options)?;
+                let names = (&scene.name[..], &size[..]);
+                let (reference, weights) = long_renders(args, path, names, &report["settings"])?;
+                let came = |layer: &str| -> Result<Option<f64>> {
+                    let error = |pixels: Vec<Rgb>| {
+                        let lit = pixels.iter().map(|value| f64::from(luminance(*value)));
+                        reference.error(lit, &weights).max(0.0).sqrt()
+                    };
+                    Ok(colors(&exr, layer)?.map(error))
                 };
-                let show =
-                    |error: Option<f64>| error.map_or(String::new(), |e| format!("{e:.2} %"));
-                let told = report["denoised"]["relative_error"].as_f64().map(|e| 100.0 * e);
+                let show = |error: Option<f64>| {
+                    error.map_or(String::new(), |e| format!("{:.2} %", 100.0 * e))
+                };
                 Ok(format!(
-                    "| {} | {value} | {:.1} s | {} | {} | {} |",
+                    "| {} | {value} | {seconds:.1} s | {} | {} | {} | {} |",
                     scene.name,
-                    report["seconds"]["render"].as_f64().unwrap_or(f64::NAN),
-                    show(error("")),
-                    show(error("denoised")),
-                    show(told)
+                    show(came("")?),
+                    show(report["error"]["total"].as_f64()),
+                    show(came("denoised")?),
+                    show(report["denoised"]["total_error"].as_f64())
                 ))
             })?;
         }

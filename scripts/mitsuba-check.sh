@@ -3,11 +3,16 @@
 # error. Mitsuba comes from PyPI into a virtual environment below `target`.
 #
 #   scripts/mitsuba-check.sh SCENE.xml...     agreement, and the equal-time table
-#   scripts/mitsuba-check.sh --elements       the small files of tests/data/mitsuba, each within its tolerance
+#   scripts/mitsuba-check.sh --elements       the small files of tests/data/mitsuba, each within its tolerance, or
+#                                             only those named after it
 #
 #   BDPM=program   takes this program (default: target/release/bdpm, which is built if it is missing)
 #   MITSUBA_VENV   the environment (default: target/mitsuba)
 #   THREADS=n      of both programs (default: all processors)
+#   SECONDS_EACH   of each image (default: 10), RUNS: images of each program (3)
+#   SECONDS_REFERENCE  of the reference by each program (90)
+#   ALSO           options of bdpm for one more row of the table
+#   SIZES          pixels across and down, `own` for the file's own size (default: 128,own)
 #
 # Mitsuba's variant `llvm_ad_rgb`, which needs libLLVM 17 or newer, is taken if it runs, else `scalar_rgb`.
 set -euo pipefail
@@ -21,7 +26,7 @@ skip() {
     exit 0
 }
 
-[ $# -gt 0 ] || { sed -n '2,13s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 2; }
+[ $# -gt 0 ] || { sed -n '2,18s/^# \{0,1\}//p' "${BASH_SOURCE[0]}"; exit 2; }
 if ! "$venv/bin/python" -c 'import mitsuba, numpy, OpenEXR' 2>/dev/null; then
     command -v python3 >/dev/null || skip "there is no Python"
     python3 -m venv "$venv" 2>/dev/null || skip "Python has no venv (Debian: apt install python3-venv)"

@@ -323,6 +323,31 @@ fn what_is_approximated_or_left_out_is_told() {
 }
 
 #[test]
+fn what_mitsuba_alone_does_with_normals_is_told_where_it_does() {
+    let file =
+        |name: &str| format!("<string name='filename' value='{}'/>", data().join(name).display());
+    let bent = |said: &str| {
+        let raw = file("normals.png") + "<boolean name='raw' value='true'/>";
+        let map = format!("<texture type='bitmap' name='normalmap'>{raw}</texture>");
+        let bsdf = format!("<bsdf type='normalmap'>{said}{map}<bsdf type='diffuse'/></bsdf>");
+        with(&format!("<shape type='rectangle'>{bsdf}</shape>"))
+    };
+    let lamp = |said: &str| {
+        let mesh = file("pyramid.obj");
+        with(&format!("<shape type='obj'>{mesh}{said}<emitter type='area'/></shape>"))
+    };
+    let shadowing = "<boolean name='use_shadowing_function' value='false'/>";
+    let flat = "<boolean name='face_normals' value='true'/>";
+    for (told, silent, phrase) in [
+        (bent(""), bent(shadowing), "bumps shadow themselves"),
+        (lamp(""), lamp(flat), "fronts and cosines"),
+    ] {
+        assert!(told.notes_text().contains(phrase), "{}", told.notes_text());
+        assert_eq!(silent.notes_text(), "");
+    }
+}
+
+#[test]
 fn errors_name_file_line_and_element() {
     let shape =
         |inside: &str| scene(&format!("{CAMERA}{LIGHT}<shape type='rectangle'>\n{inside}</shape>"));

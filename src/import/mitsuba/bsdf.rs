@@ -142,14 +142,14 @@ impl Bsdfs {
                 });
                 let [width, height] = texture.size();
                 let map = Texture::new(width, height, texels.collect()).sampled(texture.sampling());
-                Ok(with.bent(look, Normals::Map(Arc::new(map)), to_uv, object))
+                with.bent(look, Normals::Map(Arc::new(map)), to_uv, object)
             }
             "bumpmap" | "bump" => {
                 let look = first(object, self.nested(object, with, depth)?)?;
                 let scale = object.float("scale")?.unwrap_or(1.0) as f32;
                 let Some(child) = one_texture(object, "")? else { return Ok(look) };
                 let (texture, to_uv) = with.pictures.data(&child)?;
-                Ok(with.bent(look, Normals::Bumps(texture, scale), to_uv, object))
+                with.bent(look, Normals::Bumps(texture, scale), to_uv, object)
             }
             "blendbsdf" => self.blend(object, with, depth),
             "mixturebsdf" | "coating" | "roughcoating" => {
@@ -219,10 +219,21 @@ impl With<'_> {
     }
 
     /// A look with bent normals, where texture coordinates are the same for all textures.
-    fn bent(&mut self, look: Look, normals: Normals, to_uv: Affine2, object: &Object) -> Look {
+    fn bent(
+        &mut self,
+        look: Look,
+        normals: Normals,
+        to_uv: Affine2,
+        object: &Object,
+    ) -> Result<Look> {
+        // Since 3.7.1; earlier ones have none.
+        if object.boolean("use_shadowing_function")?.unwrap_or(true) {
+            let phrase = "left out that bumps shadow themselves (`use_shadowing_function`), of";
+            self.remarks.skipped(phrase, &object.label());
+        }
         self.one_map(&look, to_uv, object);
         let to_uv = if look.albedo.is_some() { look.to_uv } else { to_uv };
-        Look { normals: Some(normals), to_uv, ..look }
+        Ok(Look { normals: Some(normals), to_uv, ..look })
     }
 
     fn one_map(&mut self, look: &Look, to_uv: Affine2, object: &Object) {

@@ -1,13 +1,19 @@
 //! Heights as maps of normals.
 
 use crate::scene::{Mesh, NormalMap, Texture, Wrap};
-use glam::{Vec2, Vec3};
+use glam::{DMat3, Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// The map of normals that heights, `scale` scene units at white, make on a mesh: the slopes are those where texture
-/// coordinates grow as fast as they do in the mean over its area. `None` if it has no such.
-pub(super) fn normal_map(heights: &Arc<Texture>, scale: f32, mesh: &Mesh) -> Option<NormalMap> {
-    let lengths = lengths(mesh)?;
+/// The map of normals that heights, `scale` scene units at white, make on a mesh that `to_world` brings to its place:
+/// the slopes are those where texture coordinates grow as fast as they do in the mean over its area. `None` if it has
+/// no such.
+pub(super) fn normal_map(
+    heights: &Arc<Texture>,
+    scale: f32,
+    mesh: &Mesh,
+    to_world: DMat3,
+) -> Option<NormalMap> {
+    let lengths = lengths(mesh, to_world.as_mat3())?;
     let [width, height] = heights.size().map(|size| size as usize);
     let wrap = heights.sampling().wrap;
     let index = |wrap: Wrap, i: i64, size: usize| match wrap {
@@ -37,11 +43,11 @@ pub(super) fn normal_map(heights: &Arc<Texture>, scale: f32, mesh: &Mesh) -> Opt
     Some(NormalMap { texture: Arc::new(map.sampled(heights.sampling())), scale: 1.0 })
 }
 
-/// Mean lengths on the surface of what the texture coordinates span from 0 to 1.
-fn lengths(mesh: &Mesh) -> Option<Vec2> {
+/// Mean lengths on the surface, scene units, of what the texture coordinates span from 0 to 1.
+fn lengths(mesh: &Mesh, to_world: Mat3) -> Option<Vec2> {
     let (mut sum, mut area) = (Vec2::ZERO, 0.0);
     for corners in &mesh.triangles {
-        let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
+        let [a, b, c] = corners.map(|i| to_world * mesh.positions[i as usize]);
         let [ua, ub, uc] = corners.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or_default());
         let (e, f, s, t) = (b - a, c - a, ub - ua, uc - ua);
         let turn = s.perp_dot(t);
@@ -55,4 +61,35 @@ fn lengths(mesh: &Mesh) -> Option<Vec2> {
     }
     let mean = sum / area;
     (mean.is_finite() && mean.min_element() > 0.0).then_some(mean)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slopes_are_those_of_the_surface_at_its_place() {
+        let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+        let mesh = Mesh {
+            positions: corners.map(|(x, y)| Vec3::new(x, y, 0.0)).into(),
+            uvs: corners.map(Vec2::from).into(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        // One code per texel along u: over the middle ones the height grows by 4/255.
+        let texels = [0, 1, 2, 3].map(|code| [code, code, code, 255]);
+        let heights = Arc::new(Texture::new(4, 1, texels.to_vec()));
+        let slope = |to_world: DMat3| {
+            let map = normal_map(&heights, 100.0, &mesh, to_world).unwrap();
+            let normal = map.texture.vector(Vec2::new(0.375, 0.5));
+            [-normal.x / normal.z, -normal.y / normal.z]
+        };
+        let height = 100.0 * 4.0 / 255.0;
+        for (stretch, expected) in [(1.0, height), (2.0, height / 2.0), (4.0, height / 4.0)] {
+            let [along_u, along_v] =
+                slope(DMat3::from_diagonal(glam::DVec3::new(stretch, 3.0, 5.0)));
+            assert!((along_u / expected - 1.0).abs() < 0.03, "{stretch}: {along_u}, {expected}");
+            assert!(along_v.abs() < 0.02, "{along_v}");
+        }
+    }
 }

@@ -116,12 +116,19 @@ impl Reader<'_> {
         let flips = object.boolean("flip_tex_coords")?;
         let key = Key { source, is_flat, to_uv: to_uv.to_cols_array().map(f32::to_bits) };
         let meshes = self.meshes(object, key, (to_uv, flips))?;
-        let mut parts = Parts::new();
-        for mesh in meshes.all {
-            let material = self.material(object, own.as_ref(), (&look, &emission, is_lamp), &mesh);
-            parts.push((mesh, material));
+        let is_smooth = formula.is_none() && meshes.all.iter().any(|mesh| !mesh.normals.is_empty());
+        if emission.is_some() && is_smooth {
+            let phrase =
+                "took the triangles' fronts and cosines, not the normals', for the light of";
+            self.remarks.skipped(phrase, &name);
         }
         let map = object.map("to_world")? * inner;
+        let mut parts = Parts::new();
+        for mesh in meshes.all {
+            let looks = (&look, &emission, is_lamp);
+            let material = self.material(object, own.as_ref(), looks, (&mesh, map.matrix3));
+            parts.push((mesh, material));
+        }
         // As in Mitsuba, the order of corners tells where the front of a mirrored mesh is, unless its normals do.
         let by_corners = match formula {
             Some(shape) => shape == Analytic::Sphere,
@@ -168,13 +175,13 @@ impl Reader<'_> {
         Ok(meshes)
     }
 
-    /// Index of the material of a shape's mesh.
+    /// Index of the material of a shape's mesh at its place.
     fn material(
         &mut self,
         object: &Object,
         own: Option<&Object>,
         (look, emission, is_lamp): (&Look, &Option<Paint>, bool),
-        mesh: &Mesh,
+        (mesh, to_world): (&Mesh, DMat3),
     ) -> u32 {
         let is_shared =
             !is_lamp && emission.is_none() && !matches!(look.normals, Some(Normals::Bumps(..)));
@@ -189,7 +196,9 @@ impl Reader<'_> {
         let normal_map = match &look.normals {
             None => None,
             Some(Normals::Map(texture)) => Some(NormalMap { texture: texture.clone(), scale: 1.0 }),
-            Some(Normals::Bumps(heights, scale)) => bumps::normal_map(heights, *scale, mesh),
+            Some(Normals::Bumps(heights, scale)) => {
+                bumps::normal_map(heights, *scale, mesh, to_world)
+            }
         };
         let (opacity, opacity_texture): (Option<f32>, Option<Arc<Texture>>) = match &look.opacity {
             Some((share, texture)) => (Some(*share), texture.clone()),
