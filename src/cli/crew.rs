@@ -28,6 +28,9 @@ const LONGEST: f64 = 60.0;
 /// See [`LONGEST`].
 const LONGEST_SHARE: f64 = 50.0;
 
+/// The most by which a round is longer than the one before: the first ones tell what counts are best.
+const GROWTH: u64 = 4;
+
 /// Of the time that is left until a target, the most that goes into one round.
 const TOWARD_TARGET: f64 = 0.5;
 
@@ -198,7 +201,7 @@ impl<'a> Crew<'a> {
     fn lengthen(&mut self) {
         let longest = LONGEST.max(LONGEST_SHARE * self.adding);
         let seconds = (ITERATE_SHARE * self.adding).min(longest);
-        self.each = ((seconds / self.tau) as u64).clamp(1, 2 * self.each);
+        self.each = ((seconds / self.tau) as u64).clamp(1, GROWTH * self.each);
     }
 
     /// Numbers of the next iterations: no more than the goal may still want.
