@@ -34,6 +34,8 @@ pub struct Model {
     /// The camera main effect, relative.
     camera: f64,
     bias: ByClass<Option<Bias>>,
+    /// Whether one trial alone tells of it: not what either class of photons does by itself.
+    is_one_trial: bool,
     /// Radius of a disc of the area that a pixel sees.
     footprint: f64,
     /// With the time of merging per pair over the squared reach.
@@ -84,6 +86,7 @@ impl Model {
             light: parts(&inverse(g2), &shared, both),
             camera: measured.iter().map(|c| c.b).sum::<f64>() / measured.len() as f64,
             bias,
+            is_one_trial: trials.len() == 1,
             footprint,
             times: mean_times(trials),
             surfaces: surfaces.clone(),
@@ -142,7 +145,13 @@ impl Model {
         for &last in &last {
             // Without such photons their radius is of no concern.
             let none = [if open.caustic_radius { 0.25 * last } else { f64::from(wished[EVERY]) }];
-            for &every in if every.is_empty() { &none[..] } else { &every[..] } {
+            let same = [last];
+            let every = match &every[..] {
+                [] => &none[..],
+                _ if self.is_one_trial && open.caustic_radius && open.radius => &same[..],
+                every => every,
+            };
+            for &every in every {
                 let mut radii = [last; 2];
                 radii[EVERY] = every;
                 let own = demand.evaluate(
@@ -270,6 +279,7 @@ mod tests {
             light,
             camera,
             bias: known,
+            is_one_trial: false,
             footprint: 0.1,
             times: times(),
             surfaces: Surfaces::default(),

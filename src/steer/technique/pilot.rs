@@ -10,7 +10,7 @@ use crate::base::error::Result;
 use crate::image::film::luminance_weights;
 use crate::render::Renderer;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Settings};
+use crate::settings::{Direct, Settings, Strategy};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use std::array::from_fn;
@@ -81,7 +81,10 @@ impl Pilot<'_> {
             self.tried.push(Tried { technique, trials: vec![first], surfaces, largest: LARGE });
         }
         let weights = common_weights(&self.tried);
-        let rank = |tried| self.model(tried, &weights).best(&self.demand).rank(&self.demand);
+        let rank = |tried: &Tried| {
+            let best = self.model(tried, &weights).best(&self.demand);
+            best.rank(&self.demand) * self.doubt(tried.technique)
+        };
         let ranks: Vec<f64> = self.tried.iter().map(rank).collect();
         let mut ranked: Vec<_> = ranks.into_iter().zip(self.tried.drain(..)).collect();
         ranked.sort_by(|one, other| one.0.total_cmp(&other.0));
@@ -95,6 +98,12 @@ impl Pilot<'_> {
         });
         self.tried = ranked.into_iter().map(|(_, tried)| tried).collect();
         Ok(())
+    }
+
+    /// By how many times its squared error is taken to be more than trials tell.
+    fn doubt(&self, technique: Technique) -> f64 {
+        let is_rare = technique.strategy == Strategy::Single && self.site.mirrors_lamps_roughly();
+        if is_rare { SEEN_BY_CHANCE } else { 1.0 }
     }
 
     /// What trials tell of a technique so far; its bias is what is typical where no trial tells it.
@@ -131,7 +140,7 @@ impl Pilot<'_> {
         let sampled = self.site.sampled();
         let mut widened = 0;
         for tried in &mut self.tried {
-            if widened > 0 && self.start.elapsed().as_secs_f64() > self.budget {
+            if widened >= LEAST_WIDENED && self.start.elapsed().as_secs_f64() > self.budget {
                 break;
             }
             // Areas that are worked out the first time must not take all of it.
@@ -151,8 +160,8 @@ impl Pilot<'_> {
             }
             widened += 1;
         }
-        // Of the others the bias is not known.
-        self.tried.truncate(widened);
+        // Of the others too little is known.
+        self.tried.truncate(widened as usize);
         let weights = common_weights(&self.tried);
         if self.tried.iter().any(|tried| !tried.is_thin(&weights)) {
             self.tried.retain(|tried| !tried.is_thin(&weights));
@@ -168,22 +177,22 @@ impl Pilot<'_> {
             let mut best = model.best(&self.demand);
             // Where no radius is open, all trials were at the very radii.
             best.tried = !self.demand.open.any_radius();
-            (model, best)
+            (model, best, self.doubt(tried.technique))
         };
-        let mut scored: Vec<(Model, Best)> = self.tried.iter().map(score).collect();
+        let mut scored: Vec<(Model, Best, f64)> = self.tried.iter().map(score).collect();
         let Self { settings, demand, site, .. } = self;
         loop {
             // One is tried in any case: that tells times, which counts follow, better than any other trial.
             let is_over = self.start.elapsed().as_secs_f64() > self.budget
-                && scored.iter().any(|(_, best)| best.tried);
-            let rank = |best: &Best| {
-                best.rank(demand) * if is_over && !best.tried { UNTRIED } else { 1.0 }
+                && scored.iter().any(|(_, best, _)| best.tried);
+            let rank = |(_, best, doubt): &(Model, Best, f64)| {
+                doubt * best.rank(demand) * if is_over && !best.tried { UNTRIED } else { 1.0 }
             };
-            scored.sort_by(|one, other| rank(&one.1).total_cmp(&rank(&other.1)));
-            let (model, best) = &mut scored[0];
-            if best.tried || is_over {
-                return Ok(scored);
+            scored.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
+            if scored[0].1.tried || is_over {
+                return Ok(scored.into_iter().map(|(model, best, _)| (model, best)).collect());
             }
+            let (model, best, _) = &mut scored[0];
             let settings = best.settings(settings, model.technique);
             let trial = site.trial(&settings, None, seconds)?;
             *best = model.tried_at(&trial, &weights, demand);

@@ -11,7 +11,7 @@ use crate::noise::{Coefficients, Measure};
 use crate::render::Renderer;
 use crate::render::learning::Learned;
 use crate::scene::lights::guide::Guide;
-use crate::scene::{Material, Placement, Scene};
+use crate::scene::{Emitter, Material, Placement, Scene};
 use crate::settings::policy::*;
 use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
@@ -271,6 +271,15 @@ impl<'a> Site<'a> {
     /// Whether any surface is there for a share of the rays only.
     pub fn is_translucent(&self) -> bool {
         self.ground.scene.materials().iter().any(Material::is_translucent)
+    }
+
+    /// Whether lamps that rays can hit are seen in rough surfaces which paths pass through: all strategies but `mis` find
+    /// them there by chance alone.
+    pub fn mirrors_lamps_roughly(&self) -> bool {
+        let (scene, lights) = (self.ground.scene, self.ground.scene.lights());
+        let are_hit =
+            lights.shine_from_beyond() || !lights.emitters().iter().all(Emitter::is_delta);
+        are_hit && scene.materials().iter().any(|material| material.bsdf.has_rough())
     }
 
     /// One that shares areas with another of the same reach: most of what trials see is the same.
