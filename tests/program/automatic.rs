@@ -115,7 +115,13 @@ fn what_a_user_chooses_is_kept() {
     assert_eq!((&settings["radius"], &settings["strategy"]), (&3.0.into(), &"mis".into()));
     let candidates = found["technique"]["candidates"].as_array().unwrap();
     assert!(candidates.iter().all(|it| it["radius"] == 3.0 && it["strategy"] == "mis"), "{found}");
-    let all = ["--merge-vertex=1", "--direct=connect", "--caustic-radius=1", "--kernel=area"];
+    let all = [
+        "--merge-vertex=1",
+        "--direct=connect",
+        "--caustic-radius=1",
+        "--kernel=area",
+        "--guide=0",
+    ];
     let own = ["--resolution", "24x24", "--time", "200ms", "--radius", "3"];
     let found = report(render(&at("a.exr"), &[&own[..], &all[..]].concat()));
     let (technique, candidates) = (&found["technique"], &found["technique"]["candidates"]);
