@@ -32,8 +32,8 @@ pub struct Emission {
     pub flux: Rgb,
 }
 
-/// Where among all ways to start a light path one does, in [0, 1) each: the light, then what
-/// [`Emitter::emit`] asks for.
+/// Where among all ways to start a light path one does, in [0, 1) each: the light; the place on it, if it has a
+/// surface; the direction, if it has several.
 pub type Place = [f64; 5];
 
 /// A number of [0, 1) in single precision, less than 1 as well.
