@@ -53,6 +53,19 @@ pub(crate) fn check_camera_paths(&count: &u32) -> Result<()> {
     Err(Error::new("0 camera paths per pixel", "give at least 1 camera path per pixel"))
 }
 
+/// Far more iterations than teach light paths anything new; what they bring is kept in memory.
+const MOST_GUIDE: u32 = 1024;
+
+pub(super) fn check_guide(&iterations: &u32) -> Result<()> {
+    if iterations <= MOST_GUIDE {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("{iterations} iterations to learn a guide"),
+        format!("give at most {MOST_GUIDE}, such as 32, or 0 for none"),
+    ))
+}
+
 pub(super) fn check_radius(&radius: &f32) -> Result<()> {
     if radius > 0.0 && radius.is_finite() {
         return Ok(());

@@ -1,7 +1,7 @@
 //! Every setting, once: what it means, its type, its default and its bounds.
 
 use super::checks::{
-    as_serde, check_camera_paths, check_light_paths, check_merge_vertex, check_radius,
+    as_serde, check_camera_paths, check_guide, check_light_paths, check_merge_vertex, check_radius,
     check_resolution, check_scale, check_strategy, checked,
 };
 use super::exactly::Exactly;
@@ -199,8 +199,9 @@ settings! {
     mis_c2: f64 as f64 = shared_by(camera_paths), check_scale;
 
     /// Iterations beside the image that teach light paths to start where they bring more to it; 0 for as much as lights emit
+    #[serde(deserialize_with = "read::guide")]
     #[arg(value_name = "N")]
-    guide: u32 as u32 = 0, anything;
+    guide: u32 as u32 = 0, check_guide;
 
     /// How light that comes straight from a light source is found
     direct: Direct as Direct = Direct::Connect, anything;
@@ -241,6 +242,7 @@ mod read {
         camera_paths: u32, check_camera_paths;
         merge_vertex: u32, check_merge_vertex;
         mis_light_paths: u32, check_light_paths;
+        guide: u32, check_guide;
         mis_c1: f64, check_scale;
         mis_c2: f64, check_scale;
     }

@@ -259,6 +259,7 @@ fn values_out_of_range() {
         ("merge_vertex = 0", "merge vertex 0", "1 to 255"),
         ("mis_light_paths = 0", "0 light paths", "between 1"),
         ("mis_c2 = -0.5", "the scale of merges is -0.5", "such as 0.4"),
+        ("guide = 5000", "5000 iterations to learn a guide", "such as 32"),
         ("seed = -1", "wrong value: integer `-1`", "help: give "),
     ] {
         let place = format!("s.toml:14: {problem}");
