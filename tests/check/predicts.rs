@@ -25,8 +25,8 @@ fn the_noise_of_guided_light_paths_is_known_at_far_counts() {
     let settings =
         Settings { direct: Direct::PhotonMap, radius: 0.2, guide: 16, ..settings(12, 12) };
     let (name, scene) = ("guided".into(), &furnished_box());
-    Subject { name, scene, settings, iterations: 4000, quiet: 1.0, most: 0.03 }
-        .assert_far_counts(&[(30_000, 4, 260), (300, 100, 800)]);
+    Subject { name, scene, settings, iterations: 16000, quiet: 1.0, most: 0.03 }
+        .assert_far_counts(&[(30_000, 4, 1000), (300, 100, 800)]);
 }
 
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
