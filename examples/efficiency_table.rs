@@ -11,8 +11,9 @@
 mod references;
 
 use bdpm::settings::{Direct, Kernel, Strategy};
+use bdpm::steer::technique::Open;
 use bdpm::steer::technique::Technique;
-use references::{NONE, Place, Result, with};
+use references::{Place, Result, with};
 use serde::{Deserialize, Serialize};
 
 /// Each is rendered so often; squared errors are averaged.
@@ -72,7 +73,8 @@ fn main() -> Result<()> {
                 for seed in SEEDS {
                     let key = format!("rival-{}-{seconds}s-{seed}", name.replace(' ', ""));
                     runs.push(subject.kept(&key, || {
-                        let image = subject.render(subject.settings(&place, seed), NONE, time)?;
+                        let image =
+                            subject.render(subject.settings(&place, seed), Open::NONE, time)?;
                         Ok(Found {
                             square: reference.square(&image.luminance),
                             noise2: image.noise2,

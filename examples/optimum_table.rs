@@ -117,17 +117,9 @@ fn candidates(
     time: Duration,
 ) -> Result<Vec<Candidate>> {
     let goal = Goal { time: Some(time / 2), ..Goal::default() };
-    let closed = Open {
-        strategy: false,
-        direct: false,
-        kernel: false,
-        radius: false,
-        caustic_radius: false,
-        guide: false,
-    };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
-    let chosen = technique::choose(&base, closed, end)?;
+    let chosen = technique::choose(&base, Open::NONE, end)?;
     let autopilot = || Autopilot::new(goal, chosen.best().times);
     let renderer = || base.like(chosen.best().apply(settings));
     let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;

@@ -22,7 +22,7 @@ mod references;
 use bdpm::Settings;
 use bdpm::settings::{Direct, Kernel, Strategy};
 use bdpm::steer::technique::{Open, Scored, Technique};
-use references::{Image, NONE, Place, Reference, Result, Subject, with};
+use references::{Image, Place, Reference, Result, Subject, with};
 use serde::{Deserialize, Serialize};
 
 /// Seconds of each place of the grid.
@@ -35,15 +35,6 @@ const CAUSTICS: [f32; 2] = [1.0, 0.25];
 const SEEDS: [u64; 2] = [1, 2];
 /// How many of the grid are rendered.
 const FINALISTS: usize = 3;
-
-const ALL: Open = Open {
-    strategy: true,
-    direct: true,
-    kernel: true,
-    radius: true,
-    caustic_radius: true,
-    guide: true,
-};
 
 /// What one had in [`MEASURED`] seconds, relative.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -113,7 +104,7 @@ fn compare(
     let mut grid = Vec::new();
     for (index, place) in places(subject).into_iter().enumerate() {
         let found = subject.kept(&format!("place-{index}"), || {
-            let image = subject.render(subject.settings(&place, 9), NONE, MEASURED)?;
+            let image = subject.render(subject.settings(&place, 9), Open::NONE, MEASURED)?;
             let bias2 = reference.square(&image.luminance) - image.noise2;
             let Image { noise2, cost, parts, .. } = image;
             // Too few iterations fit in the time to tell.
@@ -158,15 +149,16 @@ fn compare(
             let settings = Settings { seed, ..subject.base.settings().clone() };
             let key = format!("{seconds}s-seed-{seed}");
             let automatic: Run =
-                subject.kept(&key, || run(subject, reference, settings, ALL, seconds))?;
+                subject.kept(&key, || run(subject, reference, settings, Open::ALL, seconds))?;
             squares[best.len()] += automatic.square;
             promises.extend(automatic.promised.map(|error| error / automatic.square.sqrt()));
             own = Some(automatic.what);
             for (index, (place, _)) in best.iter().enumerate() {
                 let settings = subject.settings(place, seed);
                 let key = format!("{seconds}s-seed-{seed}-best-{index}");
-                squares[index] +=
-                    subject.kept(&key, || run(subject, reference, settings, NONE, seconds))?.square;
+                squares[index] += subject
+                    .kept(&key, || run(subject, reference, settings, Open::NONE, seconds))?
+                    .square;
             }
         }
         let errors: Vec<f64> =

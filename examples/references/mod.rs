@@ -22,16 +22,6 @@ pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 /// Seconds of each half of a reference.
 const REFERENCE: f64 = 40.0;
 
-/// Nothing is left to the program but counts.
-pub const NONE: Open = Open {
-    strategy: false,
-    direct: false,
-    kernel: false,
-    radius: false,
-    caustic_radius: false,
-    guide: false,
-};
-
 /// A scene at a size.
 pub struct Subject<'a> {
     pub base: Renderer<'a>,
@@ -142,7 +132,7 @@ impl Subject<'_> {
         let own = self.base.settings();
         let radius = 0.25 * own.radius;
         let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
-        let strategy = Open { strategy: true, ..NONE };
+        let strategy = Open { strategy: true, ..Open::NONE };
         Ok(self.render(narrow, strategy, REFERENCE)?.luminance)
     }
 

@@ -40,8 +40,8 @@ pub struct Learned {
 
 impl Renderer<'_> {
     /// Learns a guide for light paths on a sample of the image, as long as `goes_on` with the number of iterations so
-    /// far and the guide that they taught. What is learned in as many iterations is the same on any number of threads and whatever the counts and
-    /// the seed of the settings.
+    /// far and the guide that they taught. What is learned in as many iterations is the same on any number of threads,
+    /// and whatever the counts and the seed of the settings.
     ///
     /// # Errors
     /// As [`Renderer::new`].

@@ -53,8 +53,8 @@ pub(crate) fn check_camera_paths(&count: &u32) -> Result<()> {
     Err(Error::new("0 camera paths per pixel", "give at least 1 camera path per pixel"))
 }
 
-/// Far more iterations than teach light paths anything new; what they bring is kept in memory.
-const MOST_GUIDE: u32 = 1024;
+/// More iterations than teach light paths anything new. What they bring is kept until then: half a megabyte each at the most.
+const MOST_GUIDE: u32 = 256;
 
 pub(super) fn check_guide(&iterations: &u32) -> Result<()> {
     if iterations <= MOST_GUIDE {

@@ -60,7 +60,7 @@ pub const UNTRIED: f64 = 2.0;
 pub const LEAST_WIDENED: u32 = 2;
 
 /// The same of techniques that see lamps in rough surfaces by chance: trials miss most of what they find rarely. Where
-/// one was chosen for 11 % relative error, 77 % came.
+/// one was chosen for 11 % relative error, 77 % came (docs/peers.md, `veach-mis`).
 pub const SEEN_BY_CHANCE: f64 = 4.0;
 
 /// Pixels that must have found something before a photon map is trusted with direct light: a thin one looks quiet.

@@ -198,7 +198,7 @@ settings! {
     #[arg(value_name = "C", allow_negative_numbers = true)]
     mis_c2: f64 as f64 = shared_by(camera_paths), check_scale;
 
-    /// Iterations beside the image that teach light paths to start where they bring more to it; 0 for as much as lights emit
+    /// Iterations beside the image that teach light paths to start where they bring more to it; with 0 they start in proportion to power
     #[serde(deserialize_with = "read::guide")]
     #[arg(value_name = "N")]
     guide: u32 as u32 = 0, check_guide;

@@ -45,20 +45,12 @@ fn automatic_renders_have_the_mean_of_their_replays() {
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     let accel = build(Backend::default(), &loaded.scene).unwrap();
     let base = Renderer::new(&loaded.scene, &*accel, settings.clone()).unwrap();
-    let open = Open {
-        strategy: true,
-        direct: true,
-        kernel: true,
-        radius: true,
-        caustic_radius: true,
-        guide: true,
-    };
     let mut differences: Vec<Vec<f64>> = vec![Vec::new(); ((SIDE / BLOCK) as usize).pow(2)];
     let mut chosen = Vec::new();
     for seed in 0..RENDERS {
         let start = Instant::now();
         let base = base.like(Settings { seed, ..settings.clone() }).unwrap();
-        let choice = technique::choose(&base, open, End::Time(SECONDS)).unwrap();
+        let choice = technique::choose(&base, Open::ALL, End::Time(SECONDS)).unwrap();
         let own = choice.best().apply(base.settings());
         chosen.push(choice.best().technique.describe());
         let (time, objective) = (Some(Duration::from_secs_f64(SECONDS)), Objective::Relative);

@@ -1,5 +1,7 @@
 //! The program as its users meet it.
 
+#[path = "../common/desk.rs"]
+mod desk;
 #[path = "../common/html.rs"]
 mod html;
 #[path = "../common/program.rs"]
@@ -7,6 +9,7 @@ mod program;
 
 mod automatic;
 mod denoise;
+mod interrupts;
 mod limits;
 mod merge;
 mod noise;

@@ -1,33 +1,20 @@
 //! `bdpm render --part` and `bdpm merge`: an image of several machines.
 
 use super::program::{assert_refused, json, succeed};
+use crate::desk::Desk;
 use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::file::NoiseFile;
 use bdpm::pictures::{Value, read_exr};
 use std::fs;
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
-use tempfile::TempDir;
+use std::process::Output;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
 const OTHER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
 
-/// A folder to render in.
-struct Desk(TempDir);
-
 impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     fn run(&self, arguments: &str) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path());
-        command.stdin(Stdio::null()).output().unwrap()
+        let mut command = self.program(env!("CARGO_BIN_EXE_bdpm"));
+        command.args(arguments.split_whitespace()).output().unwrap()
     }
 
     fn render_of(&self, scene: &str, arguments: &str) -> Output {
@@ -43,21 +30,6 @@ impl Desk {
 
     fn bytes(&self, name: &str) -> Vec<u8> {
         fs::read(self.at(name)).unwrap()
-    }
-
-    /// Every channel of a layer.
-    fn values(&self, name: &str, layer: &str) -> Vec<f32> {
-        let image = read_exr(&self.at(name)).unwrap();
-        let channels = &image.layer(layer).unwrap().channels;
-        channels.iter().flat_map(|(_, values)| values.clone()).collect()
-    }
-
-    /// That two images differ in the last place at most.
-    #[track_caller]
-    fn assert_same_image(&self, one: &str, other: &str) {
-        for (a, b) in self.values(one, "").iter().zip(self.values(other, "")) {
-            assert!(a.to_bits().abs_diff(b.to_bits()) <= 1, "{a} {b}");
-        }
     }
 }
 

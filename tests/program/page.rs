@@ -1,30 +1,19 @@
 //! `render --report`: a page that is whole at any moment, tells what the program tells, and asks for nothing else.
 
+use crate::desk::Desk;
 use crate::html::{assert_whole, percent, pictures};
 use crate::program::{assert_refused, json, succeed, text};
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
-use tempfile::TempDir;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
 
-struct Desk(TempDir);
-
 impl Desk {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn at(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     fn command(&self, more: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
-        command.current_dir(self.0.path()).args(["render", SCENE, "--accel", "bvh"]);
+        let mut command = self.program(env!("CARGO_BIN_EXE_bdpm"));
+        command.args(["render", SCENE, "--accel", "bvh"]);
         command.args(["--resolution", "40x30", "--json", "--output", "a.exr"]);
-        command.args(["--report", "a page.html"]).args(more).stdin(Stdio::null());
+        command.args(["--report", "a page.html"]).args(more);
         command
     }
 
@@ -144,7 +133,7 @@ fn pages_that_cannot_be_written_are_found_before_rendering() {
     let desk = Desk::new();
     let refused = |page: &str, problem: &str, advice: &str| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
-        command.current_dir(desk.0.path()).args(["render", SCENE, "--output", "a.exr"]);
+        command.current_dir(desk.path()).args(["render", SCENE, "--output", "a.exr"]);
         let output = command.args(["--time", "10days", "--report", page]).output().unwrap();
         assert_refused(&output, problem, advice);
     };

@@ -2,30 +2,30 @@
 
 use bdpm::pictures::{Value, read_exr};
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use tempfile::TempDir;
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
+pub const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
 
 /// A small, quick render.
 const SMALL: [&str; 6] = ["--resolution", "24x18", "--light-paths", "500", "--camera-paths", "1"];
 
-fn bdpm(arguments: &[&str]) -> Command {
+pub fn bdpm(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_bdpm"));
     command.args(arguments).stdin(Stdio::null());
     command
 }
 
 /// Renders the small scene with the BVH, which every build has.
-fn render(output: &Path, more: &[&str]) -> Command {
+pub fn render(output: &Path, more: &[&str]) -> Command {
     let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--output"]);
     command.arg(output).args(SMALL).args(more);
     command
 }
 
-fn text(bytes: &[u8]) -> &str {
+pub fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).unwrap()
 }
 
@@ -33,7 +33,7 @@ fn run(mut command: Command) -> Output {
     command.output().unwrap()
 }
 
-fn succeed(command: Command) -> Output {
+pub fn succeed(command: Command) -> Output {
     let output = run(command);
     assert!(output.status.success(), "{}", text(&output.stderr));
     output
@@ -50,26 +50,26 @@ fn fail(command: Command, code: i32) -> String {
     shown
 }
 
-fn json(output: &Output) -> serde_json::Value {
+pub fn json(output: &Output) -> serde_json::Value {
     let shown = text(&output.stdout);
     assert_eq!(shown.lines().count(), 1, "{shown}");
     serde_json::from_str(shown).unwrap()
 }
 
 /// Every channel's bits.
-fn bits(path: &Path) -> Vec<u32> {
+pub fn bits(path: &Path) -> Vec<u32> {
     let image = read_exr(path).unwrap();
     let channels = image.layers.iter().flat_map(|layer| &layer.channels);
     channels.flat_map(|(_, values)| values.iter().map(|value| value.to_bits())).collect()
 }
 
-fn folder() -> (TempDir, impl Fn(&str) -> PathBuf) {
+pub fn folder() -> (TempDir, impl Fn(&str) -> PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().to_owned();
     (folder, move |name| path.join(name))
 }
 
-fn names(folder: &TempDir) -> Vec<String> {
+pub fn names(folder: &TempDir) -> Vec<String> {
     let entries = fs::read_dir(folder.path()).unwrap();
     let mut names: Vec<String> =
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -258,108 +258,6 @@ fn another_image_is_not_continued() {
     let foreign = render(&at("b.exr"), &["--resume", at("notes.txt").to_str().unwrap()]);
     assert!(fail(foreign, 1).contains("notes.txt: this is no checkpoint"));
     assert!(!at("b.exr").exists());
-}
-
-/// Starts a render that would never end, and returns once it has begun.
-#[cfg(unix)]
-fn endless(output: &Path, more: &[&str]) -> (std::process::Child, impl BufRead + use<>) {
-    let mut command = render(output, &["--time", "10days"]);
-    command.args(more).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
-    let mut stderr = BufReader::new(child.stderr.take().unwrap());
-    let mut line = String::new();
-    while !line.starts_with("rendering") {
-        line.clear();
-        assert!(stderr.read_line(&mut line).unwrap() > 0, "it ended too early");
-    }
-    (child, stderr)
-}
-
-#[cfg(unix)]
-fn interrupt(child: &std::process::Child) {
-    // The shell's own `kill`: a minimal Debian has no program of that name.
-    let status = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status();
-    let status = status.unwrap();
-    assert!(status.success());
-}
-
-#[cfg(unix)]
-#[test]
-fn an_interrupt_writes_what_there_is() {
-    let (folder, at) = folder();
-    let checkpoint = at("c.ckpt");
-    let checkpoint = checkpoint.to_str().unwrap();
-    let (child, mut stderr) = endless(&at("a.exr"), &["--json", "--checkpoint", checkpoint]);
-    interrupt(&child);
-    let mut line = String::new();
-    stderr.read_line(&mut line).unwrap();
-    assert!(line.starts_with("finishing this iteration"), "{line}");
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success());
-    let report = json(&output);
-    assert_eq!(report["stopped_by"], "interrupt");
-    let iterations = report["iterations"].as_u64().unwrap();
-    assert!(iterations >= 1);
-    assert_eq!(names(&folder), ["a.exr", "a.png", "c.ckpt"]);
-    // What was written is what so many iterations give, and can be continued.
-    let count = iterations.to_string();
-    succeed(render(&at("b.exr"), &["--iterations", &count]));
-    assert_eq!(bits(&at("a.exr")), bits(&at("b.exr")));
-    let count = (iterations + 1).to_string();
-    succeed(render(&at("d.exr"), &["--iterations", &count]));
-    succeed(render(&at("e.exr"), &["--iterations", &count, "--resume", checkpoint]));
-    assert_eq!(bits(&at("d.exr")), bits(&at("e.exr")));
-}
-
-/// As `timeout` does, which sends it to the program and to its group.
-#[cfg(unix)]
-#[test]
-fn two_signals_at_once_are_one() {
-    let (folder, at) = folder();
-    let (child, mut stderr) = endless(&at("a.exr"), &[]);
-    let kill = format!("kill -INT {0}; kill -TERM {0}; kill -INT {0}", child.id());
-    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    let mut rest = String::new();
-    stderr.read_to_string(&mut rest).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{rest}");
-    assert!(text(&output.stdout).contains("interrupted"), "{}", text(&output.stdout));
-    assert_eq!(rest.matches("finishing this iteration").count(), 1, "{rest}");
-    assert_eq!(names(&folder), ["a.exr", "a.png"]);
-}
-
-#[cfg(unix)]
-#[test]
-fn a_second_interrupt_ends_the_program_at_once() {
-    let (_folder, at) = folder();
-    // One iteration of this takes far longer than anybody waits.
-    let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--resolution", "64x64"]);
-    command.args([
-        "--camera-paths",
-        "4000000",
-        "--light-paths",
-        "1000",
-        "--threads",
-        "1",
-        "--output",
-    ]);
-    command.arg(at("a.exr")).stderr(Stdio::piped()).stdout(Stdio::null());
-    let mut child = command.spawn().unwrap();
-    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-    let mut wait_for = |start: &str| {
-        let line = lines.find(|line| line.as_ref().unwrap().starts_with(start));
-        assert!(line.is_some(), "it ended before `{start}`");
-    };
-    wait_for("rendering");
-    interrupt(&child);
-    wait_for("finishing this iteration");
-    // What comes at once is of the same wish.
-    interrupt(&child);
-    std::thread::sleep(std::time::Duration::from_millis(2500));
-    assert!(child.try_wait().unwrap().is_none());
-    interrupt(&child);
-    assert_eq!(child.wait().unwrap().code(), Some(130));
-    assert!(!at("a.exr").exists());
 }
 
 #[test]

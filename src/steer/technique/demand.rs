@@ -163,14 +163,7 @@ pub mod tests {
     }
 
     pub fn demand(end: End) -> Demand {
-        let open = Open {
-            strategy: true,
-            direct: true,
-            kernel: true,
-            radius: true,
-            caustic_radius: true,
-            guide: true,
-        };
+        let open = Open::ALL;
         Demand { end, ranks: 1, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
     }
 

@@ -52,6 +52,23 @@ pub struct Open {
 }
 
 impl Open {
+    /// All of it.
+    pub const ALL: Self = Self::everything(true);
+
+    /// Nothing but counts.
+    pub const NONE: Self = Self::everything(false);
+
+    const fn everything(open: bool) -> Self {
+        Self {
+            strategy: open,
+            direct: open,
+            kernel: open,
+            radius: open,
+            caustic_radius: open,
+            guide: open,
+        }
+    }
+
     /// Whether anything is but the counts.
     pub fn any(&self) -> bool {
         let Self { strategy, direct, kernel, radius, caustic_radius, guide } = *self;
