@@ -165,8 +165,8 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    /// The same for a sample of the image of `settings`: of each square of `stride` by `stride` pixels the
-    /// one in the middle. What is measured of these pixels is what it is in the image.
+    /// The same for a sample of the image of `settings`: of each square of `stride` by `stride` pixels
+    /// one ([`View::every`]). What is measured of these pixels is what it is in the image.
     ///
     /// # Errors
     /// As [`Self::new`].

@@ -192,7 +192,7 @@ impl Camera {
         };
         let (dx, dy) = (self.right * pixel, -self.up * pixel);
         let corner = distance * self.forward - 0.5 * (w * dx + h * dy);
-        View { position: self.position, corner, dx, dy, skipped: 0.0, aperture }
+        View { position: self.position, corner, dx, dy, stride: 1.0, aperture }
     }
 }
 
@@ -207,8 +207,8 @@ pub struct View {
     dx: Vec3,
     /// One pixel down.
     dy: Vec3,
-    /// Pixels left out after each one that is taken.
-    skipped: f32,
+    /// Of so many by so many pixels one is taken.
+    stride: f32,
     /// `None` for a pinhole.
     aperture: Option<Aperture>,
 }
@@ -224,18 +224,24 @@ enum Aperture {
 }
 
 impl View {
-    /// The same with the pixel in the middle of each square of so many by so many pixels, as large as it is:
-    /// a sample of the image that has as many times fewer pixels across and down.
+    /// The same with one pixel of each square of so many by so many, as large as it is: a sample of the image that has
+    /// as many times fewer pixels across and down. The pixels are those of a turned grid, so that in each row and column
+    /// of the image there are as many: else nothing would be seen of what is as narrow as a pixel.
     #[must_use]
     pub fn every(self, stride: u32) -> Self {
-        let corner = self.corner + (stride / 2) as f32 * (self.dx + self.dy);
-        Self { corner, skipped: (stride - 1) as f32, ..self }
+        Self { stride: stride as f32, ..self }
     }
 
-    /// Where a coordinate of the image lies in the view of all pixels: exactly the same if none is left out.
+    /// Where a point of the image lies in the view of all pixels: exactly the same if none is left out.
     #[inline(always)]
-    fn place(&self, x: f32) -> f32 {
-        x + self.skipped * x.floor()
+    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+        let stride = self.stride;
+        if stride == 1.0 {
+            return [x, y];
+        }
+        let (column, row) = (x.floor(), y.floor());
+        let within = |n: f32| n - stride * (n / stride).floor();
+        [x + (stride - 1.0) * column + within(row), y + (stride - 1.0) * row + within(column)]
     }
 
     /// Whether rays depend on a point of the aperture.
@@ -249,7 +255,8 @@ impl View {
     /// radiance along it in the pixel's value.
     /// theory.md (5).
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
-        let to_pixel = self.corner + self.place(x) * self.dx + self.place(y) * self.dy;
+        let [x, y] = self.place(x, y);
+        let to_pixel = self.corner + x * self.dx + y * self.dy;
         match self.aperture {
             None => (Ray::new(self.position, to_pixel.normalize()), 1.0),
             Some(aperture) => self.ray_through(aperture, to_pixel, lens),
@@ -261,7 +268,7 @@ impl View {
     pub fn pinhole_directions(&self, x: &[f32; LANES], y: &[f32; LANES]) -> Vec3s {
         let mut directions = Vec3s::default();
         for lane in 0..LANES {
-            let [x, y] = [x[lane], y[lane]].map(|x| self.place(x));
+            let [x, y] = self.place(x[lane], y[lane]);
             let to_pixel = self.corner + x * self.dx + y * self.dy;
             directions.set(lane, to_pixel.normalize());
         }
@@ -292,6 +299,7 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
     use std::f32::consts::PI;
 
     /// Toward a point of the image of a pinhole camera.
@@ -303,11 +311,17 @@ mod tests {
     fn a_sample_of_the_pixels_sees_what_they_see() {
         let camera = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
         let (all, some) = (camera.view(12, 8), camera.view(12, 8).every(4));
-        for (x, y, at) in [(0.25, 0.5, [2.25, 2.5]), (2.75, 1.0, [10.75, 6.0])] {
+        for (x, y, at) in [(0.25, 0.5, [0.25, 0.5]), (2.75, 1.0, [9.75, 6.0])] {
             let off = direction(&some, x, y) - direction(&all, at[0], at[1]);
             assert!(off.length() < 1e-6, "{off}");
         }
         let same = camera.view(12, 8).every(1);
+        // Of 16 by 16 pixels one in each row and each column.
+        let grid = camera.view(16, 16).every(4);
+        let pixels = (0..16).map(|i| grid.place((i % 4) as f32, (i / 4) as f32));
+        let (columns, rows): (HashSet<_>, HashSet<_>) =
+            pixels.map(|[x, y]| (x as u32, y as u32)).unzip();
+        assert_eq!((columns.len(), rows.len()), (16, 16));
         assert_eq!(direction(&same, 7.3, 2.9), direction(&all, 7.3, 2.9));
     }
 

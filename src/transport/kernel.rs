@@ -1,6 +1,6 @@
 //! The merge kernel: which photons count at a point, and what area their flux is divided by.
 
-use super::area::{Areas, Query};
+use super::area::{Areas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass};
 use crate::base::math::disc_area;
@@ -17,7 +17,7 @@ const EVERY: usize = PhotonClass::EveryVertex as usize;
 const LAST: usize = PhotonClass::LastVertex as usize;
 
 /// Which photons count: those within the radius of their class, on a surface whose normal is nearly that at
-/// the point.
+/// the point and whose plane is near it: theory.md (45b).
 #[derive(Clone, Copy, Debug)]
 pub struct Admission {
     /// Squares of the merge radii, scene units squared.
@@ -26,13 +26,23 @@ pub struct Admission {
     pub nested2: [ByClass<f32>; 2],
     /// What the dot product of the point's normal with the photon's, 127 units long, must exceed.
     pub limit: f32,
+    /// Of the squared offset along the photon's normal, 127 units long: it must be within the squared radius, too.
+    pub flattening: f32,
 }
 
 impl Admission {
-    /// Whether a photon at this squared distance counts where the surface has the unit normal `normal`.
+    /// Square of the smallest radius within which a photon at the squared distance `distance2` from `position` may
+    /// count there.
     #[inline]
-    pub fn admits(&self, photon: &Photon, distance2: f32, normal: Vec3) -> bool {
-        distance2 <= self.radius2[photon.class() as usize] && photon.cosine(normal) > self.limit
+    pub fn least_radius2(&self, photon: &Photon, distance2: f32, position: Vec3) -> f32 {
+        let offset = photon.cosine(photon.position - position);
+        distance2.max(self.flattening * offset * offset)
+    }
+
+    /// Whether a photon of this [`Self::least_radius2`] counts where the surface has the unit normal `normal`.
+    #[inline]
+    pub fn admits(&self, photon: &Photon, least_radius2: f32, normal: Vec3) -> bool {
+        least_radius2 <= self.radius2[photon.class() as usize] && photon.cosine(normal) > self.limit
     }
 
     /// Whether photons of both classes count within the same radius.
@@ -134,11 +144,15 @@ impl<'a> Kernel<'a> {
     /// Which photons count.
     pub fn admission(&self) -> Admission {
         // Photons on a disc count on the same side of the surface; true areas are those of surfaces within
-        // 60 degrees.
-        let limit = if self.areas.is_some() { super::area::admission::LIMIT } else { 0.0 };
+        // 60 degrees and not far from their own planes.
+        let (limit, flattening) = if self.areas.is_some() {
+            (admission::LIMIT, admission::FLATTENING)
+        } else {
+            (0.0, 0.0)
+        };
         let square = |radii: ByClass<f32>| radii.map(|radius| radius * radius);
         let nested2 = NESTED.map(|share| square(self.nested(share)));
-        Admission { radius2: square(self.radii), nested2, limit }
+        Admission { radius2: square(self.radii), nested2, limit, flattening }
     }
 
     /// The radii at a share of them.

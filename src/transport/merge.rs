@@ -364,7 +364,8 @@ impl<'a> Merge<'a> {
         self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
             let class = photon.class();
             let counts = look_up.last || own.is_some() || class == PhotonClass::EveryVertex;
-            if counts && self.admission.admits(photon, distance2, point.normal) {
+            let least_radius2 = self.admission.least_radius2(photon, distance2, point.position);
+            if counts && self.admission.admits(photon, least_radius2, point.normal) {
                 // theory.md (46)
                 let wi = photon.from_as_at(point.normal);
                 let mut flux = photon.flux * view.value_from(wi, &point);
@@ -377,7 +378,7 @@ impl<'a> Merge<'a> {
                     let value = weight.dot(flux * kernel.relative()[class]);
                     // theory.md (68)
                     let [inner, core] = [0, 1].map(|at| {
-                        let inside = distance2 <= nested2[at][class];
+                        let inside = least_radius2 <= nested2[at][class];
                         if inside { kernel.nested[at][class] * value } else { 0.0 }
                     });
                     nested[0] += value - inner;

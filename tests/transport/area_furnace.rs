@@ -8,7 +8,7 @@ use bdpm::noise::Measure;
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 const RADIANCE: f64 = 2.0;
 
@@ -140,6 +140,54 @@ fn thin_walls_steps_and_gaps_smaller_than_the_radius() {
     for two_sided in [true, false] {
         assert_exact("in the air", &furnace(things.clone(), two_sided, 1), &[0.1, 0.25]);
     }
+}
+
+/// Turned about an axis that no coordinate has.
+fn tilted(point: Vec3) -> Vec3 {
+    let turn = Quat::from_axis_angle(Vec3::new(1.0, 2.0, 0.7).normalize(), 0.4);
+    turn * point + Vec3::new(0.0, 0.1, -0.4)
+}
+
+#[test]
+fn layers_just_near_enough_and_just_too_far() {
+    // Steps of 1/16, between which a quarter of the radii lies. Numbers without rounding: faces of a solid meet.
+    let steps = (0..4).map(|i| {
+        let (left, height) = (0.125 * i as f32 - 0.3125, 0.0625 * i as f32 - 0.125);
+        let mut step = solid([left, -0.25, -0.5], [left + 0.109_375, 0.25, height]);
+        step.positions.iter_mut().for_each(|position| *position = tilted(*position));
+        step
+    });
+    let mut scene = furnace(steps.collect(), true, 1);
+    let [from, to] = [Vec3::new(-0.1, 0.0, 0.8), Vec3::new(-0.05, 0.05, 0.0)].map(tilted);
+    scene.camera = camera(from, to, 80.0);
+    assert_exact("layers", &scene, &[0.24, 0.26]);
+}
+
+#[test]
+fn light_does_not_leak_from_a_panel_to_the_ceiling_above() {
+    // All light is on the panel's underside; the camera between looks up.
+    const GAP: f32 = 0.05;
+    let meshes = vec![
+        square(Vec3::ZERO, Vec3::NEG_Z, 1.0, 0),
+        square(Vec3::new(0.0, 0.0, -GAP), Vec3::NEG_Z, 0.5, 0),
+    ];
+    let at = Vec3::new(0.0, 0.0, -0.5 * GAP);
+    let lamps = vec![point_light(Vec3::NEG_Z, 1.0)];
+    // Not quite upward: then no direction would be up.
+    let camera = camera(at, at + Vec3::new(0.01, 0.0, 1.0), 60.0);
+    let scene = scene(meshes, vec![gray(0.5, 0.0)], lamps, camera);
+    let accel = accel(&scene);
+    let light_above = |kernel, radius| {
+        let (direct, light_paths) = (Direct::PhotonMap, 20_000);
+        let own = settings(8, 8);
+        let own = Settings { kernel, radius, caustic_radius: radius, direct, light_paths, ..own };
+        let mut renderer = Renderer::new(&scene, &*accel, own).unwrap();
+        renderer.iterate(Measure::Off);
+        renderer.film().mean().into_iter().map(|value| f64::from(value.x)).sum::<f64>()
+    };
+    assert_eq!(light_above(Kernel::Area, 3.9 * GAP), 0.0);
+    assert!(light_above(Kernel::Area, 4.1 * GAP) > 0.0);
+    assert!(light_above(Kernel::Disc, 1.1 * GAP) > 0.0);
 }
 
 #[test]

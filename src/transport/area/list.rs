@@ -2,6 +2,7 @@
 //!
 //! Coordinates are those of the patch, in its plane, in units of the radius.
 
+use super::admission::THICKNESS;
 use super::disc::chord;
 use super::surfaces::{Hole, Surfaces};
 use crate::lanes::lanes_of;
@@ -194,6 +195,13 @@ fn any_of(bits: &[u32; WIDTH]) -> u32 {
     bits.iter().fold(0, |all, bit| all | bit)
 }
 
+/// Of a sphere in whose plane a triangle counts at this height of its center above it, the squared radius of the disc
+/// there; 0 where it is another layer: theory.md (45b).
+#[inline(always)]
+fn disc2(radius2: f32, height2: f32) -> f32 {
+    if height2 <= THICKNESS * THICKNESS * radius2 { radius2 - height2 } else { 0.0 }
+}
+
 /// So many edges are summed up at a time.
 const EDGES: usize = 16;
 
@@ -241,7 +249,7 @@ impl<'a, const N: usize> Edges<'a, N> {
             for (lane, sum) in sums.iter_mut().enumerate() {
                 let inverse = 1.0 / length2[lane].sqrt();
                 let ends = [from[lane] * inverse, to[lane] * inverse];
-                let rho2 = (radius2 - height2[lane]).max(0.0);
+                let rho2 = disc2(*radius2, height2[lane]);
                 let chord = chord(cross[lane] * inverse, ends, rho2);
                 *sum += if lane < count { chord } else { 0.0 };
             }
@@ -287,11 +295,11 @@ impl Facets {
             let corners =
                 [7, 9, 11].map(|corner| (row(corner) - foot[0], row(corner + 1) - foot[1]));
             let distances2 = corners.map(|(x, y)| x * x + y * y);
-            let rho2 = edges.largest2 - height2[lane];
+            let rho2 = disc2(edges.largest2, height2[lane]);
             let mut is_inside = true;
             let mut doubled_area = 0.0;
             let [a, b, c] = distances2;
-            let is_whole = a.max(b).max(c) <= edges.smallest2 - height2[lane];
+            let is_whole = a.max(b).max(c) <= disc2(edges.smallest2, height2[lane]);
             for side in 0..3 {
                 let (p, q) = (corners[side], corners[(side + 1) % 3]);
                 let along = (q.0 - p.0, q.1 - p.1);
@@ -315,7 +323,7 @@ impl Facets {
         for (radius2, more) in edges.radii2.iter().zip(&mut edges.more) {
             let mut sums = [0.0; WIDTH];
             for lane in 0..WIDTH {
-                let rho2 = (radius2 - height2[lane]).max(0.0);
+                let rho2 = disc2(*radius2, height2[lane]);
                 sums[lane] = inside[lane] * rho2 + whole[lane];
             }
             *more += sums.iter().sum::<f32>();

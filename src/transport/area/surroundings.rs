@@ -1,6 +1,6 @@
 //! Finds what lies around a cell.
 
-use super::admission::{admits, packed};
+use super::admission::{THICKNESS, admits, packed};
 use super::components::SideId;
 use super::covered::{Wall, Walls};
 use super::near::{Frame, Maker, Near, Own, Spot};
@@ -81,6 +81,12 @@ impl Maker<'_> {
                 return true;
             }
             let Some(normal) = normal.try_normalize() else { return true };
+            // All over the cell it may be too far from its plane.
+            let height = normal.dot(corners[0]).abs() - normal.truncate().length() * spot.extent;
+            let may_send = may_send && height < 1.01 * f64::from(THICKNESS);
+            if !(is_solid || may_send) {
+                return true;
+            }
             let sends = may_send.then(|| {
                 let given = self.surfaces.normal(place, triangle);
                 let may_send = |&side: &usize| {

@@ -5,6 +5,7 @@ use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::bsdf::{Bsdf, Vertex};
 use crate::scene::diffuse::Facet;
+use crate::transport::area::admission::THICKNESS;
 use crate::transport::gather::GatherView;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::Photon;
@@ -68,21 +69,28 @@ fn camera_paths(count: u32) -> CameraPaths {
 
 #[test]
 fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
-    assert!(assert_sums(20_000, [0.05; 2]) > 5000);
+    let all = assert_sums(20_000, [0.05; 2], f32::INFINITY);
+    assert!(all > 5000);
     // Ranges of one look-up follow each other in the same quad.
-    assert!(assert_sums(40, [0.4; 2]) > 500);
+    assert!(assert_sums(40, [0.4; 2], f32::INFINITY) > 500);
     for radii in [[0.02, 0.05], [0.06, 0.03]] {
-        assert!(assert_sums(20_000, radii) > 1000);
+        assert!(assert_sums(20_000, radii, f32::INFINITY) > 1000);
+        assert!(assert_sums(20_000, radii, THICKNESS) > 1000);
     }
+    // Photons on other planes do not count.
+    let flat = assert_sums(20_000, [0.05; 2], THICKNESS);
+    assert!(flat > 3000 && flat < all, "{flat} of {all}");
 }
 
-fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
+/// Photons may be so far from their own planes, over the radius.
+fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
     let photons = photons(count);
     let paths = camera_paths(500);
     let mut map = PhotonMap::default();
     let kernel = Kernel::discs(radii);
     map.build_from(&[&photons], kernel.reach());
-    let merge = Merge::new(&map, 3, kernel);
+    let mut merge = Merge::new(&map, 3, kernel);
+    merge.admission.flattening = (127.0 * thickness).powi(-2);
     let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
     let [mut found, mut in_zones] = orders.map(|merge| {
         let found = find(&merge, &paths);
@@ -105,7 +113,9 @@ fn assert_sums(count: u32, radii: ByClass<f32>) -> usize {
         let (mut pairs, mut nested, mut expected) = (Vec::new(), [0.0; 2], Rgb::ZERO);
         for point in paths.gather_points.iter().filter(|point| point.path as usize == path) {
             for photon in &photons {
-                let distance2 = photon.position.distance_squared(point.position);
+                let from = photon.position - point.position;
+                let offset = photon.side.normal().dot(from) / 127.0;
+                let distance2 = from.length_squared().max((offset / thickness).powi(2));
                 let counts = point.vertex == 3 || photon.class() == PhotonClass::EveryVertex;
                 let radius = radii[photon.class() as usize];
                 if distance2 <= radius * radius && counts && photon.cosine(point.normal) > 0.0 {

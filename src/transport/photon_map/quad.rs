@@ -27,6 +27,7 @@ pub struct Counting {
     nested2: [ByClass<Vec4>; 2],
     normal: [Vec4; 3],
     limit: Vec4,
+    flattening: Vec4,
     last: bool,
     /// Kernels over those of the last vertex, and the nested ones over those at the radii.
     relative: ByClass<Vec4>,
@@ -67,6 +68,7 @@ impl Counting {
             nested2: admission.nested2.map(|nested2| nested2.map(Vec4::splat)),
             normal: look_up.normal.to_array().map(Vec4::splat),
             limit: Vec4::splat(admission.limit),
+            flattening: Vec4::splat(admission.flattening),
             last: W::ALL | look_up.last,
             relative: relative.map(Vec4::splat),
             nested: kernel.nested.map(|nested| nested.map(Vec4::splat)),
@@ -116,18 +118,15 @@ impl Quad {
     /// The lanes within a distance of a point, a bit for each.
     #[inline(always)]
     pub fn within(&self, point: Vec3, radius2: f32) -> u64 {
-        let distance2 = self.distance2(&point.to_array().map(Vec4::splat));
-        distance2.cmple(Vec4::splat(radius2)).bitmask().into()
+        let from = self.from(&point.to_array().map(Vec4::splat));
+        dot(&from, &from).cmple(Vec4::splat(radius2)).bitmask().into()
     }
 
     /// Which of some lanes count.
     #[inline(always)]
     pub fn counting(&self, counting: &Counting, lanes: BVec4A) -> BVec4A {
-        let normal = |axis| Vec4::from_array(self.side.map(|side| side.coordinate(axis)));
-        // In the order of `Vec3::dot`.
-        let [x, y, z] = counting.normal;
-        let faces = normal(0) * x + normal(1) * y + normal(2) * z;
-        let near = self.distance2(&counting.position).cmple(self.of(counting, &counting.radius2));
+        let faces = dot(&self.normal(), &counting.normal);
+        let near = self.least_radius2(counting).cmple(self.of(counting, &counting.radius2));
         let mut counts = near & faces.cmpgt(counting.limit) & lanes;
         if !counting.last {
             counts &= self.at_every_vertex();
@@ -180,9 +179,9 @@ impl Quad {
     /// theory.md (68).
     #[inline(always)]
     pub fn nested(&self, counting: &Counting, values: Vec4) -> [Vec4; 2] {
-        let distance2 = self.distance2(&counting.position);
+        let least_radius2 = self.least_radius2(counting);
         let [inner, core] = [0, 1].map(|at| {
-            let inside = distance2.cmple(self.of(counting, &counting.nested2[at]));
+            let inside = least_radius2.cmple(self.of(counting, &counting.nested2[at]));
             Vec4::select(inside, self.of(counting, &counting.nested[at]) * values, Vec4::ZERO)
         });
         [values - inner, inner - core]
@@ -197,12 +196,30 @@ impl Quad {
         (self.path, if counting.is_uniform { value } else { value * relative })
     }
 
-    /// Squared distances from a point.
+    /// Squares of the smallest radii within which photons may count: [`Admission::least_radius2`].
     #[inline(always)]
-    fn distance2(&self, center: &[Vec4; 3]) -> Vec4 {
-        let [x, y, z] = self.position.map(Vec4::from_array);
-        let (dx, dy, dz) = (x - center[0], y - center[1], z - center[2]);
-        // In the order of `Vec3::distance_squared`.
-        dx * dx + dy * dy + dz * dz
+    fn least_radius2(&self, counting: &Counting) -> Vec4 {
+        let from = self.from(&counting.position);
+        let offset = dot(&self.normal(), &from);
+        dot(&from, &from).max(counting.flattening * offset * offset)
     }
+
+    /// Vectors from a point.
+    #[inline(always)]
+    fn from(&self, [x, y, z]: &[Vec4; 3]) -> [Vec4; 3] {
+        let position = self.position.map(Vec4::from_array);
+        [position[0] - *x, position[1] - *y, position[2] - *z]
+    }
+
+    /// Normals on the sides of arrival, 127 units long.
+    #[inline(always)]
+    fn normal(&self) -> [Vec4; 3] {
+        [0, 1, 2].map(|axis| Vec4::from_array(self.side.map(|side| side.coordinate(axis))))
+    }
+}
+
+/// In the order of `Vec3::dot`.
+#[inline(always)]
+fn dot([ax, ay, az]: &[Vec4; 3], [bx, by, bz]: &[Vec4; 3]) -> Vec4 {
+    *ax * *bx + *ay * *by + *az * *bz
 }
