@@ -34,7 +34,8 @@ test: setup denoiser
 	$(CARGO) test $(FLAGS) --workspace
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 
-# The long statistical tables; renders by several processes; the program without Embree, and the library alone.
+# The long statistical tables; renders by several processes; the program without Embree, and the library alone; small
+# scenes beside Mitsuba's renders, briefly.
 check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
@@ -42,8 +43,10 @@ check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
 	CARGO=$(CARGO) scripts/check-ranks.sh
 	$(CARGO) test $(FLAGS) --benches --no-run
+	$(CARGO) build $(FLAGS) --bin bdpm
+	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 
-# Small scenes held against Mitsuba's own renders, where Python and its wheel are at hand; some minutes.
+# The same at length; skipped where Python or Mitsuba's wheel is missing.
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
 

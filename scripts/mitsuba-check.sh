@@ -9,7 +9,7 @@
 #   BDPM=program   takes this program (default: target/release/bdpm, which is built if it is missing)
 #   MITSUBA_VENV   the environment (default: target/mitsuba)
 #   THREADS=n      of both programs (default: all processors)
-#   SECONDS_EACH   of each image (default: 10), RUNS: images of each program (3)
+#   SECONDS_EACH   of each image (default: 10, of elements 1.5), RUNS: images of each program (3, of elements 4)
 #   SECONDS_REFERENCE  of the reference by each program (90)
 #   ALSO           options of bdpm for one more row of the table
 #   SIZES          pixels across and down, `own` for the file's own size (default: 128,own)

@@ -172,6 +172,9 @@ def shown(ratio, error):
 
 def elements(only):
     """The small files, or only some of them, each within its tolerance."""
+    seconds, runs = float(os.environ.get("SECONDS_EACH", 1.5)), int(os.environ.get("RUNS", 4))
+    seeds = range(1, runs + 1)
+    samples = round(170 * seconds)  # as long, about
     failed = []
     rows = [line.split("\t") for line in (ELEMENTS / "tolerances.tsv").read_text().splitlines()]
     print("| file | ratio of means, R G B | blocks: rms, largest z | tolerance |\n|---|---|---|---|")
@@ -180,8 +183,8 @@ def elements(only):
             continue
         path, tolerance = ELEMENTS / name, float(tolerance)
         scene = load(path)
-        ours = Series([with_bdpm(path, None, 1.5, seed)[0] for seed in range(1, 5)])
-        theirs = Series([with_mitsuba(scene, kind[0] if kind else "path", 256, seed)[0] for seed in range(1, 5)])
+        ours = Series([with_bdpm(path, None, seconds, seed)[0] for seed in seeds])
+        theirs = Series([with_mitsuba(scene, kind[0] if kind else "path", samples, seed)[0] for seed in seeds])
         ratio, error, z = compare(ours, theirs)
         rms = float(np.sqrt(np.mean(z**2)))
         print(f"| {name} | {shown(ratio, error)} | {rms:.1f}, {np.abs(z).max():.1f} | {tolerance} % |", flush=True)
