@@ -53,7 +53,8 @@ pub const ROUNDS: [f64; 3] = [0.25, 0.5, 0.25];
 pub const HOPELESS: f64 = 4.0;
 
 /// By how many times its squared error is taken to be more than what is told of a technique that there is no time to
-/// try where that tells it: of several the best was told too good.
+/// try where that tells it, over what trials of others came to more than was expected: of several the best was told too
+/// good.
 pub const UNTRIED: f64 = 2.0;
 
 /// Techniques that are tried at large radii at the least, whatever the time.

@@ -181,12 +181,16 @@ impl Pilot<'_> {
         };
         let mut scored: Vec<(Model, Best, f64)> = self.tried.iter().map(score).collect();
         let Self { settings, demand, site, .. } = self;
+        // By how many times trials have told more than was expected, at the most.
+        let mut surprise = 1.0f64;
         loop {
             // One is tried in any case: that tells times, which counts follow, better than any other trial.
             let is_over = self.start.elapsed().as_secs_f64() > self.budget
                 && scored.iter().any(|(_, best, _)| best.tried);
+            // What was as little known may come out as much worse.
+            let untried = if is_over { UNTRIED * surprise } else { 1.0 };
             let rank = |(_, best, doubt): &(Model, Best, f64)| {
-                doubt * best.rank(demand) * if is_over && !best.tried { UNTRIED } else { 1.0 }
+                doubt * best.rank(demand) * if best.tried { 1.0 } else { untried }
             };
             scored.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
             if scored[0].1.tried || is_over {
@@ -195,7 +199,9 @@ impl Pilot<'_> {
             let (model, best, _) = &mut scored[0];
             let settings = best.settings(settings, model.technique);
             let trial = site.trial(&settings, None, seconds)?;
+            let expected = best.rank(demand);
             *best = model.tried_at(&trial, &weights, demand);
+            surprise = surprise.max(best.rank(demand) / expected);
         }
     }
 }
