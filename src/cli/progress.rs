@@ -14,6 +14,9 @@ use std::time::{Duration, Instant};
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
+/// Time between objects for programs.
+const OBJECT_EVERY: Duration = Duration::from_millis(500);
+
 /// Where an image stands after an iteration.
 #[derive(Clone, Debug, Default)]
 pub struct Status {
@@ -72,6 +75,19 @@ impl Totals {
     }
 }
 
+/// How to tell of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Manner {
+    /// A bar on a terminal, else a line now and then
+    #[default]
+    Text,
+    /// A JSON object per line on stderr, every half a second, for programs that run this one
+    Json,
+    /// Nothing
+    #[value(skip)]
+    Nothing,
+}
+
 /// Shows how far the image is.
 #[derive(Clone)]
 pub struct Progress {
@@ -88,15 +104,18 @@ pub struct Progress {
 enum Shown {
     Nothing,
     Lines,
+    Json,
     Bar(ProgressBar),
 }
 
 impl Progress {
     /// Starts showing, or stays silent if `quiet`.
-    pub fn new(goal: Goal, quiet: bool) -> Self {
+    pub fn new(goal: Goal, manner: Manner) -> Self {
         let end = Arc::new(Mutex::new(None));
-        let shown = if quiet {
+        let shown = if manner == Manner::Nothing {
             Shown::Nothing
+        } else if manner == Manner::Json {
+            Shown::Json
         } else if io::stderr().is_terminal() {
             Shown::Bar(bar(end.clone()))
         } else {
@@ -122,6 +141,12 @@ impl Progress {
                     say(&format!("{state}{left}"));
                 }
             }
+            Shown::Json => {
+                if self.last_line.elapsed() >= OBJECT_EVERY {
+                    self.last_line = Instant::now();
+                    say(&object(&goal, status, left, fraction).to_string());
+                }
+            }
             Shown::Bar(bar) => {
                 *self.end.lock().expect("no holder panics") =
                     left.and_then(|left| Instant::now().checked_add(left));
@@ -135,7 +160,7 @@ impl Progress {
     pub fn note(&self, text: &str) {
         match &self.shown {
             Shown::Nothing => {}
-            Shown::Lines => say(text),
+            Shown::Lines | Shown::Json => say(text),
             Shown::Bar(bar) => {
                 let mut picture = self.picture.lock().expect("no holder panics");
                 *picture = 0; // the next one begins below this
@@ -181,6 +206,19 @@ pub fn way(goal: &Goal, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
         (None, None) => goal.time.map_or(0.0, of_time),
     };
     (left, fraction)
+}
+
+/// The same for programs: errors as shares, times in seconds, `null` where nothing is known yet.
+fn object(goal: &Goal, status: &Status, left: Option<Duration>, done: f64) -> serde_json::Value {
+    let standing = status.standing.as_ref();
+    let error = |left| standing.and_then(|standing| standing.error(goal, left));
+    serde_json::json!({
+        "iterations": status.iterations,
+        "done": done.clamp(0.0, 1.0),
+        "seconds_left": left.map(|left| left.as_secs_f64()),
+        "error": error(1.0),
+        "promised": status.forecast.and_then(|then| error(then.left)),
+    })
 }
 
 /// Count, noise now and at the end, speed, and what takes the time.
