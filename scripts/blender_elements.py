@@ -166,10 +166,18 @@ def _(scene):
     light("POINT", energy=300, shadow_soft_size=0, color=(1, 0.8, 0.5))
 
 
-@element("light point size")
+@element("light point size", tolerance=0.02, told=False)
 def _(scene):
     stage()
     light("POINT", energy=300, shadow_soft_size=0.4)
+
+
+@element("light point size sharp")
+def _(scene):
+    stage()
+    lamp = light("POINT", energy=300, shadow_soft_size=0.4).data
+    if hasattr(lamp, "use_soft_falloff"):
+        lamp.use_soft_falloff = False
 
 
 @element("light spot")

@@ -41,31 +41,26 @@ class BdpmEngine(bpy.types.RenderEngine):
     def render(self, depsgraph):
         """F12, a frame of an animation, or one from the command line."""
         folder = None
+        report = reports.begin(depsgraph.scene.name)
         try:
             path = program.find(program_path())
             program.check(path)
-            folder = tempfile.mkdtemp(prefix="bdpm-")
-            self._render(depsgraph, path, folder)
+            folder = tempfile.mkdtemp(prefix=f"bdpm-{os.getpid()}-")
+            self._render(depsgraph, path, folder, report)
         except (program.ProgramError, ExportError) as error:
-            self._fail(str(error))
+            self._fail(report, str(error))
         except (OSError, MemoryError, exr.ExrError) as error:
-            self._fail(f"{type(error).__name__}: {error}")
+            self._fail(report, f"{type(error).__name__}: {error}")
         finally:
             if folder:
                 shutil.rmtree(folder, ignore_errors=True)
 
-    def _fail(self, text):
-        reports.of(self._scene_name()).error = text
+    def _fail(self, report, text):
+        report.error = text
         self.error_set(text)
-        self.report({"ERROR"}, text)
 
-    def _scene_name(self):
-        return getattr(self, "_scene", "")
-
-    def _render(self, depsgraph, path, folder):
+    def _render(self, depsgraph, path, folder, report):
         scene = depsgraph.scene
-        self._scene = scene.name
-        report = reports.begin(scene.name)
         self.update_stats("", "BDPM: reading the scene")
         start = time.monotonic()
         exported = SceneWriter(folder).write(depsgraph, self.test_break)
@@ -120,7 +115,6 @@ class BdpmEngine(bpy.types.RenderEngine):
         finally:
             report.notes = list(run.notes)
         picture.bring(exr.read(image))
-        report.error = ""
         report.answer = answer
 
 
