@@ -55,15 +55,19 @@ class BdpmEngine(bpy.types.RenderEngine):
             if folder:
                 shutil.rmtree(folder, ignore_errors=True)
 
+    def is_stopped(self):
+        """Whether the user pressed Escape."""
+        return self.test_break()
+
     def _fail(self, report, text):
         report.error = text
-        self.error_set(text)
+        self.report({"ERROR"}, text)
 
     def _render(self, depsgraph, path, folder, report):
         scene = depsgraph.scene
         self.update_stats("", "BDPM: reading the scene")
         start = time.monotonic()
-        exported = SceneWriter(folder).write(depsgraph, self.test_break)
+        exported = SceneWriter(folder).write(depsgraph, self.is_stopped)
         if exported is None:
             return
         report.remarks = exported.remarks
@@ -87,7 +91,7 @@ class BdpmEngine(bpy.types.RenderEngine):
         """Shows how far it is until the program ends. Whether it was stopped."""
         stopped, shown = None, ""
         while run.is_running():
-            if stopped is None and self.test_break():
+            if stopped is None and self.is_stopped():
                 stopped = time.monotonic()
                 run.interrupt()
                 self.update_stats("", "BDPM: stopping")
