@@ -42,16 +42,19 @@ class BdpmEngine(bpy.types.RenderEngine):
         """F12, a frame of an animation, or one from the command line."""
         folder = None
         report = reports.begin(depsgraph.scene.name)
+        left, bottom, right, top = camera.region(depsgraph.scene)
+        picture = _Picture(self, depsgraph, (right - left, top - bottom))
         try:
             path = program.find(program_path())
             program.check(path)
             folder = tempfile.mkdtemp(prefix=f"bdpm-{os.getpid()}-")
-            self._render(depsgraph, path, folder, report)
+            self._render(depsgraph, path, folder, report, picture)
         except (program.ProgramError, ExportError) as error:
             self._fail(report, str(error))
         except (OSError, MemoryError, exr.ExrError) as error:
             self._fail(report, f"{type(error).__name__}: {error}")
         finally:
+            picture.ensure()
             if folder:
                 shutil.rmtree(folder, ignore_errors=True)
 
@@ -63,7 +66,7 @@ class BdpmEngine(bpy.types.RenderEngine):
         report.error = text
         self.report({"ERROR"}, text)
 
-    def _render(self, depsgraph, path, folder, report):
+    def _render(self, depsgraph, path, folder, report, picture):
         scene = depsgraph.scene
         self.update_stats("", "BDPM: reading the scene")
         start = time.monotonic()
@@ -75,8 +78,6 @@ class BdpmEngine(bpy.types.RenderEngine):
         if exported.remarks:
             count = len(exported.remarks)
             self.report({"INFO"}, f"BDPM approximates or ignores {count} things; the panel Not as in Blender lists them")
-        left, bottom, right, top = camera.region(scene)
-        picture = _Picture(self, depsgraph, (right - left, top - bottom))
         image = os.path.join(folder, "image.exr")
         receiver = tev.Receiver()
         run = program.Render(path, [*_arguments(scene.bdpm, image), "--view=" + receiver.address, exported.path], folder)
@@ -174,6 +175,12 @@ class _Picture:
         self._settings, self._exposure = scene.bdpm, 2**scene.bdpm.exposure
         self._transparent = scene.render.film_transparent
         self._passes = passes.wanted(scene.bdpm)
+        self._is_begun = False
+
+    def ensure(self):
+        """A black picture if there is none: without any, Blender crashes where it writes EXR files."""
+        if not self._is_begun:
+            self._engine.end_result(self._begin())
 
     def show(self, channels):
         """The picture so far."""
@@ -194,6 +201,7 @@ class _Picture:
         self._engine.end_result(result)
 
     def _begin(self):
+        self._is_begun = True
         for name, channels, letters, _ in self._passes:
             self._engine.add_pass(name, channels, letters)
         return self._engine.begin_result(0, 0, *self._size, layer=self._layer)
