@@ -344,11 +344,17 @@ def _(scene):
     sky((0.7, 0.3, 2.1))
 
 
-# Materials, under a large lamp and a sky, in which all is seen.
+# Materials, under a sky with bright places, in which all is seen. Lamps would be in its way: here, but not in Cycles.
 
 
 def lit(look):
     stage(look)
+    sky((0, 0, 0.6))
+
+
+@element("light blocks the world", tolerance=0.03, told=False)
+def _(scene):
+    stage()
     light("AREA", (2, -2, 4), (0.5, 0.5, 0), energy=250, size=2)
     world((0.3, 0.35, 0.4), 1.0)
 

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from . import axes
 from .error import ExportError
 
@@ -19,8 +21,13 @@ def region(scene):
     render = scene.render
     if not render.use_border:
         return 0, 0, width, height
-    left, right = (int(share * width) for share in (render.border_min_x, render.border_max_x))
-    bottom, top = (int(share * height) for share in (render.border_min_y, render.border_max_y))
+
+    def pixel(share, side):
+        # In single precision, as Blender does, which rounds 79.999998 to 80.
+        return int(np.float32(share) * np.float32(side))
+
+    left, right = (pixel(share, width) for share in (render.border_min_x, render.border_max_x))
+    bottom, top = (pixel(share, height) for share in (render.border_min_y, render.border_max_y))
     return left, bottom, max(right, left + 1), max(top, bottom + 1)
 
 
