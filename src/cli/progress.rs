@@ -7,7 +7,7 @@ use bdpm::steer::goal::{Forecast, Goal, Standing};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write as _};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -96,6 +96,8 @@ pub struct Progress {
     last_line: Instant,
     /// Expected end; the bar counts down to it while an iteration is under way.
     end: Arc<Mutex<Option<Instant>>>,
+    /// Whether nobody reads the objects any more.
+    is_orphan: bool,
     /// Lines of the picture right above the bar.
     picture: Arc<Mutex<usize>>,
 }
@@ -121,7 +123,7 @@ impl Progress {
         } else {
             Shown::Lines
         };
-        Self { shown, goal, last_line: Instant::now(), end, picture: Arc::default() }
+        Self { shown, goal, last_line: Instant::now(), end, is_orphan: false, picture: Arc::default() }
     }
 
     /// Shows the state after an iteration, `elapsed` being the time since rendering began.
@@ -144,7 +146,8 @@ impl Progress {
             Shown::Json => {
                 if self.last_line.elapsed() >= OBJECT_EVERY {
                     self.last_line = Instant::now();
-                    say(&object(&goal, status, left, fraction).to_string());
+                    let object = object(&goal, status, left, fraction);
+                    self.is_orphan |= writeln!(io::stderr(), "{object}").is_err();
                 }
             }
             Shown::Bar(bar) => {
@@ -154,6 +157,11 @@ impl Progress {
                 bar.set_message(state);
             }
         }
+    }
+
+    /// Whether the program that read its objects is gone, so that nobody waits for the image.
+    pub fn is_orphan(&self) -> bool {
+        self.is_orphan
     }
 
     /// Says something of interest.

@@ -212,6 +212,9 @@ impl<'a> Session<'a> {
             }
             self.look(renderer, steer);
             self.progress.update(&self.totals, &self.status, self.start.elapsed());
+            if self.progress.is_orphan() {
+                self.interrupt();
+            }
             if self.is_interrupted() {
                 return Ok(StoppedBy::Interrupt);
             }
