@@ -19,9 +19,9 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 sys.path[:0] = [os.path.join(ROOT, "blender")]
 SIDES = 96
 # Radius and height of a glass that is full to the brim, from the middle of its foot to that of the brim, m.
-OUTSIDE = [(0, 0), (0.036, 0), (0.037, 0.002), (0.02, 0.006), (0.006, 0.014), (0.005, 0.05), (0.006, 0.075)]
-BOWL = [(0.02, 0.088), (0.034, 0.108), (0.038, 0.13), (0.037, 0.15)]
-BRIM = [(0.0365, 0.1505), (0, 0.1505)]
+OUTSIDE = [(0, 0), (0.036, 0), (0.037, 0.002), (0.02, 0.006), (0.006, 0.012), (0.006, 0.022), (0.008, 0.028)]
+BOWL = [(0.02, 0.036), (0.034, 0.054), (0.038, 0.076), (0.036, 0.1)]
+BRIM = [(0.0355, 0.1005), (0, 0.1005)]
 
 
 def smooth(points, count):
@@ -79,17 +79,18 @@ def make_scene():
     glass.location = (0, 0, 0.0005)
     glass.data.materials.append(material("Glass", Base_Color=(1, 1, 1, 1), Transmission=1.0, Roughness=0.0, IOR=1.4))
     bpy.ops.mesh.primitive_torus_add(
-        major_radius=0.035, minor_radius=0.006, major_segments=128, minor_segments=32, location=(0.11, -0.03, 0.0065)
+        major_radius=0.035, minor_radius=0.004, major_segments=128, minor_segments=32, location=(0.1, 0.03, 0.01)
     )
     bpy.ops.object.shade_smooth()
+    bpy.context.object.scale.z = 2.5
     bpy.context.object.data.materials.append(material("Gold", Base_Color=(0.95, 0.7, 0.3, 1), Metallic=1.0, Roughness=0.1))
     bpy.ops.mesh.primitive_plane_add(size=0.9)
     bpy.context.object.data.materials.append(material("Table", Base_Color=(0.5, 0.42, 0.35, 1), Roughness=1.0, Specular=0.0))
-    bpy.ops.object.light_add(type="POINT", location=(-0.35, 0.35, 0.45))
+    bpy.ops.object.light_add(type="POINT", location=(-0.25, 0.3, 0.5))
     bpy.context.object.data.energy, bpy.context.object.data.shadow_soft_size = 8, 0.012
-    bpy.ops.object.camera_add(location=(0.3, -0.42, 0.34), rotation=(math.radians(57), 0, math.radians(31)))
+    bpy.ops.object.camera_add(location=(0.22, -0.33, 0.3), rotation=(math.radians(55), 0, math.radians(28)))
     scene.camera = bpy.context.object
-    scene.camera.data.lens = 50
+    scene.camera.data.lens = 55
     world = scene.world or bpy.data.worlds.new("World")
     world.use_nodes = True
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.03, 0.035, 0.045, 1)

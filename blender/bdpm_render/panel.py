@@ -32,8 +32,6 @@ class BdpmSettings(bpy.types.PropertyGroup):
         default=60.0,
         min=0.1,
         soft_max=86400.0,
-        subtype="TIME_ABSOLUTE" if bpy.app.version >= (3, 5) else "TIME",
-        unit="TIME_ABSOLUTE" if bpy.app.version >= (3, 5) else "TIME",
     )
     use_denoising: BoolProperty(
         name="Denoise",
@@ -71,14 +69,15 @@ class BDPM_PT_render(_Panel, bpy.types.Panel):
     """Error, time, and the denoiser."""
 
     bl_label = "BDPM"
+    bl_order = -1  # before Blender's own
 
     def draw(self, context):
         """Two rows and a check box."""
         layout, settings = self.layout, context.scene.bdpm
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for use, value in (("use_error", "error"), ("use_time", "time")):
-            row = layout.row(heading=value.capitalize())
+        for use, value, heading in (("use_error", "error", "Error"), ("use_time", "time", "Time (s)")):
+            row = layout.row(heading=heading)
             row.prop(settings, use, text="")
             part = row.row()
             part.active = getattr(settings, use)
