@@ -4,6 +4,7 @@ import os
 import shutil
 import tempfile
 import time
+import traceback
 
 import bpy
 
@@ -53,6 +54,9 @@ class BdpmEngine(bpy.types.RenderEngine):
             self._fail(report, str(error))
         except (OSError, MemoryError, exr.ExrError) as error:
             self._fail(report, f"{type(error).__name__}: {error}")
+        except Exception as error:  # whatever a file holds, Blender goes on
+            traceback.print_exc()
+            self._fail(report, f"The add-on failed: {type(error).__name__}: {error}. The console has more; report this as a bug")
         finally:
             picture.ensure()
             if folder:

@@ -1,6 +1,10 @@
 """Links of node trees, through reroutes, muted nodes and groups."""
 
 
+# Names of inputs that changed between versions of Blender.
+RENAMED = {"Fac": "Factor", "Factor": "Fac"}
+
+
 class Source:
     """An output of a node, with the groups that it is in, from the outermost on."""
 
@@ -15,7 +19,8 @@ class Source:
 
     def enabled(self, name):
         """The input of this name that counts: nodes such as Mix have several."""
-        return next(Socket(i, self.groups) for i in self.node.inputs if i.name == name and i.enabled)
+        names = {name, RENAMED.get(name)}
+        return next(Socket(i, self.groups) for i in self.node.inputs if i.name in names and i.enabled)
 
 
 class Socket:

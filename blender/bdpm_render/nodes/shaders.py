@@ -13,6 +13,8 @@ from .values import Picture, combine, is_constant, mean
 # Below these a coat is smooth enough to be one, above it is there.
 COAT_ROUGHNESS, COAT_WEIGHT = 0.3, 0.5
 HALF = 0.5
+# Rough glass loses a percent of the light beyond this.
+LOSSLESS = 0.2
 
 
 class Shaders:
@@ -104,7 +106,12 @@ class Shaders:
         if (color < 0.999).any():
             self._remark(source.node, "its color tints light that passes, not what it reflects")
         once = source.node.distribution != "MULTI_GGX"
+        self._note_lost(source.node, roughness, once)
         return Look("glass", color, np.float64(roughness), ior=ior, once=once, **self._normal(source))
+
+    def _note_lost(self, node, roughness, once):
+        if roughness > LOSSLESS and not once:
+            self._remark(node, "light that facets of rough glass scatter more than once is lost")
 
     def node_bsdf_refraction(self, source):
         self._remark(source.node, "reflects as well, as glass does")
@@ -148,7 +155,7 @@ class Shaders:
             self._remark(source.node, text)
 
         first, second = (Socket(source.node.inputs[k], source.groups) for k in (1, 2))
-        share = source.input("Fac") if "Fac" in source.node.inputs else source.input("Factor")
+        share = source.enabled("Fac")
         from_, _ = share.source()
         a, b = self._shader(first), self._shader(second)
         if from_ is not None and from_.node.type in {"FRESNEL", "LAYER_WEIGHT"}:
@@ -215,6 +222,7 @@ class Shaders:
             tint = np.sqrt(np.clip(color, 0, 1)) if is_new else color
             if self._constant(source, "Transmission Roughness"):
                 self._remark(node, "Transmission Roughness is ignored")
+            self._note_lost(node, rough, once)
             return Look("glass", tint, np.float64(rough), ior=ior, once=once, **normal)
         coat = self._constant(source, "Clearcoat", "Coat Weight")
         coat_roughness = self._constant(source, "Clearcoat Roughness", "Coat Roughness")
