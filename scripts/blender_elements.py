@@ -347,6 +347,26 @@ def _(scene):
     sky((0.7, 0.3, 2.1))
 
 
+@element("world of other nodes", tolerance=EXACT)
+def _(scene):
+    stage()
+    made = world(strength=0.8)
+    nodes, links = made.node_tree.nodes, made.node_tree.links
+    gradient, coordinates = nodes.new("ShaderNodeTexGradient"), nodes.new("ShaderNodeTexCoord")
+    links.new(coordinates.outputs["Generated"], gradient.inputs["Vector"])
+    links.new(gradient.outputs["Color"], nodes["Background"].inputs["Color"])
+
+
+@element("world sky", tolerance=0.03)
+def _(scene):
+    stage()
+    made = world(strength=0.3)
+    nodes, links = made.node_tree.nodes, made.node_tree.links
+    sky_node = nodes.new("ShaderNodeTexSky")
+    sky_node.sun_elevation, sky_node.sun_rotation = 0.6, 2.0
+    links.new(sky_node.outputs["Color"], nodes["Background"].inputs["Color"])
+
+
 # Materials, under a sky with bright places, in which all is seen. Lamps would be in its way: here, but not in Cycles.
 
 

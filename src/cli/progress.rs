@@ -123,7 +123,14 @@ impl Progress {
         } else {
             Shown::Lines
         };
-        Self { shown, goal, last_line: Instant::now(), end, is_orphan: false, picture: Arc::default() }
+        Self {
+            shown,
+            goal,
+            last_line: Instant::now(),
+            end,
+            is_orphan: false,
+            picture: Arc::default(),
+        }
     }
 
     /// Shows the state after an iteration, `elapsed` being the time since rendering began.

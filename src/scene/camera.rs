@@ -352,7 +352,8 @@ mod tests {
     #[test]
     fn a_shifted_camera_sees_what_lies_beside() {
         let camera = Camera::look(Vec3::ZERO, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
-        let (view, shifted) = (camera.view(40, 20), camera.shifted([0.25, -0.5]).unwrap().view(40, 20));
+        let (view, shifted) =
+            (camera.view(40, 20), camera.shifted([0.25, -0.5]).unwrap().view(40, 20));
         for (x, y) in [(0.0, 0.0), (20.0, 10.0), (33.0, 4.0)] {
             let off = direction(&shifted, x, y) - direction(&view, x + 10.0, y + 10.0);
             assert!(off.length() < 1e-6, "{off}");

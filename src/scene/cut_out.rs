@@ -8,9 +8,7 @@
 
 use super::{Mesh, Placement, Scene, Texture};
 use crate::accel::packet::used;
-use crate::accel::{
-    AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, next_after,
-};
+use crate::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, next_after};
 use crate::lanes::Mask;
 use glam::Vec2;
 use std::collections::HashMap;

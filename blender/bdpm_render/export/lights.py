@@ -128,7 +128,9 @@ class Lights:
             return
         if getattr(data, "spread", math.pi) < math.pi - 1e-3:
             self._remark(light_object.name, "its spread is that of a diffuse surface")
-        radiance = power / (math.pi * area) if self._normalized(light_object) else power / math.pi
+        # Until 3.6 Cycles took 4 for pi here.
+        pi = math.pi if bpy.app.version >= (4, 0) else 4.0
+        radiance = power / (pi * area) if self._normalized(light_object) else power / pi
         corners = np.column_stack([outline * half, np.zeros(len(outline))])
         # It shines along -z: from the side from which the outline runs clockwise in x and y.
         triangles = [(0, k + 1, k) for k in range(1, len(outline) - 1)]

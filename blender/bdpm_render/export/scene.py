@@ -66,7 +66,7 @@ class SceneWriter:
                 return None
             self._add_thing(thing)
         scene_world = depsgraph.scene_eval.world
-        environment = world.write(scene_world, lights.suns, self, self.materials.evaluator)
+        environment = world.write(scene_world, lights.suns, self, has_stopped)
         if not self._triangles:
             raise ExportError("There is nothing to render: no visible object has faces. Add one, or show it in renders")
         shines = any(table.get("emission") is not None or "emission_texture" in table for table in self.materials.used.values())

@@ -2,72 +2,98 @@
 
 import math
 import os
+from dataclasses import dataclass
 
 import numpy as np
 
 from .. import exr
+from ..nodes.evaluate import Evaluator
 from ..nodes.follow import Socket, output_of
 from ..nodes.values import is_constant, mean
-from . import axes
+from . import axes, bake
 
 # Pixels across a sun, and of a map at the most.
 SUN_PIXELS, WIDEST = 6, 8192
 FILE = "environment.exr"
+# Turns directions so that Blender's +y is in the middle of the map, where Blender has +x.
+FROM_SCENE = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
 
 
-def write(world, suns, writer, evaluator_of):
+def write(world, suns, writer, has_stopped):
     """Writes the map if there is one; keys of `[environment]`, or None if the world is black."""
-    radiance, picture, turn = np.zeros(3), None, None
+    around = Around(np.zeros(3))
     if world is not None:
-        radiance, picture, turn = _background(world, writer, evaluator_of)
-    if not radiance.any() and not suns:
-        return None
-    if picture is None and not suns:
-        return {"radiance": radiance}
-    if not suns and _is_about_z(turn):
+        around = _background(world, writer, has_stopped)
+    if around.picture is None and not suns:
+        return {"radiance": around.radiance} if around.radiance.any() else None
+    path = os.path.join(writer.folder, FILE)
+    if not suns and around.turn is not None and _is_about_z(around.turn):
         # Blender's middle column looks along +x, bdpm's along -z, which is Blender's +y.
-        exr.write_rgb(os.path.join(writer.folder, FILE), np.maximum(picture, 0).astype(np.float32))
-        angle = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
-        return {"file": FILE, "radiance": radiance, "turn_deg": -90.0 - angle}
-    pixels = _baked(radiance, picture, turn, suns)
-    exr.write_rgb(os.path.join(writer.folder, FILE), pixels)
+        exr.write_rgb(path, np.maximum(around.picture, 0).astype(np.float32))
+        angle = math.degrees(math.atan2(around.turn[1, 0], around.turn[0, 0]))
+        return {"file": FILE, "radiance": around.radiance, "turn_deg": -90.0 - angle}
+    exr.write_rgb(path, _drawn(around, suns))
     return {"file": FILE}
+
+
+@dataclass
+class Around:
+    """What is around a scene: a radiance, or a factor of a map."""
+
+    radiance: np.ndarray
+    # Rows from the top, in Blender's directions after a turn; without one, in bdpm's.
+    picture: object = None
+    turn: object = None
 
 
 def _is_about_z(turn):
     return abs(turn[2, 2] - 1) < 1e-9
 
 
-def _background(world, writer, evaluator_of):
-    """Its radiance or factor, and the pixels of its map with the turn from directions to those of the map."""
-
-    def remark(what):
-        writer.remark(f"World {world.name}", what)
-
+def _background(world, writer, has_stopped):
+    """What a world is: by its nodes where they are known, else as Cycles shows it."""
+    where = f"World {world.name}"
     if not world.use_nodes or not world.node_tree:
-        return np.array(world.color[:3], np.float64), None, None
+        return Around(np.array(world.color[:3], np.float64))
     output = output_of(world.node_tree, {"OUTPUT_WORLD"})
     if output is None:
-        return np.zeros(3), None, None
+        return Around(np.zeros(3))
     if Socket(output.inputs["Volume"]).source()[0] is not None:
-        remark("volumes are ignored")
+        writer.remark(where, "volumes are ignored")
     source = Socket(output.inputs["Surface"]).source()[0]
     if source is None:
-        return np.zeros(3), None, None
+        return Around(np.zeros(3))
+    unknown = []
+    around = _known(source, writer, unknown)
+    if not unknown:
+        return around
+    baked = bake.bake(world.original, writer.folder, has_stopped)
+    if baked is None:
+        for text in unknown:
+            writer.remark(where, text)
+        return around
+    writer.remark(where, f"baked to a map of {bake.WIDTH} by {bake.WIDTH // 2} pixels, as the camera sees it")
+    channels = exr.read(baked)
+    return Around(np.ones(3), np.stack([channels[letter] for letter in "RGB"], axis=-1))
+
+
+def _known(source, writer, unknown):
+    """A background by its nodes; `unknown` takes what of them is not known."""
     if source.node.type not in {"BACKGROUND", "EMISSION"}:
-        remark(f"{source.node.name}: only a background is known; took none")
-        return np.zeros(3), None, None
-    evaluator = evaluator_of(f"World {world.name}")
+        unknown.append(f"{source.node.name}: only a background is known; took none")
+        return Around(np.zeros(3))
+    evaluator = Evaluator(lambda node, text: unknown.append(f"{node.name}: {text}"), writer.store)
     strength = max(evaluator.constant(source.input("Strength"), "Strength"), 0.0)
     from_, _ = source.input("Color").source()
     if from_ is not None and from_.node.type == "TEX_ENVIRONMENT":
-        pixels, turn = _environment(from_, writer.store, evaluator, remark)
+        pixels, turn = _environment(from_, writer.store, evaluator, unknown.append)
         if pixels is not None:
-            return np.full(3, strength), pixels, turn
+            return Around(np.full(3, strength), pixels, turn)
+        return Around(np.zeros(3))
     color = evaluator.color(source.input("Color"))
     if not is_constant(color):
-        remark("its color varies in a way that is not known; took the mean")
-    return np.maximum(mean(color), 0) * strength, None, None
+        unknown.append("its color varies; took the mean")
+    return Around(np.maximum(mean(color), 0) * strength)
 
 
 def _environment(source, store, evaluator, remark):
@@ -112,16 +138,18 @@ def _mapping(source, evaluator, remark):
     return turn.T if source.node.vector_type == "TEXTURE" else turn
 
 
-def _baked(radiance, picture, turn, suns):
+def _drawn(around, suns):
     """A map in bdpm's directions of everything that is around."""
+    picture = around.picture
     height = 2 if picture is None else picture.shape[0]
     for _, radius, _ in suns:
         height = max(height, math.ceil(math.pi * SUN_PIXELS / (2 * radius)))
     height = min(height, WIDEST // 2)
     width = 2 * height
     pixels = np.empty((height, width, 3), np.float32)
-    pixels[:] = radiance
+    pixels[:] = around.radiance
     if picture is not None:
+        turn = FROM_SCENE if around.turn is None else around.turn
         for row in range(0, height, 64):
             rows = slice(row, min(row + 64, height))
             pixels[rows] *= _looked_up(picture, turn, _directions(height, width, rows))
