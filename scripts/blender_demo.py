@@ -133,11 +133,13 @@ def render(scene, engine, seconds, path, threads):
     return read_pixels(path)
 
 
-def relative_error(image, reference):
-    """Root of the mean squared difference, relative to sqrt(L^2 + 0.01 mean(L)^2) of the reference."""
+def relative_errors(image, reference, shares):
+    """Roots of the mean squared differences, relative to sqrt(L^2 + 0.01 mean(L)^2) of the reference, over these shares of
+    the pixels, the best ones."""
     weights = np.array([0.2126, 0.7152, 0.0722])
     a, b = image @ weights, reference @ weights
-    return math.sqrt(np.mean((a - b) ** 2 / (b**2 + 0.01 * b.mean() ** 2)))
+    squares = np.sort(((a - b) ** 2 / (b**2 + 0.01 * b.mean() ** 2)).reshape(-1))
+    return [math.sqrt(squares[: int(share * len(squares))].mean()) for share in shares]
 
 
 def main():
@@ -175,9 +177,10 @@ def compare(scene, stem, options):
     for kind, name in names.items():
         image = render(scene, kind, options.compare, f"{stem}-{name}.exr", options.threads)
         for of, reference in references.items():
-            error = relative_error(image, reference)
-            ratio = image.mean() / reference.mean()
-            print(f":: {kind}: relative error {100 * error:.1f} % against {of}, mean {100 * (ratio - 1):+.2f} %", flush=True)
+            shares = (1, 0.999, 0.5)
+            errors = " ".join(f"{100 * error:.1f}" for error in relative_errors(image, reference, shares))
+            ratio = 100 * (image.mean() / reference.mean() - 1)
+            print(f":: {kind}: relative error {errors} % of {shares} against {of}, mean {ratio:+.2f} %", flush=True)
 
 
 if __name__ == "__main__":
