@@ -383,19 +383,20 @@ def _(scene):
 
 
 def surface(name, tolerance=None, effort=1.0, **inputs):
-    element(f"material {name}", tolerance, told=False, effort=effort)(lambda scene: lit(material(**inputs)))
+    old = max(tolerance or 0, 0.03)
+    element(f"material {name}", tolerance, False, effort, old)(lambda scene: lit(material(**inputs)))
 
 
-surface("plastic", 0.01, Base_Color=(0.6, 0.1, 0.05, 1), Roughness=0.3)
-surface("plastic rough", 0.01, Base_Color=(0.6, 0.5, 0.4, 1), Roughness=0.8)
-surface("metal", 0.01, Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.2)
-surface("metal rough", 0.01, Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.6)
-surface("metal half", 0.02, Base_Color=(0.7, 0.5, 0.3, 1), Metallic=0.5, Roughness=0.4)
-surface("glass", 0.01, Base_Color=(1, 1, 1, 1), Transmission=1.0, Roughness=0.0, IOR=1.5)
-surface("glass tinted", 0.02, Base_Color=(0.5, 0.8, 0.9, 1), Transmission=1.0, Roughness=0.0, IOR=1.33)
+surface("plastic", None, Base_Color=(0.6, 0.1, 0.05, 1), Roughness=0.3)
+surface("plastic rough", None, Base_Color=(0.6, 0.5, 0.4, 1), Roughness=0.8)
+surface("metal", None, Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.2)
+surface("metal rough", None, Base_Color=(0.9, 0.6, 0.2, 1), Metallic=1.0, Roughness=0.6)
+surface("metal half", None, Base_Color=(0.7, 0.5, 0.3, 1), Metallic=0.5, Roughness=0.4)
+surface("glass", None, Base_Color=(1, 1, 1, 1), Transmission=1.0, Roughness=0.0, IOR=1.5)
+surface("glass tinted", None, Base_Color=(0.5, 0.8, 0.9, 1), Transmission=1.0, Roughness=0.0, IOR=1.33)
 surface("glass rough", 0.03, Base_Color=(1, 1, 1, 1), Transmission=1.0, Roughness=0.3, IOR=1.5)
-surface("emission", 0.01, Base_Color=(0.5, 0.5, 0.5, 1), Emission=(1, 0.4, 0.2, 1), Emission_Strength=0.8)
-surface("alpha", 0.01, Base_Color=(0.8, 0.2, 0.2, 1), Alpha=0.4)
+surface("emission", None, Base_Color=(0.5, 0.5, 0.5, 1), Emission=(1, 0.4, 0.2, 1), Emission_Strength=0.8)
+surface("alpha", None, Base_Color=(0.8, 0.2, 0.2, 1), Alpha=0.4)
 surface("coat", 0.06, Base_Color=(0.6, 0.1, 0.05, 1), Roughness=0.9, Specular=0.0, Clearcoat=1.0, Clearcoat_Roughness=0.0)
 
 
