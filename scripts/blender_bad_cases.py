@@ -209,7 +209,9 @@ def packed_and_other_textures(scene, folder):
 def broken_geometry(scene, folder):
     good_scene()
     mesh = bpy.data.meshes.new("broken")
-    mesh.from_pydata([(0, 0, float("nan")), (1, 0, 0), (0, float("inf"), 0), (1, 1, 1)], [], [(0, 1, 2), (1, 2, 3), (1, 1, 2)])
+    mesh.from_pydata(
+        [(0, 0, float("nan")), (1, 0, 0), (0, float("inf"), 0), (1, 1, 1)], [], [(0, 1, 2), (1, 2, 3), (1, 1, 2)]
+    )
     for place in ((0, 0, 0), (1, 1, 1)):
         one = bpy.data.objects.new("broken", mesh)
         one.location = place
@@ -323,7 +325,8 @@ def unsaved_and_two_view_layers(scene, folder):
     other.bdpm.seed = 7
     assert scene.bdpm.seed == 1
     scene.render.use_border = True
-    scene.render.border_min_x, scene.render.border_max_x = 0.5, 0.51
+    scene.render.border_min_x, scene.render.border_max_x = 0.5, 0.75
+    os.remove(scene.render.filepath)
     works(scene, folder)
 
 

@@ -2,8 +2,8 @@
 
     blender --background --python scripts/blender_demo.py -- OUT.blend
 
-or, with `--compare SECONDS`, rendered for so long by the add-on and by Cycles, and held against a reference of `--reference
-SECONDS` by the add-on and one by Cycles: pictures OUT-bdpm.png and OUT-cycles.png, and relative errors.
+With `--compare SECONDS` it is also rendered for so long by the add-on and by Cycles, as OUT-bdpm.exr and
+OUT-cycles.exr, and held against references of `--reference SECONDS` by either, which are kept.
 """
 
 import argparse
@@ -83,9 +83,13 @@ def make_scene():
     )
     bpy.ops.object.shade_smooth()
     bpy.context.object.scale.z = 2.5
-    bpy.context.object.data.materials.append(material("Gold", Base_Color=(0.95, 0.7, 0.3, 1), Metallic=1.0, Roughness=0.1))
+    bpy.context.object.data.materials.append(
+        material("Gold", Base_Color=(0.95, 0.7, 0.3, 1), Metallic=1.0, Roughness=0.1)
+    )
     bpy.ops.mesh.primitive_plane_add(size=0.9)
-    bpy.context.object.data.materials.append(material("Table", Base_Color=(0.5, 0.42, 0.35, 1), Roughness=1.0, Specular=0.0))
+    bpy.context.object.data.materials.append(
+        material("Table", Base_Color=(0.5, 0.42, 0.35, 1), Roughness=1.0, Specular=0.0)
+    )
     bpy.ops.object.light_add(type="POINT", location=(-0.25, 0.3, 0.5))
     bpy.context.object.data.energy, bpy.context.object.data.shadow_soft_size = 8, 0.012
     bpy.ops.object.camera_add(location=(0.22, -0.33, 0.3), rotation=(math.radians(55), 0, math.radians(28)))
@@ -134,8 +138,8 @@ def render(scene, engine, seconds, path, threads):
 
 
 def relative_errors(image, reference, shares):
-    """Roots of the mean squared differences, relative to sqrt(L^2 + 0.01 mean(L)^2) of the reference, over these shares of
-    the pixels, the best ones."""
+    """Roots of the mean squared differences, relative to sqrt(L^2 + 0.01 mean(L)^2) of the reference, over these
+    shares of the pixels, the best ones."""
     weights = np.array([0.2126, 0.7152, 0.0722])
     a, b = image @ weights, reference @ weights
     squares = np.sort(((a - b) ** 2 / (b**2 + 0.01 * b.mean() ** 2)).reshape(-1))

@@ -15,7 +15,8 @@ DATE = (2000, 1, 1, 0, 0, 0)
 
 
 def main(out, program=None):
-    files = {path.relative_to(SOURCE.parent).as_posix(): path for path in SOURCE.rglob("*") if path.suffix in {".py", ".toml"}}
+    packed = [path for path in SOURCE.rglob("*") if path.suffix in {".py", ".toml"}]
+    files = {path.relative_to(SOURCE.parent).as_posix(): path for path in packed}
     for name in ("LICENSE-APACHE", "LICENSE-MIT"):
         files[f"{SOURCE.name}/{name}"] = SOURCE.parent.parent / name
     if program:

@@ -56,7 +56,8 @@ class BdpmEngine(bpy.types.RenderEngine):
             self._fail(report, f"{type(error).__name__}: {error}")
         except Exception as error:  # whatever a file holds, Blender goes on
             traceback.print_exc()
-            self._fail(report, f"The add-on failed: {type(error).__name__}: {error}. The console has more; report this as a bug")
+            what = f"{type(error).__name__}: {error}"
+            self._fail(report, f"The add-on failed: {what}. The console has more; report this as a bug")
         finally:
             picture.ensure()
             if folder:
@@ -80,11 +81,13 @@ class BdpmEngine(bpy.types.RenderEngine):
         report.remarks = exported.remarks
         report.export_seconds = time.monotonic() - start
         if exported.remarks:
-            count = len(exported.remarks)
-            self.report({"INFO"}, f"BDPM approximates or ignores {count} things; the panel Not as in Blender lists them")
+            what = f"{len(exported.remarks)} things are approximated or ignored"
+            self.report({"INFO"}, f"BDPM: {what}; the panel Not as in Blender lists them")
         image = os.path.join(folder, "image.exr")
         receiver = tev.Receiver()
-        run = program.Render(path, [*_arguments(scene.bdpm, image), "--view=" + receiver.address, exported.path], folder)
+        run = program.Render(
+            path, [*_arguments(scene.bdpm, image), "--view=" + receiver.address, exported.path], folder
+        )
         try:
             was_stopped = self._watch(run, receiver, picture, scene.bdpm)
             self._bring(run, image, picture, was_stopped, report)

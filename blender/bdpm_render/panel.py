@@ -39,7 +39,10 @@ class BdpmSettings(bpy.types.PropertyGroup):
         default=False,
     )
     exposure: FloatProperty(
-        name="Film Exposure", description="The image is multiplied with 2 to the power of this", soft_min=-10, soft_max=10
+        name="Film Exposure",
+        description="The image is multiplied with 2 to the power of this",
+        soft_min=-10,
+        soft_max=10,
     )
     use_passes: BoolProperty(
         name="Light and Noise Passes",

@@ -84,6 +84,4 @@ def _update(packet):
     at += 16 * count  # offsets and strides, which are 1
     data = np.frombuffer(packet, "<f4", (len(packet) - at) // 4, at)
     pixels = width * height
-    return {
-        name: data[offset : offset + pixels].reshape(height, width) for name, offset in zip(names, offsets)
-    }
+    return {name: data[offset : offset + pixels].reshape(height, width) for name, offset in zip(names, offsets)}

@@ -39,7 +39,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Transform>> {
     if !rest.is_empty() || !has(&format!("'shape': ({}, 3, 4)", places.len())) {
         return Err(wrong("the file is cut short"));
     }
-    let place = |(index, [rows @ ..]): (usize, &[f64; NUMBERS])| {
+    let place = |(index, rows): (usize, &[f64; NUMBERS])| {
         let row = |k: usize| [rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]];
         Transform::from_rows([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]).map_err(|error| {
             let problem = format!("place {index}: {}", error.problem());

@@ -155,7 +155,9 @@ class Lights:
             self._remark(light_object.name, "its cone is no wider than a half space")
         radius = data.shadow_soft_size
         if bpy.app.version < (4, 0):
-            self._remark(light_object.name, "its light does not grow with the cosine to its axis, as it does before 4.0")
+            self._remark(
+                light_object.name, "its light does not grow with the cosine to its axis, as it does before 4.0"
+            )
         intensity = power / (4 * math.pi)
         if radius > 0 and not self._normalized(light_object):
             intensity = power * radius**2 / 4

@@ -83,7 +83,12 @@ def _read_colors(mesh, name):
     else:
         every, index = mesh.color_attributes, mesh.color_attributes.render_color_index
         attribute = every[index] if 0 <= index < len(every) else None
-    fields = {"FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4), "FLOAT_VECTOR": ("vector", 3), "FLOAT": ("value", 1)}
+    fields = {
+        "FLOAT_COLOR": ("color", 4),
+        "BYTE_COLOR": ("color", 4),
+        "FLOAT_VECTOR": ("vector", 3),
+        "FLOAT": ("value", 1),
+    }
     if attribute is None or attribute.data_type not in fields or attribute.domain not in {"POINT", "CORNER"}:
         return None
     field, width = fields[attribute.data_type]

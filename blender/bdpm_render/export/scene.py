@@ -69,7 +69,9 @@ class SceneWriter:
         environment = world.write(scene_world, lights.suns, self, has_stopped)
         if not self._triangles:
             raise ExportError("There is nothing to render: no visible object has faces. Add one, or show it in renders")
-        shines = any(table.get("emission") is not None or "emission_texture" in table for table in self.materials.used.values())
+        shines = any(
+            table.get("emission") is not None or "emission_texture" in table for table in self.materials.used.values()
+        )
         if not (lights.tables or environment or shines):
             raise ExportError("There is no light: add a light, a world that is not black, or a material that emits")
         width, height = _resolution(depsgraph.scene_eval)
@@ -177,7 +179,9 @@ class SceneWriter:
         if place is not None and "uvs" not in part:
             self.remark(thing.name, f"has no texture coordinates {place.uv}".rstrip() + "; pictures show their corner")
         if table.vertex_colors is not None and "colors" not in part:
-            self.remark(thing.name, f"has no color attribute {table.vertex_colors}".rstrip() + " that is known; took white")
+            self.remark(
+                thing.name, f"has no color attribute {table.vertex_colors}".rstrip() + " that is known; took white"
+            )
         for one in self._sides(part, table, thing):
             if len(places):
                 self._place(one, name, places)

@@ -36,7 +36,9 @@ def _hull(positions):
         for b in range(a + 1, 12):
             for c in range(b + 1, 12):
                 if near[a, b] and near[b, c] and near[a, c]:
-                    inside = np.dot(np.cross(positions[b] - positions[a], positions[c] - positions[a]), positions[a]) < 0
+                    inside = (
+                        np.dot(np.cross(positions[b] - positions[a], positions[c] - positions[a]), positions[a]) < 0
+                    )
                     found.append((a, c, b) if inside else (a, b, c))
     return np.array(found)
 

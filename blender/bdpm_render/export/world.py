@@ -204,5 +204,3 @@ def _add_sun(pixels, direction, radius, irradiance):
     cosine = np.clip(_directions(height, width, rows, columns) @ direction, 0, 1)
     total = (share * solid_angle[:, None] * cosine).sum()
     pixels[first:last, columns] += (share[:, :, None] * (irradiance / total)).astype(np.float32)
-
-

@@ -101,7 +101,9 @@ class Evaluator:
             self._remark(node, "extension Clip is not known; took Extend")
         pixels = self._store.pixels(node.image)
         if pixels is None:
-            self._remark(node, f"the image {node.image.name} has no pixels, or its file is missing; took Blender's pink")
+            self._remark(
+                node, f"the image {node.image.name} has no pixels, or its file is missing; took Blender's pink"
+            )
             return np.array([1.0, 0.0, 1.0])
         is_alpha = source.output.name == "Alpha"
         own = pixels[:, :, 3] if is_alpha else pixels[:, :, :3]
@@ -186,7 +188,6 @@ class Evaluator:
         return 0.5 * (mean(self.color(source.input("Color1"))) + mean(self.color(source.input("Color2"))))
 
 
-
 def _default(socket):
     if socket is None or not hasattr(socket, "default_value"):
         return np.float64(0.0)
@@ -197,4 +198,3 @@ def _plain(value):
     if isinstance(value, (int, float, bool)):
         return np.float64(value)
     return np.array(value[:3], np.float64)
-

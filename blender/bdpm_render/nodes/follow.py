@@ -1,6 +1,5 @@
 """Links of node trees, through reroutes, muted nodes and groups."""
 
-
 # Names of inputs that changed between versions of Blender.
 RENAMED = {"Fac": "Factor", "Factor": "Fac"}
 
@@ -33,12 +32,16 @@ class Socket:
         """What it is linked to, or None; and the socket whose value counts then."""
         socket, groups = self.socket, self.groups
         for _ in range(1000):
-            link = next((l for l in socket.links if not l.is_muted and l.is_valid), None) if socket.is_linked else None
+            link = (
+                next((one for one in socket.links if not one.is_muted and one.is_valid), None)
+                if socket.is_linked
+                else None
+            )
             if link is None:
                 return None, socket
             node, output = link.from_node, link.from_socket
             while node.mute:
-                inner = next((l for l in node.internal_links if l.to_socket == output), None)
+                inner = next((one for one in node.internal_links if one.to_socket == output), None)
                 if inner is None:
                     return None, None
                 socket, node, output = inner.from_socket, None, None

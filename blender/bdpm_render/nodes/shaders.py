@@ -249,5 +249,3 @@ class Shaders:
                 self._remark(source.node, "Specular Tint is ignored")
         root = math.sqrt(min(max(normal, 0.0), 0.66))
         return min((1 + root) / (1 - root), 10.0)
-
-

@@ -220,5 +220,3 @@ class Table:
         if picture.nearest:
             table["filter"] = "nearest"
         return table
-
-
