@@ -349,9 +349,8 @@ def all_passes_come_back(scene, folder):
     finally:
         engine.passes.put = own
     values = seen["values"]
-    for name in ("Combined", "Normal", "Albedo", "Direct", "Indirect", "Caustics", "Emission Light", "Error"):
+    for name in ("Combined", "Normal", "Albedo", "Direct", "Indirect", "Caustics", "Emission Light", "Error", "Depth"):
         assert name in seen and name in values, (name, list(seen))
-    assert "Depth" in seen or "Z" in seen, list(seen)
     total = sum(values[name] for name in ("Direct", "Indirect", "Caustics", "Emission Light"))
     assert np.allclose(total, values["Combined"][..., :3], atol=1e-4 + 1e-4 * total.max())
 

@@ -33,7 +33,7 @@ class BdpmEngine(bpy.types.RenderEngine):
         """Tells compositor and passes panel what there is."""
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
         if renderlayer.use_pass_z:
-            self.register_pass(scene, renderlayer, _depth_name(), 1, "Z", "VALUE")
+            self.register_pass(scene, renderlayer, "Depth", 1, "Z", "VALUE")
         if renderlayer.use_pass_normal:
             self.register_pass(scene, renderlayer, "Normal", 3, "XYZ", "VECTOR")
         for name, channels, letters, kind in passes.wanted(scene.bdpm):
@@ -128,10 +128,6 @@ class BdpmEngine(bpy.types.RenderEngine):
             report.notes = list(run.notes)
         picture.bring(exr.read(image))
         report.answer = answer
-
-
-def _depth_name():
-    return "Z" if bpy.app.version < (4, 0) else "Depth"
 
 
 def _arguments(settings, image):

@@ -72,8 +72,6 @@ def put(layer, passes):
     """Writes passes into those that a layer of a render result has."""
     for layer_pass in layer.passes:
         values = passes.get(layer_pass.name)
-        if values is None and layer_pass.name == "Z":
-            values = passes.get("Depth")
         if values is None or values.shape[2] > layer_pass.channels:
             continue
         flat = np.ascontiguousarray(values[::-1, :, : layer_pass.channels], np.float32)
