@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn matrices_of_both_precisions_are_read() {
-        let rows: Vec<f64> = (0..24).map(|i| f64::from(u8::from(i % 5 == 0)) + 0.25).collect();
+        let rows: Vec<f64> = (0..24).map(|i| f64::from(u8::from(i % 12 % 5 == 0)) + 0.25).collect();
         let single: Vec<u8> = rows.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
         let double: Vec<u8> = rows.iter().flat_map(|x| x.to_le_bytes()).collect();
         for bytes in [npy("<f4", "(2, 3, 4)", &single), npy("<f8", "(2, 3, 4)", &double)] {
