@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check bench memcheck check-package check-report check-mitsuba
+.PHONY: setup denoiser mpi build demo test check bench memcheck check-package check-report check-mitsuba blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -49,6 +49,14 @@ check: setup denoiser
 # The same at length; skipped where Python or Mitsuba's wheel is missing.
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
+
+# The Blender add-on, for `Preferences > Add-ons > Install` (docs/blender.md).
+blender:
+	@python3 scripts/blender_zip.py out/bdpm_render.zip
+
+# The add-on held against Cycles, in Blender as a Python module (500 MB from PyPI); about half an hour.
+check-blender: build
+	scripts/blender-check.sh
 
 bench: setup
 	$(CARGO) bench $(FLAGS)

@@ -74,6 +74,15 @@ impl Hit {
     }
 }
 
+/// What `ray` meets beyond `hit`, beginning a relative `step` behind it, and the step to take from there: rounding may
+/// find the same place again.
+pub(crate) fn next_after(accel: &dyn Intersect, ray: &Ray, hit: &Hit, step: f32) -> (Hit, f32) {
+    let t_near = (hit.t * (1.0 + step)).max(f32::MIN_POSITIVE);
+    let next = accel.closest_hit(&Ray { t_near, ..*ray });
+    let again = (next.mesh, next.triangle) == (hit.mesh, hit.triangle);
+    (next, if again { 2.0 * step } else { f32::EPSILON })
+}
+
 /// What the caller knows about neighboring rays of a batch; a hint that never changes results (of rays
 /// whose numbers are finite).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> Result<String> {
     let mut session = Session::new(
         &prepared,
         (goal, LEAST_ITERATIONS),
-        args.session.quiet,
+        args.session.manner(),
         ("measuring", &counts),
     )?;
     let mut measuring = Measuring(args.estimator);

@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> Result<String> {
 fn measure(prepared: &Prepared, setup: &Setup, args: &Args) -> Result<(Recorder, u64, Duration)> {
     let time = args.session.time.unwrap_or(DEFAULT_TIME);
     let goal = Goal { time: Some(time), ..Goal::default() };
-    let mut progress = Progress::new(goal, args.session.quiet);
+    let mut progress = Progress::new(goal, args.session.manner());
     let interrupted = catch_interrupts(progress.clone())?;
     let sizes = grid::sizes(prepared.origin.settings.pixels());
     progress.note(&format!("measuring the times of {} sizes: {setup}", sizes.len()));

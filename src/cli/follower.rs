@@ -3,7 +3,7 @@
 use super::crew::{Begun, Haul, Order, Ready, Setup, render_own};
 use super::interrupts::catch_interrupts;
 use super::prepared::{self, Prepared};
-use super::progress::{Progress, Totals};
+use super::progress::{Manner, Progress, Totals};
 use super::render::Args;
 use bdpm::base::error::Result;
 use bdpm::ranks::{Exchange, Ranks, encode};
@@ -30,7 +30,7 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
     let new = || Renderer::new(&prepared.scene, &*prepared.accel, settings);
     let renderer = prepared.threads.install(new)?.with_batches(grain).keeping(kept)?;
     let mut renderer = renderer.one_of(ranks.count());
-    let interrupted = catch_interrupts(Progress::new(Goal::default(), true))?;
+    let interrupted = catch_interrupts(Progress::new(Goal::default(), Manner::Nothing))?;
     let exchange = Exchange::default();
     while let Some(Order { block, schedule, numbers }) = ranks.broadcast::<Option<Order>>(None)? {
         if let Some((first, counts)) = block {

@@ -22,6 +22,8 @@ pub enum LayerName {
     Depth,
     /// Where the first surface is, in world space
     Position,
+    /// Share of the camera paths that meet a surface
+    Alpha,
     /// Light sources, seen directly or by mirrors and clear glass
     Emission,
     /// Light of one bounce
@@ -77,12 +79,13 @@ impl Layers {
         let Some(features) = features.filter(|_| self.kept().features) else {
             return Vec::new();
         };
-        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, FAR); film.pixels()];
+        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); film.pixels()];
         film.zip(&mut seen, |seen, at| {
             let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));
-            *seen = (guide.albedo, guide.normal, position, depth);
+            *seen = (guide.albedo, guide.normal, position, [depth, features.coverage(at)]);
         });
-        let three = |name: &str, of: fn(&(Vec3, Vec3, Vec3, f32)) -> Vec3, channels: [&str; 3]| {
+        type Look = (Vec3, Vec3, Vec3, [f32; 2]);
+        let three = |name: &str, of: fn(&Look) -> Vec3, channels: [&str; 3]| {
             let channel = |axis: usize| seen.iter().map(|seen| of(seen)[axis]).collect();
             let channels = channels.iter().enumerate();
             let channels = channels.map(|(axis, &name)| (name.to_owned(), channel(axis)));
@@ -98,10 +101,12 @@ impl Layers {
         add(LayerName::Albedo, &|| three("albedo", |seen| seen.0, rgb));
         add(LayerName::Normal, &|| three("normal", |seen| seen.1, xyz));
         add(LayerName::Position, &|| three("position", |seen| seen.2, xyz));
-        add(LayerName::Depth, &|| {
-            let depth = seen.iter().map(|seen| seen.3).collect();
-            Layer { name: "depth".into(), channels: vec![("Z".into(), depth)] }
-        });
+        let one = |name: &str, of: usize, channel: &str| {
+            let values = seen.iter().map(|seen| seen.3[of]).collect();
+            Layer { name: name.into(), channels: vec![(channel.into(), values)] }
+        };
+        add(LayerName::Depth, &|| one("depth", 0, "Z"));
+        add(LayerName::Alpha, &|| one("alpha", 1, "Y"));
         layers
     }
 

@@ -1,5 +1,6 @@
 //! A scene that is ready to render: from the arguments to the hierarchy.
 
+use super::progress::Manner;
 use super::{SceneArgs, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::{Error, Result};
@@ -27,6 +28,16 @@ pub struct SessionArgs {
     /// Show nothing but errors
     #[arg(long, short)]
     pub quiet: bool,
+    /// How to tell how far it is
+    #[arg(long, value_name = "MANNER", default_value = "text", conflicts_with = "quiet")]
+    progress: Manner,
+}
+
+impl SessionArgs {
+    /// How to tell how far it is.
+    pub fn manner(&self) -> Manner {
+        if self.quiet { Manner::Nothing } else { self.progress }
+    }
 }
 
 /// What there is of an image: what it was made of, its file, and what is done with it.

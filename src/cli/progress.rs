@@ -7,12 +7,15 @@ use bdpm::steer::goal::{Forecast, Goal, Standing};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write as _};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
+
+/// Time between objects for programs.
+const OBJECT_EVERY: Duration = Duration::from_millis(500);
 
 /// Where an image stands after an iteration.
 #[derive(Clone, Debug, Default)]
@@ -72,6 +75,19 @@ impl Totals {
     }
 }
 
+/// How to tell of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Manner {
+    /// A bar on a terminal, else a line now and then
+    #[default]
+    Text,
+    /// A JSON object per line on stderr, every half a second, for programs that run this one
+    Json,
+    /// Nothing
+    #[value(skip)]
+    Nothing,
+}
+
 /// Shows how far the image is.
 #[derive(Clone)]
 pub struct Progress {
@@ -80,6 +96,8 @@ pub struct Progress {
     last_line: Instant,
     /// Expected end; the bar counts down to it while an iteration is under way.
     end: Arc<Mutex<Option<Instant>>>,
+    /// Whether nobody reads the objects any more.
+    is_orphan: bool,
     /// Lines of the picture right above the bar.
     picture: Arc<Mutex<usize>>,
 }
@@ -88,21 +106,31 @@ pub struct Progress {
 enum Shown {
     Nothing,
     Lines,
+    Json,
     Bar(ProgressBar),
 }
 
 impl Progress {
     /// Starts showing, or stays silent if `quiet`.
-    pub fn new(goal: Goal, quiet: bool) -> Self {
+    pub fn new(goal: Goal, manner: Manner) -> Self {
         let end = Arc::new(Mutex::new(None));
-        let shown = if quiet {
+        let shown = if manner == Manner::Nothing {
             Shown::Nothing
+        } else if manner == Manner::Json {
+            Shown::Json
         } else if io::stderr().is_terminal() {
             Shown::Bar(bar(end.clone()))
         } else {
             Shown::Lines
         };
-        Self { shown, goal, last_line: Instant::now(), end, picture: Arc::default() }
+        Self {
+            shown,
+            goal,
+            last_line: Instant::now(),
+            end,
+            is_orphan: false,
+            picture: Arc::default(),
+        }
     }
 
     /// Shows the state after an iteration, `elapsed` being the time since rendering began.
@@ -122,6 +150,13 @@ impl Progress {
                     say(&format!("{state}{left}"));
                 }
             }
+            Shown::Json => {
+                if self.last_line.elapsed() >= OBJECT_EVERY {
+                    self.last_line = Instant::now();
+                    let object = object(&goal, status, left, fraction);
+                    self.is_orphan |= writeln!(io::stderr(), "{object}").is_err();
+                }
+            }
             Shown::Bar(bar) => {
                 *self.end.lock().expect("no holder panics") =
                     left.and_then(|left| Instant::now().checked_add(left));
@@ -131,11 +166,16 @@ impl Progress {
         }
     }
 
+    /// Whether the program that read its objects is gone, so that nobody waits for the image.
+    pub fn is_orphan(&self) -> bool {
+        self.is_orphan
+    }
+
     /// Says something of interest.
     pub fn note(&self, text: &str) {
         match &self.shown {
             Shown::Nothing => {}
-            Shown::Lines => say(text),
+            Shown::Lines | Shown::Json => say(text),
             Shown::Bar(bar) => {
                 let mut picture = self.picture.lock().expect("no holder panics");
                 *picture = 0; // the next one begins below this
@@ -181,6 +221,19 @@ pub fn way(goal: &Goal, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
         (None, None) => goal.time.map_or(0.0, of_time),
     };
     (left, fraction)
+}
+
+/// The same for programs: errors as shares, times in seconds, `null` where nothing is known yet.
+fn object(goal: &Goal, status: &Status, left: Option<Duration>, done: f64) -> serde_json::Value {
+    let standing = status.standing.as_ref();
+    let error = |left| standing.and_then(|standing| standing.error(goal, left));
+    serde_json::json!({
+        "iterations": status.iterations,
+        "done": done.clamp(0.0, 1.0),
+        "seconds_left": left.map(|left| left.as_secs_f64()),
+        "error": error(1.0),
+        "promised": status.forecast.and_then(|then| error(then.left)),
+    })
 }
 
 /// Count, noise now and at the end, speed, and what takes the time.

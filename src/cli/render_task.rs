@@ -70,8 +70,8 @@ impl Task<'_> {
             1 => announced,
             ranks => format!("{announced}, {ranks} processes"),
         };
-        let quiet = args.session.quiet;
-        let session = Session::new(prepared, (goal, 1), quiet, ("rendering", &announced))?;
+        let (quiet, manner) = (args.session.quiet, args.session.manner());
+        let session = Session::new(prepared, (goal, 1), manner, ("rendering", &announced))?;
         let mut session = session.begun_at(start);
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let place = args.view.as_ref();

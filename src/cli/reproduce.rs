@@ -2,7 +2,7 @@
 
 use super::interrupts::catch_interrupts;
 use super::prepared::{Prepared, SessionArgs};
-use super::progress::{Progress, Status, Totals};
+use super::progress::{Manner, Progress, Status, Totals};
 use super::{human_time, json, say};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::check_memory;
@@ -155,7 +155,8 @@ fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
 
 /// Measures what is left; returns whether all is complete.
 fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
-    let mut progress = Progress::new(Goal { time: Some(time), ..Goal::default() }, quiet);
+    let manner = if quiet { Manner::Nothing } else { Manner::Text };
+    let mut progress = Progress::new(Goal { time: Some(time), ..Goal::default() }, manner);
     let interrupted = catch_interrupts(progress.clone())?;
     let (done, all) = (run.experiment().done.len(), Part::all().len());
     let Identity { setup, .. } = &run.experiment().identity;

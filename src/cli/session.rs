@@ -5,7 +5,7 @@ use super::denoising::Denoising;
 use super::human_time;
 use super::interrupts::catch_interrupts;
 use super::prepared::Prepared;
-use super::progress::{Progress, Status, Totals};
+use super::progress::{Manner, Progress, Status, Totals};
 use bdpm::base::error::Result;
 use bdpm::denoise::Denoised;
 use bdpm::render::block::Combined;
@@ -126,10 +126,10 @@ impl<'a> Session<'a> {
     pub fn new(
         prepared: &'a Prepared,
         (goal, least): (Goal, u64),
-        quiet: bool,
+        manner: Manner,
         (verb, counts): (&str, &str),
     ) -> Result<Self> {
-        let progress = Progress::new(goal, quiet);
+        let progress = Progress::new(goal, manner);
         let interrupted = catch_interrupts(progress.clone())?;
         let Settings { width, height, .. } = prepared.origin.settings;
         progress.note(&format!("read {}", prepared.summary));
@@ -212,6 +212,9 @@ impl<'a> Session<'a> {
             }
             self.look(renderer, steer);
             self.progress.update(&self.totals, &self.status, self.start.elapsed());
+            if self.progress.is_orphan() {
+                self.interrupt();
+            }
             if self.is_interrupted() {
                 return Ok(StoppedBy::Interrupt);
             }

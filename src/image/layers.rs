@@ -225,6 +225,12 @@ impl Features {
         Guide { albedo: sum.albedo * scale, normal: sum.normal * scale }
     }
 
+    /// Share of a pixel's camera paths that hit any surface.
+    pub fn coverage(&self, pixel: usize) -> f32 {
+        let iterations: u64 = self.iterations.iter().sum();
+        (self.places[pixel].hits / iterations.max(1) as f64) as f32
+    }
+
     /// Means over the camera paths that hit any surface: the position, and the distance along the camera's axis,
     /// [`FAR`] where none does.
     pub fn place(&self, pixel: usize) -> (Vec3, f32) {
@@ -340,6 +346,7 @@ mod tests {
             assert_eq!((albedo, normal), (Rgb::splat(5.0), Vec3::X));
             assert_eq!(features.place(1), (Vec3::Y, 3.0));
             assert_eq!(features.place(0), (Vec3::ZERO, FAR));
+            assert_eq!((features.coverage(0), features.coverage(1)), (0.0, 5.0 / 11.0));
         }
         let one = features[1].guide(1, |part| part == 2);
         assert_eq!(one.albedo, Rgb::splat(6.0));

@@ -11,6 +11,8 @@ use super::notes;
 use super::notes::Note;
 use super::obj;
 use super::obj::ObjFile;
+use super::places;
+use super::ply;
 use super::scene_file;
 use super::scene_file::SceneFile;
 use super::scene_file::texture::Pictures;
@@ -161,8 +163,14 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let name = mesh.file.get_ref();
         let obj_path = folder.join(name);
         let here = |problem, advice| place(Error::new(problem, advice), mesh.file.span().start);
-        if extension(&obj_path) != "obj" {
-            return Err(here(format!("`{name}` is not an OBJ file"), "give a file ending in .obj"));
+        let kind = extension(&obj_path);
+        if !matches!(&kind[..], "obj" | "ply") {
+            let problem = format!("`{name}` is neither an OBJ nor a PLY file");
+            return Err(here(problem, "give a file ending in .obj or .ply"));
+        }
+        if kind == "ply" && mesh.material.is_none() {
+            let problem = format!("the mesh `{name}` has no material: PLY files name none");
+            return Err(here(problem, "add a line such as `material = \"chalk\"`"));
         }
         if let Err(error) = std::fs::metadata(&obj_path) {
             let advice = "check the name; it is relative to the folder of the scene file";
@@ -170,22 +178,42 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
         let is_new = !files.contains_key(&obj_path);
         if is_new {
-            let read = obj::load(&obj_path)?;
+            let read = match &kind[..] {
+                "ply" => ObjFile::of(ply::read(&obj_path, ply::Rows::Up)?, &obj_path),
+                _ => obj::load(&obj_path)?,
+            };
             builder.notes.extend(read.notes.iter().cloned());
             files.insert(obj_path.clone(), read);
         }
         let obj = &files[&obj_path];
         let count = obj.triangle_count();
-        builder.count(count, if is_new { count } else { 0 }, path)?;
+        let places = match &mesh.places {
+            None => vec![transform],
+            Some(file) if folder.join(file.get_ref()).is_file() => {
+                places::read(&folder.join(file.get_ref()))?
+                    .into_iter()
+                    .map(|place| place.flipped(mesh.flip))
+                    .collect()
+            }
+            Some(file) => {
+                let problem = format!("there is no file `{}`", file.get_ref());
+                let advice = "check the name; it is relative to the folder of the scene file";
+                return Err(place(Error::new(problem, advice), file.span().start));
+            }
+        };
+        let placed = count.saturating_mul(places.len() as u64);
+        builder.count(placed, if is_new { count } else { 0 }, path)?;
         if let Some(wanted) = &mesh.material {
             check_material(wanted.get_ref(), &file, obj)
                 .map_err(|e| place(e, wanted.span().start))?;
         }
         let material = mesh.material.as_ref().map(|name| name.get_ref().as_str());
-        builder.add(&obj_path, obj, &transform, material, &own).ok_or_else(|| {
-            let problem = "the transform moves the mesh out of the range of coordinates";
-            place(Error::new(problem, "scale or move it less"), table.span().start)
-        })?;
+        for transform in &places {
+            builder.add(&obj_path, obj, transform, material, &own).ok_or_else(|| {
+                let problem = "the transform moves the mesh out of the range of coordinates";
+                place(Error::new(problem, "scale or move it less"), table.span().start)
+            })?;
+        }
     }
     builder.arrange(path)?;
 

@@ -15,6 +15,8 @@ mod mitsuba;
 mod mtl;
 mod notes;
 mod obj;
+mod places;
+mod ply;
 mod save;
 mod scene_file;
 mod srgb;

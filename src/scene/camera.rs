@@ -14,6 +14,8 @@ pub struct Camera {
     right: Vec3,
     up: Vec3,
     optics: Optics,
+    /// How far the image lies to the right and up, in widths and heights of it.
+    shift: [f32; 2],
     /// Direction and up vector as they were given: they alone lead to the same frame bit by bit.
     aim: [Vec3; 2],
 }
@@ -141,7 +143,24 @@ impl Camera {
             ));
         }
         let up = right.cross(forward);
-        Ok(Self { position, forward, right, up, optics, aim })
+        Ok(Self { position, forward, right, up, optics, shift: [0.0; 2], aim })
+    }
+
+    /// The same with the image moved to the right and up in its plane, by shares of its width and height: what
+    /// lenses that shift do, and how a part of an image is rendered alone.
+    ///
+    /// # Errors
+    /// If a number is not finite, or it is a sensor, whose lenses are in the scene.
+    pub fn shifted(self, shift: [f32; 2]) -> Result<Self> {
+        if !shift.iter().all(|share| share.is_finite()) {
+            let problem = format!("the camera's shift is {shift:?}");
+            return Err(Error::new(problem, "give two finite numbers"));
+        }
+        if matches!(self.optics, Optics::Sensor { .. }) && shift != [0.0; 2] {
+            let advice = "move its position instead";
+            return Err(Error::new("a camera of type \"sensor\" has no `shift`", advice));
+        }
+        Ok(Self { shift, ..self })
     }
 
     /// The pinhole, or the center of the lens or the sensor.
@@ -162,6 +181,11 @@ impl Camera {
     /// Direction and up vector as they were given.
     pub(crate) fn aim(&self) -> [Vec3; 2] {
         self.aim
+    }
+
+    /// How far the image lies to the right and up, in widths and heights of it.
+    pub fn shift(&self) -> [f32; 2] {
+        self.shift
     }
 
     /// How it gathers light.
@@ -191,7 +215,8 @@ impl Camera {
             }
         };
         let (dx, dy) = (self.right * pixel, -self.up * pixel);
-        let corner = distance * self.forward - 0.5 * (w * dx + h * dy);
+        let [right, up] = self.shift;
+        let corner = distance * self.forward + w * (right - 0.5) * dx - h * (up + 0.5) * dy;
         View { position: self.position, corner, dx, dy, stride: 1.0, aperture }
     }
 }
@@ -336,6 +361,22 @@ mod tests {
         assert!((left.x / left.z - 0.025 / 0.07).abs() < 1e-5, "{left}");
         let top = direction(&view, 50.0, 0.0);
         assert!((top.y / top.z - 0.5 * 0.025 / 0.07).abs() < 1e-5, "{top}");
+    }
+
+    #[test]
+    fn a_shifted_camera_sees_what_lies_beside() {
+        let camera = Camera::look(Vec3::ZERO, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
+        let (view, shifted) =
+            (camera.view(40, 20), camera.shifted([0.25, -0.5]).unwrap().view(40, 20));
+        for (x, y) in [(0.0, 0.0), (20.0, 10.0), (33.0, 4.0)] {
+            let off = direction(&shifted, x, y) - direction(&view, x + 10.0, y + 10.0);
+            assert!(off.length() < 1e-6, "{off}");
+        }
+        assert!(camera.shifted([f32::NAN, 0.0]).is_err());
+        let (width, disc_distance, disc_radius, exposure) = (1.0, 1.0, 1.0, 1.0);
+        let optics = Optics::Sensor { width, disc_distance, disc_radius, exposure };
+        let sensor = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, optics).unwrap();
+        assert!(sensor.shifted([0.1, 0.0]).is_err() && sensor.shifted([0.0; 2]).is_ok());
     }
 
     #[test]

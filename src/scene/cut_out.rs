@@ -8,7 +8,7 @@
 
 use super::{Mesh, Placement, Scene, Texture};
 use crate::accel::packet::used;
-use crate::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket};
+use crate::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, next_after};
 use crate::lanes::Mask;
 use glam::Vec2;
 use std::collections::HashMap;
@@ -98,12 +98,7 @@ impl CutOuts {
     fn solid(&self, ray: &Ray, mut hit: Hit) -> Hit {
         let mut step = f32::EPSILON;
         while self.is_hole(ray, &hit) {
-            let t_near = (hit.t * (1.0 + step)).max(f32::MIN_POSITIVE);
-            let next = self.inner.closest_hit(&Ray { t_near, ..*ray });
-            // Rounding may find the same place again.
-            let again = (next.mesh, next.triangle) == (hit.mesh, hit.triangle);
-            step = if again { 2.0 * step } else { f32::EPSILON };
-            hit = next;
+            (hit, step) = next_after(&*self.inner, ray, &hit, step);
         }
         hit
     }

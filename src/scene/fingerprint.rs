@@ -101,6 +101,7 @@ impl Hash {
             normal_map,
             emission,
             emission_texture,
+            hidden,
         } = material;
         for (name, texture) in [
             ("albedo", albedo_texture),
@@ -121,6 +122,9 @@ impl Hash {
         if let Some(opacity) = opacity {
             self.text("translucent");
             self.f32(*opacity);
+        }
+        if *hidden {
+            self.text("hidden");
         }
         self.bsdf(bsdf);
         self.rgb(*emission);
@@ -243,6 +247,10 @@ impl Hash {
         self.vec3(camera.position());
         self.vec3(camera.direction());
         self.vec3(camera.up());
+        if camera.shift() != [0.0; 2] {
+            self.text("shifted");
+            camera.shift().into_iter().for_each(|share| self.f32(share));
+        }
         match camera.optics() {
             Optics::Pinhole(field_of_view) => self.field_of_view(field_of_view),
             Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => {

@@ -29,6 +29,9 @@ pub struct Material {
     pub emission: Rgb,
     /// What the emission is multiplied with.
     pub emission_texture: Option<Arc<Texture>>,
+    /// Whether rays of the camera pass it until they meet something else: a lamp that is not to be in the image, but
+    /// is seen in mirrors and through glass.
+    pub hidden: bool,
 }
 
 impl Material {
@@ -44,6 +47,7 @@ impl Material {
             normal_map: None,
             emission: Rgb::ZERO,
             emission_texture: None,
+            hidden: false,
         }
     }
 

@@ -5,6 +5,7 @@ pub mod camera;
 mod cut_out;
 pub mod diffuse;
 mod fingerprint;
+mod hidden;
 mod hit;
 mod lambertian;
 pub mod lights;

@@ -78,7 +78,10 @@ impl Tracer<'_> {
         // Whether light at the end of the segment was not connected to at its beginning.
         let mut unconnected = true;
         for segment in 0.. {
-            let hit = self.accel.closest_hit(&ray);
+            let mut hit = self.accel.closest_hit(&ray);
+            if segment == 0 {
+                hit = self.scene.first_seen(self.accel, &ray, hit);
+            }
             if hit.is_miss() {
                 if unconnected {
                     radiance += throughput * self.scene.lights().beyond(ray.direction);

@@ -187,11 +187,13 @@ fn scene_files_with_everything() {
         up = [0.1, 1, 0.2]
         fov_x_deg = 33.3
         aperture_radius = 0.1
+        shift = [0.25, -0.1]
         [materials.'b c']
         type = 'dielectric'
         ior = 1.33
         outside_ior = 1.5
         roughness = 0.37
+        hidden = true
         [[light]]
         type = 'spot'
         position = [3, 4, 5]

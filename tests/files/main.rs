@@ -21,6 +21,7 @@ mod gltf_looks;
 mod light;
 mod mitsuba;
 mod obj;
+mod places;
 mod shapes;
 mod tolerant;
 mod toml;

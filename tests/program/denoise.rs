@@ -33,9 +33,9 @@ fn names(image: &Image) -> Vec<&str> {
     names
 }
 
-const ALL: [&str; 10] = [
-    "", "albedo", "caustics", "depth", "direct", "emission", "indirect", "normal", "position",
-    "rms",
+const ALL: [&str; 11] = [
+    "", "albedo", "alpha", "caustics", "depth", "direct", "emission", "indirect", "normal",
+    "position", "rms",
 ];
 
 #[test]

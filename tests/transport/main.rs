@@ -26,6 +26,7 @@ mod bsdf;
 mod camera_batches;
 mod cameras;
 mod guides;
+mod hidden;
 mod instances;
 mod interpolated_normals;
 mod layers;

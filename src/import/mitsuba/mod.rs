@@ -13,7 +13,6 @@ mod maps;
 mod metals;
 mod names;
 mod object;
-mod ply;
 mod remarks;
 mod sensor;
 mod serialized;

@@ -7,10 +7,10 @@ use super::bumps;
 use super::color::Meaning;
 use super::object::Object;
 use super::texture::Paint;
-use super::{ply, serialized, smooth};
+use super::{serialized, smooth};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::import::obj;
+use crate::import::{obj, ply};
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Mesh, NormalMap, Texture};
 use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2};
@@ -262,7 +262,7 @@ fn read(object: &Object, key: &Key) -> Result<(Vec<Mesh>, bool)> {
             let file = obj::load(path)?;
             meshes.extend(file.meshes.iter().map(|part| (*part.mesh).clone()));
         }
-        "ply" => meshes.push(ply::read(path)?),
+        "ply" => meshes.push(ply::read(path, ply::Rows::Down)?),
         _ => {
             let shape = serialized::read(path, index)?;
             is_flat |= shape.is_flat;

@@ -57,6 +57,14 @@ pub(super) struct ObjFile {
 }
 
 impl ObjFile {
+    /// Of a mesh alone, in a file that names no materials.
+    pub(super) fn of(mesh: Mesh, path: &Path) -> Self {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let mesh = Arc::new(Mesh { name, ..mesh });
+        let meshes = vec![ObjMesh { mesh, material: None }];
+        Self { meshes, materials: BTreeMap::new(), notes: Vec::new() }
+    }
+
     /// Of all meshes.
     pub(super) fn triangle_count(&self) -> u64 {
         self.meshes.iter().map(|part| part.mesh.triangles.len() as u64).sum()

@@ -96,6 +96,9 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
         let _ = writeln!(text, "emission = {}", color(material.emission));
     }
+    if material.hidden {
+        text += "hidden = true\n";
+    }
     if let Some(opacity) = material.opacity {
         let _ = writeln!(text, "opacity = {}", number(opacity));
     }

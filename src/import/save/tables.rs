@@ -39,8 +39,15 @@ pub(super) fn camera(camera: &Camera) -> String {
             ("sensor", sensor)
         }
     };
+    let [right, up_by] = camera.shift();
+    let shifted = camera.shift() != [0.0; 2];
+    let shift = if shifted {
+        format!("shift = [{}, {}]\n", number(right), number(up_by))
+    } else {
+        String::new()
+    };
     format!(
-        "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}",
+        "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",
         point(camera.position()),
         point(direction),
         point(up)

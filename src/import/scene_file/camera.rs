@@ -3,6 +3,7 @@
 use super::Point;
 use crate::base::error::{Error, Result};
 use crate::scene::camera::{Camera, FieldOfView, Optics};
+use crate::settings::Exactly;
 use glam::Vec3;
 use serde::Deserialize;
 
@@ -24,6 +25,7 @@ pub(in crate::import) struct CameraTable {
     disc_distance: Option<f32>,
     disc_radius: Option<f32>,
     exposure: Option<f32>,
+    shift: Option<Exactly<f32, 2>>,
 }
 
 /// The cameras there are.
@@ -61,7 +63,9 @@ impl CameraTable {
             }
         };
         let up = self.up.map_or(Vec3::Y, |up| up.0);
-        Camera::with_optics(position, direction, up, self.optics(direction.length())?)
+        let optics = self.optics(direction.length())?;
+        let shift = self.shift.as_ref().map_or([0.0; 2], |Exactly(shift)| *shift);
+        Camera::with_optics(position, direction, up, optics)?.shifted(shift)
     }
 
     /// `to_target` is the distance of the target, if there is one.

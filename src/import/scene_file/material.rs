@@ -49,6 +49,8 @@ pub(in crate::import) struct MaterialTable {
     alpha: Option<Spanned<Roughness>>,
     metallic: Option<Spanned<Metallic>>,
     emission: Option<Power>,
+    #[serde(default)]
+    hidden: bool,
 }
 
 /// Models of facets that scatter once, as Mitsuba has them.
@@ -169,6 +171,7 @@ impl MaterialTable {
             opacity: self.opacity.map(|opacity| opacity.0),
             normal_map: self.normal_map(texture(&self.normal_texture)?)?,
             emission_texture: texture(&self.emission_texture)?,
+            hidden: self.hidden,
             ..Material::new(name, bsdf)
         })
     }

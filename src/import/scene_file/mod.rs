@@ -50,6 +50,8 @@ pub(in crate::import) struct MeshTable {
     pub rotate_deg: Option<Numbers>,
     pub scale: Option<Numbers>,
     pub matrix: Option<Exactly<Exactly<f64, 4>, 4>>,
+    /// NumPy file of matrices.
+    pub places: Option<Spanned<String>>,
     #[serde(default)]
     pub flip: bool,
 }
@@ -58,6 +60,12 @@ impl MeshTable {
     /// Where to put the mesh.
     pub(in crate::import) fn transform(&self) -> Result<Transform> {
         let parts = [&self.translate, &self.rotate_deg, &self.scale];
+        if self.places.is_some() && (self.matrix.is_some() || parts.iter().any(|p| p.is_some())) {
+            return Err(Error::new(
+                "the mesh has `places` besides another transform",
+                "give either the places or the others",
+            ));
+        }
         let transform = match self.matrix {
             Some(_) if parts.iter().any(|part| part.is_some()) => {
                 return Err(Error::new(

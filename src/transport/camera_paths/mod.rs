@@ -120,6 +120,9 @@ impl CameraPaths {
             );
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
+            if coherence == Coherence::Coherent && pass.scene.hides() {
+                pass.scene.pass_hidden(pass.accel, rays, count, &mut self.hits);
+            }
             vectorized(
                 #[inline(always)]
                 |simd| self.scatter(simd, pass),

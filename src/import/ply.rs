@@ -1,4 +1,4 @@
-//! Meshes in PLY files, text or binary.
+//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear colors.
 
 use crate::base::error::{Error, Result};
 use crate::import::text;
@@ -12,12 +12,22 @@ use std::path::Path;
 /// What to do about a malformed file.
 const AGAIN: &str = "export the mesh again";
 
+/// Which way texture coordinates `v` grow in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Rows {
+    /// As most programs have it.
+    Up,
+    /// As Mitsuba has it.
+    Down,
+}
+
 /// A vertex, a face, or whatever else there is.
 #[derive(Default)]
 struct Item {
     position: [f32; 3],
     normal: [f32; 3],
     uv: [f32; 2],
+    color: [f32; 3],
     corners: Vec<u32>,
     /// Whether the list is none of indices.
     is_bad: bool,
@@ -34,6 +44,9 @@ impl Item {
             "nz" => &mut self.normal[2],
             "u" | "s" | "texture_u" => &mut self.uv[0],
             "v" | "t" | "texture_v" => &mut self.uv[1],
+            "r" => &mut self.color[0],
+            "g" => &mut self.color[1],
+            "b" => &mut self.color[2],
             _ => return None,
         })
     }
@@ -61,11 +74,11 @@ impl PropertyAccess for Item {
     }
 }
 
-/// Reads a mesh, with its normals and texture coordinates, of which v points up.
+/// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0, 1].
 ///
 /// # Errors
 /// Names the file, and what is malformed.
-pub(super) fn read(path: &Path) -> Result<Mesh> {
+pub(super) fn read(path: &Path, rows: Rows) -> Result<Mesh> {
     let broken = |problem: String| {
         let problem = problem.split_whitespace().collect::<Vec<_>>().join(" ");
         let problem: String = problem.chars().take(300).collect();
@@ -86,13 +99,18 @@ pub(super) fn read(path: &Path) -> Result<Mesh> {
         match &name[..] {
             "vertex" => {
                 let (has_normals, has_uvs) = (has(&["nx"]), has(&["u", "s", "texture_u"]));
+                let has_colors = has(&["r"]);
                 for item in items {
                     mesh.positions.push(item.position.into());
                     if has_normals {
                         mesh.normals.push(Vec3::from(item.normal).normalize_or_zero());
                     }
                     if has_uvs {
-                        mesh.uvs.push(Vec2::new(item.uv[0], 1.0 - item.uv[1]));
+                        let [u, v] = item.uv;
+                        mesh.uvs.push(Vec2::new(u, if rows == Rows::Down { 1.0 - v } else { v }));
+                    }
+                    if has_colors {
+                        mesh.colors.push(Vec3::from(item.color).clamp(Vec3::ZERO, Vec3::ONE));
                     }
                 }
             }
@@ -108,7 +126,7 @@ pub(super) fn read(path: &Path) -> Result<Mesh> {
                         let problem = format!("face {index} uses vertex {bad} of {count}");
                         return Err(broken(problem));
                     }
-                    // Mitsuba takes triangles and convex quads.
+                    // Triangles and convex polygons.
                     for pair in corners.get(1..).unwrap_or_default().windows(2) {
                         mesh.triangles.push([corners[0], pair[0], pair[1]]);
                     }

@@ -1,0 +1,68 @@
+"""Materials as tables of a scene file, each with what its meshes have to bring."""
+
+import numpy as np
+
+from ..nodes.evaluate import Evaluator
+from ..nodes.look import Look
+from ..nodes.shaders import Shaders
+from ..nodes.table import Table
+
+# What Cycles shows where there is no material.
+DEFAULT = Look(color=np.full(3, 0.8))
+
+
+class Materials:
+    """Tables by name; a material of Blender is read once."""
+
+    def __init__(self, store, remarks):
+        self._store = store
+        self._remarks = remarks
+        self._tables = {}
+        self.used = {}
+
+    def evaluator(self, where):
+        """Of the nodes of something of this name."""
+        return Evaluator(self._remark_node(where), self._store)
+
+    def _remark_node(self, where):
+        return lambda node, text: self._remarks.add(where, f"{node.label or node.name}: {text}")
+
+    def table(self, material):
+        """The table of a material of Blender, or of none."""
+        key = material.name_full if material else None
+        if key not in self._tables:
+            where = f"Material {key}" if material else "Surfaces without material"
+            remark = self._remark_node(where)
+            look = self._look(material, remark)
+            self._tables[key] = Table(look, self._store, lambda text: self._remarks.add(where, text))
+        return self._tables[key]
+
+    def _look(self, material, remark):
+        if material is None:
+            return DEFAULT
+        if not material.use_nodes or material.node_tree is None:
+            return Look(color=np.array(material.diffuse_color[:3], np.float64))
+        return Shaders(Evaluator(remark, self._store), remark).material(material.node_tree)
+
+    def name(self, material, is_hidden):
+        """The name of its table in the scene file; hidden from the camera it is another."""
+        name = material.name_full if material else "no material"
+        if is_hidden:
+            name += " (hidden)"
+        keys = dict(self.table(material).keys)
+        if is_hidden:
+            keys["hidden"] = True
+        return self.add(name, keys)
+
+    def add(self, name, keys):
+        """A table of its own under this name, or one like it."""
+        free, number = name, 1
+        while free in self.used and self.used[free] is not keys and not _same(self.used[free], keys):
+            number += 1
+            free = f"{name} {number}"
+        self.used.setdefault(free, keys)
+        return free
+
+
+def _same(a, b):
+    return a.keys() == b.keys() and all(np.array_equal(a[key], b[key]) for key in a)
