@@ -110,6 +110,38 @@ fn the_camera_looks_along_z_with_x_to_the_left() {
 }
 
 #[test]
+fn a_part_of_a_film_and_a_moved_middle_see_what_the_whole_does() {
+    let film = |what: &str, of: &str| {
+        let text = format!(
+            "<sensor type='perspective'><float name='fov' value='50'/>{what}<film type='hdrfilm'>\
+             <integer name='width' value='30'/><integer name='height' value='20'/>{of}</film></sensor>"
+        );
+        scene(&[&text, LIGHT, SQUARE].concat())
+    };
+    let number = |name: &str, value: u32| format!("<integer name='crop_{name}' value='{value}'/>");
+    let part = |x, y, width, height| {
+        [("offset_x", x), ("offset_y", y), ("width", width), ("height", height)]
+            .map(|(name, value)| number(name, value))
+            .concat()
+    };
+    let seen = |text: &str, x: f32, y: f32| {
+        let loaded = read(text);
+        let [width, height] = loaded.defaults.resolution.unwrap();
+        (loaded.scene.camera.view(width, height).ray(x, y, [0.5; 2]).0.direction, [width, height])
+    };
+    let (whole, _) = seen(&film("", ""), 12.5, 7.0);
+    let (cropped, size) = seen(&film("", &part(10, 5, 12, 6)), 2.5, 2.0);
+    assert!((whole - cropped).length() < 1e-5 && size == [12, 6], "{whole} {cropped} {size:?}");
+    let moved = "<float name='principal_point_offset_x' value='0.1'/>\
+                 <float name='principal_point_offset_y' value='-0.2'/>";
+    for (of, x, y) in [(String::new(), 9.5, 11.0), (part(4, 5, 12, 6), 5.5, 6.0)] {
+        let (moved, _) = seen(&film(moved, &of), x, y);
+        assert!((whole - moved).length() < 1e-5, "{whole} {moved}");
+    }
+    refused(&film("", &part(25, 0, 10, 5)), &["a.xml:2", "not within the film of 30 x 20"]);
+}
+
+#[test]
 fn sensors_are_chosen_by_their_id() {
     let two = CAMERA.replace("<sensor ", "<sensor id='one' ")
         + "<sensor type='perspective' id='two'><float name='fov' value='20'/></sensor>";

@@ -14,7 +14,17 @@ pub(super) struct Sensor {
     /// Looking along +z, with +y up and +x to the left.
     to_world: DAffine3,
     optics: Optics,
+    /// How far the image lies to the right and up, in widths and heights of it.
+    shift: [f32; 2],
     pub resolution: [u32; 2],
+}
+
+/// Pixels across and down of a film, and of the part of it that is rendered.
+struct Film {
+    size: [u32; 2],
+    /// Left and upper edge of the part.
+    offset: [u32; 2],
+    part: [u32; 2],
 }
 
 /// The sensor of this id, else the first.
@@ -52,13 +62,12 @@ impl Sensor {
             }
         };
         let name = sensor.label();
-        let resolution = film(sensor, remarks)?;
-        let field_of_view = field_of_view(sensor, resolution)?;
-        for offset in ["principal_point_offset_x", "principal_point_offset_y"] {
-            if sensor.float(offset)?.is_some_and(|offset| offset != 0.0) {
-                remarks.skipped("left out the offset of the principal point of", &name);
-            }
-        }
+        let film = film(sensor, remarks)?;
+        let field_of_view = film.part_of(field_of_view(sensor, film.size)?);
+        // To the right and down, in widths and heights of the film.
+        let right = sensor.float("principal_point_offset_x")?.unwrap_or(0.0);
+        let down = sensor.float("principal_point_offset_y")?.unwrap_or(0.0);
+        let shift = [film.shift(0, right), -film.shift(1, down)];
         for plane in ["near_clip", "far_clip"] {
             let _ = sensor.float(plane)?; // everything in front of the camera is seen
         }
@@ -76,7 +85,7 @@ impl Sensor {
         } else {
             Optics::Pinhole(field_of_view)
         };
-        Ok(Self { name, to_world: sensor.map("to_world")?, optics, resolution })
+        Ok(Self { name, to_world: sensor.map("to_world")?, optics, shift, resolution: film.part })
     }
 
     /// Whether its image is mirrored.
@@ -90,26 +99,62 @@ impl Sensor {
         let along = |axis: DVec3| map.transform_vector3(axis).normalize_or_zero().as_vec3();
         let position = map.translation.as_vec3();
         let camera = Camera::with_optics(position, along(DVec3::Z), along(DVec3::Y), self.optics);
-        camera.map_err(|error| sensor.error(error.problem(), error.advice()))
+        camera
+            .and_then(|camera| camera.shifted(self.shift))
+            .map_err(|error| sensor.error(error.problem(), error.advice()))
     }
 }
 
-/// Pixels across and down.
-fn film(sensor: &Object, remarks: &mut Remarks) -> Result<[u32; 2]> {
-    let Some(film) = sensor.all("film")?.into_iter().next() else { return Ok([768, 576]) };
-    let size = |name: &str, unsaid: f64| {
-        let value = film.float_in(name, unsaid, [1.0, 65_536.0])?;
+impl Film {
+    fn whole(size: [u32; 2]) -> Self {
+        Self { size, offset: [0; 2], part: size }
+    }
+
+    /// The angle that the part spans of that of the film.
+    fn part_of(&self, field_of_view: FieldOfView) -> FieldOfView {
+        let of = |degrees: f32, axis: usize| {
+            if self.part[axis] == self.size[axis] {
+                return degrees;
+            }
+            let share = f64::from(self.part[axis]) / f64::from(self.size[axis]);
+            let half = (0.5 * f64::from(degrees)).to_radians().tan() * share;
+            (2.0 * half.atan().to_degrees()) as f32
+        };
+        match field_of_view {
+            FieldOfView::X(degrees) => FieldOfView::X(of(degrees, 0)),
+            FieldOfView::Y(degrees) => FieldOfView::Y(of(degrees, 1)),
+        }
+    }
+
+    /// How far the middle of the part lies from the film's, which is moved by a share of the film itself; in sizes of the
+    /// part.
+    fn shift(&self, axis: usize, moved: f64) -> f32 {
+        let [size, offset, part] = [self.size, self.offset, self.part].map(|n| f64::from(n[axis]));
+        ((offset + 0.5 * part - 0.5 * size + moved * size) / part) as f32
+    }
+}
+
+/// Its size and part.
+fn film(sensor: &Object, remarks: &mut Remarks) -> Result<Film> {
+    let Some(film) = sensor.all("film")?.into_iter().next() else {
+        return Ok(Film::whole([768, 576]));
+    };
+    let whole = |name: &str, unsaid: u32, least: u32| {
+        let value = film.float_in(name, unsaid.into(), [least.into(), 65_536.0])?;
         if value.fract() == 0.0 {
             return Ok(value as u32);
         }
         Err(film.error(format!("`{name}` is no whole number"), "give one"))
     };
-    let resolution = [size("width", 768.0)?, size("height", 576.0)?];
-    let crop = ["crop_width", "crop_height", "crop_offset_x", "crop_offset_y"];
-    for name in crop {
-        if film.get(name)?.is_some() {
-            remarks.skipped("rendered all of a film that is cropped:", &sensor.label());
-        }
+    let size = [whole("width", 768, 1)?, whole("height", 576, 1)?];
+    let part = [whole("crop_width", size[0], 1)?, whole("crop_height", size[1], 1)?];
+    let offset = [whole("crop_offset_x", 0, 0)?, whole("crop_offset_y", 0, 0)?];
+    if (0..2).any(|axis| offset[axis] + part[axis] > size[axis]) {
+        let problem = format!(
+            "the crop of {} x {} pixels at ({}, {}) is not within the film of {} x {}",
+            part[0], part[1], offset[0], offset[1], size[0], size[1]
+        );
+        return Err(film.error(problem, "give a smaller one, or none"));
     }
     if let Some(filter) = film.all("rfilter")?.first()
         && filter.kind() != "box"
@@ -120,7 +165,7 @@ fn film(sensor: &Object, remarks: &mut Remarks) -> Result<[u32; 2]> {
         );
         remarks.chosen(phrase, &sensor.label());
     }
-    Ok(resolution)
+    Ok(Film { size, offset, part })
 }
 
 /// Across the width, or the height.
