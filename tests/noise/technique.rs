@@ -29,7 +29,8 @@ fn a_sample_of_the_pixels_is_what_the_image_has_there() {
     let mut squares = 0.0;
     for y in 0..4 {
         for x in 0..6 {
-            let (own, whole) = (y * 6 + x, (4 * y + 2) * 24 + 4 * x + 2);
+            // Of each square another column by the row of squares, another row by their column.
+            let (own, whole) = (y * 6 + x, (4 * y + x % 4) * 24 + 4 * x + y % 4);
             let error2 = variance[own] + all_variance[whole];
             squares += (some[own] - all[whole]).powi(2) / error2 / 24.0;
         }
