@@ -94,7 +94,8 @@ fn folders_and_other_types() {
     let error = load(empty.path()).unwrap_err().to_string();
     assert!(error.contains("d.obj: this is a folder"), "{error}");
     files(&[("a.stl", b"{}")]).refused(&["a.stl: scenes of type `.stl`", "scene.toml"]);
-    changed("a.obj", "a.stl").refused(&["s.toml:7: `a.stl` is neither an OBJ nor a PLY file", ".obj"]);
+    changed("a.obj", "a.stl")
+        .refused(&["s.toml:7: `a.stl` is neither an OBJ nor a PLY file", ".obj"]);
 }
 
 #[cfg(unix)]
