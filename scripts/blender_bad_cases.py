@@ -169,6 +169,17 @@ def wrong_option(scene, folder):
     good_scene()
     scene.bdpm.options = "--no-such-option"
     fails(scene, folder, "no-such-option")
+    scene.bdpm.options = '--output "one image.exr'
+    fails(scene, folder, "Options", "quotation")
+
+
+@case
+def quoted_option(scene, folder):
+    good_scene()
+    noise = os.path.join(folder, "its noise.exr")
+    scene.bdpm.options = f'--camera-paths 2 --noise "{noise}"'
+    works(scene, folder)
+    assert os.path.exists(noise)
 
 
 @case

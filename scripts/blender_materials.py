@@ -83,24 +83,24 @@ mixed("mix glossy", RED, ("ShaderNodeBsdfGlossy", {"Roughness": 0.3}), 0.03, Tru
 mixed("add emission", RED, ("ShaderNodeEmission", {"Strength": 0.5}), kind="ShaderNodeAddShader")
 
 
-@element("material texture")
-def _(scene):
-    look = chalk()
-    textured(look, "Color")
-    floor(look)
-    ball()
-    camera()
-    light("POINT", energy=300, shadow_soft_size=0.2)
+def textured_floor(name, **options):
+    """A floor whose color is a picture."""
+
+    @element(name)
+    def _(scene):
+        look = chalk()
+        textured(look, "Color", **options)
+        floor(look)
+        ball()
+        camera()
+        light("POINT", energy=300, shadow_soft_size=0.2)
 
 
-@element("material texture mapped")
-def _(scene):
-    look = chalk()
-    textured(look, "Color", mapping={"Scale": (3, 2, 1), "Rotation": (0, 0, 0.5), "Location": (0.2, 0.1, 0)})
-    floor(look)
-    ball()
-    camera()
-    light("POINT", energy=300, shadow_soft_size=0.2)
+textured_floor("material texture")
+textured_floor(
+    "material texture mapped",
+    mapping={"Scale": (3, 2, 1), "Rotation": (0, 0, 0.5), "Location": (0.2, 0.1, 0)},
+)
 
 
 @element("material texture math")

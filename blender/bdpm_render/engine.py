@@ -1,6 +1,7 @@
 """The render engine: exports the evaluated scene, runs the program, and brings its image into Blender."""
 
 import os
+import shlex
 import shutil
 import tempfile
 import time
@@ -142,7 +143,10 @@ def _arguments(settings, image):
         arguments += ["--threads", str(settings.threads)]
     if settings.use_iterations:
         arguments += ["--iterations", str(settings.iterations)]
-    return arguments + settings.options.split()
+    try:
+        return arguments + shlex.split(settings.options)
+    except ValueError as error:
+        raise program.ProgramError(f"Options of the panel, {settings.options!r}: {error}") from error
 
 
 def _told(run, settings):
