@@ -14,6 +14,11 @@ pub(in crate::scene) struct Cluster {
     pub(in crate::scene) beam: Beam,
     /// Luminance of the radiant intensity along the axes of its emitters, W/sr.
     pub(in crate::scene) intensity: f32,
+    /// Sum of the emitters' axes, each of the length of its intensity: where all emitters face a direction and shine
+    /// by its cosine, the intensity there is the product with it. 0 for those that shine alike all around.
+    pub(in crate::scene) net: Vec3,
+    /// The intensity's mean over all directions.
+    pub(in crate::scene) mean: f32,
 }
 
 /// The directions into which a cluster shines: its emitters' axes are within `spread` of `axis`, and
@@ -89,7 +94,15 @@ impl Cluster {
             Emitter::Textured(lamp) => panel(&lamp.shape, lamp.mean()),
             Emitter::Directional(_) => return None,
         };
-        Some(Self { bounds, beam, intensity: luminance(intensity) })
+        let intensity = luminance(intensity);
+        let all_around = beam.spread >= PI;
+        // A fourth is the mean of a cosine over the sphere, where it is positive.
+        let (net, mean) = if all_around {
+            (Vec3::ZERO, intensity)
+        } else {
+            (intensity * beam.axis, 0.25 * intensity)
+        };
+        Some(Self { bounds, beam, intensity, net, mean })
     }
 
     pub(in crate::scene) fn with(self, other: Self) -> Self {
@@ -97,6 +110,8 @@ impl Cluster {
             bounds: self.bounds.with(other.bounds.min).with(other.bounds.max),
             beam: self.beam.with(other.beam),
             intensity: self.intensity + other.intensity,
+            net: self.net + other.net,
+            mean: self.mean + other.mean,
         }
     }
 

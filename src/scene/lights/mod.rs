@@ -1,6 +1,7 @@
 //! All lights of a scene: light paths start from them in proportion to their power, and vertices
 //! connect to them by an estimate of what they contribute.
 
+mod children;
 mod choice;
 mod cluster;
 pub mod emitter;

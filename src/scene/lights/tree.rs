@@ -1,142 +1,91 @@
-//! A choice among local emitters by an estimate of what each contributes to a point: a binary tree of
-//! clusters, descended at random in proportion to the estimates of both children.
+//! A choice among local emitters by an estimate of what each contributes to a point: a tree of
+//! clusters, descended at random in proportion to the estimates of a node's children.
 //!
 //! After Conty Estevez and Kulla, *Importance Sampling of Many Lights with Adaptive Tree Splitting*
 //! (2018), without splitting and with another estimate: a cluster carries radiant intensity rather
-//! than power, so that for a small one the estimate is the irradiance itself.
+//! than power, so that for a small one the estimate is the irradiance itself. A node has eight children
+//! rather than two: their estimates are worked out side by side, and there are a third of the levels.
 
+use super::children::{Children, WIDE};
 use super::cluster::Cluster;
 use super::emitter::Emitter;
 use super::split::split;
+use crate::lanes::simd::vectorized;
 use glam::Vec3;
-use std::f32::consts::PI;
-
-/// A cluster as its estimate needs it: one cache line.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(64))]
-struct Node {
-    /// Middle of the box around all its emitters.
-    center: Vec3,
-    /// Half the sides of that box.
-    half: Vec3,
-    axis: Vec3,
-    cos_spread: f32,
-    sin_spread: f32,
-    cos_reach: f32,
-    /// Half the extent of the box along any of its emitters' axes, or more.
-    emitting_extent: f32,
-    /// Luminance of the radiant intensity, W/sr.
-    intensity: f32,
-    /// Of a leaf its emitter with [`LEAF`] set, else the index of the first child; the second one
-    /// follows it.
-    content: u32,
-}
 
 const LEAF: u32 = 1 << 31;
 
-/// Slack in radians and of lengths for the rounding of bounds: no light may be lost to it.
-const SLACK: f32 = 1e-3;
-
-/// Squared distances to a cluster's middle grow by this share of the squared half diagonal. Of 0.1 to
-/// 0.5 it gave the least variance among lamps in a grid, in rows, in clumps and anywhere.
-const SPREAD_OUT: f32 = 0.25;
-
-/// Cosine of `a - b`, or 1 if `b` is the larger angle; both in [0, pi].
-#[inline]
-fn cos_of_rest(cos_a: f32, (sin_b, cos_b): (f32, f32)) -> f32 {
-    if cos_a >= cos_b { 1.0 } else { cos_a * cos_b + (1.0 - cos_a * cos_a).max(0.0).sqrt() * sin_b }
-}
-
-/// Each of two clusters that may contribute gets this share of the choices at the least. Estimates
+/// Each child that may contribute gets about this share of the choices at the least. Estimates
 /// know nothing of what is in between, and bounds may be far off: a lamp close by that is hidden, or
 /// shines elsewhere, must not take all.
 const LEAST_SHARE: f32 = 0.01;
 
-/// Share of the choices that the first of two clusters gets by their estimates.
-/// theory.md (17).
-#[inline]
-fn share(a: f32, b: f32) -> f32 {
-    let share = a / (a + b);
-    if a > 0.0 && b > 0.0 { share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE) } else { share }
+/// Children of a node by the chances of their choice: weights, and their sum.
+struct Chances {
+    weights: [f32; WIDE],
+    sum: f32,
 }
 
-/// The middle of the heights that are above the horizon, of a body that reaches from `extent` below
-/// `height` to as much above.
-#[inline]
-fn above_horizon(height: f32, extent: f32) -> f32 {
-    if height >= extent { height } else { 0.5 * (height + extent) }
-}
-
-impl Node {
-    fn new(cluster: &Cluster, content: u32) -> Self {
-        let Cluster { bounds, beam, intensity } = cluster;
-        let half = 0.5 * (bounds.max - bounds.min);
-        let half = half + SLACK * half.length();
-        let spread = (beam.spread + SLACK).min(PI);
-        let (sin_spread, cos_spread) = spread.sin_cos();
-        // Of an axis off by the spread: |a'| <= |a| + |a' - a|.
-        let radius = half.length();
-        let along = beam.axis.abs().dot(half) + 2.0 * (0.5 * spread).sin() * radius;
-        Self {
-            center: bounds.center(),
-            half,
-            axis: beam.axis,
-            cos_spread,
-            sin_spread: sin_spread.max(0.0), // not the -8e-8 of pi
-            cos_reach: (beam.reach + SLACK).cos(),
-            emitting_extent: along.min(radius),
-            intensity: *intensity,
-            content,
-        }
+impl Chances {
+    /// Of children with these estimates; `None` if all are 0.
+    /// theory.md (17).
+    #[inline(always)]
+    fn new(estimates: &[f32; WIDE]) -> Option<Self> {
+        let least = LEAST_SHARE * sum(estimates);
+        let weights =
+            estimates.map(|estimate| if estimate > 0.0 { estimate.max(least) } else { 0.0 });
+        let sum = sum(&weights);
+        (sum > 0.0).then_some(Self { weights, sum })
     }
 
-    /// An estimate of the irradiance at `position` on a surface of this normal, on all sides without
-    /// one, W/m^2; 0 only where there is none.
-    ///
-    /// It is `I h h' / r^4` with the heights of the cluster over the surface and of the point over the
-    /// emitters. Bounds of the cosines, as there, would be 1 for all large clusters; the mean
-    /// of what is above the horizon leaves a fourth to an eighth of the variance.
-    /// theory.md (16).
-    #[inline]
-    fn estimate(&self, position: Vec3, normal: Option<Vec3>) -> f32 {
-        let to_center = self.center - position;
-        let distance2 = to_center.length_squared();
-        let radius2 = self.half.length_squared();
-        let spread_out2 = (distance2 + SPREAD_OUT * radius2).max(f32::MIN_POSITIVE);
-        let spread_out = spread_out2.sqrt();
-        let received = normal.map_or(spread_out, |normal| {
-            above_horizon(to_center.dot(normal), normal.abs().dot(self.half))
-        });
-        let distance = distance2.sqrt().max(f32::MIN_POSITIVE);
-        let cos_axis = -to_center.dot(self.axis) / distance;
-        let cos_nearest = cos_of_rest(cos_axis, (self.sin_spread, self.cos_spread));
-        let emitted = above_horizon(distance * cos_nearest, self.emitting_extent);
-        if received <= 0.0 || emitted <= 0.0 {
-            return 0.0;
-        }
-        if self.cos_reach > 0.0 && distance2 > radius2 {
-            // Of spots. Less half the angle under which the cluster is seen.
-            let sin2 = radius2 / distance2;
-            if cos_of_rest(cos_nearest, (sin2.sqrt(), (1.0 - sin2).sqrt())) < self.cos_reach {
-                return 0.0;
+    /// Chooses by a uniform number: a child, and another uniform number.
+    #[inline(always)]
+    fn choose(&self, u: f64) -> (usize, f64) {
+        let mut rest = u * f64::from(self.sum);
+        let mut last = 0;
+        for (child, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0)
+        {
+            let weight = f64::from(*weight);
+            if rest < weight {
+                return (child, rest / weight);
             }
+            rest -= weight;
+            last = child;
         }
-        let cosines =
-            (received.min(spread_out) / spread_out) * (emitted.min(spread_out) / spread_out);
-        // Finite, also in the very place of a point.
-        (self.intensity * cosines / spread_out2).min(f32::MAX / 4.0)
+        // Rounding has left a little.
+        (last, 1.0)
     }
+
+    /// Probability of a child.
+    #[inline(always)]
+    fn prob(&self, child: usize) -> f32 {
+        self.weights[child] / self.sum
+    }
+}
+
+/// In pairs: the additions do not wait for each other.
+#[inline(always)]
+fn sum(numbers: &[f32; WIDE]) -> f32 {
+    let four: [f32; 4] = std::array::from_fn(|i| numbers[i] + numbers[i + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+/// A child of a node.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slot {
+    node: u32,
+    child: u32,
 }
 
 /// All local emitters of a set.
 #[derive(Clone, Debug, Default)]
 pub(in crate::scene) struct LightTree {
-    /// The root first, then children in pairs.
-    nodes: Vec<Node>,
-    /// Of each node; the root has none.
-    parents: Vec<u32>,
-    /// Of each emitter its leaf, if it has one.
-    leaves: Vec<u32>,
+    /// The first has one child, the whole.
+    nodes: Vec<Children>,
+    /// Of each node the child that it is; the first is none.
+    parents: Vec<Slot>,
+    /// Of each emitter its place, if it has one.
+    leaves: Vec<Slot>,
 }
 
 impl LightTree {
@@ -144,32 +93,21 @@ impl LightTree {
     pub(in crate::scene) fn new<'a>(emitters: impl Iterator<Item = (u32, &'a Emitter)>) -> Self {
         let placed = |(index, emitter)| Some((index, Cluster::of(emitter)?));
         let mut leaves: Vec<(u32, Cluster)> = emitters.filter_map(placed).collect();
-        let mut tree = Self { nodes: Vec::with_capacity(2 * leaves.len()), ..Self::default() };
+        let mut tree = Self::default();
         if !leaves.is_empty() {
-            tree.nodes.push(Node::default());
-            tree.fill(0, &mut leaves);
-            tree.find_ways_up();
+            tree.add_node(Slot::default());
+            tree.fill(Slot::default(), &mut leaves);
         }
         tree
     }
 
-    /// Sets parents and leaves.
-    fn find_ways_up(&mut self) {
-        self.parents.resize(self.nodes.len(), 0);
-        for (index, node) in (0..).zip(&self.nodes) {
-            let content = (node.content & !LEAF) as usize;
-            if node.content & LEAF == 0 {
-                self.parents[content..content + 2].fill(index);
-            } else {
-                self.leaves.resize(self.leaves.len().max(content + 1), 0);
-                self.leaves[content] = index;
-            }
-        }
-    }
-
     /// An estimate of the irradiance from all, W/m^2; 0 only where there is none.
     pub(in crate::scene) fn estimate(&self, position: Vec3, normal: Option<Vec3>) -> f32 {
-        self.nodes.first().map_or(0.0, |root| root.estimate(position, normal))
+        let Some(first) = self.nodes.first() else { return 0.0 };
+        vectorized(
+            #[inline(always)]
+            |_| first.estimates(position, normal)[0],
+        )
     }
 
     /// Chooses an emitter for a point with this normal (a surface that is lit from one side) by a
@@ -178,28 +116,26 @@ impl LightTree {
         &self,
         position: Vec3,
         normal: Option<Vec3>,
-        mut u: f64,
+        u: f64,
     ) -> Option<(u32, f32)> {
-        let mut content = self.nodes.first()?.content;
+        vectorized(
+            #[inline(always)]
+            |_| self.descend(position, normal, u),
+        )
+    }
+
+    /// The same.
+    #[inline(always)]
+    fn descend(&self, position: Vec3, normal: Option<Vec3>, mut u: f64) -> Option<(u32, f32)> {
+        let mut content = self.nodes.first()?.content[0];
         let mut prob = 1.0;
         while content & LEAF == 0 {
-            let first = content as usize;
-            let children = &self.nodes[first..first + 2];
-            let [a, b] = [0, 1].map(|child| children[child].estimate(position, normal));
-            let total = a + b;
-            if total <= 0.0 {
-                return None;
-            }
-            let share = share(a, b);
-            let (child, own) = if u < f64::from(share) {
-                u /= f64::from(share);
-                (0, share)
-            } else {
-                u = (u - f64::from(share)) / (1.0 - f64::from(share));
-                (1, 1.0 - share)
-            };
-            prob *= own;
-            content = children[child].content;
+            let children = &self.nodes[content as usize];
+            let chances = Chances::new(&children.estimates(position, normal))?;
+            let (child, rest) = chances.choose(u);
+            prob *= chances.prob(child);
+            content = children.content[child];
+            u = rest;
         }
         (prob > 0.0).then_some((content & !LEAF, prob))
     }
@@ -211,39 +147,76 @@ impl LightTree {
         position: Vec3,
         normal: Option<Vec3>,
     ) -> f32 {
-        let mut node = self.leaves[emitter] as usize;
+        vectorized(
+            #[inline(always)]
+            |_| self.climb(self.leaves[emitter], position, normal),
+        )
+    }
+
+    /// Probability of a leaf.
+    #[inline(always)]
+    fn climb(&self, leaf: Slot, position: Vec3, normal: Option<Vec3>) -> f32 {
+        let Slot { mut node, mut child } = leaf;
         let mut prob = 1.0;
         while node != 0 {
-            // The first of two children has an odd number.
-            let (own, other) = (node, if node % 2 == 1 { node + 1 } else { node - 1 });
-            let [own, other] =
-                [own, other].map(|child| self.nodes[child].estimate(position, normal));
-            if own <= 0.0 {
-                return 0.0;
-            }
-            let first = if node % 2 == 1 { share(own, other) } else { share(other, own) };
-            prob *= if node % 2 == 1 { first } else { 1.0 - first };
-            node = self.parents[node] as usize;
+            let estimates = self.nodes[node as usize].estimates(position, normal);
+            let Some(chances) = Chances::new(&estimates) else { return 0.0 };
+            prob *= chances.prob(child as usize);
+            Slot { node, child } = self.parents[node as usize];
         }
         prob
     }
 
-    /// Makes `node`, which holds `leaves`, a leaf or gives it children; what bounds it.
-    fn fill(&mut self, node: usize, leaves: &mut [(u32, Cluster)]) -> Cluster {
+    /// Room for another node, which is this child; its index.
+    fn add_node(&mut self, parent: Slot) -> u32 {
+        self.nodes.push(Children::default());
+        self.parents.push(parent);
+        self.nodes.len() as u32 - 1
+    }
+
+    /// Makes a child of what holds `leaves`: a leaf, or a node of its own; what bounds it.
+    fn fill(&mut self, slot: Slot, leaves: &mut [(u32, Cluster)]) -> Cluster {
         let (cluster, content) = match leaves {
-            [(emitter, cluster)] => (*cluster, *emitter | LEAF),
+            [(emitter, cluster)] => {
+                let emitters = self.leaves.len().max(*emitter as usize + 1);
+                self.leaves.resize(emitters, Slot::default());
+                self.leaves[*emitter as usize] = slot;
+                (*cluster, *emitter | LEAF)
+            }
             _ => {
-                let middle = split(leaves);
-                let (left, right) = leaves.split_at_mut(middle);
-                let first = self.nodes.len();
-                self.nodes.extend([Node::default(); 2]);
-                let children = [self.fill(first, left), self.fill(first + 1, right)];
-                (children[0].with(children[1]), first as u32)
+                let node = self.add_node(slot);
+                let parts = parts(leaves).into_iter().zip(0..);
+                let clusters = parts.map(|(part, child)| self.fill(Slot { node, child }, part));
+                let cluster = clusters.reduce(Cluster::with).expect("at least two");
+                (cluster, node)
             }
         };
-        self.nodes[node] = Node::new(&cluster, content);
+        self.nodes[slot.node as usize].set(slot.child as usize, &cluster, content);
         cluster
     }
+}
+
+/// Divides two or more lights into up to eight sets: always the one that it costs most to have as one.
+fn parts(leaves: &mut [(u32, Cluster)]) -> Vec<&mut [(u32, Cluster)]> {
+    let cost = |part: &[(u32, Cluster)]| {
+        let clusters = part.iter().map(|(_, cluster)| *cluster);
+        clusters.reduce(Cluster::with).map_or(0.0, |whole| whole.cost())
+    };
+    let mut parts = vec![(f32::INFINITY, leaves)];
+    while parts.len() < WIDE {
+        let several = parts.iter().enumerate().filter(|(_, (_, part))| part.len() > 1);
+        // Of equals, such as lights in one place, the one with the most.
+        let order = |(cost, part): &(f32, &mut [_])| (*cost, part.len());
+        let most = several.max_by(|(_, one), (_, other)| {
+            order(one).partial_cmp(&order(other)).unwrap_or(std::cmp::Ordering::Equal)
+        });
+        let Some((most, _)) = most else { break };
+        let (_, part) = parts.swap_remove(most);
+        let middle = split(part);
+        let (left, right) = part.split_at_mut(middle);
+        parts.extend([left, right].map(|part| (cost(part), part)));
+    }
+    parts.into_iter().map(|(_, part)| part).collect()
 }
 
 #[cfg(test)]
@@ -252,6 +225,7 @@ mod tests {
     use crate::base::math::{luminance, uniform_sphere};
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::{Spot, Triangle};
+    use std::f32::consts::PI;
 
     fn rng(seed: u64) -> Rng {
         StreamKey::new(seed, Stream::Test, 0).rng(0)
@@ -296,19 +270,20 @@ mod tests {
     /// Probability of each emitter, by the estimates along its way.
     fn probs(tree: &LightTree, position: Vec3, normal: Option<Vec3>, count: usize) -> Vec<f64> {
         let mut probs = vec![0.0; count];
-        let mut todo = vec![(0, 1.0)];
-        while let Some((node, prob)) = todo.pop() {
-            let content = tree.nodes[node].content;
+        let mut todo = vec![(tree.nodes[0].content[0], 1.0)];
+        while let Some((content, prob)) = todo.pop() {
             if content & LEAF != 0 {
                 probs[(content & !LEAF) as usize] = prob;
                 continue;
             }
-            let children = [0, 1].map(|child| content as usize + child);
-            let own = children.map(|child| tree.nodes[child].estimate(position, normal));
-            if own[0] + own[1] > 0.0 {
-                let share = f64::from(share(own[0], own[1]));
-                todo.extend([(children[0], prob * share), (children[1], prob * (1.0 - share))]);
-            }
+            let children = &tree.nodes[content as usize];
+            let own = children.estimates(position, normal).map(f64::from);
+            let total: f64 = own.iter().sum();
+            // theory.md (17)
+            let raised = own.map(|one| if one > 0.0 { one.max(0.01 * total) } else { 0.0 });
+            let sum: f64 = raised.iter().sum();
+            let lit = children.content.into_iter().zip(raised).filter(|(_, own)| *own > 0.0);
+            todo.extend(lit.map(|(content, own)| (content, prob * own / sum)));
         }
         probs
     }
@@ -392,6 +367,53 @@ mod tests {
         assert!(by_estimate < 0.03 * by_power, "{by_estimate} {by_power}");
     }
 
+    /// Two balls of triangles over a floor: half of each faces away.
+    #[test]
+    fn estimates_find_the_near_sides_of_balls() {
+        let mut rng = rng(4);
+        let ball = |center: Vec3, radius: f32| {
+            let at = move |i: usize, j: usize| {
+                let (polar, around) = (PI * i as f32 / 12.0, PI * j as f32 / 12.0);
+                let (z, s) = (polar.cos(), polar.sin());
+                center + radius * Vec3::new(s * around.cos(), s * around.sin(), z)
+            };
+            let quads = (0..12).flat_map(|i| (0..24).map(move |j| (i, j)));
+            quads.flat_map(move |(i, j)| {
+                let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+                [[0, 1, 2], [0, 2, 3]].map(|three| three.map(|k: usize| corners[k]))
+            })
+        };
+        let balls = ball(Vec3::new(0.0, 0.0, 3.0), 1.0).chain(ball(Vec3::new(5.0, 1.0, 2.0), 0.2));
+        let triangles = balls.map(|corners| Triangle::new(corners, 0));
+        let triangles = triangles.filter(|shape| shape.area() > 1e-6);
+        let lamp = |shape| Emitter::Triangle { shape, radiance: Vec3::ONE };
+        let emitters: Vec<Emitter> = triangles.map(lamp).collect();
+        let tree = tree(&emitters);
+        let mut variance = 0.0;
+        for _ in 0..20 {
+            let position = Vec3::new(6.0 * rng.next_1d() - 1.0, rng.next_1d(), 0.0);
+            let irradiance = |index: usize, prob: f32, rng: &mut Rng| {
+                let sample = emitters[index].connect(position, prob, rng);
+                sample.map_or(0.0, |s| f64::from(luminance(s.irradiance) * s.wi.z.max(0.0)))
+            };
+            let each = |i: usize| (0..16).map(move |_| i);
+            let all = (0..emitters.len()).flat_map(each);
+            let expected: f64 = all.map(|i| irradiance(i, 16.0, &mut rng)).sum();
+            let n = 2000;
+            let mut mean = 0.0;
+            for _ in 0..n {
+                let chosen = tree.choose(position, Some(Vec3::Z), rng.next_f64());
+                let own = chosen.map_or(0.0, |(i, prob)| irradiance(i as usize, prob, &mut rng))
+                    / expected;
+                mean += own / f64::from(n);
+                variance += (own - 1.0).powi(2) / f64::from(20 * n);
+            }
+            assert!((mean - 1.0).abs() < 0.12, "{mean}");
+        }
+        println!("relative variance of the irradiance: {variance}");
+        assert!(variance < 0.12, "{variance}");
+    }
+
     /// Spots overhead that shine elsewhere, as nobody can tell from their bounds, and a far lamp.
     #[test]
     fn bright_lamps_that_shine_elsewhere_do_not_hide_a_far_one() {
@@ -421,7 +443,10 @@ mod tests {
             (0..100).map(|i| point(1e-15 * 2f32.powi(i))).collect(),
         ] {
             let tree = tree(&emitters);
-            assert_eq!(tree.nodes.len(), 2 * emitters.len() - 1);
+            let children: Vec<u32> =
+                tree.nodes.iter().flat_map(|node| node.content).filter(|c| c & LEAF != 0).collect();
+            assert_eq!(children.len(), emitters.len());
+            assert!(tree.nodes.len() <= emitters.len());
             let probs = probs(&tree, Vec3::new(0.5, 1.0, 2.0), None, emitters.len());
             assert!((probs.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             assert!(probs.iter().all(|&prob| prob > 0.0));
