@@ -5,6 +5,7 @@ use crate::common::accel;
 use crate::denoised::{Found, Reference, compare};
 use bdpm::Settings;
 use bdpm::denoise::Oidn;
+use std::ops::RangeInclusive;
 
 /// Pixels across.
 const WIDTH: u32 = 64;
@@ -13,17 +14,21 @@ const WIDTH: u32 = 64;
 const ITERATIONS: [u64; 3] = [8, 32, 128];
 const REFERENCE: u64 = 16;
 
-/// At so many light paths per iteration and camera paths per pixel.
-fn check(name: &str, light_paths: u32, camera_paths: u32) {
+/// At so many light paths per iteration and camera paths per pixel, with these seeds.
+fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<u64>) {
     let (scene, settings) = across(name, WIDTH);
-    let settings = Settings { light_paths, camera_paths, ..settings };
     let accel = accel(&scene);
     let most = *ITERATIONS.iter().max().unwrap();
-    let reference = Reference::render(&scene, &*accel, &settings, most * REFERENCE);
     let mut oidn = Oidn::new(rayon::current_num_threads()).unwrap();
     let mut means = Vec::new();
-    for iterations in ITERATIONS {
-        let to = (&reference, &mut oidn);
+    let each = seeds.flat_map(|seed| ITERATIONS.map(|iterations| (seed, iterations)));
+    let mut reference = None;
+    for (seed, iterations) in each {
+        let settings = Settings { light_paths, camera_paths, seed, ..settings.clone() };
+        if iterations == ITERATIONS[0] {
+            reference = Some(Reference::render(&scene, &*accel, &settings, most * REFERENCE));
+        }
+        let to = (reference.as_ref().unwrap(), &mut oidn);
         let found = compare(&scene, &*accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
         let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
@@ -35,29 +40,29 @@ fn check(name: &str, light_paths: u32, camera_paths: u32) {
         assert!(mixed <= 1.02 * raw, "{name} {iterations}: the mix is worse, {found:?}");
         means.push((z2, blocks));
     }
-    // Blocks share light paths. Where noise is rare and bright, standard errors are told larger than they are: with
-    // all materials .37 to .62 by four seeds.
+    // Blocks share light paths. Where noise is rare and bright, standard errors are told larger than they are.
     let count: usize = means.iter().map(|(_, blocks)| blocks).sum();
     let z2 = means.iter().map(|(z2, blocks)| z2 * *blocks as f64).sum::<f64>() / count as f64;
-    assert!((0.2..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
+    assert!((0.4..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
 }
 
 #[test]
 fn of_a_box_with_a_point_light() {
-    check("cornell-box-classic", 4000, 1);
+    check("cornell-box-classic", 4000, 1, 1..=1);
 }
 
 #[test]
 fn of_caustics() {
-    check("caustic-sphere", 4000, 1);
+    check("caustic-sphere", 4000, 1, 1..=1);
 }
 
 #[test]
 fn of_all_materials() {
-    check("materials", 4000, 1);
+    // One seed alone has .37 to .62.
+    check("materials", 4000, 1, 1..=4);
 }
 
 #[test]
 fn of_noise_that_pixels_share() {
-    check("cornell-box", 100, 16);
+    check("cornell-box", 100, 16, 1..=1);
 }

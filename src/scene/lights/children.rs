@@ -96,9 +96,8 @@ impl Children {
     /// Estimates of the irradiance at `position` on a surface of this normal, on all sides without
     /// one, W/m^2; 0 only where there is none.
     ///
-    /// Each is `I h h' / r^4` with the heights of the cluster over the surface and of the point over the
-    /// emitters. Bounds of the cosines, as there, would be 1 for all large clusters; the mean
-    /// of what is above the horizon leaves a fourth to an eighth of the variance.
+    /// Each is the intensity toward the point times the cosine there over the squared distance. Bounds of the
+    /// cosines, as there, would be 1 for all large clusters; means of what is above the horizon come nearer.
     /// theory.md (16).
     #[inline(always)] // as all here: part of vectorized code
     pub fn estimates(&self, position: Vec3, normal: Option<Vec3>) -> [f32; WIDE] {
