@@ -289,13 +289,17 @@ impl Args {
         let wishes = &self.session.scene.wishes;
         // Known times are those of the settings that they were measured with.
         let any = self.timings.is_none();
+        let (radius, caustic_radius) =
+            (any && wishes.radius.is_none(), any && wishes.caustic_radius.is_none());
         let open = Open {
             strategy: any && wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
             direct: any && wishes.direct.is_none(),
             kernel: any && wishes.kernel.is_none(),
-            radius: any && wishes.radius.is_none(),
-            caustic_radius: any && wishes.caustic_radius.is_none(),
+            radius,
+            caustic_radius,
             guide: any && wishes.guide.is_none(),
+            // Who says at which radii gets the image of these. A denoiser takes it as it was merged, part by part.
+            bias: (radius || caustic_radius) && wishes.bias.is_none() && !self.denoise,
         };
         let end = match (goal.time, goal.error, goal.target) {
             (Some(time), _, _) => End::Time(time.as_secs_f64()),

@@ -47,19 +47,20 @@ pub struct Report<'a> {
 pub struct Shares {
     pub total: f64,
     pub noise: f64,
-    /// As the choice of the technique found it.
+    /// As the choice of the technique found it, or what the image shows to be left where bias is taken off.
     pub bias: f64,
 }
 
 impl Shares {
     /// Of an image, if that is what its goal counts and its bias is known.
     pub fn new(renderer: &Renderer, image: &Combined, goal: &Goal) -> Option<Self> {
-        if goal.bias2 <= 0.0 {
-            return None;
-        }
         let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
         let importance = importance(blocks, goal.objective);
         let standing = Standing::new(blocks, weights, &importance);
+        if goal.bias2 <= 0.0 && standing.bias2.is_none() {
+            return None;
+        }
+        let goal = &standing.told(goal);
         let total = standing.error(goal, 1.0)?;
         Some(Self { total, noise: standing.counted?.sqrt(), bias: goal.bias2.sqrt() })
     }

@@ -97,6 +97,9 @@ const LOOK_EVERY: f64 = 0.5;
 /// Before, the share of the time that passes between two.
 const LOOK_SHARE: f64 = 0.02;
 
+/// Share of the time that looks may take.
+const LOOK_COST: f64 = 0.05;
+
 /// Iterations under way.
 pub struct Session<'a> {
     pub prepared: &'a Prepared,
@@ -107,6 +110,8 @@ pub struct Session<'a> {
     pub totals: Totals,
     pub status: Status,
     last_look: f64,
+    /// What that took, seconds.
+    look_took: f64,
     /// How the noise fell, at times that grow by [`REMEMBER_EVERY`].
     pub history: Vec<Past>,
     /// What was expected and when, at times that grow by [`REMEMBER_EVERY`].
@@ -148,6 +153,7 @@ impl<'a> Session<'a> {
             totals,
             status: Status::default(),
             last_look: 0.0,
+            look_took: 0.0,
             history: Vec::new(),
             expectations: Vec::new(),
             start,
@@ -272,7 +278,8 @@ impl<'a> Session<'a> {
     fn look(&mut self, renderer: &Renderer, steer: &impl Steer) {
         self.status.iterations = renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
-        if elapsed >= self.last_look + LOOK_EVERY.min(LOOK_SHARE * elapsed) {
+        let pause = LOOK_EVERY.min(LOOK_SHARE * elapsed).max(self.look_took / LOOK_COST);
+        if elapsed >= self.last_look + pause {
             self.look_closely(renderer, steer, elapsed);
         }
     }
@@ -284,14 +291,17 @@ impl<'a> Session<'a> {
 
     fn look_closely(&mut self, renderer: &Renderer, steer: &impl Steer, elapsed: f64) {
         self.last_look = elapsed;
+        let entered = Instant::now();
         let (blocks, objective) = (renderer.blocks(), self.goal.objective);
         let standing = self.prepared.threads.install(|| {
             let importance = importance(blocks, objective);
             Standing::new(blocks, steer.weights(blocks, &importance), &importance)
         });
+        self.look_took = entered.elapsed().as_secs_f64();
         if standing.variance.is_none() && self.status.standing.is_some() {
             return; // A block's first iteration: what was known before is the better knowledge.
         }
+        self.goal = standing.told(&self.goal);
         let pace = steer.pace(renderer, self.totals.iterations, elapsed);
         self.status.forecast = standing
             .per_iteration

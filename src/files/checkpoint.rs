@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -270,6 +270,7 @@ mod tests {
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
             guide: 0,
+            bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
         };
         let first = Block::new(&settings, 0, Counts::uniform(100, 2));

@@ -1,5 +1,6 @@
 //! The image under way: sums of its pixels, paths to take for each, times of the phases.
 
+pub mod beyond;
 pub mod compare;
 pub mod counts;
 pub mod film;

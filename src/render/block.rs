@@ -2,22 +2,25 @@
 
 mod merge;
 
+use super::reduction::Reduction;
 use super::tiles::{LayerTile, TileSums};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::base::numbers::Numbers;
 use crate::image::PhaseTimes;
+use crate::image::beyond::Beyond;
 use crate::image::counts::{CameraCounts, Counts};
 use crate::image::film::{Film, luminance, pool, total};
 use crate::image::layers::{Features, Kept, LightSums, Parts};
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
-use crate::settings::Settings;
 use crate::settings::policy::measured_before;
+use crate::settings::{Bias, Settings};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
 
 /// Iterations at equal counts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,6 +39,8 @@ pub struct Block {
     pub light: Option<Vec<LightSums>>,
     /// Parts of the iterations, if they are kept.
     pub parts: Option<Parts>,
+    /// What merges beyond half the radii bring, if that is taken off.
+    pub beyond: Option<Beyond>,
     /// Times of the others; not part of the image, nor of its files.
     #[serde(skip)]
     pub clock: Clock,
@@ -65,7 +70,9 @@ impl Block {
     pub fn new(settings: &Settings, first: u64, counts: Counts) -> Self {
         let film = Film::new(settings.width, settings.height);
         let (numbers, light, parts) = (Numbers::default(), None, None);
-        Self { first, numbers, counts, film, noise: None, light, parts, clock: Clock::default() }
+        let beyond = (settings.bias == Bias::Reduce).then(|| Beyond::new(film.pixels(), settings));
+        let (noise, clock) = (None, Clock::default());
+        Self { first, numbers, counts, film, noise, light, parts, beyond, clock }
     }
 
     /// The same, also keeping this; no iteration yet.
@@ -89,7 +96,7 @@ impl Block {
         grain: BatchGrain,
         features: Option<&'a mut Features>,
     ) -> (&'a Counts, Vec<TileSums<'a>>) {
-        let Self { first, counts, film, noise, light, parts, .. } = self;
+        let Self { first, counts, film, noise, light, parts, beyond, .. } = self;
         let mut noise_tiles = Vec::new();
         if measure != Measure::Off {
             assert!(counts.light_paths >= 2, "measuring takes pairs");
@@ -105,6 +112,8 @@ impl Block {
         let features = features.map(|features| features.tiles_mut(all, iteration));
         let parts = parts.as_mut().map(|parts| parts.tiles_mut(film.tiles(), iteration));
         let mut light = light.as_deref_mut();
+        let beyond = beyond.as_mut().map(|beyond| beyond.tiles_mut(film.tiles(), iteration));
+        let mut beyond = beyond.into_iter().flatten();
         let (mut features, mut parts) =
             (features.into_iter().flatten(), parts.into_iter().flatten());
         let tiles = film.tiles_mut().into_iter().map(|(tile, sums)| TileSums {
@@ -112,6 +121,7 @@ impl Block {
             sums,
             noise: noise_tiles.next(),
             deviation: 0.0,
+            beyond: beyond.next(),
             layers: LayerTile {
                 light: light.as_mut().and_then(|light| light.split_off_mut(..tile.len())),
                 features: features.next(),
@@ -125,6 +135,9 @@ impl Block {
     pub(super) fn end_iteration(&mut self, (iteration, measure): (u64, Measure), deviations: f64) {
         if let Some(parts) = &mut self.parts {
             parts.end_iteration(iteration);
+        }
+        if let Some(beyond) = &mut self.beyond {
+            beyond.end_iteration(iteration);
         }
         self.film.deviations.add(deviations, self.film.iterations);
         self.film.iterations += 1;
@@ -167,6 +180,10 @@ impl Block {
             && self.noise.as_ref().is_none_or(|noise| noise.fits(self.film.tiles()))
             && self.light.as_ref().is_none_or(|light| light.len() == self.film.pixels())
             && self.parts.as_ref().is_none_or(|parts| parts.fits(self.film.pixels()))
+            && match &self.beyond {
+                Some(beyond) => settings.bias == Bias::Reduce && beyond.fits(self.film.pixels()),
+                None => settings.bias == Bias::Keep,
+            }
     }
 }
 
@@ -265,6 +282,8 @@ pub fn weights(blocks: &[Block], importance: &[f64]) -> Vec<f64> {
 pub struct Combined<'a> {
     blocks: &'a [Block],
     weights: Vec<f64>,
+    /// Worked out when it is asked for.
+    reduction: OnceLock<Option<Reduction>>,
 }
 
 impl<'a> Combined<'a> {
@@ -275,7 +294,7 @@ impl<'a> Combined<'a> {
     pub fn new(blocks: &'a [Block], weights: Vec<f64>) -> Self {
         assert!(!blocks.is_empty() && blocks.len() == weights.len());
         assert!(weights.iter().all(|&weight| weight > 0.0 && weight.is_finite()));
-        Self { blocks, weights }
+        Self { blocks, weights, reduction: OnceLock::new() }
     }
 
     /// The weight of each block's iterations.
@@ -313,9 +332,33 @@ impl<'a> Combined<'a> {
         if total > 0.0 { total } else { 1.0 }
     }
 
+    /// What is taken off for its bias, if that is asked for and known.
+    pub fn reduction(&self) -> Option<&Reduction> {
+        if self.blocks.iter().any(|block| block.beyond.is_none()) {
+            return None;
+        }
+        let reduction = || {
+            let (width, height) = self.resolution();
+            let own = |value: Rgb| [luminance(value.as_dvec3())];
+            let own: Vec<_> = self.mean_as_merged().into_par_iter().map(own).collect();
+            let around: Vec<f64> = pool(&own, width, height).into_iter().map(|[l]| l).collect();
+            Reduction::new(self.blocks, &self.weights, &around)
+        };
+        self.reduction.get_or_init(reduction).as_ref()
+    }
+
+    /// The image, row by row: the mean over iterations, less what is taken off for its bias; black before the first.
+    pub fn mean(&self) -> Vec<Rgb> {
+        let mut mean = self.mean_as_merged();
+        if let Some(reduction) = self.reduction() {
+            mean.par_iter_mut().zip(&reduction.amount).for_each(|(mean, off)| *mean -= *off);
+        }
+        mean
+    }
+
     /// Weighted mean over iterations, row by row; black before the first.
     /// theory.md (74).
-    pub fn mean(&self) -> Vec<Rgb> {
+    pub fn mean_as_merged(&self) -> Vec<Rgb> {
         let mut sums = vec![DVec3::ZERO; self.blocks[0].film.pixels()];
         for (block, weight) in self.pairs() {
             let pixels = block.film.sums();
@@ -366,9 +409,19 @@ impl<'a> Combined<'a> {
         (!known.is_empty()).then(|| known.into_iter().map(share).collect())
     }
 
-    /// Unbiased estimate of the variance of the mean's luminance in each pixel, row by row; `None`
-    /// before the second iteration of any block.
+    /// Estimate of the variance of the luminance of [`Self::mean`] in each pixel, row by row; `None` before the second
+    /// iteration of any block. Unbiased but for what is taken off for the bias: shares of that count as known.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
+        let mut variance = self.variance_as_merged()?;
+        if let Some(reduction) = self.reduction() {
+            let both = variance.par_iter_mut().zip(&reduction.variance);
+            both.for_each(|(variance, change)| *variance += change);
+        }
+        Some(variance)
+    }
+
+    /// The same before anything is taken off; unbiased.
+    pub fn variance_as_merged(&self) -> Option<Vec<f64>> {
         let mut variance = vec![0.0; self.blocks[0].film.pixels()];
         for (block, share) in self.shares()? {
             let scale = share * block.film.iterations as f64;
@@ -396,6 +449,12 @@ impl<'a> Combined<'a> {
             variance += share * own;
             error2 += (share * error).powi(2);
         }
-        Some((variance, error2.sqrt()))
+        let error = error2.sqrt();
+        let Some(reduction) = self.reduction() else { return Some((variance, error)) };
+        let change = total(&reduction.variance, |change| *change) / reduction.variance.len() as f64;
+        let reduced = (variance + change).max(0.0);
+        // Of the same samples: known as well as that of the image as it was merged.
+        let scale = if variance > 0.0 { reduced / variance } else { 1.0 };
+        Some((reduced, scale * error))
     }
 }

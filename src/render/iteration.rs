@@ -6,6 +6,7 @@ use super::tiles::Shares;
 use super::worker::Job;
 use crate::base::rng::{Stream, StreamKey};
 use crate::noise::Measure;
+use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
 use crate::transport::kernel;
 use crate::transport::merge::Merge;
@@ -76,6 +77,7 @@ impl Renderer<'_> {
             gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
         };
         let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
-        (pass, merge.weighted(mis).telling(kept.light))
+        let halves = settings.bias == Bias::Reduce;
+        (pass, merge.weighted(mis).telling(kept.light).halving(halves))
     }
 }

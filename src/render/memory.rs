@@ -3,11 +3,12 @@
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use crate::bsdf::Bsdf;
+use crate::image::beyond::Beyond;
 use crate::image::film::PixelSums;
 use crate::image::layers::Kept;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::scene::Scene;
-use crate::settings::{Settings, Strategy};
+use crate::settings::{Bias, Settings, Strategy};
 use crate::transport::photon::Photon;
 
 /// Bytes that a light path takes on average: it leaves at most 1/(1 - albedo) photons. Surfaces that
@@ -39,7 +40,8 @@ pub(super) fn film_bytes(settings: &Settings, kept: Kept, blocks: usize) -> f64 
     let written = 2 * size_of::<PixelSums>();
     let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
     let (in_blocks, once) = kept.bytes_per_pixel();
-    let per_pixel = written + once + blocks * (block + size_of::<u32>() + in_blocks);
+    let beyond = if settings.bias == Bias::Reduce { Beyond::BYTES } else { 0 };
+    let per_pixel = written + once + blocks * (block + beyond + size_of::<u32>() + in_blocks);
     settings.pixels() as f64 * per_pixel as f64
 }
 

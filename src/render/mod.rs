@@ -6,6 +6,7 @@ mod layers;
 mod iteration;
 pub mod learning;
 mod memory;
+pub mod reduction;
 mod report;
 mod sharing;
 mod tile_paths;

@@ -1,5 +1,6 @@
 //! Tiles of the image under way, and how threads share them.
 
+use crate::image::beyond::BeyondTile;
 use crate::image::film::{PixelSums, Tile};
 use crate::image::layers::{FeatureTile, LightSums, PartTile};
 use crate::noise::film::NoiseTile;
@@ -15,6 +16,8 @@ pub struct TileSums<'a> {
     pub noise: Option<NoiseTile<'a>>,
     /// Sum over its pixels of [`PixelSums::deviation`] of this iteration.
     pub deviation: f64,
+    /// What merges beyond half the radii bring, if that is taken off.
+    pub beyond: Option<BeyondTile<'a>>,
     /// What is kept beside.
     pub layers: LayerTile<'a>,
 }
@@ -70,6 +73,7 @@ mod tests {
             sums,
             noise: None,
             deviation: 0.0,
+            beyond: None,
             layers: LayerTile::default(),
         };
         let mut tiles: Vec<TileSums> = film.tiles_mut().into_iter().map(tile).collect();

@@ -76,6 +76,8 @@ pub struct Worker {
     values: Vec<DVec3>,
     /// What is measured of each pixel of the tiles.
     measured: Vec<PixelMeasurement>,
+    /// Of what merges beyond half the radii bring, by class of photons; none if it is not asked for.
+    beyond: Vec<[DVec3; 2]>,
     /// The same of what is kept beside; none if nothing is.
     layers: Vec<LayerValue>,
     /// Caustics alone, where they have to be gathered again.
@@ -122,13 +124,18 @@ impl Worker {
         if job.kept.any() {
             self.layers.resize(pixels, LayerValue::default());
         }
+        self.beyond.clear();
+        if job.merge.halves() {
+            self.beyond.resize(pixels, <[DVec3; 2]>::default());
+        }
         self.paths.tell(job.kept.any());
-        let Self { paths, gathered, values, measured, pairs, halves, clock, .. } = self;
+        let Self { paths, gathered, values, beyond, measured, pairs, halves, clock, .. } = self;
         let width = job.pass.settings.width;
         let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
         let per_light_path = f64::from(job.counts.light_paths).recip();
         let layers = LayerSums::new(job, &mut self.layers, &mut self.caustics);
-        let mut image = ImageSums { values, per_light_path, paths: ids.clone(), layers };
+        let paths_of = ids.clone();
+        let mut image = ImageSums { values, beyond, per_light_path, paths: paths_of, layers };
         match job.measure {
             Measure::Off => trace(job, ids, paths, clock, |paths| {
                 job.merge.gather(paths, gathered);
@@ -152,7 +159,7 @@ impl Worker {
     /// Moves the tiles' values to the sums over iterations.
     fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
         let mut first = 0;
-        for TileSums { tile, sums, noise, deviation, layers } in tiles {
+        for TileSums { tile, sums, noise, deviation, beyond, layers } in tiles {
             for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
@@ -164,6 +171,10 @@ impl Worker {
                 }
                 *deviation += sums.deviation(value, job.before);
                 sums.add(value);
+                if let (Some(to), Some(own)) = (&mut *beyond, self.beyond.get(first + index)) {
+                    let camera_paths = f64::from(job.counts.camera_paths.at(pixel));
+                    to.add(index, value, own.map(|sum| sum / camera_paths));
+                }
                 if let Some(layer) = self.layers.get(first + index) {
                     let camera_paths = job.counts.camera_paths.at(pixel);
                     layers.add(index, value, layer, camera_paths);
@@ -238,6 +249,7 @@ fn measure<E: Estimator>(
 /// Adds camera paths to the image.
 struct ImageSums<'a> {
     values: &'a mut [DVec3],
+    beyond: &'a mut [[DVec3; 2]],
     /// `1/N_F`.
     per_light_path: f64,
     /// At the current camera path.
@@ -254,6 +266,11 @@ impl ImageSums<'_> {
             let (direct, merged) = (paths.direct[number], gathered.sums[number]);
             let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
+            if let Some(sums) = self.beyond.get_mut(pixel) {
+                for (sum, own) in sums.iter_mut().zip(gathered.beyond[number]) {
+                    *sum += own.as_dvec3() * self.per_light_path;
+                }
+            }
             self.layers.end_path((paths, gathered), (number, pixel), self.per_light_path);
         }
         self.paths.advance();

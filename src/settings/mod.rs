@@ -52,6 +52,18 @@ pub enum Kernel {
     Area,
 }
 
+/// What becomes of the bias of merging within radii that are not zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Bias {
+    /// It stays: the image is what the paper's estimator finds.
+    #[default]
+    Keep,
+    /// It is taken off where it stands out from the noise, by what half the radii find: theory.md, section 17a.
+    Reduce,
+}
+
 /// How paths end where they scatter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

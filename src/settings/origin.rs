@@ -168,6 +168,7 @@ mod tests {
             light_roulette: Roulette::Albedo,
             camera_roulette: Roulette::Weight,
             guide: 0,
+            bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
         };
         Origin {

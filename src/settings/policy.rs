@@ -271,6 +271,23 @@ pub const UPPER_BOUND: f64 = 1.2816;
 /// Standard errors by which a bias must stand out to count.
 pub const BIAS_CERTAINTY: f64 = 2.0;
 
+// --- Taking off the merge bias --------------------------------------------------------------------
+
+/// Variances of the mean by which the squared bias beyond half the radius must exceed its own noise before any is taken
+/// off: what is told is noisy, too. By trial.
+pub const BIAS_EXCESS: f64 = 1.0;
+
+/// The bias that is left at half the radius, over that beyond it, by class of photons: by trial for caustics, and what
+/// [`TYPICAL_FALL`] leads to.
+pub const LEFT_AT_HALF: [f64; 2] = [0.7, 0.547];
+
+/// The same of discs, which lose as much within any distance of an edge that is less than the radius: by trial.
+pub const LEFT_AT_HALF_OF_DISCS: [f64; 2] = [0.7, 1.2];
+
+/// Share of the pixels, by their weight, that have the bias: where it is taken off, that adds noise to these alone. By
+/// trial.
+pub const BIASED_PIXELS: f64 = 0.15;
+
 // --- Denoising -----------------------------------------------------------------------------------
 
 /// Share of a time of rendering that denoising takes at the most where its error is found: fewer parts are left out

@@ -5,7 +5,7 @@ use super::checks::{
     check_resolution, check_scale, check_strategy, checked,
 };
 use super::exactly::Exactly;
-use super::{Direct, Kernel, Length, Roulette, Strategy};
+use super::{Bias, Direct, Kernel, Length, Roulette, Strategy};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -33,7 +33,7 @@ macro_rules! as_they_are {
     )+};
 }
 
-as_they_are!(u32, u64, f64, Direct, Kernel, Roulette, Strategy);
+as_they_are!(u32, u64, f64, Bias, Direct, Kernel, Roulette, Strategy);
 
 impl Setting for f32 {
     type Wish = Length;
@@ -172,6 +172,9 @@ settings! {
     #[arg(value_name = "R", allow_negative_numbers = true)]
     caustic_radius: f32 as Length = Length::Units(0.25 * radius), check_radius;
 
+    /// What becomes of the merge bias
+    bias: Bias as Bias = Bias::Keep, anything;
+
     /// What merged photons are divided by
     kernel: Kernel as Kernel = Kernel::Area, anything;
 
@@ -300,6 +303,7 @@ mod tests {
             camera_paths: 4,
             radius: 0.5,
             caustic_radius: 0.125,
+            bias: Bias::Keep,
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,
@@ -330,6 +334,7 @@ mod tests {
             camera_paths: Some(10),
             radius: Some(Length::Units(11.0)),
             caustic_radius: Some(Length::Share(0.25)),
+            bias: Some(Bias::Reduce),
             kernel: Some(Kernel::Disc),
             merge_vertex: Some(12),
             strategy: Some(Strategy::Mis),

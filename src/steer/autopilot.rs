@@ -150,8 +150,9 @@ impl Autopilot {
     /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = self.standing(renderer);
+        let goal = standing.told(&self.goal);
         let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
-        let forecast = standing.forecast(&self.goal, variance, tau, elapsed)?;
+        let forecast = standing.forecast(&goal, variance, tau, elapsed)?;
         let (pooled, error) = renderer.film().pooled_variance()?;
         let is_late = elapsed > PROMISE_SHARE * (elapsed + forecast.seconds);
         if error > PROMISE_ERROR * pooled && !is_late {
@@ -162,7 +163,7 @@ impl Autopilot {
         let said_after = self.earlier + elapsed;
         Some(Promise {
             rms: forecast.rms,
-            error: standing.error(&self.goal, forecast.left),
+            error: standing.error(&goal, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
             gain_over_one_each: gain(one_each),

@@ -49,11 +49,11 @@ pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
 }
 
 /// Luminance of each pixel, W/(m^2 sr), without what noise adds to its square; that of its neighborhood where noise
-/// hides its own.
+/// hides its own. Of the image as it was merged: what is taken off for its bias decides about no weight.
 pub fn luminances(image: &Combined) -> Vec<f64> {
     let mean: Vec<f64> =
-        image.mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
-    match image.variance_of_mean() {
+        image.mean_as_merged().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
+    match image.variance_as_merged() {
         Some(variance) => {
             let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
             let (width, height) = image.resolution();
@@ -139,6 +139,8 @@ pub struct Standing {
     pub variance: Option<(f64, f64)>,
     /// Mean over pixels of their variance by its importance, once it is known: the pooled or the relative one.
     pub counted: Option<f64>,
+    /// Squared relative bias that is left where it is taken off, once it is known.
+    pub bias2: Option<f64>,
     /// The same of one iteration at the present counts, once it is known.
     pub per_iteration: Option<f64>,
 }
@@ -158,24 +160,42 @@ impl Standing {
     /// Of an image with given weights of its blocks, by the importance of its pixels.
     pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = Combined::new(blocks, weights);
-        let counted = |variance: Vec<f64>| {
+        let counted = |variance: &[f64]| {
             let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
         let film = blocks.last().map(|block| &block.film);
         let own = film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
         let of_all = match blocks {
-            [_] => own.clone().map(|(variance, _)| variance),
+            [_] if combined.reduction().is_none() => {
+                own.as_ref().map(|(variance, _)| variance.clone())
+            }
             _ => combined.variance_of_mean(),
+        };
+        let bias2 = combined.reduction().map(|reduction| counted(&reduction.bias2).max(0.0));
+        // An iteration leaves the less of its noise, the more of that is taken off.
+        let shown = match (combined.reduction(), combined.variance_as_merged()) {
+            (Some(_), Some(merged)) => {
+                let all = counted(&merged);
+                of_all.as_deref().map_or(1.0, |of_all| counted(of_all) / all)
+            }
+            _ => 1.0,
         };
         Self {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            counted: of_all.map(counted),
-            per_iteration: own.map(|(variance, iterations)| counted(variance) * iterations),
+            counted: of_all.as_deref().map(counted),
+            bias2,
+            per_iteration: own
+                .map(|(variance, iterations)| shown * counted(&variance) * iterations),
             weights: combined.into_weights(),
         }
+    }
+
+    /// The goal with the bias that the image itself shows, if it does.
+    pub fn told(&self, goal: &Goal) -> Goal {
+        Goal { bias2: self.bias2.unwrap_or(goal.bias2), ..*goal }
     }
 
     /// Whether an image of this bias has the goal's noise or error.
@@ -280,6 +300,7 @@ mod tests {
             mean_luminance: 2.0,
             variance: Some((variance, error)),
             counted: Some(variance),
+            bias2: None,
             per_iteration: Some(variance * iterations as f64),
         }
     }

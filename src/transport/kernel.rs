@@ -28,6 +28,8 @@ pub struct Admission {
     pub limit: f32,
     /// Of the squared offset along the photon's normal, 127 units long: it must be within the squared radius, too.
     pub flattening: f32,
+    /// Whether classes are told apart even where both count within the same radius.
+    pub apart: bool,
 }
 
 impl Admission {
@@ -45,9 +47,9 @@ impl Admission {
         least_radius2 <= self.radius2[photon.class() as usize] && photon.cosine(normal) > self.limit
     }
 
-    /// Whether photons of both classes count within the same radius.
+    /// Whether photons of both classes count within the same radius, and need not be told apart.
     pub fn is_uniform(&self) -> bool {
-        self.radius2[EVERY] == self.radius2[LAST]
+        !self.apart && self.radius2[EVERY] == self.radius2[LAST]
     }
 
     /// The same for photons of every vertex alone.
@@ -76,6 +78,16 @@ pub struct Kernel<'a> {
 
 /// Nested radii over the merge radius.
 const NESTED: [f32; 2] = [FRAC_1_SQRT_2, 0.5];
+
+/// At which of them a kernel is asked for.
+pub mod nested {
+    /// At none.
+    pub const NONE: usize = 0;
+    /// At half the merge radii.
+    pub const HALF: usize = 1;
+    /// At `1/sqrt(2)` of them, too.
+    pub const BOTH: usize = 2;
+}
 
 /// The kernel at sixteen points.
 #[derive(Clone, Copy, Debug, Default)]
@@ -152,7 +164,7 @@ impl<'a> Kernel<'a> {
         };
         let square = |radii: ByClass<f32>| radii.map(|radius| radius * radius);
         let nested2 = NESTED.map(|share| square(self.nested(share)));
-        Admission { radius2: square(self.radii), nested2, limit, flattening }
+        Admission { radius2: square(self.radii), nested2, limit, flattening, apart: false }
     }
 
     /// The radii at a share of them.
@@ -163,9 +175,9 @@ impl<'a> Kernel<'a> {
         )
     }
 
-    /// The kernel at the points of these lanes, if wanted with those at smaller radii.
+    /// The kernel at the points of these lanes, with those at smaller radii that are wanted.
     #[inline(always)] // vectorized
-    pub(super) fn at<const WITH_NESTED: bool>(
+    pub(super) fn at<const NESTED_RADII: usize>(
         &self,
         points: &GatherPacket,
         wanted: &Mask,
@@ -185,58 +197,70 @@ impl<'a> Kernel<'a> {
             if wanted[lane] { areas.number(points.mesh[lane], points.side[lane]) } else { 0 }
         });
         let query = Query { position: &points.position, facet: &facet, wanted };
-        let [every, last] = self.radii;
-        if every == last {
-            return self.at_one_radius::<WITH_NESTED>(areas, &query);
-        }
-        if !WITH_NESTED {
-            let [every, last] = areas.areas(&query, &[every, last]);
-            return PointKernels {
-                inverse_area: last.map(f32::recip),
-                every: from_fn(|lane| last[lane] / every[lane]),
-                nested: Default::default(),
+        let [inner, half] = NESTED.map(|share| self.nested(share));
+        // Of both classes side by side, or of one where the radius is the same for all photons.
+        if self.radii[EVERY] == self.radii[LAST] {
+            return match NESTED_RADII {
+                nested::NONE => of_one(areas.areas(&query, &[self.radii[LAST]])),
+                nested::HALF => of_one(areas.areas(&query, &[self.radii[LAST], half[LAST]])),
+                _ => of_one(areas.areas(&query, &[self.radii[LAST], half[LAST], inner[LAST]])),
             };
         }
-        let radii = [self.radii, self.nested(NESTED[0]), self.nested(NESTED[1])];
-        let areas: [_; 6] = areas.areas(&query, radii.as_flattened().try_into().expect("six"));
-        let [every, last, ..] = areas;
-        let over = |inner: usize| {
-            let [every, last] = [0, 1].map(|class| -> [f32; LANES] {
-                from_fn(|lane| areas[class][lane] / areas[2 * inner + class][lane])
-            });
-            [every, last]
-        };
-        PointKernels {
-            inverse_area: last.map(f32::recip),
-            every: from_fn(|lane| last[lane] / every[lane]),
-            nested: [over(1), over(2)],
+        let ([every, last], [half_every, half_last]) = (self.radii, half);
+        match NESTED_RADII {
+            nested::NONE => of_two(areas.areas(&query, &[every, last])),
+            nested::HALF => of_two(areas.areas(&query, &[every, last, half_every, half_last])),
+            _ => {
+                let [inner_every, inner_last] = inner;
+                let radii = [every, last, half_every, half_last, inner_every, inner_last];
+                of_two(areas.areas(&query, &radii))
+            }
         }
     }
 }
 
-impl Kernel<'_> {
-    /// [`Self::at`] where the radius is the same for all photons.
-    #[inline(always)] // vectorized
-    fn at_one_radius<const WITH_NESTED: bool>(&self, areas: &Areas, query: &Query) -> PointKernels {
-        let every = [1.0; LANES];
-        if !WITH_NESTED {
-            let [last] = areas.areas(query, &[self.radii[LAST]]);
-            let inverse_area = last.map(f32::recip);
-            return PointKernels { inverse_area, every, nested: Default::default() };
-        }
-        let [inner, core] = NESTED.map(|share| self.nested(share)[LAST]);
-        let radii = [self.radii[LAST], inner, core];
-        let [last, inner, core] = areas.areas(query, &radii);
-        let over = |inner: &[f32; LANES]| [from_fn(|lane| last[lane] / inner[lane]); 2];
-        PointKernels {
-            inverse_area: last.map(f32::recip),
-            every,
-            nested: [over(&inner), over(&core)],
-        }
+/// From areas at the merge radius of all photons, and at half and `1/sqrt(2)` of it as far as these are known.
+#[inline(always)] // vectorized
+fn of_one<const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
+    let over = |at: usize| -> ByClass<[f32; LANES]> {
+        areas.get(at).map_or_else(Default::default, |inner| {
+            [from_fn(|lane| areas[0][lane] / inner[lane]); 2]
+        })
+    };
+    PointKernels {
+        inverse_area: areas[0].map(f32::recip),
+        every: [1.0; LANES],
+        nested: [over(2), over(1)],
+    }
+}
+
+/// The same of both classes in turn.
+#[inline(always)] // vectorized
+fn of_two<const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
+    let over = |at: usize| -> ByClass<[f32; LANES]> {
+        let of = |class: usize| {
+            areas
+                .get(2 * at + class)
+                .map_or([0.0; LANES], |inner| from_fn(|lane| areas[class][lane] / inner[lane]))
+        };
+        [of(EVERY), of(LAST)]
+    };
+    PointKernels {
+        inverse_area: areas[LAST].map(f32::recip),
+        every: from_fn(|lane| areas[LAST][lane] / areas[EVERY][lane]),
+        nested: [over(2), over(1)],
     }
 }
 
 impl PointKernels {
+    /// What of the flux of a class found at the point of a lane counts beyond half the merge radius, where so much is
+    /// found within that: W, as if it were of the last vertex. Its mean is the bias that the outer part adds.
+    #[inline(always)] // part of vectorized code
+    pub fn beyond(&self, lane: usize, class: usize, all: Vec3, half: Vec3) -> Vec3 {
+        let relative = if class == EVERY { self.every[lane] } else { 1.0 };
+        relative * (all - self.nested[1][class][lane] * half)
+    }
+
     /// The flux of photons found at the point of a lane, W, as if all were of the last vertex.
     #[inline(always)] // part of vectorized code
     pub fn together(&self, lane: usize, flux: &ByClass<Vec3s>) -> Vec3 {

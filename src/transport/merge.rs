@@ -2,12 +2,12 @@
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
-use super::kernel::{Admission, ByClass, Kernel, PointKernel, PointKernels};
+use super::kernel::{Admission, ByClass, Kernel, PointKernel, PointKernels, nested};
 use super::mis::Mis;
 use super::mis::points::{AtFirst, AtSecond};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
-use super::photon_map::{LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
+use super::photon_map::{Found, LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::lanes::simd::{Simd, vectorized};
 use crate::lanes::{LANES, Mask, Vec3s};
@@ -36,6 +36,8 @@ pub struct Merge<'a> {
     most_pairs: usize,
     /// Whether caustics are told.
     tells: bool,
+    /// Whether it is told what photons beyond half the merge radii bring.
+    halves: bool,
 }
 
 /// What camera paths gathered; buffers are reused by the next.
@@ -48,10 +50,14 @@ pub struct Gathered {
     /// The part of the sums that photons without a diffuse bounce add at first vertices, if it was asked for and
     /// can be told apart: if [`Merge::tells_caustics`].
     pub caustics: Vec<Rgb>,
+    /// What the sums are more than they would be at half the merge radii, by class of photons, if that was asked for.
+    pub beyond: Vec<ByClass<Rgb>>,
     look_ups: LookUps,
     ranges: Ranges,
     /// At the gather points, W.
     flux: Vec<ByClass<Vec3s>>,
+    /// The same within half the merge radii; as many, or none if it is not asked for.
+    half: Vec<ByClass<Vec3s>>,
     kernels: Vec<PointKernels>,
 }
 
@@ -62,8 +68,20 @@ impl<'a> Merge<'a> {
         let kernel = if map.any_at_every_vertex() { kernel } else { kernel.of_last_vertex() };
         let admission = kernel.admission();
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
-        let (mis, tells) = (None, false);
-        Self { map, merge_vertex, kernel, admission, mis, in_zones, most_pairs, tells }
+        let (mis, tells, halves) = (None, false, false);
+        Self { map, merge_vertex, kernel, admission, mis, in_zones, most_pairs, tells, halves }
+    }
+
+    /// Whether it is told what photons beyond half the merge radii bring.
+    pub fn halves(&self) -> bool {
+        self.halves
+    }
+
+    /// The same, telling what photons beyond half the merge radii bring as well.
+    #[must_use]
+    pub fn halving(self, halves: bool) -> Self {
+        let apart = halves && self.map.any_at_every_vertex();
+        Self { halves, admission: Admission { apart, ..self.admission }, ..self }
     }
 
     /// The same, telling caustics by themselves as well.
@@ -81,7 +99,7 @@ impl<'a> Merge<'a> {
     /// The same with photons without a diffuse bounce alone: tells caustics where all have one radius.
     #[must_use]
     pub fn of_caustics(self) -> Self {
-        Self { admission: self.admission.of_every_vertex(), ..self }
+        Self { admission: self.admission.of_every_vertex(), halves: false, ..self }
     }
 
     /// Weighs what is merged, at both vertices of camera paths that are cut at the second.
@@ -98,7 +116,7 @@ impl<'a> Merge<'a> {
 
     /// Sets `gathered` to what these camera paths gather.
     pub fn gather(&self, paths: &CameraPaths, gathered: &mut Gathered) {
-        gathered.clear(paths, self.tells);
+        gathered.clear(paths, (self.tells, self.halves));
         self.find::<false>(paths, 0..paths.direct.len(), gathered);
     }
 
@@ -111,7 +129,7 @@ impl<'a> Merge<'a> {
         gathered: &mut Gathered,
         mut visit: impl FnMut(&Gathered, ops::Range<usize>),
     ) {
-        gathered.clear(paths, self.tells);
+        gathered.clear(paths, (self.tells, self.halves));
         let (mut first, end) = (0, paths.direct.len());
         let mut count = end;
         while first < end {
@@ -126,6 +144,9 @@ impl<'a> Merge<'a> {
                 gathered.sums[part.clone()].fill(Rgb::ZERO);
                 if self.tells {
                     gathered.caustics[part.clone()].fill(Rgb::ZERO);
+                }
+                if self.halves {
+                    gathered.beyond[part.clone()].fill([Rgb::ZERO; 2]);
                 }
                 count = part.len().div_ceil(2);
             }
@@ -160,7 +181,7 @@ impl<'a> Merge<'a> {
         part: ops::Range<usize>,
         gathered: &mut Gathered,
     ) -> bool {
-        let Gathered { sums, pairs, caustics, ranges, .. } = gathered;
+        let Gathered { sums, pairs, caustics, beyond, ranges, .. } = gathered;
         for (packet, first) in paths.gather_points.packets().iter().zip((0..).step_by(LANES)) {
             let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
             self.map.find_ranges(&packet.position, &gathers, ranges);
@@ -169,22 +190,26 @@ impl<'a> Merge<'a> {
             }
             let mut kernels = PointKernels::default();
             if PAIRS {
-                kernels = self.kernel.at::<true>(packet, &ranges.look_ups());
+                kernels = self.kernel.at::<{ nested::BOTH }>(packet, &ranges.look_ups());
             }
-            let mut flux = <ByClass<Vec3s>>::default();
+            let (mut flux, mut half) = <(ByClass<Vec3s>, ByClass<Vec3s>)>::default();
             for ranges in ranges.by_look_up() {
                 let lane = ranges[0].look_up;
                 let point = packet.get(lane);
                 let look_up = self.look_up(&point, first + lane);
                 let to = (&kernels.get(lane), &mut *pairs);
                 let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, &look_up, to);
-                set(&mut flux, lane, found);
+                set(&mut flux, lane, found.all);
+                set(&mut half, lane, found.half);
             }
             if !PAIRS {
-                kernels = self.kernel.at::<false>(packet, &lit(&flux));
+                kernels = self.kernels(packet, &lit(&flux));
             }
             self.add(packet, &kernels, &flux, sums);
             self.add_caustics(packet, &kernels, &flux, caustics);
+            if self.halves {
+                add_beyond(packet, &kernels, (&flux, &half), beyond);
+            }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
@@ -201,7 +226,8 @@ impl<'a> Merge<'a> {
         part: ops::Range<usize>,
         gathered: &mut Gathered,
     ) -> bool {
-        let Gathered { sums, pairs, caustics, look_ups, ranges, flux, kernels } = gathered;
+        let Gathered { sums, pairs, caustics, beyond, look_ups, ranges, flux, half, kernels } =
+            gathered;
         let packets = paths.gather_points.packets();
         look_ups.sort(
             self.map,
@@ -213,11 +239,13 @@ impl<'a> Merge<'a> {
         );
         flux.clear();
         flux.resize(packets.len(), <ByClass<Vec3s>>::default());
+        half.clear();
+        half.resize(if self.halves { packets.len() } else { 0 }, <ByClass<Vec3s>>::default());
         kernels.clear();
         kernels.resize(packets.len(), PointKernels::default());
         if PAIRS {
             for (packet, kernels) in packets.iter().zip(&mut *kernels) {
-                *kernels = self.kernel.at::<true>(packet, &packet.gathers_of(&part));
+                *kernels = self.kernel.at::<{ nested::BOTH }>(packet, &packet.gathers_of(&part));
             }
         }
         for look_ups in look_ups.packets() {
@@ -231,20 +259,37 @@ impl<'a> Merge<'a> {
                 let point = look_up.point as usize;
                 let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
                 let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, look_up, to);
-                set(&mut flux[point / LANES], point % LANES, found);
+                set(&mut flux[point / LANES], point % LANES, found.all);
+                if let Some(half) = half.get_mut(point / LANES) {
+                    set(half, point % LANES, found.half);
+                }
             }
             if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
                 return false;
             }
         }
-        for ((packet, flux), kernels) in packets.iter().zip(flux).zip(kernels) {
+        for (index, (packet, kernels)) in packets.iter().zip(kernels).enumerate() {
+            let flux = &flux[index];
             if !PAIRS {
-                *kernels = self.kernel.at::<false>(packet, &lit(flux));
+                *kernels = self.kernels(packet, &lit(flux));
             }
             self.add(packet, kernels, flux, sums);
             self.add_caustics(packet, kernels, flux, caustics);
+            if let Some(half) = half.get(index) {
+                add_beyond(packet, kernels, (flux, half), beyond);
+            }
         }
         true
+    }
+
+    /// The kernels of an iteration that does not measure, where there is flux.
+    #[inline(always)] // vectorized
+    fn kernels(&self, packet: &GatherPacket, lit: &Mask) -> PointKernels {
+        if self.halves {
+            self.kernel.at::<{ nested::HALF }>(packet, lit)
+        } else {
+            self.kernel.at::<{ nested::NONE }>(packet, lit)
+        }
     }
 
     /// Adds what photons of so much flux contribute to the camera paths of a packet of points.
@@ -301,7 +346,7 @@ impl<'a> Merge<'a> {
         ranges: &[Range],
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> ByClass<Rgb> {
+    ) -> Found {
         if look_up.view {
             self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
         } else if let Some(mis) = self.mis.filter(|_| MIS) {
@@ -334,16 +379,21 @@ impl<'a> Merge<'a> {
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
         (weighing, weight): (&impl Weighing, f32),
-    ) -> ByClass<Rgb> {
-        let flux = if PAIRS {
+    ) -> Found {
+        let Found { all, half } = if PAIRS {
             let point = paths.gather_points.at(look_up.point as usize);
             let to = (point.path, pair_weight(&point, kernel) * weight, pairs);
             let by = (&self.admission, kernel);
-            self.map.pairs_in(simd, ranges, look_up, by, weighing, to)
+            match self.halves {
+                true => self.map.pairs_in::<true>(simd, ranges, look_up, by, weighing, to),
+                false => self.map.pairs_in::<false>(simd, ranges, look_up, by, weighing, to),
+            }
+        } else if self.halves {
+            self.map.flux_in::<true>(ranges, look_up, &self.admission, weighing)
         } else {
-            self.map.flux_in(ranges, look_up, &self.admission, weighing)
+            self.map.flux_in::<false>(ranges, look_up, &self.admission, weighing)
         };
-        flux.map(|flux| flux * weight)
+        Found { all: all.map(|flux| flux * weight), half: half.map(|flux| flux * weight) }
     }
 
     /// [`Self::flux_in`] where the BSDF depends on where photons come from.
@@ -354,11 +404,11 @@ impl<'a> Merge<'a> {
         ranges: &[Range],
         look_up: &LookUp,
         (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> ByClass<Rgb> {
+    ) -> Found {
         let point = paths.gather_points.at(look_up.point as usize);
         let view = &paths.views[point.view as usize];
         let weight = pair_weight(&point, kernel);
-        let (mut sums, mut nested, mut count) = (<ByClass<Rgb>>::default(), [0.0; 2], 0);
+        let (mut sums, mut nested, mut count) = (Found::default(), [0.0; 2], 0);
         let Admission { nested2, .. } = self.admission;
         let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
         self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
@@ -372,7 +422,10 @@ impl<'a> Merge<'a> {
                 if let Some((mis, own)) = own {
                     flux *= mis.weight_in_view(view, &point, own, (photon.class(), part), wi);
                 }
-                sums[self.admission.sum_of(class)] += flux;
+                sums.all[self.admission.sum_of(class)] += flux;
+                if least_radius2 <= nested2[1][class as usize] {
+                    sums.half[self.admission.sum_of(class)] += flux;
+                }
                 if PAIRS {
                     let class = class as usize;
                     let value = weight.dot(flux * kernel.relative()[class]);
@@ -410,6 +463,28 @@ fn pair_weight(point: &GatherPoint, kernel: &PointKernel) -> Rgb {
     LUMINANCE * point.weight * kernel.inverse_area
 }
 
+/// Adds what photons beyond half the merge radii contribute to the camera paths of a packet of points: that of all,
+/// less what the photons within contribute at half the radii. theory.md (71a).
+#[inline(always)] // vectorized
+fn add_beyond(
+    packet: &GatherPacket,
+    kernels: &PointKernels,
+    (flux, half): (&ByClass<Vec3s>, &ByClass<Vec3s>),
+    beyond: &mut [ByClass<Rgb>],
+) {
+    let lit = lit(flux);
+    for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
+        let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
+        let to = &mut beyond[packet.path[lane] as usize];
+        for (class, to) in to.iter_mut().enumerate() {
+            let [all, half] = [flux, half].map(|flux| flux[class].get(lane));
+            if all != Rgb::ZERO {
+                *to += weight * kernels.beyond(lane, class, all, half);
+            }
+        }
+    }
+}
+
 /// Sets the flux of one lane.
 #[inline(always)] // vectorized
 fn set(flux: &mut ByClass<Vec3s>, lane: usize, found: ByClass<Rgb>) {
@@ -425,12 +500,16 @@ fn lit(flux: &ByClass<Vec3s>) -> Mask {
 }
 
 impl Gathered {
-    fn clear(&mut self, paths: &CameraPaths, tells: bool) {
+    fn clear(&mut self, paths: &CameraPaths, (tells, halves): (bool, bool)) {
         self.sums.clear();
         self.sums.resize(paths.direct.len(), Rgb::ZERO);
         self.caustics.clear();
         if tells {
             self.caustics.resize(paths.direct.len(), Rgb::ZERO);
+        }
+        self.beyond.clear();
+        if halves {
+            self.beyond.resize(paths.direct.len(), [Rgb::ZERO; 2]);
         }
     }
 }

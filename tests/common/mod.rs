@@ -9,7 +9,7 @@ use bdpm::bsdf::Bsdf;
 use bdpm::image::film::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
+use bdpm::settings::{Bias, Direct, Kernel, Roulette, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -141,6 +141,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         camera_paths: 4,
         radius: 0.1,
         caustic_radius: 0.1,
+        bias: Bias::Keep,
         kernel: Kernel::Disc,
         merge_vertex: 1,
         strategy: Strategy::Single,

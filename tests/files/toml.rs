@@ -101,6 +101,7 @@ fn the_cornell_box_is_the_paper_s() {
         camera_paths: Some(25),
         radius: Some(Length::Units(4.633_333)),
         caustic_radius: None,
+        bias: None,
         kernel: None,
         merge_vertex: Some(2),
         strategy: None,

@@ -21,6 +21,7 @@ mod accel_agree;
 mod accel_instances;
 mod analytic_radiance;
 mod area_furnace;
+mod bias;
 mod backends_render;
 mod bsdf;
 mod camera_batches;

@@ -21,7 +21,8 @@ impl Block {
                 "give every part once, all with the same number of parts",
             ));
         }
-        let kept = |block: &Self| (block.light.is_some(), block.parts.is_some());
+        let kept =
+            |block: &Self| (block.light.is_some(), block.parts.is_some(), block.beyond.is_some());
         let grain = |block: &Self| block.noise.as_ref().map(|noise| noise.grain());
         let grains = grain(self).zip(grain(other));
         if kept(self) != kept(other) || grains.is_some_and(|(one, two)| one != two) {
@@ -41,6 +42,9 @@ impl Block {
         }
         if let (Some(parts), Some(others)) = (&mut self.parts, &other.parts) {
             parts.merge(others);
+        }
+        if let (Some(beyond), Some(others)) = (&mut self.beyond, &other.beyond) {
+            beyond.merge(others);
         }
         self.numbers = self.numbers.with(&other.numbers);
         self.clock.merge(&other.clock);

@@ -4,11 +4,14 @@ use super::census::Surfaces;
 use super::trial::Trial;
 use super::{End, Open, Scored, Technique};
 use crate::noise::Coefficients;
+use crate::render::reduction::share;
 use crate::settings::Settings;
 use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
+
+use std::array::from_fn;
 
 const EVERY: usize = PhotonClass::EveryVertex as usize;
 const LAST: usize = PhotonClass::LastVertex as usize;
@@ -21,8 +24,22 @@ pub struct Demand {
     pub ranks: u32,
     pub most_light_paths: u32,
     pub open: Open,
+    /// Whether bias is taken off where it stands out from the noise.
+    pub reduces: bool,
     /// Radii that were asked for.
     pub wished: ByClass<f32>,
+}
+
+/// What merging with a class of photons adds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Merged {
+    /// Squared relative bias at the radius, and its standard error.
+    pub bias2: f64,
+    pub error: f64,
+    /// What of the bias is left at half the radius, over that beyond it.
+    pub left: f64,
+    /// Coefficients `a` and `f` of what photons beyond half the radius bring, relative.
+    pub outer: Coefficients,
 }
 
 /// The best radii and counts of a technique, and what they lead to.
@@ -51,7 +68,8 @@ impl Demand {
 
     fn noise(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> Best {
         let coefficients = trial.relative(weights);
-        self.evaluate(&coefficients, &trial.times, [0.0; 2], trial.radii, surfaces)
+        let none = <ByClass<Merged>>::default();
+        self.evaluate(&coefficients, &trial.times, none, trial.radii, surfaces)
     }
 
     /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
@@ -59,7 +77,7 @@ impl Demand {
         &self,
         coefficients: &Coefficients,
         times: &TimeModel,
-        [bias2, bias2_error]: [f64; 2],
+        merged: ByClass<Merged>,
         radii: ByClass<f64>,
         surfaces: &Surfaces,
     ) -> Best {
@@ -82,20 +100,31 @@ impl Demand {
             let most = f64::from(self.most_light_paths).min(allowed);
             let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
             let tau = base + per_light_path * light_paths;
-            let cost = tau * (camera + light / light_paths);
             // theory.md (93f)
             let first = |seconds: f64| surfaces.cost(reach, n_camera * seconds / tau);
-            let (seconds, noise2) = match self.end {
+            let variance = camera + light / light_paths;
+            // Squared noise and bias where the variance of an iteration is left to such a share.
+            let left_at = |share: f64| {
+                let parts: ByClass<[f64; 2]> = from_fn(|class| {
+                    let merged = &merged[class];
+                    let Coefficients { a, f, .. } = merged.outer;
+                    self.reduced(merged, share * (a / n_camera + f) / light_paths)
+                });
+                let [noise2, bias2] = [0, 1].map(|at| parts[0][at] + parts[1][at]);
+                [share * variance + noise2, bias2]
+            };
+            let (seconds, [noise2, bias2]) = match self.end {
                 End::Time(time) => {
                     let least = LEAST_TIME_SHARE * time;
                     let left = (time - first(time)).max(least);
-                    (time, cost / (time - first(left)).max(least))
+                    (time, left_at(tau / (time - first(left)).max(least)))
                 }
                 End::Error(error) => {
-                    let noise2 = (error * error - bias2).max(LEAST_NOISE_SHARE * error * error);
+                    let share = share_for(error * error, &left_at);
+                    let share = share.max(LEAST_NOISE_SHARE * error * error / variance);
                     // theory.md (91)
-                    let known = (cost / noise2).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
-                    (known + first(known), noise2)
+                    let known = (tau / share).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
+                    (known + first(known), left_at(share))
                 }
             };
             let own = Best {
@@ -105,7 +134,7 @@ impl Demand {
                 seconds,
                 noise2,
                 bias2,
-                bias2_error,
+                bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
                 times: *times,
                 tried: false,
             };
@@ -115,6 +144,39 @@ impl Demand {
         }
         best.expect("there is a step")
     }
+
+    /// The noise that is added and the bias that is left of a class of photons, whose bias beyond half the radius has
+    /// this variance: theory.md (71f).
+    fn reduced(&self, &Merged { bias2, left, .. }: &Merged, variance: f64) -> [f64; 2] {
+        if !self.reduces {
+            return [0.0, bias2];
+        }
+        let beyond = bias2 / (1.0 + left).powi(2);
+        let share = share(beyond / BIASED_PIXELS, variance);
+        [BIASED_PIXELS * share * share * variance, (1.0 - share + left).powi(2) * beyond]
+    }
+}
+
+/// The share of the variance of an iteration at which squared noise and bias come to so much; 0 where the bias alone is
+/// more.
+fn share_for(error2: f64, left: &impl Fn(f64) -> [f64; 2]) -> f64 {
+    let total = |share: f64| left(share).iter().sum::<f64>();
+    let (mut low, mut high) = (0.0, 1.0);
+    if total(low) > error2 {
+        return low;
+    }
+    while total(high) < error2 && high < 1e12 {
+        high *= 4.0;
+    }
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if total(middle) < error2 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
 }
 
 impl Best {
@@ -164,14 +226,16 @@ pub mod tests {
 
     pub fn demand(end: End) -> Demand {
         let open = Open::ALL;
-        Demand { end, ranks: 1, most_light_paths: 1 << 24, open, wished: [1.0; 2] }
+        Demand { end, ranks: 1, most_light_paths: 1 << 24, open, reduces: false, wished: [1.0; 2] }
     }
 
     #[test]
     fn counts_are_the_best_of_all_that_are_tried() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
         let none = Surfaces::default();
-        let at = |end| demand(end).evaluate(&coefficients, &times(), [1e-5, 0.0], [1.0; 2], &none);
+        let mut merged = <ByClass<Merged>>::default();
+        merged[LAST].bias2 = 1e-5;
+        let at = |end| demand(end).evaluate(&coefficients, &times(), merged, [1.0; 2], &none);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;
         for n_camera in CAMERA_STEPS {

@@ -15,7 +15,7 @@ mod trial;
 use crate::base::error::Result;
 use crate::render::Renderer;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Kernel, Settings, Strategy, shared_by};
+use crate::settings::{Bias, Direct, Kernel, Settings, Strategy, shared_by};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -49,6 +49,8 @@ pub struct Open {
     pub caustic_radius: bool,
     /// Where light paths start.
     pub guide: bool,
+    /// Whether bias is taken off.
+    pub bias: bool,
 }
 
 impl Open {
@@ -66,17 +68,23 @@ impl Open {
             radius: open,
             caustic_radius: open,
             guide: open,
+            bias: open,
         }
     }
 
     /// Whether anything is but the counts.
     pub fn any(&self) -> bool {
-        let Self { strategy, direct, kernel, radius, caustic_radius, guide } = *self;
+        let Self { strategy, direct, kernel, radius, caustic_radius, guide, .. } = *self;
         strategy || direct || kernel || radius || caustic_radius || guide
     }
 
     fn any_radius(&self) -> bool {
         self.radius || self.caustic_radius
+    }
+
+    /// What becomes of the bias: it is taken off if that is not decided.
+    fn bias(&self, settings: &Settings) -> Bias {
+        if self.bias { Bias::Reduce } else { settings.bias }
     }
 }
 
@@ -244,7 +252,7 @@ impl Chosen {
     /// The settings that render as the best of all.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let guide = self.guide.map_or(settings.guide, |guided| guided.iterations);
-        Settings { guide, ..self.best().apply(settings) }
+        Settings { guide, bias: self.open.bias(settings), ..self.best().apply(settings) }
     }
 
     /// The best of all.

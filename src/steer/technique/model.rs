@@ -7,8 +7,9 @@
 use super::Technique;
 use super::bias::{Bias, Typical};
 use super::census::Surfaces;
-use super::demand::{Best, Demand};
+use super::demand::{Best, Demand, Merged};
 use super::trial::Trial;
+use crate::image::beyond::left_at_half;
 use crate::noise::Coefficients;
 use crate::settings::policy::*;
 use crate::timing::TimeModel;
@@ -103,16 +104,18 @@ impl Model {
         Coefficients { a: pairs - f, b: self.camera, f }.clamped()
     }
 
-    /// Squared bias and its standard error: theory.md (93b).
-    fn bias(&self, radii: ByClass<f64>) -> [f64; 2] {
-        let mut sums = [0.0; 2];
-        for (bias, radius) in self.bias.iter().zip(radii) {
-            let Some(bias) = bias else { continue };
-            let [square, error] = bias.at(radius);
-            sums[0] += square;
-            sums[1] += error * error;
-        }
-        [sums[0], sums[1].sqrt()]
+    /// What merging with either class adds: theory.md (93b), (71f).
+    fn merged(&self, radii: ByClass<f64>) -> ByClass<Merged> {
+        from_fn(|class| {
+            let Some(bias) = self.bias[class] else { return Merged::default() };
+            let [bias2, error] = bias.at(radii[class]);
+            let (r2, g2) = (radii[class].powi(2), self.footprint.powi(2));
+            let pairs = 3.0 * self.pairs[class] / r2;
+            let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
+            let f = f.min(pairs);
+            let left = left_at_half(self.technique.kernel)[class];
+            Merged { bias2, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
+        })
     }
 
     fn times(&self, radii: ByClass<f64>) -> TimeModel {
@@ -157,7 +160,7 @@ impl Model {
                 let own = demand.evaluate(
                     &self.coefficients(radii),
                     &self.times(radii),
-                    self.bias(radii),
+                    self.merged(radii),
                     radii,
                     &self.surfaces,
                 );
@@ -181,8 +184,8 @@ impl Model {
         } else {
             own
         };
-        let bias = self.bias(radii);
-        let mut best = demand.evaluate(&coefficients, &trial.times, bias, radii, &self.surfaces);
+        let merged = self.merged(radii);
+        let mut best = demand.evaluate(&coefficients, &trial.times, merged, radii, &self.surfaces);
         best.tried = true;
         best
     }

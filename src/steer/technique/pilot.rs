@@ -10,7 +10,7 @@ use crate::base::error::Result;
 use crate::image::film::luminance_weights;
 use crate::render::Renderer;
 use crate::settings::policy::*;
-use crate::settings::{Direct, Settings, Strategy};
+use crate::settings::{Bias, Direct, Settings, Strategy};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use std::array::from_fn;
@@ -23,7 +23,8 @@ use std::time::Instant;
 /// As [`Renderer::new`].
 pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result<Chosen> {
     let start = Instant::now();
-    let settings = renderer.settings();
+    let own = renderer.settings();
+    let settings = &Settings { bias: open.bias(own), ..own.clone() };
     let candidates = Technique::candidates(settings, open);
     let [screening, wide, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
@@ -35,6 +36,7 @@ pub fn run(renderer: &Renderer, (open, end): (Open, End), budget: f64) -> Result
         ranks: renderer.ranks(),
         most_light_paths: renderer.most_light_paths(),
         open,
+        reduces: settings.bias == Bias::Reduce,
         wished: [settings.caustic_radius, settings.radius],
     };
     let mut site = Site::new(renderer, each)?;

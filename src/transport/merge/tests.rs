@@ -84,6 +84,12 @@ fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
 
 /// Photons may be so far from their own planes, over the radius.
 fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
+    let [all, again] = [false, true].map(|halves| assert_sums_of(count, radii, thickness, halves));
+    assert_eq!(all, again);
+    all
+}
+
+fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool) -> usize {
     let photons = photons(count);
     let paths = camera_paths(500);
     let mut map = PhotonMap::default();
@@ -91,6 +97,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
     map.build_from(&[&photons], kernel.reach());
     let mut merge = Merge::new(&map, 3, kernel);
     merge.admission.flattening = (127.0 * thickness).powi(-2);
+    let merge = merge.halving(halves);
     let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
     let [mut found, mut in_zones] = orders.map(|merge| {
         let found = find(&merge, &paths);
@@ -101,6 +108,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
         let mut gathered = Gathered::default();
         merge.gather(&paths, &mut gathered);
         assert_eq!(gathered.sums, found.sums);
+        assert_eq!(gathered.beyond, found.beyond);
         found
     });
     found.sort();
@@ -111,6 +119,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
     let mut total = 0;
     for (path, sum) in found.sums.iter().enumerate() {
         let (mut pairs, mut nested, mut expected) = (Vec::new(), [0.0; 2], Rgb::ZERO);
+        let mut beyond = [Rgb::ZERO; 2];
         for point in paths.gather_points.iter().filter(|point| point.path as usize == path) {
             for photon in &photons {
                 let from = photon.position - point.position;
@@ -131,6 +140,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
                     nested[0] += luminance - inner * luminance;
                     nested[1] += inner * luminance - core * luminance;
                     expected += contribution;
+                    beyond[photon.class() as usize] += contribution - core * contribution;
                 }
             }
         }
@@ -140,6 +150,10 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
         for (a, nested) in nested.into_iter().enumerate() {
             let sum = found.nested[path].iter().map(|nested| nested[a]).sum();
             assert!(close(sum, nested, 4.0 * luminance(expected)), "{path}");
+        }
+        for (one, other) in found.beyond.get(path).into_iter().flatten().zip(beyond) {
+            let apart = (*one - other).abs().max_element();
+            assert!(apart <= 4e-5 * expected.max_element(), "{path}: {one}, not {other}");
         }
         sort(&mut pairs);
         assert_eq!(pairs.len(), found.pairs[path].len());
@@ -154,6 +168,7 @@ fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
 #[derive(Debug, Default, PartialEq)]
 struct Found {
     sums: Vec<Rgb>,
+    beyond: Vec<ByClass<Rgb>>,
     /// Light path and value of each pair.
     pairs: Vec<Vec<(u32, f32)>>,
     /// By how much values are larger than at a smaller radius, of each gather point.
@@ -175,6 +190,9 @@ fn find(merge: &Merge, paths: &CameraPaths) -> Found {
     merge.gather_pairs(paths, &mut Gathered::default(), |gathered, complete| {
         assert_eq!(complete.start, found.sums.len());
         found.sums.extend(&gathered.sums[complete.clone()]);
+        if merge.halves() {
+            found.beyond.extend(&gathered.beyond[complete.clone()]);
+        }
         for path in complete {
             let (mut pairs, mut nested) = (Vec::new(), Vec::new());
             for (run, more) in gathered.pairs.of_path(path) {

@@ -56,6 +56,15 @@ pub struct PhotonMap {
     any_at_every_vertex: bool,
 }
 
+/// The flux that a look-up finds, W; all in the last class where both count within the same radius.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Found {
+    /// Of all photons that count.
+    pub all: ByClass<Rgb>,
+    /// Of those within half the merge radius, if that was asked for.
+    pub half: ByClass<Rgb>,
+}
+
 /// Widens a look-up's box past the rounding of distances and coordinates.
 const SLACK: f32 = 1.0 + 1e-6;
 
@@ -271,33 +280,37 @@ impl PhotonMap {
         }
     }
 
-    /// The flux of the photons in the ranges of a look-up that it counts, W, wherever they come from; all
-    /// in the last class where both count within the same radius.
+    /// The flux of the photons in the ranges of a look-up that it counts, wherever they come from.
     #[inline(always)] // vectorized
-    pub(crate) fn flux_in(
+    pub(crate) fn flux_in<const HALF: bool>(
         &self,
         ranges: &[Range],
         look_up: &LookUp,
         admission: &Admission,
         weighing: &impl Weighing,
-    ) -> ByClass<Rgb> {
+    ) -> Found {
         let counting = Counting::new(look_up, admission, &PointKernel::default(), weighing);
-        let mut sum = Flux::default();
+        let (mut sum, mut half) = (Flux::default(), Flux::default());
         self.for_each_block(
             ranges,
             #[inline(always)]
             |index, quad, lanes| {
                 let counts = quad.counting(&counting, lanes);
-                quad.add_to(&mut sum, &counting, counts, weighing.weights(&self.parts, index));
+                let weights = weighing.weights(&self.parts, index);
+                quad.add_to(&mut sum, &counting, counts, weights);
+                if HALF {
+                    let near = counts & quad.within_half(&counting);
+                    quad.add_to(&mut half, &counting, near, weights);
+                }
             },
         );
-        sum.total(&counting)
+        Found { all: sum.total(&counting), half: half.total(&counting) }
     }
 
     /// [`Self::flux_in`], and adds to `pairs` those of the same photons with a camera path, for which the
     /// luminance that they contribute is the scalar product of their flux and a weight.
     #[inline(always)] // vectorized
-    pub(crate) fn pairs_in(
+    pub(crate) fn pairs_in<const HALF: bool>(
         &self,
         simd: Simd,
         ranges: &[Range],
@@ -305,9 +318,10 @@ impl PhotonMap {
         (admission, kernel): (&Admission, &PointKernel),
         weighing: &impl Weighing,
         (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
-    ) -> ByClass<Rgb> {
+    ) -> Found {
         let counting = Counting::new(look_up, admission, kernel, weighing);
-        let (mut sum, mut nested) = (Flux::default(), [Vec4::ZERO; 2]);
+        let (mut sum, mut half) = (Flux::default(), Flux::default());
+        let mut nested = [Vec4::ZERO; 2];
         let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
         let (space, mut found) = (pairs.space(places), 0);
         self.for_each_block(
@@ -317,6 +331,10 @@ impl PhotonMap {
                 let counts = quad.counting(&counting, lanes);
                 let weights = weighing.weights(&self.parts, index);
                 quad.add_to(&mut sum, &counting, counts, weights);
+                if HALF {
+                    let near = counts & quad.within_half(&counting);
+                    quad.add_to(&mut half, &counting, near, weights);
+                }
                 let (light_paths, values) = quad.pairs(&counting, weight);
                 let values = weights.map_or(values, |weights| values * weights);
                 for (sum, nested) in nested.iter_mut().zip(quad.nested(&counting, values)) {
@@ -333,7 +351,7 @@ impl PhotonMap {
         if found > 0 {
             pairs.take(found, camera_path, nested.map(Vec4::element_sum));
         }
-        sum.total(&counting)
+        Found { all: sum.total(&counting), half: half.total(&counting) }
     }
 
     /// The quads of some ranges with their numbers, and which of their lanes are in them.

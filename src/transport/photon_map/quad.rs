@@ -175,6 +175,12 @@ impl Quad {
         }
     }
 
+    /// Which lanes are within half the radius.
+    #[inline(always)]
+    pub fn within_half(&self, counting: &Counting) -> BVec4A {
+        self.least_radius2(counting).cmple(self.of(counting, &counting.nested2[1]))
+    }
+
     /// What values at the kernel's radius are more than at `1/sqrt(2)` of it, and those more than at half:
     /// theory.md (68).
     #[inline(always)]
