@@ -171,7 +171,11 @@ impl Task<'_> {
             denoised: session.denoising.as_ref().map(|denoising| denoising.report(&goal)),
             technique: chosen,
             half_way,
-            merge_bias: MergeBias::new(renderer.blocks(), &image),
+            // What stands out is off already where it is taken off.
+            merge_bias: match image.reduction() {
+                None => MergeBias::new(renderer.blocks(), &image),
+                Some(_) => None,
+            },
             exr: name(&writer.outputs.exr),
             png: name(&writer.outputs.png),
             noise: args.noise.as_deref().map(name),

@@ -29,6 +29,8 @@ pub struct Maps {
     noise: Option<Picture>,
     /// Relative merge bias where it stands out.
     bias: Option<Picture>,
+    /// Whether that is the bias before it was taken off.
+    is_reduced: bool,
     terms: Option<Terms>,
 }
 
@@ -89,6 +91,7 @@ impl Maps {
             }),
             noise,
             bias,
+            is_reduced: image.reduction().is_some(),
             terms: Terms::new(moment, grid, &weights),
         }
     }
@@ -140,8 +143,13 @@ impl Maps {
                         @if let Some(bias) = &self.bias {
                             (figure(bias, &html! {
                                 "Merge bias: what is too bright (positive) or too dark because photons are "
-                                "merged over a small area, where that stands out from the noise. More time "
-                                "does not take it down, a smaller radius does." (bias.beyond())
+                                "merged over a small area, where that stands out from the noise. "
+                                @if self.is_reduced {
+                                    "As it was merged: of this the picture has what was not taken off."
+                                } @else {
+                                    "More time does not take it down, a smaller radius does."
+                                }
+                                (bias.beyond())
                             }))
                         }
                     }
@@ -300,6 +308,7 @@ mod tests {
             denoised: None,
             noise: None,
             bias: None,
+            is_reduced: false,
             terms: None,
         };
         let html = raw.viewer((4, 3)).into_string();
