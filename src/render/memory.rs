@@ -1,5 +1,6 @@
 //! Whether an image fits in the memory, before anything is allocated.
 
+use super::reduction::Reduction;
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
 use crate::bsdf::Bsdf;
@@ -40,8 +41,12 @@ pub(super) fn film_bytes(settings: &Settings, kept: Kept, blocks: usize) -> f64 
     let written = 2 * size_of::<PixelSums>();
     let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
     let (in_blocks, once) = kept.bytes_per_pixel();
-    let beyond = if settings.bias == Bias::Reduce { Beyond::BYTES } else { 0 };
-    let per_pixel = written + once + blocks * (block + beyond + size_of::<u32>() + in_blocks);
+    let (beyond, reducing) = match settings.bias {
+        Bias::Reduce => (Beyond::BYTES, Reduction::BYTES),
+        Bias::Keep => (0, 0),
+    };
+    let per_pixel =
+        written + once + reducing + blocks * (block + beyond + size_of::<u32>() + in_blocks);
     settings.pixels() as f64 * per_pixel as f64
 }
 

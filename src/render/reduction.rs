@@ -42,6 +42,13 @@ struct Weight {
 }
 
 impl Reduction {
+    /// Bytes of a pixel while it is worked out, and of what is found.
+    pub const BYTES: usize = size_of::<[Sums; SIDES]>()
+        + size_of::<[RawSums; SIDES]>()
+        + 3 * size_of::<[f64; 2 * SIDES]>()
+        + size_of::<Rgb>()
+        + 4 * size_of::<f64>();
+
     /// Of the image that `blocks` make with these weights of their iterations, and that has this luminance; `None` where
     /// not all blocks tell it, or before the second iteration of either side.
     pub fn new(blocks: &[Block], weights: &[f64], luminance: &[f64]) -> Option<Self> {
