@@ -1,6 +1,6 @@
 //! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
 
-use bdpm::image::film::{luminance, luminance_weights, pool};
+use bdpm::image::film::{luminance, luminance_weights};
 use bdpm::import::load;
 use bdpm::optimize::Objective;
 use bdpm::render::block::{self, Combined};
@@ -8,7 +8,7 @@ use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
 use bdpm::steer::Steer;
 use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, Standing, importance};
+use bdpm::steer::goal::{Goal, Standing, importance, without_noise};
 use bdpm::steer::technique::{self, End, Open, Scored, Technique};
 use bdpm::{Renderer, Settings};
 use serde::de::DeserializeOwned;
@@ -97,7 +97,7 @@ impl Subject<'_> {
         let objective = Objective::Relative;
         let goal = Goal { time, objective, bias2: chosen.bias.powi(2), ..Goal::default() };
         let mut pilot = Autopilot::new(goal, chosen.times);
-        let mut renderer = base.like(chosen.apply(base.settings()))?;
+        let mut renderer = base.like(choice.apply(base.settings()))?;
         while start.elapsed().as_secs_f64() < seconds {
             let measure = pilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
             renderer.iterate(measure);
@@ -146,8 +146,8 @@ impl Subject<'_> {
 }
 
 /// Two images of the same, independent of each other, and weights of the pixels: the root of the mean of
-/// `(x - A)(x - B)/(L^2 + 0.01 mean(L)^2)` is an error without the noise of either, which does not meet itself. `L` is
-/// the mean of both over 5 by 5 pixels.
+/// `(x - A)(x - B)/(L^2 + 0.01 mean(L)^2)` is an error without the noise of either, which does not meet itself. `L` as the
+/// program itself weighs errors, theory.md (70a), by the mean of both, whose variance is `(A - B)^2/4`.
 pub struct Reference {
     halves: [Vec<f64>; 2],
     weights: Vec<f64>,
@@ -157,10 +157,12 @@ impl Reference {
     fn new(subject: &Subject) -> Result<Self> {
         let half = |seed: u64| subject.kept(&format!("reference-{seed}"), || subject.half(seed));
         let halves = [half(101)?, half(102)?];
-        let mean: Vec<_> = halves[0].iter().zip(&halves[1]).map(|(a, b)| [0.5 * (a + b)]).collect();
+        let pairs = || halves[0].iter().zip(&halves[1]);
+        let mean: Vec<f64> = pairs().map(|(a, b)| 0.5 * (a + b)).collect();
+        let variance: Vec<f64> = pairs().map(|(a, b)| 0.25 * (a - b).powi(2)).collect();
         let Settings { width, height, .. } = *subject.base.settings();
-        let around: Vec<f64> = pool(&mean, width, height).into_iter().map(|[l]| l).collect();
-        Ok(Self { halves, weights: luminance_weights(&around) })
+        let weights = luminance_weights(&without_noise(&mean, &variance, (width, height)));
+        Ok(Self { halves, weights })
     }
 
     /// Squared relative error.

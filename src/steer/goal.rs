@@ -54,20 +54,22 @@ pub fn luminances(image: &Combined) -> Vec<f64> {
     let mean: Vec<f64> =
         image.mean_as_merged().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
     match image.variance_as_merged() {
-        Some(variance) => {
-            let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
-            let (width, height) = image.resolution();
-            let clean = |(index, luminance): (usize, &f64)| {
-                let [own] = squares[index];
-                let is_plain = own > PLAIN_SHARE * luminance * luminance;
-                let [square] =
-                    if is_plain { [own] } else { pooled(&squares, index, width, height) };
-                square.max(0.0).sqrt()
-            };
-            mean.par_iter().enumerate().map(clean).collect()
-        }
+        Some(variance) => without_noise(&mean, &variance, image.resolution()),
         None => mean,
     }
+}
+
+/// Roots of squared means less their variances, which are what noise adds to the squares; of the neighborhood's where
+/// the variance is most of the square.
+pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
+    let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
+    let clean = |(index, luminance): (usize, &f64)| {
+        let [own] = squares[index];
+        let is_plain = own > PLAIN_SHARE * luminance * luminance;
+        let [square] = if is_plain { [own] } else { pooled(&squares, index, width, height) };
+        square.max(0.0).sqrt()
+    };
+    mean.par_iter().enumerate().map(clean).collect()
 }
 
 /// A pooled RMS, the root of the mean variance over all pixels.
