@@ -10,10 +10,10 @@ mod subject;
 
 use bdpm::Settings;
 use bdpm::accel::Intersect;
-use bdpm::lanes::{LANES, Mask, Vec3s};
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings;
+use bdpm::simd::{LANES, Mask, Vec3s};
 use bdpm::transport::area::{Areas, Query};
 use bdpm::transport::kernel::Kernel;
 use bdpm::transport::light_paths::LightPaths;

@@ -62,8 +62,7 @@ fn merge_by(
         let mut light = Rgb::ZERO;
         look_up(point.position, &mut |index| {
             let photon = &photons[index as usize];
-            if (last || photon.class() == PhotonClass::EveryVertex)
-                && photon.cosine(point.normal) > 0.0
+            if (last || photon.class() == PhotonClass::Caustic) && photon.cosine(point.normal) > 0.0
             {
                 sum.pairs += 1;
                 light += weight * photon.flux;

@@ -11,9 +11,9 @@ mod subject;
 
 use bdpm::accel::{AccelInfo, Coherence, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh};
 use bdpm::base::rng::{Stream, StreamKey};
-use bdpm::lanes::{LANES, Mask};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
+use bdpm::simd::{LANES, Mask};
 use bdpm::transport::camera_paths::{CameraPass, CameraPaths};
 use bdpm::transport::light_paths::LightPaths;
 use bdpm::transport::photon_map::PhotonMap;

@@ -13,7 +13,7 @@ use bdpm::accel::Intersect;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::origin::Origin;
+use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{PartialSettings, Strategy};
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};
 use bdpm::timing::grid::{Size, sizes_of};
@@ -59,7 +59,7 @@ impl Subject {
         let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
         let scene = loaded.scene;
         let accel = threads.install(|| build(Backend::default(), &scene))?;
-        let origin = Origin {
+        let origin = Provenance {
             version: env!("CARGO_PKG_VERSION").into(),
             scene: scene.name.clone(),
             fingerprint: scene.fingerprint(),

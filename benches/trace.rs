@@ -10,7 +10,7 @@ mod shapes;
 
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::{Coherence, Hit, HitPacket, Intersect, Ray, RayPacket};
-use bdpm::lanes::{LANES, Mask};
+use bdpm::simd::{LANES, Mask};
 #[cfg(feature = "embree")]
 use criterion::BatchSize;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -14,14 +14,14 @@ mod denoised;
 
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::{Rgb, luminance};
-use bdpm::denoise::{Oidn, importance};
-use bdpm::files::checkpoint::Checkpoint;
+use bdpm::image_io::{Layer, read_exr};
 use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::pictures::{Layer, read_exr};
+use bdpm::output::checkpoint::Checkpoint;
+use bdpm::output::denoise::{Oidn, importance};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
-use bdpm::settings::origin::Origin;
+use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
 use clap::Parser;
 use denoised::{Found, Reference, compare};
@@ -39,7 +39,7 @@ struct Args {
     /// Pixels across
     #[arg(long, default_value_t = 96)]
     side: u32,
-    /// Numbers of iterations, at the scene's own numbers of paths
+    /// IterationSet of iterations, at the scene's own numbers of paths
     #[arg(long, value_delimiter = ',', default_value = "8,32,128")]
     iterations: Vec<u64>,
     /// Iterations of the reference, over the most of those
@@ -119,7 +119,7 @@ fn prepare(args: &Args, path: &Path) -> Result<(bdpm::Scene, Settings)> {
 fn reference(args: &Args, scene: &bdpm::Scene, settings: &Settings, n: u64) -> Result<Reference> {
     let accel = build(Backend::default(), scene)?;
     let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
-    let origin = Origin {
+    let origin = Provenance {
         version: env!("CARGO_PKG_VERSION").into(),
         scene: scene.name.clone(),
         fingerprint: scene.fingerprint(),

@@ -10,9 +10,9 @@
 
 mod references;
 
+use bdpm::adaptive::technique::FreeParameters;
+use bdpm::adaptive::technique::Technique;
 use bdpm::settings::{Direct, Kernel, Strategy};
-use bdpm::steer::technique::Open;
-use bdpm::steer::technique::Technique;
 use references::{Place, Result, with};
 use serde::{Deserialize, Serialize};
 
@@ -73,8 +73,11 @@ fn main() -> Result<()> {
                 for seed in SEEDS {
                     let key = format!("rival-{}-{seconds}s-{seed}", name.replace(' ', ""));
                     runs.push(subject.kept(&key, || {
-                        let image =
-                            subject.render(subject.settings(&place, seed), Open::NONE, time)?;
+                        let image = subject.render(
+                            subject.settings(&place, seed),
+                            FreeParameters::NONE,
+                            time,
+                        )?;
                         Ok(Found {
                             square: reference.square(&image.luminance),
                             noise2: image.noise2,

@@ -10,10 +10,10 @@
 //! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Linux alone tells peak memory.
 
 use bdpm::accel::Intersect;
-use bdpm::bsdf::Bsdf;
 use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Triangle};
 use bdpm::settings::{Length, PartialSettings};
 use bdpm::timing::TimeModel;

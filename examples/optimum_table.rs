@@ -11,19 +11,19 @@
 //! iteration.
 
 use bdpm::accel::Intersect;
-use bdpm::image::counts::{CameraCounts, Counts};
-use bdpm::image::film::pool;
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::optimize::{CountLimits, Objective, Problem};
+use bdpm::adaptive::stopping::Goal;
+use bdpm::adaptive::technique::{self, End, FreeParameters};
+use bdpm::film::counts::{CameraCounts, Counts};
+use bdpm::film::radiance::box_filter;
 use bdpm::import::load;
 use bdpm::noise::{Coefficients, Measure};
-use bdpm::optimize::{CountLimits, Objective, Problem};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
 use bdpm::settings::policy::FIRST_ITERATIONS;
-use bdpm::steer::Steer;
-use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::Goal;
-use bdpm::steer::technique::{self, End, Open};
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Result, Scene, Settings};
 use clap::Parser;
@@ -92,7 +92,7 @@ impl Pilot {
         let settings = renderer.settings();
         let measured = block::coefficients(renderer.blocks()).expect("the pilot measures");
         let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
-        let pooled = pool(&values, settings.width, settings.height);
+        let pooled = box_filter(&values, settings.width, settings.height);
         Ok(Self {
             counts,
             coefficients: pooled.into_iter().map(|[a, b, f]| Coefficients { a, b, f }).collect(),
@@ -119,9 +119,9 @@ fn candidates(
     let goal = Goal { time: Some(time / 2), ..Goal::default() };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
-    let chosen = technique::choose(&base, Open::NONE, end)?;
+    let chosen = technique::choose(&base, FreeParameters::NONE, end)?;
     let autopilot = || Autopilot::new(goal, chosen.best().times);
-    let renderer = || base.like(chosen.best().apply(settings));
+    let renderer = || base.with_settings(chosen.best().apply(settings));
     let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;
     let longest = time.as_secs_f64() / LEAST_ITERATIONS;
     let problem = pilot.problem(1..=MOST_CAMERA_PATHS, longest);

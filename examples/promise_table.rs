@@ -10,8 +10,8 @@
 #[allow(dead_code)] // renders by the program itself
 mod references;
 
-use bdpm::image::film::luminance;
-use bdpm::pictures::read_exr;
+use bdpm::film::radiance::luminance;
+use bdpm::image_io::read_exr;
 use references::{Reference, Result, with};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

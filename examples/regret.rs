@@ -20,8 +20,8 @@
 mod references;
 
 use bdpm::Settings;
+use bdpm::adaptive::technique::{Candidate, FreeParameters, Technique};
 use bdpm::settings::{Direct, Kernel, Strategy};
-use bdpm::steer::technique::{Open, Scored, Technique};
 use references::{Image, Place, Reference, Result, Subject, with};
 use serde::{Deserialize, Serialize};
 
@@ -104,7 +104,8 @@ fn compare(
     let mut grid = Vec::new();
     for (index, place) in places(subject).into_iter().enumerate() {
         let found = subject.kept(&format!("place-{index}"), || {
-            let image = subject.render(subject.settings(&place, 9), Open::NONE, MEASURED)?;
+            let image =
+                subject.render(subject.settings(&place, 9), FreeParameters::NONE, MEASURED)?;
             let bias2 = reference.square(&image.luminance) - image.noise2;
             let Image { noise2, cost, parts, .. } = image;
             // Too few iterations fit in the time to tell.
@@ -148,8 +149,8 @@ fn compare(
         for seed in SEEDS {
             let settings = Settings { seed, ..subject.base.settings().clone() };
             let key = format!("{seconds}s-seed-{seed}");
-            let automatic: Run =
-                subject.kept(&key, || run(subject, reference, settings, Open::ALL, seconds))?;
+            let automatic: Run = subject
+                .kept(&key, || run(subject, reference, settings, FreeParameters::ALL, seconds))?;
             squares[best.len()] += automatic.square;
             promises.extend(automatic.promised.map(|error| error / automatic.square.sqrt()));
             own = Some(automatic.what);
@@ -157,7 +158,9 @@ fn compare(
                 let settings = subject.settings(place, seed);
                 let key = format!("{seconds}s-seed-{seed}-best-{index}");
                 squares[index] += subject
-                    .kept(&key, || run(subject, reference, settings, Open::NONE, seconds))?
+                    .kept(&key, || {
+                        run(subject, reference, settings, FreeParameters::NONE, seconds)
+                    })?
                     .square;
             }
         }
@@ -188,11 +191,11 @@ fn run(
     subject: &Subject,
     reference: &Reference,
     settings: Settings,
-    open: Open,
+    open: FreeParameters,
     seconds: f64,
 ) -> Result<Run> {
     let Image { luminance, chosen, promised, .. } = subject.render(settings, open, seconds)?;
-    let Scored { technique, radius, caustic_radius, .. } = chosen;
+    let Candidate { technique, radius, caustic_radius, .. } = chosen;
     let what = Place { technique, radius, caustic_radius };
     Ok(Run { square: reference.square(&luminance), promised, what })
 }

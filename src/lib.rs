@@ -2,32 +2,26 @@
 
 // In the order of the stages: no module names one that comes after it (tests/stages.rs).
 pub mod base;
-#[doc(hidden)] // what tests and benches measure
-pub mod lanes;
+#[doc(hidden)] // public for tests and benches
+pub mod simd;
 pub mod accel;
-pub mod bsdf;
-pub mod pictures;
+pub mod image_io;
 pub mod settings;
 pub mod scene;
 pub mod import;
-pub mod image;
-#[doc(hidden)] // what tests and benches measure
+pub mod film;
+#[doc(hidden)] // public for tests and benches
 pub mod transport;
 pub mod noise;
 pub mod render;
 pub mod timing;
-pub mod optimize;
-pub mod steer;
-pub mod denoise;
-pub mod files;
-#[doc(hidden)] // the program's own
-pub mod ranks;
+pub mod adaptive;
+pub mod output;
+#[doc(hidden)] // public for the program
+pub mod mpi;
 #[cfg(feature = "cli")]
-#[doc(hidden)] // the program's own
-pub mod page;
-#[cfg(feature = "cli")]
-#[doc(hidden)] // the program's own
-pub mod reproduce;
+#[doc(hidden)] // public for the program
+pub mod paper;
 
 pub use base::error::{Error, Result};
 pub use render::Renderer;

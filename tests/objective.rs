@@ -17,8 +17,8 @@ mod profile;
 mod shapes;
 
 use bdpm::Settings;
-use bdpm::bsdf::{Bsdf, Dielectric};
 use bdpm::import::load;
+use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Optics};
 use common::*;
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};

@@ -3,8 +3,8 @@
 #[path = "common/desk.rs"]
 mod desk;
 
-use bdpm::files::checkpoint::Checkpoint;
 use bdpm::noise::file::NoiseFile;
+use bdpm::output::checkpoint::Checkpoint;
 use desk::Desk;
 use serde_json::Value;
 use std::fs;

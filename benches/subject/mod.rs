@@ -5,8 +5,8 @@
 mod shapes;
 
 use bdpm::base::math::Rgb;
-use bdpm::bsdf::Bsdf;
 use bdpm::import::load;
+use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Length, PartialSettings};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};

@@ -1,15 +1,15 @@
 //! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
 
-use bdpm::image::film::{luminance, luminance_weights};
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::{Convergence, Goal, importance, without_noise};
+use bdpm::adaptive::technique::{self, Candidate, End, FreeParameters, Technique};
+use bdpm::film::radiance::{luminance, luminance_weights};
 use bdpm::import::load;
-use bdpm::optimize::Objective;
-use bdpm::render::block::{self, Combined};
+use bdpm::render::block::{self, CombinedImage};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
-use bdpm::steer::Steer;
-use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, Standing, importance, without_noise};
-use bdpm::steer::technique::{self, End, Open, Scored, Technique};
 use bdpm::{Renderer, Settings};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct Subject<'a> {
 /// An image and what the program says of it.
 pub struct Image {
     pub luminance: Vec<f64>,
-    pub chosen: Scored,
+    pub chosen: Candidate,
     /// Relative squared noise.
     pub noise2: f64,
     /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration; `None`
@@ -88,16 +88,16 @@ impl Subject<'_> {
     }
 
     /// Renders for so many seconds, with what is open chosen for that.
-    pub fn render(&self, settings: Settings, open: Open, seconds: f64) -> Result<Image> {
+    pub fn render(&self, settings: Settings, open: FreeParameters, seconds: f64) -> Result<Image> {
         let start = Instant::now();
-        let base = self.base.like(settings)?;
+        let base = self.base.with_settings(settings)?;
         let choice = technique::choose(&base, open, End::Time(seconds))?;
         let chosen = *choice.best();
         let time = Some(Duration::from_secs_f64(seconds));
         let objective = Objective::Relative;
         let goal = Goal { time, objective, bias2: chosen.bias.powi(2), ..Goal::default() };
         let mut pilot = Autopilot::new(goal, chosen.times);
-        let mut renderer = base.like(choice.apply(base.settings()))?;
+        let mut renderer = base.with_settings(choice.apply(base.settings()))?;
         while start.elapsed().as_secs_f64() < seconds {
             let measure = pilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
             renderer.iterate(measure);
@@ -106,8 +106,8 @@ impl Subject<'_> {
         let blocks = renderer.blocks();
         let importance = importance(blocks, objective);
         let weights = pilot.weights(blocks, &importance);
-        let standing = Standing::new(blocks, weights.clone(), &importance);
-        let image = Combined::new(blocks, weights);
+        let standing = Convergence::new(blocks, weights.clone(), &importance);
+        let image = CombinedImage::new(blocks, weights);
         let mut parts = [0.0; 3];
         let coefficients = block::coefficients(blocks).unwrap_or_default();
         for (own, weight) in coefficients.iter().zip(&importance) {
@@ -132,7 +132,7 @@ impl Subject<'_> {
         let own = self.base.settings();
         let radius = 0.25 * own.radius;
         let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
-        let strategy = Open { strategy: true, ..Open::NONE };
+        let strategy = FreeParameters { strategy: true, ..FreeParameters::NONE };
         Ok(self.render(narrow, strategy, REFERENCE)?.luminance)
     }
 

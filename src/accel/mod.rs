@@ -3,7 +3,7 @@
 //! Two backends implement [`Intersect`]: Intel Embree 4 (feature `embree`) and a pure-Rust BVH.
 //! They are interchangeable at run time, so each cross-checks the other.
 
-use crate::lanes::{LANES, Mask};
+use crate::simd::{LANES, Mask};
 use glam::Vec3;
 
 pub mod bvh;

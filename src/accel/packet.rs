@@ -1,7 +1,7 @@
 //! Rays and hits of several paths side by side, as backends trace them.
 
 use super::{Hit, Ray};
-use crate::lanes::{LANES, Vec3s};
+use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 

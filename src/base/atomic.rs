@@ -1,7 +1,7 @@
 //! Files that appear complete or not at all.
 
 use super::error::{Error, Result};
-use super::identity::{destination, folder};
+use super::file_id::{destination, folder};
 use std::fs::{File, TryLockError};
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;

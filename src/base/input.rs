@@ -1,7 +1,7 @@
 //! Files that are read. All are opened here, where they are remembered: no output may replace one.
 
 use super::error::{Error, Result};
-use super::identity::Identity;
+use super::file_id::FileId;
 use super::memory::{GIB, available_memory};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 pub const MAX_TEXT: u64 = 16 << 20;
 
 /// What this process has read, by the last name for each file.
-static READ: Mutex<BTreeMap<Identity, PathBuf>> = Mutex::new(BTreeMap::new());
+static READ: Mutex<BTreeMap<FileId, PathBuf>> = Mutex::new(BTreeMap::new());
 
 /// Opens a regular file for reading. Folders are refused with a better word than the system's; devices
 /// and pipes because they may never end.
@@ -39,7 +39,7 @@ pub fn open(path: &Path) -> Result<File> {
 /// Opens whatever there is, which may have no end.
 fn open_any(path: &Path) -> Result<File> {
     let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
-    if let Some(identity) = Identity::of(path) {
+    if let Some(identity) = FileId::of(path) {
         let mut read = READ.lock().unwrap_or_else(PoisonError::into_inner);
         read.insert(identity, path.to_owned());
     }
@@ -48,11 +48,11 @@ fn open_any(path: &Path) -> Result<File> {
 
 /// The name by which this process has read the file that writing to `path` would replace, if it has.
 pub fn read_as(path: &Path) -> Option<PathBuf> {
-    let identity = Identity::of(path)?;
+    let identity = FileId::of(path)?;
     let read = READ.lock().unwrap_or_else(PoisonError::into_inner);
     let name = read.get(&identity)?;
     // Systems give the numbers of files that are gone to new ones.
-    (Identity::of(name)? == identity).then(|| name.clone())
+    (FileId::of(name)? == identity).then(|| name.clone())
 }
 
 /// Refuses a path for writing where this process has read the file that is there; `what` is to be

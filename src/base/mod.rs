@@ -3,10 +3,10 @@
 
 pub mod atomic;
 pub mod error;
-pub mod identity;
+pub mod file_id;
 pub mod input;
 pub mod math;
 pub(crate) mod memory;
-pub mod numbers;
+pub mod iteration_set;
 pub(crate) mod pool;
 pub mod rng;

@@ -1,7 +1,7 @@
 //! Keyed random streams: path `index` of `iteration` draws the same numbers on any thread.
 //!
 //! The generator is xoshiro128++ (Blackman and Vigna 2021), here rather than from a crate because
-//! [`lanes`](crate::lanes) steps sixteen of them side by side; a test holds it against the crate.
+//! [`lanes`](crate::simd) steps sixteen of them side by side; a test holds it against the crate.
 
 /// Which part of the renderer draws; streams of different parts never coincide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub enum Stream {
     /// One stream per light path that finds out what light reaches.
     Pilot = 5,
     /// One stream per pixel of a quick look at a scene.
-    Glance = 6,
+    LitCheck = 6,
     /// One stream per pixel whose surfaces are tried before rendering.
     Census = 7,
 }

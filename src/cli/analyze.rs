@@ -2,12 +2,15 @@
 
 use super::analyze_text::text;
 use super::json;
+use super::loaded_scene::{LoadedScene, SessionArgs};
 use super::outputs::{self, Attempts, Output};
-use super::prepared::{Prepared, SessionArgs};
 use super::render_report::describe_counts;
 use super::session::{RunReport, Session};
+use bdpm::adaptive::Measuring;
+use bdpm::adaptive::stopping::{Goal, StoppedBy};
 use bdpm::base::error::{Error, Result};
-use bdpm::image::film::Film;
+use bdpm::film::radiance::Film;
+use bdpm::image_io::Value;
 use bdpm::noise::Measure;
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH, check_memory};
 use bdpm::noise::film::BatchGrain;
@@ -15,12 +18,9 @@ use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
-use bdpm::pictures::Value;
 use bdpm::scene::Region;
 use bdpm::settings::Settings;
-use bdpm::settings::origin::Origin;
-use bdpm::steer::Measuring;
-use bdpm::steer::goal::{Goal, StoppedBy};
+use bdpm::settings::provenance::Provenance;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<String> {
     if let Some(iterations @ ..2) = args.iterations {
         return Err(too_few(iterations));
     }
-    let prepared = Prepared::new(&args.session, None)?;
+    let prepared = LoadedScene::new(&args.session, None)?;
     outputs::spare_inputs(&files)?;
     let settings = &prepared.origin.settings;
     check_counts(settings)?;
@@ -150,7 +150,7 @@ pub fn run(args: &Args) -> Result<String> {
 
 /// What was measured, with all that it takes to measure it again.
 pub fn noise_file(
-    (origin, regions): (&Origin, &[Region]),
+    (origin, regions): (&Provenance, &[Region]),
     film: &Film,
     noise: NoiseImage,
     estimator: Measure,

@@ -2,9 +2,9 @@
 
 use super::analyze::Report;
 use super::human_time;
+use bdpm::image_io::digits;
 use bdpm::noise::image::Statistic;
 use bdpm::noise::summary::{Compared, NoiseSummary};
-use bdpm::pictures::digits;
 use std::fmt::Write;
 
 /// `value +- error`, aligned at the sign between them.

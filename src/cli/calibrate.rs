@@ -2,15 +2,15 @@
 
 use super::interrupts::catch_interrupts;
 use super::json;
+use super::loaded_scene::{LoadedScene, SessionArgs};
 use super::outputs::{self, Output};
-use super::prepared::{Prepared, SessionArgs};
 use super::progress::{Progress, Status, Totals};
+use bdpm::adaptive::stopping::Goal;
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::Measure;
+use bdpm::paper::table_2::beside_table_2;
 use bdpm::render::Renderer;
-use bdpm::reproduce::table_2::beside_table_2;
 use bdpm::settings::Settings;
-use bdpm::steer::goal::Goal;
 use bdpm::timing::fit::fit;
 use bdpm::timing::grid;
 use bdpm::timing::grid::Size;
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let files = [Output::new("--output", &args.output, Some("json"))];
     outputs::check(&files)?;
-    let prepared = Prepared::new(&args.session, None)?;
+    let prepared = LoadedScene::new(&args.session, None)?;
     outputs::spare_inputs(&files)?;
     let setup = Setup::new(&prepared.origin, prepared.threads.current_num_threads());
     let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
@@ -92,7 +92,11 @@ pub fn run(args: &Args) -> Result<String> {
 
 /// Iterates at one size after the other, round by round: a machine that slows down or has other
 /// work does so for all of them.
-fn measure(prepared: &Prepared, setup: &Setup, args: &Args) -> Result<(Recorder, u64, Duration)> {
+fn measure(
+    prepared: &LoadedScene,
+    setup: &Setup,
+    args: &Args,
+) -> Result<(Recorder, u64, Duration)> {
     let time = args.session.time.unwrap_or(DEFAULT_TIME);
     let goal = Goal { time: Some(time), ..Goal::default() };
     let mut progress = Progress::new(goal, args.session.manner());
@@ -135,7 +139,7 @@ fn measure(prepared: &Prepared, setup: &Setup, args: &Args) -> Result<(Recorder,
     Ok((recorder, rounds, start.elapsed()))
 }
 
-fn renderer(prepared: &Prepared, size: Size) -> Result<Renderer<'_>> {
+fn renderer(prepared: &LoadedScene, size: Size) -> Result<Renderer<'_>> {
     let Size { light_paths, camera_paths } = size;
     let settings = Settings { light_paths, camera_paths, ..prepared.origin.settings.clone() };
     Renderer::new(&prepared.scene, &*prepared.accel, settings)

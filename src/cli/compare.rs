@@ -2,8 +2,8 @@
 
 use bdpm::base::error::{Error, Result};
 use bdpm::base::math::Rgb;
-use bdpm::image::compare::{Comparison, compare};
-use bdpm::pictures::read_exr;
+use bdpm::film::compare::{Comparison, compare};
+use bdpm::image_io::read_exr;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

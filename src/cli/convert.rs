@@ -3,7 +3,7 @@
 use super::{LightArgs, json, say};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{Note, SceneSummary, load, load_with, save};
+use bdpm::import::{SceneSummary, Warning, load, load_with, save};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -36,7 +36,7 @@ struct Report<'a> {
     /// Of the scene, and of what was written as it is read again.
     fingerprints: [String; 2],
     read: &'a SceneSummary,
-    notes: Vec<Note>,
+    notes: Vec<Warning>,
 }
 
 pub fn run(args: &Args) -> Result<String> {
@@ -52,14 +52,14 @@ pub fn run(args: &Args) -> Result<String> {
         && !others.is_empty()
     {
         let name = loaded.summary.camera.as_ref().unwrap_or(name);
-        notes.push(Note::chosen(format!("of all cameras only `{name}` is in the folder")));
+        notes.push(Warning::chosen(format!("of all cameras only `{name}` is in the folder")));
     }
     let fingerprint = loaded.scene.fingerprint();
     drop(loaded.scene);
     let again = load(&args.out)?.scene.fingerprint();
     if again != fingerprint {
         let note = "the copy is not the same bit by bit, and its image may differ by rounding";
-        notes.push(Note::chosen(note));
+        notes.push(Warning::chosen(note));
     }
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     let folder = args.out.display().to_string();

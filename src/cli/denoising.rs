@@ -1,17 +1,17 @@
 //! `render --denoise`: when the denoiser runs, what of the time is kept for it, and what came of it.
 
+use bdpm::adaptive::stopping::Goal;
 use bdpm::base::error::Result;
 use bdpm::base::math::Rgb;
-use bdpm::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
-use bdpm::image::layers::PARTS;
-use bdpm::pictures::Layer;
+use bdpm::film::aov::PARTS;
+use bdpm::image_io::Layer;
+use bdpm::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
 use bdpm::render::Renderer;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::settings::policy::{
     CHECK_GROWTH, CHECK_SHARE, DENOISE_PROMISE_AFTER, DENOISE_PROMISE_SHARE, DENOISE_SHARE,
     DENOISED_FALL, LEAST_PER_PART, UPPER_BOUND,
 };
-use bdpm::steer::goal::Goal;
 use serde::Serialize;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -97,7 +97,7 @@ impl Denoising {
     }
 
     /// Denoises the image, with its error if there is time for that, unless that is what was done last.
-    pub fn denoise(&mut self, renderer: &Renderer, image: &Combined) -> Result<()> {
+    pub fn denoise(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<()> {
         let iterations = image.iterations();
         if self.latest.is_none() || iterations != self.iterations {
             self.latest = Some(self.once(renderer, image, self.parts)?);
@@ -107,11 +107,16 @@ impl Denoising {
     }
 
     /// The same without its error.
-    pub fn preview(&mut self, renderer: &Renderer, image: &Combined) -> Result<Denoised> {
+    pub fn preview(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<Denoised> {
         self.once(renderer, image, 0)
     }
 
-    fn once(&mut self, renderer: &Renderer, image: &Combined, parts: usize) -> Result<Denoised> {
+    fn once(
+        &mut self,
+        renderer: &Renderer,
+        image: &CombinedImage,
+        parts: usize,
+    ) -> Result<Denoised> {
         let start = Instant::now();
         let size = self.size;
         let oidn = self.oidn.get_mut().unwrap_or_else(PoisonError::into_inner);

@@ -4,7 +4,7 @@ use super::{SceneArgs, human_time, json, say};
 use bdpm::accel::AccelInfo;
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{Loaded, Note, SceneSummary};
+use bdpm::import::{Loaded, SceneSummary, Warning};
 use bdpm::scene::backend;
 use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics};
 use bdpm::settings::Settings;
@@ -31,7 +31,7 @@ struct Report<'a> {
     materials: usize,
     /// What was read, by name, and what was skipped or chosen.
     read: &'a SceneSummary,
-    notes: &'a [Note],
+    notes: &'a [Warning],
     /// Time to read the files, and to make triangles and lights of them.
     read_seconds: f64,
     assembly_seconds: f64,

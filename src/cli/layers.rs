@@ -1,10 +1,10 @@
 //! What an image file has beside the image: `--layers`.
 
 use bdpm::base::math::Rgb;
-use bdpm::image::film::Film;
-use bdpm::image::layers::{FAR, Features, Kept, LightSums};
-use bdpm::pictures::Layer;
-use bdpm::render::block::Combined;
+use bdpm::film::aov::{AovSelection, FAR, FeatureBuffers, LightComponents};
+use bdpm::film::radiance::Film;
+use bdpm::image_io::Layer;
+use bdpm::render::block::CombinedImage;
 use glam::Vec3;
 
 /// A layer, or a choice of them.
@@ -56,16 +56,21 @@ impl Layers {
     }
 
     /// What has to be kept for them.
-    pub fn kept(&self) -> Kept {
+    pub fn kept(&self) -> AovSelection {
         let all = self.0.contains(&LayerName::All);
         let light = all || self.0.iter().any(|name| name.is_light());
         let features =
             all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
-        Kept { light, features, parts: false }
+        AovSelection { light, features, parts: false }
     }
 
     /// Of what was kept, `pixels` being the image; the sum of all light is the image.
-    pub fn of(&self, features: Option<&Features>, image: &Combined, pixels: &[Rgb]) -> Vec<Layer> {
+    pub fn of(
+        &self,
+        features: Option<&FeatureBuffers>,
+        image: &CombinedImage,
+        pixels: &[Rgb],
+    ) -> Vec<Layer> {
         let mut layers = self.seen(features, &image.blocks()[0].film);
         if self.kept().light
             && let Some(light) = image.light()
@@ -75,12 +80,12 @@ impl Layers {
         layers
     }
 
-    fn seen(&self, features: Option<&Features>, film: &Film) -> Vec<Layer> {
+    fn seen(&self, features: Option<&FeatureBuffers>, film: &Film) -> Vec<Layer> {
         let Some(features) = features.filter(|_| self.kept().features) else {
             return Vec::new();
         };
         let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); film.pixels()];
-        film.zip(&mut seen, |seen, at| {
+        film.zip_pixels(&mut seen, |seen, at| {
             let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));
             *seen = (guide.albedo, guide.normal, position, [depth, features.coverage(at)]);
         });
@@ -110,9 +115,9 @@ impl Layers {
         layers
     }
 
-    fn light(&self, light: &[LightSums], pixels: &[Rgb]) -> Vec<Layer> {
+    fn light(&self, light: &[LightComponents], pixels: &[Rgb]) -> Vec<Layer> {
         let mut layers = Vec::new();
-        let mut add = |name, of: &dyn Fn(&LightSums, Rgb) -> Rgb, layer: &str| {
+        let mut add = |name, of: &dyn Fn(&LightComponents, Rgb) -> Rgb, layer: &str| {
             if self.has(name) {
                 let values: Vec<Rgb> =
                     light.iter().zip(pixels).map(|(light, pixel)| of(light, *pixel)).collect();
@@ -122,7 +127,7 @@ impl Layers {
         add(LayerName::Emission, &|light, _| light.emission.as_vec3(), "emission");
         add(LayerName::Direct, &|light, _| light.direct.as_vec3(), "direct");
         // What rounding leaves is not light.
-        let rest = |light: &LightSums, pixel: Rgb| {
+        let rest = |light: &LightComponents, pixel: Rgb| {
             let told = light.emission + light.direct + light.caustics;
             (pixel.as_dvec3() - told).as_vec3().max(Rgb::ZERO)
         };

@@ -7,13 +7,13 @@ use super::preview;
 use super::render_files::{Outputs, Writer};
 use super::render_task::{best_measured, save_noise};
 use super::say;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::importance;
 use bdpm::base::error::{Error, Result};
-use bdpm::files::checkpoint::Checkpoint;
-use bdpm::files::merge::{Merged, merge};
-use bdpm::optimize::Objective;
+use bdpm::output::checkpoint::Checkpoint;
+use bdpm::output::merge::{Merged, merge};
 use bdpm::render::block;
-use bdpm::render::block::Combined;
-use bdpm::steer::goal::importance;
+use bdpm::render::block::CombinedImage;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -127,13 +127,13 @@ pub fn run(args: &Args) -> Result<String> {
 }
 
 /// The image of all blocks, weighted as one run does.
-fn combined<'a>(checkpoint: &'a Checkpoint) -> Combined<'a> {
+fn combined<'a>(checkpoint: &'a Checkpoint) -> CombinedImage<'a> {
     let blocks = &checkpoint.blocks[..];
     let weights = match &checkpoint.plan {
         Some(plan) => plan.weights(blocks),
         None => block::weights(blocks, &importance(blocks, Objective::Relative)),
     };
-    Combined::new(blocks, weights)
+    CombinedImage::new(blocks, weights)
 }
 
 impl Args {
@@ -154,7 +154,7 @@ impl Report {
     fn new(
         args: &Args,
         checkpoint: &Checkpoint,
-        image: &Combined,
+        image: &CombinedImage,
         files: usize,
         missing: Vec<String>,
         png: &Path,

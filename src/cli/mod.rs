@@ -7,12 +7,12 @@ mod analyze_text;
 mod calibrate;
 mod compare;
 mod convert;
-mod crew;
-mod darkness;
-mod follower;
+mod mpi_leader;
+mod black_image;
+mod mpi_worker;
 mod denoise;
 mod denoising;
-mod haste;
+mod time_check;
 mod info;
 mod interrupts;
 mod layers;
@@ -23,9 +23,9 @@ mod optimize_rows;
 mod optimize_text;
 mod outputs;
 mod page;
-mod part;
+mod shard;
 mod predict;
-mod prepared;
+mod loaded_scene;
 mod preview;
 mod progress;
 mod render;
@@ -33,7 +33,7 @@ mod render_files;
 mod render_inputs;
 mod render_report;
 mod render_task;
-mod reproduce;
+mod paper;
 mod session;
 mod view;
 
@@ -69,7 +69,7 @@ enum Command {
     /// Measure how long the phases of an iteration take, for `--timings`
     Calibrate(calibrate::Args),
     /// Repeat the paper's experiment and report it beside the published values
-    Reproduce(reproduce::Args),
+    Reproduce(paper::Args),
     /// Tell what a scene holds and how it would be rendered
     Info(info::Args),
     /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
@@ -89,7 +89,7 @@ pub fn run() -> ExitCode {
         Command::Predict(args) => predict::run(&args),
         Command::Optimize(args) => optimize::run(&args),
         Command::Calibrate(args) => calibrate::run(&args),
-        Command::Reproduce(args) => reproduce::run(&args),
+        Command::Reproduce(args) => paper::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),

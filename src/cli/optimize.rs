@@ -6,21 +6,21 @@ use super::optimize_rows::{Candidates, Row};
 use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::optimize::measured::{End, Subject};
+use bdpm::adaptive::optimize::predict::Source;
+use bdpm::adaptive::plan::Plan;
+use bdpm::adaptive::stopping::Target;
 use bdpm::base::error::{Error, Result};
-use bdpm::image::counts::Counts;
+use bdpm::film::counts::Counts;
+use bdpm::image_io;
+use bdpm::image_io::{Image, Layer, Metadata, Value};
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm::noise::region;
-use bdpm::optimize::Objective;
-use bdpm::optimize::predict::Source;
-use bdpm::optimize::subject::{End, Subject};
-use bdpm::pictures;
-use bdpm::pictures::{Image, Layer, Metadata, Value};
 use bdpm::render::light_paths_in;
 use bdpm::settings::MAX_LIGHT_PATHS;
-use bdpm::settings::origin::Origin;
 use bdpm::settings::policy::NEAR_OPTIMUM;
-use bdpm::steer::goal::Target;
-use bdpm::steer::plan::Plan;
+use bdpm::settings::provenance::Provenance;
 use bdpm::timing::Timings;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -203,7 +203,7 @@ impl Args {
                     "give --target-rms as luminance, without %, or another --region",
                 ))
             }
-            (None, None) => Ok(End::Open),
+            (None, None) => Ok(End::Unbounded),
         }
     }
 
@@ -223,7 +223,7 @@ impl Args {
             }
         };
         let counts = Counts::uniform(1, 1); // not part of what is asked for
-        let origin = Origin::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
+        let origin = Provenance::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
         let most = light_paths_in(bytes as f64, photons, &origin.settings);
         if most < 1.0 {
             return Err(Error::new(
@@ -250,7 +250,7 @@ fn write_plan(path: &Path, file: &NoiseFile, counts: &Counts) -> Result<()> {
     let (width, height) = (file.noise.width, file.noise.height);
     let mut image = Image { width, height, layers, metadata: facts(file, counts) };
     Plan::new(counts.clone()).write_to(&mut image);
-    pictures::write_exr(path, &image)
+    image_io::write_exr(path, &image)
 }
 
 /// Reads an amount of memory such as 2GiB.

@@ -1,15 +1,15 @@
 //! The paper's Figure 4: RMS after a time against the number of light paths, as SVG.
 
+use bdpm::adaptive::optimize::measured::End;
+use bdpm::adaptive::optimize::{Problem, Uniform};
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::{Error, Result};
-use bdpm::optimize::subject::End;
-use bdpm::optimize::{Problem, Uniform};
 use plotters::prelude::*;
 use std::error::Error as Failure;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// Numbers of camera paths per pixel that have a curve, besides the best one.
+/// IterationSet of camera paths per pixel that have a curve, besides the best one.
 const CAMERA_PATHS: [u32; 4] = [1, 5, 25, 100];
 
 /// Width and height.
@@ -42,7 +42,7 @@ pub fn plot(
 ) -> Result<()> {
     let best = problem.uniform();
     let time = match end {
-        End::Open => 1.0,
+        End::Unbounded => 1.0,
         End::Time(time) => time,
         End::Rms(rms) => best.cost / (rms * rms),
     };

@@ -1,9 +1,9 @@
 //! The counts that `bdpm optimize` tells of, and what they lead to.
 
-use bdpm::image::counts::Counts;
-use bdpm::optimize::Problem;
-use bdpm::optimize::predict::Predicted;
-use bdpm::optimize::subject::{End, Subject};
+use bdpm::adaptive::optimize::Problem;
+use bdpm::adaptive::optimize::measured::{End, Subject};
+use bdpm::adaptive::optimize::predict::Predicted;
+use bdpm::film::counts::Counts;
 use bdpm::settings::policy::NEAR_OPTIMUM;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -89,7 +89,7 @@ impl Candidates {
             };
             let (mut rms_after, mut time_to_target) = (None, None);
             match end {
-                End::Open => {}
+                End::Unbounded => {}
                 End::Time(time) => {
                     let scale = (iteration_time / time).sqrt();
                     rms_after = Some(scaled(scale, scale));

@@ -4,9 +4,9 @@ use super::analyze_text::with_error;
 use super::human_time;
 use super::optimize::Report;
 use super::optimize_rows::{Name, Row};
-use bdpm::optimize::Objective;
-use bdpm::optimize::predict::Predicted;
-use bdpm::optimize::subject::End;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::optimize::measured::End;
+use bdpm::adaptive::optimize::predict::Predicted;
 use bdpm::timing::setup::Setup;
 use std::fmt::Write;
 
@@ -21,7 +21,7 @@ pub fn text(report: &Report) -> String {
     }
     line(&format!("least {} {}\n", objective(report.objective), end(report.end)));
     let last = match report.end {
-        End::Open => String::new(),
+        End::Unbounded => String::new(),
         End::Time(time) => format!("RMS after {}", human_time(time)),
         End::Rms(rms) => format!("seconds to {rms:.3e}"),
     };
@@ -75,7 +75,7 @@ fn objective(objective: Objective) -> &'static str {
 
 fn end(end: End) -> String {
     match end {
-        End::Open => "after any time".into(),
+        End::Unbounded => "after any time".into(),
         End::Time(time) => format!("after {}", human_time(time)),
         End::Rms(rms) => format!("in the least time down to {rms:.4e}"),
     }

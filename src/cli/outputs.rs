@@ -4,7 +4,7 @@
 use super::say;
 use bdpm::base::atomic::check_writable;
 use bdpm::base::error::{Error, Result};
-use bdpm::base::identity::Identity;
+use bdpm::base::file_id::FileId;
 use bdpm::base::input::check_not_read;
 use std::path::{Path, PathBuf};
 
@@ -29,9 +29,9 @@ pub fn check(outputs: &[Output]) -> Result<()> {
     for (index, output) in outputs.iter().enumerate() {
         let Output { what, path, extension } = *output;
         check_writable(path, extension)?;
-        let identity = Identity::of(path);
+        let identity = FileId::of(path);
         let mut others = outputs[..index].iter();
-        if let Some(other) = others.find(|other| Identity::of(other.path) == identity) {
+        if let Some(other) = others.find(|other| FileId::of(other.path) == identity) {
             let problem = format!("{what} and {} are the same file", other.what);
             return Err(Error::new(problem, "give them different names").at(path));
         }

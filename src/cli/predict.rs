@@ -2,10 +2,10 @@
 
 use super::analyze_text::with_error;
 use super::json;
+use bdpm::adaptive::optimize::predict::{Budget, Optimum, Predicted, Prediction, Source};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::NoiseFile;
 use bdpm::noise::{Coefficients, region};
-use bdpm::optimize::predict::{Budget, Optimum, Predicted, Prediction, Source};
 use bdpm::settings::MAX_LIGHT_PATHS;
 use bdpm::timing::fit::TimeErrors;
 use bdpm::timing::setup::Setup;
@@ -24,11 +24,11 @@ pub struct Args {
     #[arg(long, value_name = "a,b,f", conflicts_with_all = ["file", "region"],
           allow_hyphen_values = true)]
     coefficients: Option<String>,
-    /// Numbers of light paths per iteration
+    /// IterationSet of light paths per iteration
     #[arg(long, value_name = "NF,...", value_delimiter = ',', required = true,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_LIGHT_PATHS)))]
     light_paths: Vec<u32>,
-    /// Numbers of camera paths per pixel and iteration
+    /// IterationSet of camera paths per pixel and iteration
     #[arg(long, value_name = "NB,...", value_delimiter = ',', required = true,
           value_parser = clap::value_parser!(u32).range(1..))]
     camera_paths: Vec<u32>,

@@ -3,7 +3,7 @@
 
 use bdpm::base::error::{Error, Result};
 use bdpm::base::input::read_as;
-use bdpm::pictures;
+use bdpm::image_io;
 use std::path::{Path, PathBuf};
 
 /// Beside the image, by its name.
@@ -27,5 +27,5 @@ pub fn aside(png: &Path) -> Result<PathBuf> {
 /// Whether there is nothing of worth.
 fn is_free(path: &Path) -> bool {
     let is_nothing = path.metadata().map_or(true, |file| file.len() == 0);
-    read_as(path).is_none() && (is_nothing || pictures::is_ours(path))
+    read_as(path).is_none() && (is_nothing || image_io::is_ours(path))
 }

@@ -1,9 +1,9 @@
 //! Progress on stderr: a bar on a terminal, else a line now and then.
 
 use super::{human_time, say};
-use bdpm::image::PhaseTimes;
+use bdpm::adaptive::stopping::{Convergence, Forecast, Goal};
+use bdpm::film::PhaseTimes;
 use bdpm::render::IterationReport;
-use bdpm::steer::goal::{Forecast, Goal, Standing};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -23,7 +23,7 @@ pub struct Status {
     /// Iterations of the image.
     pub iterations: u64,
     /// As it was found a moment ago.
-    pub standing: Option<Standing>,
+    pub standing: Option<Convergence>,
     /// What the rest leads to, once that is known.
     pub forecast: Option<Forecast>,
 }
@@ -250,7 +250,7 @@ fn describe(goal: Goal, totals: &Totals, status: &Status) -> String {
         if let Some(then) = forecast.and_then(|(now, then)| now.error(&goal, then.left)) {
             state += &format!(" to {:.2}%", 100.0 * then);
         }
-    } else if let Some(rms) = status.standing.as_ref().and_then(Standing::rms)
+    } else if let Some(rms) = status.standing.as_ref().and_then(Convergence::rms)
         && luminance > 0.0
     {
         state += &format!("  RMS {}", percent(rms));

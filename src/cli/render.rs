@@ -1,36 +1,36 @@
 //! `bdpm render SCENE`: what is to be done.
 
 use super::analyze::check_counts;
-use super::crew::{Crew, Setup};
 use super::denoising::Denoising;
-use super::follower::follow;
 use super::layers::{LayerName, Layers};
+use super::loaded_scene::{Continuation, LoadedScene, SessionArgs};
+use super::mpi_leader::{MpiLeader, RenderSetup};
+use super::mpi_worker::follow;
 use super::page::Page;
-use super::part::Part;
-use super::prepared::{Begun, Prepared, SessionArgs};
 use super::render_files::Outputs;
 use super::render_inputs::{
     Counting, check_goal, check_grain, check_kept, fitting, fixed_counts, read_plan,
 };
 use super::render_task::Task;
 use super::say;
+use super::shard::Part;
 use super::view::Place;
+use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::{Goal, Target};
+use bdpm::adaptive::technique;
+use bdpm::adaptive::technique::{End, FreeParameters, Selection};
+use bdpm::adaptive::{Fixed, Replay};
 use bdpm::base::error::{Error, Result};
-use bdpm::files::checkpoint::Checkpoint;
-use bdpm::image::layers::Kept;
+use bdpm::film::aov::AovSelection;
+use bdpm::mpi;
+use bdpm::mpi::Ranks;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
-use bdpm::optimize::Objective;
-use bdpm::ranks;
-use bdpm::ranks::Ranks;
+use bdpm::output::checkpoint::Checkpoint;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
-use bdpm::settings::origin::Reuse;
-use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, Target};
-use bdpm::steer::technique;
-use bdpm::steer::technique::{Chosen, End, Open};
-use bdpm::steer::{Fixed, Replay};
+use bdpm::settings::provenance::Reuse;
 use bdpm::timing::Timings;
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -109,7 +109,7 @@ pub struct Args {
 
 /// Renders by all processes that were begun together.
 pub fn run(mut args: Args) -> Result<String> {
-    let ranks = ranks::join()?;
+    let ranks = mpi::join()?;
     let result = if ranks.is_first() {
         lead(&args, &*ranks)
     } else {
@@ -126,7 +126,7 @@ pub fn run(mut args: Args) -> Result<String> {
 }
 
 fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
-    let crew = Crew::new(ranks);
+    let crew = MpiLeader::new(ranks);
     let mut outputs = Outputs::new(args)?;
     let resumed = args.resume.as_deref().map(Checkpoint::load).transpose()?;
     let planned = args.plan.as_deref().map(|path| read_plan(path, args)).transpose()?;
@@ -138,17 +138,18 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         (None, None) if args.counts_are_open() => Counting::Automatic,
         (None, None) => Counting::Fixed,
     };
-    let begun = |origin, file, reuse| Begun { origin, file, reuse };
+    let begun = |origin, file, reuse| Continuation { origin, file, reuse };
     let resumes = resumed.as_ref().map(|checkpoint| &checkpoint.origin).zip(args.resume.as_deref());
     let plans = planned.as_ref().map(|(_, origin)| origin).zip(args.plan.as_deref());
     let begun = resumes
         .map(|(origin, file)| begun(origin, file, Reuse::Resume))
         .or(plans.map(|(origin, file)| begun(origin, file, Reuse::Plan)));
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
-    let told = begun.map(|Begun { origin, file, reuse }| (origin.clone(), file.to_owned(), reuse));
+    let told =
+        begun.map(|Continuation { origin, file, reuse }| (origin.clone(), file.to_owned(), reuse));
     crew.as_ref().map_or(Ok(()), |crew| crew.begin(told))?;
-    let mut prepared = Prepared::new(&args.session, begun)?;
-    crew.as_ref().map_or(Ok(()), |crew| crew.muster(&prepared))?;
+    let mut prepared = LoadedScene::new(&args.session, begun)?;
+    crew.as_ref().map_or(Ok(()), |crew| crew.check_workers(&prepared))?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
@@ -171,7 +172,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     let (scene, accel) = (&prepared.scene, &*prepared.accel);
     let settings = prepared.origin.settings.clone();
     let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
-    let mut renderer = new?.one_of(ranks.count());
+    let mut renderer = new?.with_ranks(ranks.count());
     let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
         Counting::Automatic if resumed.is_none() => {
@@ -191,8 +192,8 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         };
         goal.bias2 = chosen.best().bias.powi(2);
         let settings = prepared.origin.settings.clone();
-        let like = prepared.threads.install(|| renderer.like(settings))?;
-        renderer = like.one_of(ranks.count());
+        let like = prepared.threads.install(|| renderer.with_settings(settings))?;
+        renderer = like.with_ranks(ranks.count());
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;
@@ -206,7 +207,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         check_memory(settings.width, settings.height)?;
         grain = BatchGrain::Pixel;
     }
-    renderer = renderer.with_batches(grain).keeping(args.kept())?;
+    renderer = renderer.with_batches(grain).with_aovs(args.kept())?;
     if let Some(share) = &share {
         renderer = renderer.sharing(share.own.clone());
         if !args.session.quiet {
@@ -226,7 +227,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     }
     if let Some(crew) = &crew {
         let (settings, kept) = (prepared.origin.settings.clone(), renderer.kept());
-        crew.set_up(Setup { settings, grain, kept })?;
+        crew.set_up(RenderSetup { settings, grain, kept })?;
     }
     let automatic = matches!(counting, Counting::Automatic);
     let prepared = &prepared;
@@ -265,12 +266,12 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
 
 impl Args {
     /// What is to be kept beside the image.
-    pub fn kept(&self) -> Kept {
+    pub fn kept(&self) -> AovSelection {
         let kept = Layers::new(&self.layers).kept();
-        Kept { parts: self.denoise, features: kept.features || self.denoise, ..kept }
+        AovSelection { parts: self.denoise, features: kept.features || self.denoise, ..kept }
     }
 
-    fn load_denoiser(&self, prepared: &Prepared) -> Result<Denoising> {
+    fn load_denoiser(&self, prepared: &LoadedScene) -> Result<Denoising> {
         let Settings { width, height, .. } = prepared.origin.settings;
         let threads = prepared.threads.current_num_threads();
         Denoising::new(threads, (width, height), self.session.time)
@@ -285,13 +286,18 @@ impl Args {
     }
 
     /// Tries techniques, as far as the command line leaves them open; the scene file's are where it begins.
-    fn choose(&self, prepared: &Prepared, renderer: &Renderer, goal: &Goal) -> Result<Chosen> {
+    fn choose(
+        &self,
+        prepared: &LoadedScene,
+        renderer: &Renderer,
+        goal: &Goal,
+    ) -> Result<Selection> {
         let wishes = &self.session.scene.wishes;
         // Known times are those of the settings that they were measured with.
         let any = self.timings.is_none();
         let (radius, caustic_radius) =
             (any && wishes.radius.is_none(), any && wishes.caustic_radius.is_none());
-        let open = Open {
+        let open = FreeParameters {
             strategy: any && wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
             direct: any && wishes.direct.is_none(),
             kernel: any && wishes.kernel.is_none(),

@@ -3,24 +3,24 @@
 use super::denoising;
 use super::layers::Layers;
 use super::outputs::{self, Attempts, Output};
-use super::page::{Moment, Page};
+use super::page::{Page, Snapshot};
 use super::preview;
 use super::progress::Progress;
 use super::render::Args;
 use super::session::Session;
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
-use bdpm::base::identity::Identity;
-use bdpm::denoise::Denoised;
-use bdpm::files::checkpoint::{Checkpoint, Whole};
-use bdpm::image::layers::Features;
-use bdpm::pictures;
-use bdpm::pictures::{Image, Layer, Value};
+use bdpm::base::file_id::FileId;
+use bdpm::film::aov::FeatureBuffers;
+use bdpm::image_io;
+use bdpm::image_io::{Image, Layer, Value};
+use bdpm::output::checkpoint::{Checkpoint, Whole};
+use bdpm::output::denoise::Denoised;
 use bdpm::render::Renderer;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::scene::Region;
-use bdpm::settings::origin::Origin;
-use bdpm::steer::Steer;
-use bdpm::steer::plan::Plan;
+use bdpm::settings::provenance::Provenance;
 use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -76,11 +76,9 @@ impl Outputs {
         if *self.png != beside {
             outputs::check(&all)?;
         }
-        let resumed = args.resume.as_deref().and_then(Identity::of);
+        let resumed = args.resume.as_deref().and_then(FileId::of);
         all.retain(|output| {
-            output.what != "--checkpoint"
-                || resumed.is_none()
-                || Identity::of(output.path) != resumed
+            output.what != "--checkpoint" || resumed.is_none() || FileId::of(output.path) != resumed
         });
         outputs::spare_inputs(&all)?;
         Ok(self.png != beside)
@@ -132,7 +130,7 @@ fn warn_of_failure(progress: &Progress, result: Result<()>) {
 
 /// Writes the files and keeps the time that takes.
 pub struct Writer<'a> {
-    pub origin: &'a Origin,
+    pub origin: &'a Provenance,
     /// The scene's.
     pub regions: &'a [Region],
     pub outputs: Outputs,
@@ -171,7 +169,7 @@ impl Writer<'_> {
     }
 
     /// The page while rendering goes on.
-    pub fn renew_page(&mut self, moment: &Moment) {
+    pub fn renew_page(&mut self, moment: &Snapshot) {
         let Some(page) = &mut self.page else { return };
         let start = Instant::now();
         warn_of_failure(&moment.session.progress, page.write(moment));
@@ -181,8 +179,8 @@ impl Writer<'_> {
     /// The image and its preview, which is of the denoised one if there is one.
     pub fn save_image(
         &mut self,
-        features: Option<&Features>,
-        combined: &Combined,
+        features: Option<&FeatureBuffers>,
+        combined: &CombinedImage,
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
     ) {
@@ -212,8 +210,8 @@ impl Writer<'_> {
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let Outputs { exr, png, .. } = &self.outputs;
-        attempts.add(exr, || pictures::write_exr(exr, &image));
-        attempts.add(png, || pictures::write_png(png, width, height, preview));
+        attempts.add(exr, || image_io::write_exr(exr, &image));
+        attempts.add(png, || image_io::write_png(png, width, height, preview));
         self.time += start.elapsed();
     }
 }

@@ -1,17 +1,17 @@
 //! What `bdpm render` goes on with, plans and times: whether they fit.
 
-use super::prepared::Prepared;
+use super::loaded_scene::LoadedScene;
 use super::render::Args;
+use bdpm::adaptive::plan::Plan;
+use bdpm::adaptive::stopping::Goal;
 use bdpm::base::error::{Error, Result};
-use bdpm::image::counts::Counts;
-use bdpm::image::layers::Kept;
+use bdpm::film::aov::AovSelection;
+use bdpm::film::counts::Counts;
+use bdpm::image_io;
 use bdpm::noise::film::BatchGrain;
-use bdpm::pictures;
 use bdpm::render::block::Block;
 use bdpm::settings::Settings;
-use bdpm::settings::origin::Origin;
-use bdpm::steer::goal::Goal;
-use bdpm::steer::plan::Plan;
+use bdpm::settings::provenance::Provenance;
 use bdpm::timing::{TimeModel, Timings};
 use std::path::Path;
 
@@ -23,10 +23,10 @@ pub enum Counting {
 }
 
 /// Reads a plan with what it belongs to. Where its iterations are open, seed and version are as well.
-pub fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
-    let image = pictures::read_exr(path)?;
+pub fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Provenance)> {
+    let image = image_io::read_exr(path)?;
     let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
-    let mut origin = Origin::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
+    let mut origin = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
     let Settings { width, height, .. } = origin.settings;
     if (image.width, image.height) != (width, height) {
         let size = format!("{}x{}", image.width, image.height);
@@ -44,7 +44,7 @@ pub fn read_plan(path: &Path, args: &Args) -> Result<(Plan, Origin)> {
 }
 
 /// The model of times that belong to this scene and these settings.
-pub fn fitting(times: &Timings, path: &Path, prepared: &Prepared) -> Result<TimeModel> {
+pub fn fitting(times: &Timings, path: &Path, prepared: &LoadedScene) -> Result<TimeModel> {
     let Settings { width, height, .. } = prepared.origin.settings;
     let facts = prepared.origin.to_metadata();
     times.check_fits(&facts, width, height).map_err(|e| e.at(path))?;
@@ -52,7 +52,7 @@ pub fn fitting(times: &Timings, path: &Path, prepared: &Prepared) -> Result<Time
 }
 
 /// The counts of all iterations, where they are the same and their number is open.
-pub fn fixed_counts(counting: &Counting, prepared: &Prepared) -> Option<Counts> {
+pub fn fixed_counts(counting: &Counting, prepared: &LoadedScene) -> Option<Counts> {
     let Settings { light_paths, camera_paths, .. } = prepared.origin.settings;
     match counting {
         Counting::Fixed => Some(Counts::uniform(light_paths, camera_paths)),
@@ -89,7 +89,7 @@ pub fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
 }
 
 /// Refuses what a checkpoint did not keep.
-pub fn check_kept(args: &Args, kept: Kept) -> Result<()> {
+pub fn check_kept(args: &Args, kept: AovSelection) -> Result<()> {
     let wanted = args.kept();
     let lacks = if args.denoise && !kept.parts {
         "--denoise"

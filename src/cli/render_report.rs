@@ -3,13 +3,13 @@
 use super::denoising::DenoisedReport;
 use super::human_time;
 use super::session::{Expectation, RunReport, Seconds};
+use bdpm::adaptive::autopilot::Promise;
+use bdpm::adaptive::stopping::{Convergence, Goal, StoppedBy, importance};
+use bdpm::adaptive::technique::Selection;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
-use bdpm::render::block::{Block, Combined};
+use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::policy::UPPER_BOUND;
-use bdpm::steer::autopilot::Promise;
-use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
-use bdpm::steer::technique::Chosen;
 use serde::Serialize;
 
 /// The result.
@@ -31,7 +31,7 @@ pub struct Report<'a> {
     /// What became of it by denoising.
     pub denoised: Option<DenoisedReport>,
     /// Techniques that were tried, the chosen one first.
-    pub technique: Option<Chosen>,
+    pub technique: Option<Selection>,
     /// What was expected of this run's time when half of it had passed.
     pub half_way: Option<Expectation>,
     pub merge_bias: Option<MergeBias>,
@@ -53,10 +53,10 @@ pub struct Shares {
 
 impl Shares {
     /// Of an image, if that is what its goal counts and its bias is known.
-    pub fn new(renderer: &Renderer, image: &Combined, goal: &Goal) -> Option<Self> {
+    pub fn new(renderer: &Renderer, image: &CombinedImage, goal: &Goal) -> Option<Self> {
         let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
         let importance = importance(blocks, goal.objective);
-        let standing = Standing::new(blocks, weights, &importance);
+        let standing = Convergence::new(blocks, weights, &importance);
         if goal.bias2 <= 0.0 && standing.bias2.is_none() {
             return None;
         }
@@ -82,7 +82,7 @@ pub struct BlockReport {
 }
 
 /// What was rendered at which counts.
-pub fn block_reports(image: &Combined, blocks: &[Block]) -> Vec<BlockReport> {
+pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport> {
     let report = |(block, &weight): (&Block, &f64)| BlockReport {
         iterations: block.film.iterations,
         light_paths: block.counts.light_paths,
@@ -205,7 +205,7 @@ fn denoised(report: &DenoisedReport) -> String {
 }
 
 /// The technique that was chosen, and by how much it beat the next.
-fn technique(chosen: &Chosen) -> String {
+fn technique(chosen: &Selection) -> String {
     let best = chosen.best();
     let mut text = format!(
         "{} in {}: {}, radius {:.4}, {:.4} for caustics",

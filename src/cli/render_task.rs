@@ -1,49 +1,49 @@
 //! A render from the first iteration to the last file.
 
 use super::analyze::noise_file;
-use super::crew::Crew;
-use super::darkness;
+use super::black_image;
 use super::denoising::Denoising;
 use super::json;
 use super::layers::Layers;
+use super::loaded_scene::LoadedScene;
+use super::mpi_leader::MpiLeader;
 use super::outputs::Attempts;
-use super::page::{Moment, Page};
-use super::prepared::Prepared;
+use super::page::{Page, Snapshot};
 use super::render::Args;
 use super::render_files::{Outputs, Schedule, Writer};
 use super::render_report::{Report, Shares, block_reports, describe_counts, text};
 use super::session::Session;
 use super::view::View;
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::{Goal, StoppedBy, importance};
+use bdpm::adaptive::technique::Selection;
 use bdpm::base::error::Result;
-use bdpm::files::checkpoint::Whole;
 use bdpm::noise::Measure;
-use bdpm::optimize::Objective;
+use bdpm::output::checkpoint::Whole;
 use bdpm::render::Renderer;
 use bdpm::render::bias::MergeBias;
-use bdpm::render::block::{Block, Combined};
+use bdpm::render::block::{Block, CombinedImage};
 use bdpm::scene::Region;
-use bdpm::settings::origin::Origin;
-use bdpm::steer::Steer;
-use bdpm::steer::goal::{Goal, StoppedBy, importance};
-use bdpm::steer::technique::Chosen;
+use bdpm::settings::provenance::Provenance;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A render that is ready to begin.
 pub struct Task<'a> {
     pub args: &'a Args,
-    pub prepared: &'a Prepared,
+    pub prepared: &'a LoadedScene,
     pub goal: Goal,
     pub outputs: Outputs,
     pub page: Option<Page>,
     /// The other processes, if there are any.
-    pub crew: Option<Crew<'a>>,
+    pub crew: Option<MpiLeader<'a>>,
     /// What this is a part of, if it is.
     pub whole: Option<Whole>,
     /// Whether counts are chosen on the way.
     pub automatic: bool,
     /// The technique, where that was chosen.
-    pub chosen: Option<Chosen>,
+    pub chosen: Option<Selection>,
     pub denoising: Option<Denoising>,
     /// When rendering began: with the choice of the technique.
     pub start: Instant,
@@ -105,7 +105,7 @@ impl Task<'_> {
                     let (promise, chosen) = (steer.promise(), chosen.as_ref());
                     let denoised = session.denoised();
                     let report = None;
-                    let moment = Moment {
+                    let moment = Snapshot {
                         session,
                         image: &image,
                         denoised,
@@ -130,7 +130,7 @@ impl Task<'_> {
             },
         )?;
         if let Some(crew) = crew {
-            crew.dismiss()?;
+            crew.shut_down()?;
         }
         let half_way = session.half_way();
         // What was asked for first, and all of it whatever fails.
@@ -143,7 +143,7 @@ impl Task<'_> {
         if denoised.is_err() {
             attempts.add(&writer.outputs.exr, || denoised);
         }
-        darkness::warn(&image, &session.progress);
+        black_image::warn(&image, &session.progress);
         if let Some(path) = &args.noise {
             match best_measured(renderer.blocks()) {
                 Some(block) => {
@@ -187,7 +187,7 @@ impl Task<'_> {
             let (chosen, promise) = (report.technique.as_ref(), report.promise.as_ref());
             let (session, image, denoised, report) =
                 (&session, &image, session.denoised(), Some(&report));
-            let moment = Moment { session, image, denoised, earlier, promise, chosen, report };
+            let moment = Snapshot { session, image, denoised, earlier, promise, chosen, report };
             let path = page.path.clone();
             attempts.add(&path, || page.write(&moment));
         }
@@ -204,9 +204,13 @@ impl Task<'_> {
 }
 
 /// The image of all blocks.
-fn combined<'a>(renderer: &'a Renderer, steer: &impl Steer, objective: Objective) -> Combined<'a> {
+fn combined<'a>(
+    renderer: &'a Renderer,
+    steer: &impl Steer,
+    objective: Objective,
+) -> CombinedImage<'a> {
     let importance = importance(renderer.blocks(), objective);
-    Combined::new(renderer.blocks(), steer.weights(renderer.blocks(), &importance))
+    CombinedImage::new(renderer.blocks(), steer.weights(renderer.blocks(), &importance))
 }
 
 /// The block with the most measuring iterations, if they tell its noise.
@@ -217,7 +221,7 @@ pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
 }
 
 /// Writes what its measuring iterations found.
-pub fn save_noise(path: &Path, of: (&Origin, &[Region]), block: &Block) -> Result<()> {
+pub fn save_noise(path: &Path, of: (&Provenance, &[Region]), block: &Block) -> Result<()> {
     let noise = block.noise_image()?;
     noise_file(of, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -1,18 +1,18 @@
 //! What `render` and `analyze` have in common: from the first iteration to the last.
 
-use super::crew::Crew;
 use super::denoising::Denoising;
 use super::human_time;
 use super::interrupts::catch_interrupts;
-use super::prepared::Prepared;
+use super::loaded_scene::LoadedScene;
+use super::mpi_leader::MpiLeader;
 use super::progress::{Manner, Progress, Status, Totals};
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::stopping::{Convergence, Goal, StoppedBy, importance};
 use bdpm::base::error::Result;
-use bdpm::denoise::Denoised;
-use bdpm::render::block::Combined;
+use bdpm::output::denoise::Denoised;
+use bdpm::render::block::CombinedImage;
 use bdpm::render::{IterationReport, Renderer};
 use bdpm::settings::Settings;
-use bdpm::steer::Steer;
-use bdpm::steer::goal::{Goal, Standing, StoppedBy, importance};
 use serde::Serialize;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -102,7 +102,7 @@ const LOOK_COST: f64 = 0.05;
 
 /// Iterations under way.
 pub struct Session<'a> {
-    pub prepared: &'a Prepared,
+    pub prepared: &'a LoadedScene,
     pub goal: Goal,
     /// Iterations of this run at the least, whatever the time.
     least: u64,
@@ -129,7 +129,7 @@ pub struct Session<'a> {
 impl<'a> Session<'a> {
     /// Announces the start; `verb` is what is done to the scene, `counts` how.
     pub fn new(
-        prepared: &'a Prepared,
+        prepared: &'a LoadedScene,
         (goal, least): (Goal, u64),
         manner: Manner,
         (verb, counts): (&str, &str),
@@ -199,7 +199,7 @@ impl<'a> Session<'a> {
         &mut self,
         renderer: &mut Renderer,
         steer: &mut S,
-        mut crew: Option<&mut Crew>,
+        mut crew: Option<&mut MpiLeader>,
         mut between: impl FnMut(&mut Self, &Renderer, &S) -> Result<Option<StoppedBy>>,
     ) -> Result<StoppedBy> {
         loop {
@@ -234,7 +234,7 @@ impl<'a> Session<'a> {
     pub fn denoises_enough<'b>(
         &mut self,
         renderer: &Renderer,
-        image: impl FnOnce() -> Combined<'b>,
+        image: impl FnOnce() -> CombinedImage<'b>,
     ) -> Result<bool> {
         let (elapsed, goal) = (self.elapsed(), self.goal);
         let Some(denoising) = &mut self.denoising else { return Ok(false) };
@@ -253,7 +253,7 @@ impl<'a> Session<'a> {
     }
 
     /// Denoises the image at the end, with its error.
-    pub fn denoise(&mut self, renderer: &Renderer, image: &Combined) -> Result<()> {
+    pub fn denoise(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<()> {
         let threads = &self.prepared.threads;
         match &mut self.denoising {
             Some(denoising) => threads.install(|| denoising.denoise(renderer, image)),
@@ -267,7 +267,11 @@ impl<'a> Session<'a> {
     }
 
     /// What the image looks like denoised, if it is to be.
-    pub fn preview(&mut self, renderer: &Renderer, image: &Combined) -> Result<Option<Denoised>> {
+    pub fn preview(
+        &mut self,
+        renderer: &Renderer,
+        image: &CombinedImage,
+    ) -> Result<Option<Denoised>> {
         let threads = &self.prepared.threads;
         let preview =
             |denoising: &mut Denoising| threads.install(|| denoising.preview(renderer, image));
@@ -295,7 +299,7 @@ impl<'a> Session<'a> {
         let (blocks, objective) = (renderer.blocks(), self.goal.objective);
         let standing = self.prepared.threads.install(|| {
             let importance = importance(blocks, objective);
-            Standing::new(blocks, steer.weights(blocks, &importance), &importance)
+            Convergence::new(blocks, steer.weights(blocks, &importance), &importance)
         });
         self.look_took = entered.elapsed().as_secs_f64();
         if standing.variance.is_none() && self.status.standing.is_some() {
@@ -318,7 +322,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    fn remember(&mut self, standing: &Standing, elapsed: f64) {
+    fn remember(&mut self, standing: &Convergence, elapsed: f64) {
         let last = self.history.last().map_or(0.0, |last| last.seconds);
         if let Some(noise2) = standing.relative_variance(self.goal.objective)
             && elapsed > last * REMEMBER_EVERY
@@ -378,7 +382,7 @@ impl<'a> Session<'a> {
         stopped_by: StoppedBy,
         write_time: Duration,
     ) -> RunReport<'a> {
-        let Prepared { threads, origin, load_time, build_time, .. } = self.prepared;
+        let LoadedScene { threads, origin, load_time, build_time, .. } = self.prepared;
         let Totals { iterations: new, rays, photons, non_finite, times } = self.totals;
         let threads = threads.current_num_threads();
         let busy = |time: Duration| time.as_secs_f64() / threads as f64;

@@ -1,14 +1,14 @@
 //! A scene as it comes together while files are read.
 
-use super::arrange::{Part, Uses};
+use super::default_camera;
 use super::fallback;
-use super::framing;
+use super::instancing::{Part, Uses};
 use super::load::{Loaded, scene_name};
 use super::mtl;
-use super::notes::Note;
 use super::obj::{ObjFile, ObjMesh};
 use super::summary::SceneSummary;
 use super::text::list;
+use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
 use crate::base::memory::{GIB, available_memory};
@@ -40,7 +40,7 @@ pub(super) struct Builder {
     triangles: u64,
     /// Triangles without area.
     dropped: u64,
-    pub notes: Vec<Note>,
+    pub notes: Vec<Warning>,
 }
 
 /// What a file says besides its meshes and materials.
@@ -55,7 +55,7 @@ pub(super) struct Rest {
 
 impl Builder {
     /// Begins with what is to be told anyway.
-    pub fn new(notes: Vec<Note>) -> Self {
+    pub fn new(notes: Vec<Warning>) -> Self {
         Self { notes, ..Self::default() }
     }
 
@@ -107,11 +107,11 @@ impl Builder {
         let path = path.display();
         if !self.undefined.is_empty() {
             let names = list(self.undefined.iter().map(String::as_str));
-            self.notes.push(Note::skipped(format!("{path}: {names} undefined; {grey}")));
+            self.notes.push(Warning::skipped(format!("{path}: {names} undefined; {grey}")));
             self.undefined.clear();
         }
         if std::mem::take(&mut self.unnamed) {
-            self.notes.push(Note::chosen(format!("{path}: faces without material; {grey}")));
+            self.notes.push(Warning::chosen(format!("{path}: faces without material; {grey}")));
         }
         Some(())
     }
@@ -167,23 +167,23 @@ impl Builder {
             let names = list(self.untextured.iter().map(String::as_str));
             let note =
                 "has a mesh without texture coordinates, and there its texture's corner alone";
-            self.notes.push(Note::skipped(format!("{}: {names} {note}", path.display())));
+            self.notes.push(Warning::skipped(format!("{}: {names} {note}", path.display())));
         }
         if self.dropped > 0 {
             // Nobody sees them.
             let note = format!("dropped {} triangles without area", self.dropped);
-            self.notes.push(Note::chosen(note));
+            self.notes.push(Warning::chosen(note));
         }
         Ok(())
     }
 
     /// A camera that sees everything, with a note.
     pub fn place_camera(&mut self, path: &Path) -> Result<Camera> {
-        let camera = framing::camera(&self.bounds())?;
+        let camera = default_camera::camera(&self.bounds())?;
         let (path, position) = (path.display(), camera.position());
-        let degrees = framing::DEGREES;
+        let degrees = default_camera::DEGREES;
         let note = format!("{path}: no camera; put one at {position}, {degrees} degrees high");
-        self.notes.push(Note::chosen(note));
+        self.notes.push(Warning::chosen(note));
         Ok(camera)
     }
 

@@ -1,10 +1,10 @@
 //! Light from all around: maps of radiance, and what is given to scenes that bring no light.
 
-use super::notes::Note;
 use super::text::open;
+use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::pictures::read_exr;
+use crate::image_io::read_exr;
 use crate::scene::Environment;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ impl EnvironmentSource {
     ///
     /// # Errors
     /// If its file cannot be read.
-    pub(super) fn environment(&self, notes: &mut Vec<Note>) -> Result<Environment> {
+    pub(super) fn environment(&self, notes: &mut Vec<Warning>) -> Result<Environment> {
         match self {
             Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
             Self::File(path) => from_file(path, Rgb::ONE, 0.0, notes),
@@ -62,7 +62,7 @@ pub(super) fn from_file(
     path: &Path,
     scale: Rgb,
     turn_deg: f32,
-    notes: &mut Vec<Note>,
+    notes: &mut Vec<Warning>,
 ) -> Result<Environment> {
     let (width, height, mut pixels) = read(path)?;
     let mut mended: Vec<usize> = Vec::new();
@@ -79,7 +79,7 @@ pub(super) fn from_file(
         let note = format!(
             "{path}: {count} pixels are negative or not finite, the first at ({x}, {y}), and became 0"
         );
-        notes.push(Note::skipped(note));
+        notes.push(Warning::skipped(note));
     }
     Ok(Environment::new(width, height, pixels, turn_deg))
 }

@@ -1,9 +1,9 @@
 //! Light for scenes that bring none worth the name, judged by what their camera sees.
 
+use super::default_camera;
 use super::environment::{SOFT, soft};
-use super::framing;
-use super::glance::Glance;
-use super::notes::Note;
+use super::lit_check::LitCheck;
+use super::warnings::Warning;
 use crate::scene::backend::{Backend, build};
 use crate::scene::{Emitter, Scene};
 use std::path::Path;
@@ -22,7 +22,7 @@ pub(super) fn lit(
     mut scene: Scene,
     resolution: [u32; 2],
     path: &Path,
-    notes: &mut Vec<Note>,
+    notes: &mut Vec<Warning>,
 ) -> Scene {
     let has_own = !scene.lights().is_empty();
     let bounds = scene.bounds();
@@ -37,11 +37,11 @@ pub(super) fn lit(
         }
         return scene;
     };
-    let look = |scene: &Scene| Glance::new(scene, &*accel, resolution);
+    let look = |scene: &Scene| LitCheck::new(scene, &*accel, resolution);
     let is_placed = scene.lights().emitters().iter().any(Emitter::is_delta);
     let enough = if is_placed { ENOUGH_OF_PLACED } else { ENOUGH };
     let glance = has_own.then(|| look(&scene));
-    let own = glance.as_ref().map_or(0.0, Glance::lit);
+    let own = glance.as_ref().map_or(0.0, LitCheck::lit);
     if own >= enough {
         return scene;
     }
@@ -55,7 +55,7 @@ pub(super) fn lit(
     let glance = look(&scene);
     let surrounded = glance.lit();
     if surrounded < enough {
-        let (lamp, position, intensity) = framing::lamp(&scene, &*accel, glance.distance2());
+        let (lamp, position, intensity) = default_camera::lamp(&scene, &*accel, glance.distance2());
         let told = format!("a point light of {intensity} W/sr at {position}");
         let with_lamp = scene.clone().with_light(lamp);
         if look(&with_lamp).lit() > surrounded {
@@ -71,8 +71,8 @@ pub(super) fn lit(
     scene.with_environment(None)
 }
 
-fn note(path: &Path, problem: &str, put: &str) -> Note {
-    Note::chosen(format!("{}: {problem}; put {put} ({OTHERWISE})", path.display()))
+fn note(path: &Path, problem: &str, put: &str) -> Warning {
+    Warning::chosen(format!("{}: {problem}; put {put} ({OTHERWISE})", path.display()))
 }
 
 fn surroundings(white: f32) -> String {

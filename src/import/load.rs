@@ -6,12 +6,10 @@
 use super::builder::{Builder, Rest};
 use super::environment::EnvironmentSource;
 use super::gltf;
+use super::instances;
 use super::mitsuba;
-use super::notes;
-use super::notes::Note;
 use super::obj;
 use super::obj::ObjFile;
-use super::places;
 use super::ply;
 use super::scene_file;
 use super::scene_file::SceneFile;
@@ -19,6 +17,8 @@ use super::scene_file::texture::Pictures;
 use super::summary::SceneSummary;
 use super::text;
 use super::text::list;
+use super::warnings;
+use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Region, Scene};
@@ -35,7 +35,7 @@ pub struct Loaded {
     /// The file's `[render]` table.
     pub defaults: PartialSettings,
     /// What was skipped or chosen for the user.
-    pub notes: Vec<Note>,
+    pub notes: Vec<Warning>,
     /// What was read.
     pub summary: SceneSummary,
     /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
@@ -45,7 +45,7 @@ pub struct Loaded {
 impl Loaded {
     /// All notes, a line each.
     pub fn notes_text(&self) -> String {
-        self.notes.iter().map(Note::to_string).collect::<Vec<_>>().join("\n")
+        self.notes.iter().map(Warning::to_string).collect::<Vec<_>>().join("\n")
     }
 }
 
@@ -64,7 +64,7 @@ pub struct LoadOptions<'a> {
 
 impl LoadOptions<'_> {
     /// What is asked for besides a file's own content; notes tell what was mended.
-    pub(super) fn rest(&self, notes: &mut Vec<Note>) -> Result<Rest> {
+    pub(super) fn rest(&self, notes: &mut Vec<Warning>) -> Result<Rest> {
         let environment = self.environment.map(|source| source.environment(notes)).transpose()?;
         let fallback = environment.is_none() && !self.no_fallback_light;
         Ok(Rest { environment, fallback, ..Rest::default() })
@@ -88,7 +88,7 @@ pub fn load(path: &Path) -> Result<Loaded> {
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let loaded = load_any(path, options)?;
     if options.strict {
-        notes::require_complete(&loaded.notes).map_err(|error| error.at(path))?;
+        warnings::require_complete(&loaded.notes).map_err(|error| error.at(path))?;
     }
     Ok(loaded)
 }
@@ -190,7 +190,7 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let places = match &mesh.places {
             None => vec![transform],
             Some(file) if folder.join(file.get_ref()).is_file() => {
-                places::read(&folder.join(file.get_ref()))?
+                instances::read(&folder.join(file.get_ref()))?
                     .into_iter()
                     .map(|place| place.flipped(mesh.flip))
                     .collect()
@@ -222,7 +222,7 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let unused: Vec<&str> = unused.collect();
     if !unused.is_empty() {
         let note = format!("{}: no mesh uses the material {}", path.display(), list(unused));
-        builder.notes.push(Note::chosen(note));
+        builder.notes.push(Warning::chosen(note));
     }
     let lights = file
         .light
@@ -239,7 +239,7 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         (None, asked) => asked,
         (Some(_), Some(asked)) => {
             let note = "--environment takes the place of its own";
-            builder.notes.push(Note::chosen(format!("{}: {note}", path.display())));
+            builder.notes.push(Warning::chosen(format!("{}: {note}", path.display())));
             Some(asked)
         }
         (Some(table), None) => {

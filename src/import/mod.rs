@@ -2,22 +2,22 @@
 //!
 //! [`load()`] is the way in and [`save()`] the way out; nothing else knows what a file looks like.
 
-mod arrange;
+mod instancing;
 mod builder;
 mod environment;
 mod fallback;
-mod framing;
-mod glance;
+mod default_camera;
+mod lit_check;
 mod gltf;
 mod lines;
 mod load;
 mod mitsuba;
 mod mtl;
-mod notes;
+mod warnings;
 mod obj;
-mod places;
+mod instances;
 mod ply;
-mod save;
+mod export;
 mod scene_file;
 mod srgb;
 mod summary;
@@ -25,7 +25,7 @@ mod text;
 mod texture_file;
 
 pub use environment::EnvironmentSource;
+pub use export::{Saved, save};
 pub use load::{LoadOptions, Loaded, load, load_with};
-pub use notes::{Note, NoteKind};
-pub use save::{Saved, save};
 pub use summary::{SceneSummary, counted};
+pub use warnings::{Warning, WarningKind};

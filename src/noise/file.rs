@@ -21,8 +21,8 @@ use super::region::{rectangles_from_text, rectangles_to_text};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::base::memory::{GIB, available_memory};
-use crate::pictures;
-use crate::pictures::{Image, Layer, Metadata, Value};
+use crate::image_io;
+use crate::image_io::{Image, Layer, Metadata, Value};
 use crate::scene::Region;
 use std::path::Path;
 
@@ -54,7 +54,7 @@ impl NoiseFile {
     /// # Errors
     /// If the file cannot be written; names it.
     pub fn write(&self, path: &Path) -> Result<()> {
-        pictures::write_exr(path, &self.to_image())
+        image_io::write_exr(path, &self.to_image())
     }
 
     /// Reads what [`Self::write`] wrote.
@@ -62,7 +62,7 @@ impl NoiseFile {
     /// # Errors
     /// If the file cannot be read or is another EXR file; names it.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::from_image(pictures::read_exr(path)?).map_err(|e| e.at(path))
+        Self::from_image(image_io::read_exr(path)?).map_err(|e| e.at(path))
     }
 
     /// Layers and metadata.

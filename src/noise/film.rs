@@ -3,7 +3,7 @@
 mod merge;
 
 use super::Coefficients;
-use crate::image::film::Tile;
+use crate::film::radiance::Tile;
 use serde::{Deserialize, Serialize};
 
 /// Batches of iterations, to which the measuring ones are dealt out in turn.
@@ -133,7 +133,7 @@ pub enum BatchGrain {
     Tile,
 }
 
-/// Measured sums of a whole image, in the tile order of [`crate::image::film::Film`].
+/// Measured sums of a whole image, in the tile order of [`crate::film::radiance::Film`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFilm {
     pixels: Vec<PixelNoise>,

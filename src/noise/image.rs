@@ -3,7 +3,7 @@
 
 use super::Coefficients;
 use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
-use crate::image::film::Film;
+use crate::film::radiance::Film;
 
 /// Means over the measuring iterations, row by row.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,8 +2,8 @@
 
 use super::image::NoiseImage;
 use crate::base::error::Result;
-use crate::image::film::pool;
-use crate::pictures::{Canvas, number, quantile, tick_step};
+use crate::film::radiance::box_filter;
+use crate::image_io::{Canvas, number, quantile, tick_step};
 use colorgrad::Gradient;
 use std::path::Path;
 
@@ -33,7 +33,7 @@ pub fn write_terms(path: &Path, noise: &NoiseImage) -> Result<TermsPicture> {
     let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
     let terms: Vec<[f64; 3]> =
         noise.pixels.iter().map(|p| p.noise.coefficients.paper_terms(n, m)).collect();
-    let pooled = pool(&terms, noise.width, noise.height);
+    let pooled = box_filter(&terms, noise.width, noise.height);
     let negative = [0, 1, 2].map(|k| pooled.iter().filter(|terms| terms[k] < 0.0).count());
     let roots: Vec<_> = pooled.iter().map(|terms| terms.map(|t| t.max(0.0).sqrt())).collect();
     let largest = roots.iter().map(|r| r.iter().copied().fold(0.0, f64::max)).collect();

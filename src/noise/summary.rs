@@ -40,7 +40,7 @@ pub struct Compared {
     pub ratio: Statistic,
 }
 
-/// Numbers of iterations for an accuracy.
+/// IterationSet of iterations for an accuracy.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct IterationsFor {
     /// For 5 %.

@@ -1,7 +1,7 @@
 //! Whether the merge bias exceeds the noise that is left: more samples then help no further.
 
-use super::block::{Block, Combined};
-use crate::image::film::pool;
+use super::block::{Block, CombinedImage};
+use crate::film::radiance::box_filter;
 use crate::noise::bias::{Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
 use crate::settings::policy::BIAS_CERTAINTY;
@@ -25,7 +25,7 @@ impl MergeBias {
     ///
     /// The bias is the same at all counts, so that the blocks' sums add. It is taken to fall with the radius as
     /// that of all tiles together does: theory.md (70). Its error comes from the batches.
-    pub fn new(blocks: &[Block], image: &Combined) -> Option<Self> {
+    pub fn new(blocks: &[Block], image: &CombinedImage) -> Option<Self> {
         let (nested, counts) = nested_by_tile(blocks)?;
         let film = &blocks[0].film;
         let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
@@ -64,7 +64,7 @@ pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
     let mut sums = vec![[0.0; 2]; film.pixels()];
     for (block, noise) in blocks.iter().filter_map(|block| Some((block, block.noise.as_ref()?))) {
         let pixels = noise.pixels();
-        block.film.zip(&mut sums, |[first, squares], at| {
+        block.film.zip_pixels(&mut sums, |[first, squares], at| {
             *first += pixels[at].nested[0];
             *squares += pixels[at].nested2;
         });
@@ -77,7 +77,7 @@ pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
         [scale * mean, scale * scatter.sqrt()]
     };
     let of_each: Vec<_> = sums.into_iter().map(bias).collect();
-    Some(pool(&of_each, width, height))
+    Some(box_filter(&of_each, width, height))
 }
 
 /// Sums of both nested differences in each batch.

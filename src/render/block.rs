@@ -2,16 +2,16 @@
 
 mod merge;
 
-use super::reduction::Reduction;
+use super::bias_correction::BiasCorrection;
 use super::tiles::{LayerTile, TileSums};
 use crate::base::error::{Error, Result};
+use crate::base::iteration_set::IterationSet;
 use crate::base::math::Rgb;
-use crate::base::numbers::Numbers;
-use crate::image::PhaseTimes;
-use crate::image::beyond::Beyond;
-use crate::image::counts::{CameraCounts, Counts};
-use crate::image::film::{Film, luminance, pool, total};
-use crate::image::layers::{Features, Kept, LightSums, Parts};
+use crate::film::PhaseTimes;
+use crate::film::annulus::Annulus;
+use crate::film::aov::{AovSelection, FeatureBuffers, LightComponents, Parts};
+use crate::film::counts::{CameraCounts, Counts};
+use crate::film::radiance::{Film, box_filter, luminance, total};
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
@@ -27,8 +27,8 @@ use std::sync::OnceLock;
 pub struct Block {
     /// Number of its first iteration among those of the whole image.
     pub first: u64,
-    /// Numbers of the iterations that it holds: all from the first on, or a part of them.
-    pub numbers: Numbers,
+    /// IterationSet of the iterations that it holds: all from the first on, or a part of them.
+    pub numbers: IterationSet,
     /// What every iteration took.
     pub counts: Counts,
     /// Sums of all iterations.
@@ -36,26 +36,26 @@ pub struct Block {
     /// Sums of the measuring ones.
     pub noise: Option<NoiseFilm>,
     /// Light by kind, if it is kept: stored as the film's sums are.
-    pub light: Option<Vec<LightSums>>,
+    pub light: Option<Vec<LightComponents>>,
     /// Parts of the iterations, if they are kept.
     pub parts: Option<Parts>,
     /// What merges beyond half the radii bring, if that is taken off.
-    pub beyond: Option<Beyond>,
+    pub beyond: Option<Annulus>,
     /// Times of the others; not part of the image, nor of its files.
     #[serde(skip)]
-    pub clock: Clock,
+    pub clock: PhaseClock,
 }
 
 /// Times of production iterations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Clock {
+pub struct PhaseClock {
     /// How many.
     pub iterations: u64,
     /// Their sum.
     pub times: PhaseTimes,
 }
 
-impl Clock {
+impl PhaseClock {
     /// Adds an iteration unless it measures.
     pub(super) fn add(&mut self, measure: Measure, times: &PhaseTimes) {
         if measure == Measure::Off {
@@ -69,18 +69,18 @@ impl Block {
     /// No iteration yet; the first will have this number.
     pub fn new(settings: &Settings, first: u64, counts: Counts) -> Self {
         let film = Film::new(settings.width, settings.height);
-        let (numbers, light, parts) = (Numbers::default(), None, None);
-        let beyond = (settings.bias == Bias::Reduce).then(|| Beyond::new(film.pixels(), settings));
-        let (noise, clock) = (None, Clock::default());
+        let (numbers, light, parts) = (IterationSet::default(), None, None);
+        let beyond = (settings.bias == Bias::Reduce).then(|| Annulus::new(film.pixels(), settings));
+        let (noise, clock) = (None, PhaseClock::default());
         Self { first, numbers, counts, film, noise, light, parts, beyond, clock }
     }
 
     /// The same, also keeping this; no iteration yet.
     #[must_use]
-    pub(super) fn keeping(self, kept: Kept) -> Self {
+    pub(super) fn with_aovs(self, kept: AovSelection) -> Self {
         let pixels = self.film.pixels();
         Self {
-            light: kept.light.then(|| vec![LightSums::default(); pixels]),
+            light: kept.light.then(|| vec![LightComponents::default(); pixels]),
             parts: kept.parts.then(|| Parts::new(pixels)),
             ..self
         }
@@ -94,7 +94,7 @@ impl Block {
         &'a mut self,
         (iteration, measure): (u64, Measure),
         grain: BatchGrain,
-        features: Option<&'a mut Features>,
+        features: Option<&'a mut FeatureBuffers>,
     ) -> (&'a Counts, Vec<TileSums<'a>>) {
         let Self { first, counts, film, noise, light, parts, beyond, .. } = self;
         let mut noise_tiles = Vec::new();
@@ -203,7 +203,7 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
         let per_iteration = Coefficients { a: n_light * n_camera, b: n_camera - 1.0, f: n_light };
         weights += per_iteration * noise.iterations as f64;
         let pixels = noise.pixels();
-        block.film.zip(&mut all, |all, at| {
+        block.film.zip_pixels(&mut all, |all, at| {
             let sums = pixels[at].coefficients;
             all.a += sums.a * per_iteration.a;
             all.b += sums.b * per_iteration.b;
@@ -279,14 +279,14 @@ pub fn weights(blocks: &[Block], importance: &[f64]) -> Vec<f64> {
 
 /// The image that some blocks make together.
 #[derive(Clone, Debug)]
-pub struct Combined<'a> {
+pub struct CombinedImage<'a> {
     blocks: &'a [Block],
     weights: Vec<f64>,
     /// Worked out when it is asked for.
-    reduction: OnceLock<Option<Reduction>>,
+    reduction: OnceLock<Option<BiasCorrection>>,
 }
 
-impl<'a> Combined<'a> {
+impl<'a> CombinedImage<'a> {
     /// All blocks, with the given weight for each of their iterations.
     ///
     /// # Panics
@@ -333,23 +333,24 @@ impl<'a> Combined<'a> {
     }
 
     /// What is taken off for its bias, if that is asked for and known.
-    pub fn reduction(&self) -> Option<&Reduction> {
+    pub fn reduction(&self) -> Option<&BiasCorrection> {
         if self.blocks.iter().any(|block| block.beyond.is_none()) {
             return None;
         }
         let reduction = || {
             let (width, height) = self.resolution();
             let own = |value: Rgb| [luminance(value.as_dvec3())];
-            let own: Vec<_> = self.mean_as_merged().into_par_iter().map(own).collect();
-            let around: Vec<f64> = pool(&own, width, height).into_iter().map(|[l]| l).collect();
-            Reduction::new(self.blocks, &self.weights, &around)
+            let own: Vec<_> = self.uncorrected_mean().into_par_iter().map(own).collect();
+            let around: Vec<f64> =
+                box_filter(&own, width, height).into_iter().map(|[l]| l).collect();
+            BiasCorrection::new(self.blocks, &self.weights, &around)
         };
         self.reduction.get_or_init(reduction).as_ref()
     }
 
     /// The image, row by row: the mean over iterations, less what is taken off for its bias; black before the first.
     pub fn mean(&self) -> Vec<Rgb> {
-        let mut mean = self.mean_as_merged();
+        let mut mean = self.uncorrected_mean();
         if let Some(reduction) = self.reduction() {
             mean.par_iter_mut().zip(&reduction.amount).for_each(|(mean, off)| *mean -= *off);
         }
@@ -358,23 +359,23 @@ impl<'a> Combined<'a> {
 
     /// Weighted mean over iterations, row by row; black before the first.
     /// theory.md (74).
-    pub fn mean_as_merged(&self) -> Vec<Rgb> {
+    pub fn uncorrected_mean(&self) -> Vec<Rgb> {
         let mut sums = vec![DVec3::ZERO; self.blocks[0].film.pixels()];
         for (block, weight) in self.pairs() {
             let pixels = block.film.sums();
-            block.film.zip(&mut sums, |sum, at| *sum += pixels[at].radiance * weight);
+            block.film.zip_pixels(&mut sums, |sum, at| *sum += pixels[at].radiance * weight);
         }
         let scale = self.total().recip();
         sums.into_par_iter().map(|sum| (sum * scale).as_vec3()).collect()
     }
 
     /// The same of light by kind, if it is kept in all blocks.
-    pub fn light(&self) -> Option<Vec<LightSums>> {
-        let mut sums = vec![LightSums::default(); self.blocks[0].film.pixels()];
+    pub fn light(&self) -> Option<Vec<LightComponents>> {
+        let mut sums = vec![LightComponents::default(); self.blocks[0].film.pixels()];
         let scale = self.total().recip();
         for (block, weight) in self.pairs() {
             let light = block.light.as_ref()?;
-            block.film.zip(&mut sums, |sum, at| sum.add(&light[at], weight * scale));
+            block.film.zip_pixels(&mut sums, |sum, at| sum.add(&light[at], weight * scale));
         }
         Some(sums)
     }
@@ -412,7 +413,7 @@ impl<'a> Combined<'a> {
     /// Estimate of the variance of the luminance of [`Self::mean`] in each pixel, row by row; `None` before the second
     /// iteration of any block. Unbiased but for what is taken off for the bias: shares of that count as known.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
-        let mut variance = self.variance_as_merged()?;
+        let mut variance = self.uncorrected_variance()?;
         if let Some(reduction) = self.reduction() {
             let both = variance.par_iter_mut().zip(&reduction.variance);
             both.for_each(|(variance, change)| *variance += change);
@@ -421,7 +422,7 @@ impl<'a> Combined<'a> {
     }
 
     /// The same before anything is taken off; unbiased.
-    pub fn variance_as_merged(&self) -> Option<Vec<f64>> {
+    pub fn uncorrected_variance(&self) -> Option<Vec<f64>> {
         let mut variance = vec![0.0; self.blocks[0].film.pixels()];
         for (block, share) in self.shares()? {
             let scale = share * block.film.iterations as f64;
@@ -436,7 +437,7 @@ impl<'a> Combined<'a> {
     pub fn rms(&self) -> Option<Vec<f32>> {
         let (width, height) = self.resolution();
         let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
-        let pooled = pool(&variance, width, height);
+        let pooled = box_filter(&variance, width, height);
         Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
     }
 

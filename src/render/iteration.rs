@@ -38,7 +38,7 @@ impl Renderer<'_> {
         let before = block.film.iterations;
         let (counts, mut tiles) =
             block.begin_iteration((iteration, measure), self.grain, features.as_mut());
-        let job = Job::new(pass, merge, counts, measure, before).keeping(self.kept);
+        let job = Job::new(pass, merge, counts, measure, before).with_aovs(self.kept);
         // Results do not depend on which tiles one thread takes together.
         Shares::new(&mut tiles, job.tiles_together())
             .par_bridge()
@@ -52,7 +52,7 @@ impl Renderer<'_> {
         }
         let Self { light_paths, photon_map, workers, .. } = self;
         let report = IterationReport::new(light_paths, build_time, photon_map, workers, start);
-        let report = report.one_of(self.ranks);
+        let report = report.with_ranks(self.ranks);
         block.clock.add(measure, &report.times);
         self.blocks.insert(self.current, block);
         self.features = features;
@@ -74,10 +74,10 @@ impl Renderer<'_> {
             accel: *accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
-            gather_early: mis.is_some() || photon_map.any_at_every_vertex(),
+            gather_early: mis.is_some() || photon_map.has_caustic_photons(),
         };
         let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
         let halves = settings.bias == Bias::Reduce;
-        (pass, merge.weighted(mis).telling(kept.light).halving(halves))
+        (pass, merge.weighted(mis).telling(kept.light).with_annulus(halves))
     }
 }

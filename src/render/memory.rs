@@ -1,14 +1,14 @@
 //! Whether an image fits in the memory, before anything is allocated.
 
-use super::reduction::Reduction;
+use super::bias_correction::BiasCorrection;
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
-use crate::bsdf::Bsdf;
-use crate::image::beyond::Beyond;
-use crate::image::film::PixelSums;
-use crate::image::layers::Kept;
+use crate::film::annulus::Annulus;
+use crate::film::aov::AovSelection;
+use crate::film::radiance::PixelSums;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::scene::Scene;
+use crate::scene::bsdf::Bsdf;
 use crate::settings::{Bias, Settings, Strategy};
 use crate::transport::photon::Photon;
 
@@ -31,18 +31,18 @@ fn bytes_per_photon(settings: &Settings) -> f64 {
 /// The light paths, each of so many photons on average, that fit in so many bytes of memory beside
 /// the image; below 1 where not even one fits.
 pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -> f64 {
-    (memory - film_bytes(settings, Kept::default(), 1))
+    (memory - film_bytes(settings, AovSelection::default(), 1))
         / (photons_per_path * bytes_per_photon(settings))
 }
 
 /// Bytes of the image under way: sums of the image and the noise and counts of each block, the image
 /// and what is being written.
-pub(super) fn film_bytes(settings: &Settings, kept: Kept, blocks: usize) -> f64 {
+pub(super) fn film_bytes(settings: &Settings, kept: AovSelection, blocks: usize) -> f64 {
     let written = 2 * size_of::<PixelSums>();
     let block = size_of::<PixelSums>() + NoiseFilm::bytes_per_pixel(BatchGrain::Tile);
     let (in_blocks, once) = kept.bytes_per_pixel();
     let (beyond, reducing) = match settings.bias {
-        Bias::Reduce => (Beyond::BYTES, Reduction::BYTES),
+        Bias::Reduce => (Annulus::BYTES, BiasCorrection::BYTES),
         Bias::Keep => (0, 0),
     };
     let per_pixel =
@@ -54,7 +54,7 @@ pub(super) fn film_bytes(settings: &Settings, kept: Kept, blocks: usize) -> f64 
 pub(super) fn check_memory(
     scene: &Scene,
     settings: &Settings,
-    kept: Kept,
+    kept: AovSelection,
     light_paths: u32,
 ) -> Result<()> {
     let light = f64::from(light_paths) * bytes_per_light_path(scene, settings);

@@ -1,30 +1,30 @@
 //! Renders a scene, iteration after iteration: what a renderer holds, and how one is made of another.
 
 pub mod bias;
+mod aov_sums;
+pub mod bias_correction;
 pub mod block;
-mod layers;
 mod iteration;
-pub mod learning;
+pub mod guiding;
 mod memory;
-pub mod reduction;
 mod report;
-mod sharing;
+mod partial;
 mod tile_paths;
 mod tiles;
 mod worker;
 
 pub use memory::light_paths_in;
+pub use partial::Sums;
 pub use report::IterationReport;
-pub use sharing::Sums;
 
 use crate::accel::Intersect;
 use crate::base::error::{Error, Result};
+use crate::base::iteration_set::IterationSet;
 use crate::base::memory::available_memory;
-use crate::base::numbers::Numbers;
 use crate::base::pool::Pool;
-use crate::image::counts::Counts;
-use crate::image::film::Film;
-use crate::image::layers::{Features, Kept};
+use crate::film::aov::{AovSelection, FeatureBuffers};
+use crate::film::counts::Counts;
+use crate::film::radiance::Film;
 use crate::noise::film::{BatchGrain, NoiseFilm};
 use crate::noise::image::NoiseImage;
 use crate::scene::lights::guide::Guide;
@@ -50,17 +50,17 @@ pub struct Renderer<'a> {
     blocks: Vec<Block>,
     /// The block under way.
     current: usize,
-    /// Numbers of the iterations to render.
-    own: Numbers,
+    /// IterationSet of the iterations to render.
+    own: IterationSet,
     /// Processes that render this image together.
     ranks: u32,
     grain: BatchGrain,
     /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
     nesting: Option<PhotonClass>,
     /// What is kept beside the image.
-    kept: Kept,
+    kept: AovSelection,
     /// Over all blocks, if they are kept.
-    features: Option<Features>,
+    features: Option<FeatureBuffers>,
     /// Of the surfaces, if the kernel asks for them.
     areas: Option<Arc<Areas<'a>>>,
     light_paths: LightPaths,
@@ -109,7 +109,7 @@ impl<'a> Renderer<'a> {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub fn like(&self, settings: Settings) -> Result<Self> {
+    pub fn with_settings(&self, settings: Settings) -> Result<Self> {
         let like = if settings.kernel != self.settings.kernel {
             Self::unguided(self.scene, self.accel, settings)?
         } else {
@@ -136,7 +136,7 @@ impl<'a> Renderer<'a> {
         areas: impl FnOnce(&Settings) -> Option<Arc<Areas<'a>>>,
     ) -> Result<Self> {
         settings.validate()?;
-        check_memory(scene, &settings, Kept::default(), settings.light_paths)?;
+        check_memory(scene, &settings, AovSelection::default(), settings.light_paths)?;
         if scene.lights().is_empty() {
             return Err(Error::new(
                 "the scene has no light",
@@ -152,12 +152,12 @@ impl<'a> Renderer<'a> {
             view,
             blocks: vec![Block::new(&settings, 0, counts)],
             current: 0,
-            own: Numbers::all(),
+            own: IterationSet::all(),
             ranks: 1,
             settings,
             grain: BatchGrain::Tile,
             nesting: None,
-            kept: Kept::default(),
+            kept: AovSelection::default(),
             features: None,
             areas,
             light_paths: LightPaths::default(),
@@ -175,7 +175,7 @@ impl<'a> Renderer<'a> {
         let view = self.scene.camera.view(settings.width, settings.height).every(stride);
         let [width, height] =
             [settings.width, settings.height].map(|pixels| (pixels / stride).max(1));
-        Ok(Self { view, ..self.like(Settings { width, height, ..settings })? })
+        Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })
     }
 
     /// What it renders.
@@ -195,24 +195,24 @@ impl<'a> Renderer<'a> {
     ///
     /// # Panics
     /// If anything was rendered before.
-    pub fn keeping(mut self, kept: Kept) -> Result<Self> {
+    pub fn with_aovs(mut self, kept: AovSelection) -> Result<Self> {
         assert!(self.iterations() == 0, "what is kept is kept of all iterations");
         check_memory(self.scene, &self.settings, kept, self.block().counts.light_paths)?;
         let pixels = self.settings.pixels();
         let features = kept.features || kept.parts;
-        self.features = features.then(|| Features::new(pixels, kept.parts));
+        self.features = features.then(|| FeatureBuffers::new(pixels, kept.parts));
         let counts = self.block().counts.clone();
-        self.blocks = vec![Block::new(&self.settings, 0, counts).keeping(kept)];
+        self.blocks = vec![Block::new(&self.settings, 0, counts).with_aovs(kept)];
         Ok(Self { kept, ..self })
     }
 
     /// What is kept beside the image.
-    pub fn kept(&self) -> Kept {
+    pub fn kept(&self) -> AovSelection {
         self.kept
     }
 
     /// What is seen in each pixel, if it is kept.
-    pub fn features(&self) -> Option<&Features> {
+    pub fn features(&self) -> Option<&FeatureBuffers> {
         self.features.as_ref()
     }
 
@@ -220,15 +220,19 @@ impl<'a> Renderer<'a> {
     ///
     /// # Errors
     /// As [`Self::resume`].
-    pub fn resume_with(&mut self, blocks: Vec<Block>, features: Option<Features>) -> Result<()> {
+    pub fn resume_with(
+        &mut self,
+        blocks: Vec<Block>,
+        features: Option<FeatureBuffers>,
+    ) -> Result<()> {
         let pixels = self.settings.pixels();
         self.resume(blocks)?;
         let light = self.blocks.iter().all(|block| block.light.is_some());
         let parts = self.blocks.iter().all(|block| block.parts.is_some());
         self.features = features.filter(|features| features.fits(pixels));
         let features = self.features.is_some();
-        let in_parts = self.features.as_ref().is_some_and(Features::is_in_parts);
-        self.kept = Kept { light, features, parts: parts && in_parts };
+        let in_parts = self.features.as_ref().is_some_and(FeatureBuffers::is_in_parts);
+        self.kept = AovSelection { light, features, parts: parts && in_parts };
         Ok(())
     }
 
@@ -284,13 +288,13 @@ impl<'a> Renderer<'a> {
     /// Repeats only merges with photons of one class at nested radii, which tell the bias: that of these merges
     /// alone. The radii of both classes must not be equal.
     #[must_use]
-    pub fn nesting(self, class: PhotonClass) -> Self {
+    pub fn nested_class(self, class: PhotonClass) -> Self {
         Self { nesting: Some(class), ..self }
     }
 
-    /// Whether photons of [`PhotonClass::EveryVertex`] were found in the last iteration.
-    pub fn finds_any_at_every_vertex(&self) -> bool {
-        self.photon_map.any_at_every_vertex()
+    /// Whether photons of [`PhotonClass::Caustic`] were found in the last iteration.
+    pub fn found_caustic_photons(&self) -> bool {
+        self.photon_map.has_caustic_photons()
     }
 
     /// All blocks, by the numbers of their iterations.

@@ -2,7 +2,7 @@
 
 use super::worker::Worker;
 use crate::base::pool::Pool;
-use crate::image::PhaseTimes;
+use crate::film::PhaseTimes;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::photon_map::PhotonMap;
 use std::time::{Duration, Instant};
@@ -46,7 +46,7 @@ impl IterationReport {
     }
 
     /// The same with times per iteration of so many processes together.
-    pub(super) fn one_of(mut self, ranks: u32) -> Self {
+    pub(super) fn with_ranks(mut self, ranks: u32) -> Self {
         self.times = self.times / ranks;
         self
     }

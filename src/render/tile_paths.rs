@@ -1,7 +1,7 @@
 //! The camera paths of neighboring tiles, pixel after pixel.
 
-use crate::image::counts::CameraCounts;
-use crate::image::film::Tile;
+use crate::film::counts::CameraCounts;
+use crate::film::radiance::Tile;
 use crate::transport::camera_paths::CameraPathId;
 
 /// The camera path that comes next, and those after it.
@@ -108,7 +108,7 @@ impl Iterator for TilePaths<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::film::Film;
+    use crate::film::radiance::Film;
 
     #[test]
     fn each_pixel_has_all_its_paths() {

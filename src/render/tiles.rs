@@ -1,8 +1,8 @@
 //! Tiles of the image under way, and how threads share them.
 
-use crate::image::beyond::BeyondTile;
-use crate::image::film::{PixelSums, Tile};
-use crate::image::layers::{FeatureTile, LightSums, PartTile};
+use crate::film::annulus::AnnulusTile;
+use crate::film::aov::{FeatureTile, LightComponents, PartTile};
+use crate::film::radiance::{PixelSums, Tile};
 use crate::noise::film::NoiseTile;
 
 /// A tile of the image under way.
@@ -17,16 +17,16 @@ pub struct TileSums<'a> {
     /// Sum over its pixels of [`PixelSums::deviation`] of this iteration.
     pub deviation: f64,
     /// What merges beyond half the radii bring, if that is taken off.
-    pub beyond: Option<BeyondTile<'a>>,
+    pub beyond: Option<AnnulusTile<'a>>,
     /// What is kept beside.
     pub layers: LayerTile<'a>,
 }
 
-/// What is kept of a tile beside its sums, as far as it is; see [`Kept`](crate::image::layers::Kept).
+/// What is kept of a tile beside its sums, as far as it is; see [`AovSelection`](crate::film::aov::AovSelection).
 #[derive(Debug, Default)]
 pub struct LayerTile<'a> {
     /// Light by kind.
-    pub light: Option<&'a mut [LightSums]>,
+    pub light: Option<&'a mut [LightComponents]>,
     /// What is seen.
     pub features: Option<FeatureTile<'a>>,
     /// The part that the iteration belongs to.
@@ -63,7 +63,7 @@ impl<'a, 'b> Iterator for Shares<'a, 'b> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::film::Film;
+    use crate::film::radiance::Film;
 
     #[test]
     fn shares_are_all_tiles_and_shrink_toward_the_end() {

@@ -1,12 +1,12 @@
 //! One thread's work on some tiles: camera and merge phases, and what becomes of the pairs.
 
-use super::layers::LayerSums;
+use super::aov_sums::LayerSums;
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
-use crate::image::counts::Counts;
-use crate::image::film::{Tile, luminance};
-use crate::image::layers::{Kept, LayerValue};
+use crate::film::aov::{AovSelection, LayerValue};
+use crate::film::counts::Counts;
+use crate::film::radiance::{Tile, luminance};
 use crate::noise::film::PixelMeasurement;
 use crate::noise::halves::Halves;
 use crate::noise::pairs::AllPairs;
@@ -33,7 +33,7 @@ pub struct Job<'a> {
     /// Iterations that the sums hold already.
     pub before: u64,
     /// What is kept beside the image.
-    pub kept: Kept,
+    pub kept: AovSelection,
 }
 
 impl<'a> Job<'a> {
@@ -46,11 +46,11 @@ impl<'a> Job<'a> {
         before: u64,
     ) -> Self {
         let together = merge.together(measure != Measure::Off);
-        Self { pass, merge, counts, measure, together, before, kept: Kept::default() }
+        Self { pass, merge, counts, measure, together, before, kept: AovSelection::default() }
     }
 
     /// The same, keeping this beside the image.
-    pub fn keeping(self, kept: Kept) -> Self {
+    pub fn with_aovs(self, kept: AovSelection) -> Self {
         Self { kept, ..self }
     }
 
@@ -84,13 +84,13 @@ pub struct Worker {
     caustics: Gathered,
     pairs: AllPairs,
     halves: Halves,
-    clock: Clock,
+    clock: PhaseClock,
     non_finite: Vec<(u32, u32)>,
 }
 
 /// Busy times.
 #[derive(Debug, Default)]
-pub(super) struct Clock {
+pub(super) struct PhaseClock {
     camera: Duration,
     merge: Duration,
 }
@@ -191,7 +191,7 @@ impl Worker {
 
     /// Hands over the counters.
     pub fn take_counts(&mut self) -> WorkerCounts {
-        let Clock { camera, merge } = std::mem::take(&mut self.clock);
+        let PhaseClock { camera, merge } = std::mem::take(&mut self.clock);
         WorkerCounts {
             camera,
             merge,
@@ -206,7 +206,7 @@ pub(super) fn trace(
     job: &Job,
     mut ids: TilePaths,
     paths: &mut CameraPaths,
-    clock: &mut Clock,
+    clock: &mut PhaseClock,
     mut merge: impl FnMut(&mut CameraPaths),
 ) {
     while !ids.is_done() {
@@ -230,7 +230,7 @@ fn measure<E: Estimator>(
     job: &Job,
     ids: TilePaths,
     (paths, gathered): (&mut CameraPaths, &mut Gathered),
-    clock: &mut Clock,
+    clock: &mut PhaseClock,
     mut measuring: Measuring<E>,
 ) {
     trace(job, ids, paths, clock, |paths| {

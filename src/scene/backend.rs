@@ -1,7 +1,7 @@
 //! The choice of an intersection backend at run time.
 
 use super::Scene;
-use super::cut_out::CutOuts;
+use super::alpha_mask::CutOuts;
 use crate::accel::Intersect;
 use crate::accel::bvh::Bvh;
 use crate::base::error::{Error, Result};

@@ -3,7 +3,7 @@
 use crate::accel::Ray;
 use crate::base::error::{Error, Result};
 use crate::base::math::{disc_area, uniform_disc};
-use crate::lanes::{LANES, Vec3s};
+use crate::simd::{LANES, Vec3s};
 use glam::Vec3;
 
 /// A camera: where it is, and how it gathers light.

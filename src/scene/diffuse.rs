@@ -2,7 +2,7 @@
 
 use super::LightSamples;
 use crate::base::math::{Rgb, cosine_hemisphere};
-use crate::lanes::{LANES, Mask, Rngs, Vec3s};
+use crate::simd::{LANES, Mask, Rngs, Vec3s};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 

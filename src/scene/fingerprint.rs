@@ -5,7 +5,7 @@ use super::{
     Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, FacetModel, Reflectance};
+use crate::scene::bsdf::{Bsdf, FacetModel, Reflectance};
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -281,7 +281,7 @@ impl Hash {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::{
+    use crate::scene::bsdf::{
         Coated, Conductor, Dielectric, Facets, Glossy, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::Wrap;

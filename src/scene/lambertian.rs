@@ -2,7 +2,7 @@
 
 use super::Material;
 use crate::base::math::Rgb;
-use crate::bsdf::Bsdf;
+use crate::scene::bsdf::Bsdf;
 use bytemuck::{Pod, Zeroable};
 
 /// What is read of a material that is Lambertian, wherever nothing varies: 16 bytes.

@@ -1,9 +1,9 @@
 //! The look of a surface: how it scatters, and what it emits.
 
-use super::cut_out::CutOut;
+use super::alpha_mask::CutOut;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
-use crate::bsdf::Bsdf;
+use crate::scene::bsdf::Bsdf;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 

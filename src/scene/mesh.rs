@@ -34,7 +34,7 @@ impl Mesh {
         !(self.normals.is_empty() && self.colors.is_empty())
     }
 
-    /// Numbers vertices by their first use, as readers do, and leaves out those that no triangle uses.
+    /// IterationSet vertices by their first use, as readers do, and leaves out those that no triangle uses.
     pub(crate) fn renumber(&mut self) {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut order = Vec::with_capacity(self.positions.len());

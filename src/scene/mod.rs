@@ -1,11 +1,12 @@
 //! A scene: meshes, materials, lights and a camera, immutable once built.
 
 pub mod backend;
+pub mod bsdf;
 pub mod camera;
-mod cut_out;
+mod alpha_mask;
 pub mod diffuse;
 mod fingerprint;
-mod hidden;
+mod camera_visibility;
 mod hit;
 mod lambertian;
 pub mod lights;
@@ -21,12 +22,12 @@ pub(crate) mod transform;
 mod triangle;
 mod validate;
 
+pub use alpha_mask::CutOut;
 pub use camera::{Camera, FieldOfView, Optics, View};
-pub use cut_out::CutOut;
 pub use hit::Seen;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
-pub use lights::lanes::{Emissions, LightSamples};
+pub use lights::packets::{Emissions, LightSamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights};
 pub use material::Material;

@@ -3,7 +3,7 @@
 use super::Surface;
 use crate::base::math::uniform_disc;
 use crate::base::rng::Rng;
-use crate::bsdf::{Bsdf, BsdfSample, Lobe, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, Transport, Vertex, Wanted};
 use glam::Vec3;
 use std::f32::consts::PI;
 

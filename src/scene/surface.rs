@@ -4,7 +4,7 @@ use super::Material;
 use super::diffuse::{DiffusePoint, Facet};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
-use crate::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
 use glam::{Vec2, Vec3};
 
 /// Where a ray hit, on the side that it came from.

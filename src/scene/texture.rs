@@ -19,7 +19,7 @@ pub struct Texture {
 /// What a picture is between its texels and beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sampling {
-    /// Beyond the edges, along `u` and `v`.
+    /// Annulus the edges, along `u` and `v`.
     pub wrap: [Wrap; 2],
     /// Whether each texel is of one value; else they are interpolated.
     pub nearest: bool,

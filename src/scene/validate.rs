@@ -83,7 +83,7 @@ fn check_emitter(mesh: &Mesh) -> std::result::Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::Bsdf;
+    use crate::scene::bsdf::Bsdf;
     use glam::{Vec2, Vec3};
 
     fn mesh() -> Mesh {

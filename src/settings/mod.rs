@@ -1,15 +1,15 @@
 //! Everything besides the scene that determines an image, validated.
 
 mod checks;
-mod exactly;
+mod fixed_array;
 mod length;
-pub mod origin;
+pub mod provenance;
 pub mod policy;
 mod table;
 
 pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
-pub(crate) use exactly::Exactly;
+pub(crate) use fixed_array::FixedArray;
 pub use length::Length;
 pub(crate) use table::shared_by;
 pub use table::{PartialSettings, Settings};

@@ -1,4 +1,4 @@
-//! Numbers that decide: when to measure, when to choose counts again, and when enough is known.
+//! IterationSet that decide: when to measure, when to choose counts again, and when enough is known.
 //!
 //! None changes what is estimated, only how soon and how well. Each tells where it comes from: "by
 //! trial" means the middle of a range within which `examples/optimum_table.rs` shows no difference beyond

@@ -4,7 +4,7 @@ use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_merge_vertex, check_radius,
     check_resolution, check_scale, check_strategy, checked,
 };
-use super::exactly::Exactly;
+use super::fixed_array::FixedArray;
 use super::{Bias, Direct, Kernel, Length, Roulette, Strategy};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -227,7 +227,7 @@ mod read {
     pub fn resolution<'de, D: Deserializer<'de>>(
         from: D,
     ) -> std::result::Result<Option<[u32; 2]>, D::Error> {
-        let Exactly(pixels) = Exactly::deserialize(from)?;
+        let FixedArray(pixels) = FixedArray::deserialize(from)?;
         check_resolution(&pixels).map_err(as_serde)?;
         Ok(Some(pixels))
     }

@@ -6,7 +6,7 @@ use super::setup::Setup;
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_text;
-use crate::pictures::Metadata;
+use crate::image_io::Metadata;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

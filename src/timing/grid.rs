@@ -2,9 +2,9 @@
 
 use super::sample::Phase;
 
-/// Numbers of light paths.
+/// IterationSet of light paths.
 const LIGHT_PATHS: [u32; 4] = [1000, 10_000, 100_000, 1_000_000];
-/// Numbers of camera paths per pixel: few, so that iterations are short.
+/// IterationSet of camera paths per pixel: few, so that iterations are short.
 const CAMERA_PATHS: [u32; 3] = [1, 2, 4];
 
 /// Counts of an iteration.

@@ -1,6 +1,6 @@
 //! Times of the phases at given counts, and their medians over iterations.
 
-use crate::image::PhaseTimes;
+use crate::film::PhaseTimes;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 

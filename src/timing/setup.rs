@@ -1,9 +1,9 @@
 //! What times were measured with, and what they may be used for.
 
 use crate::base::error::{Error, Result};
-use crate::pictures::{Metadata, Value};
+use crate::image_io::{Metadata, Value};
 use crate::settings::Settings;
-use crate::settings::origin::Origin;
+use crate::settings::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -41,8 +41,8 @@ fn dependent() -> impl Iterator<Item = &'static str> {
 
 impl Setup {
     /// Of this program on this machine.
-    pub fn new(origin: &Origin, threads: usize) -> Self {
-        let Origin { version, scene, fingerprint, backend, settings } = origin;
+    pub fn new(origin: &Provenance, threads: usize) -> Self {
+        let Provenance { version, scene, fingerprint, backend, settings } = origin;
         let mut all = settings.to_map();
         let settings =
             dependent().filter_map(|name| Some((name.to_owned(), all.remove(name)?))).collect();
@@ -165,9 +165,9 @@ pub(super) mod tests {
     use super::*;
     use crate::settings::PartialSettings;
 
-    fn origin() -> Origin {
+    fn origin() -> Provenance {
         let none = PartialSettings::default();
-        Origin {
+        Provenance {
             version: "1.2.3".into(),
             scene: "box".into(),
             fingerprint: 0xabc,

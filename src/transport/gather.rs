@@ -3,10 +3,10 @@
 use super::mis::Mis;
 use super::photon::Photon;
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, Lobe, Transport, Vertex};
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::shading_normal;
+use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3;
 use std::array::from_fn;
 use std::ops::Range;

@@ -4,8 +4,8 @@ use super::area::{Areas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass};
 use crate::base::math::disc_area;
-use crate::lanes::{LANES, Mask, Vec3s};
 use crate::settings::{self, Settings};
+use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3;
 use std::array::from_fn;
 use std::f32::consts::FRAC_1_SQRT_2;
@@ -13,8 +13,8 @@ use std::f32::consts::FRAC_1_SQRT_2;
 /// A value for photons of either class, by [`PhotonClass`].
 pub type ByClass<T> = [T; 2];
 
-const EVERY: usize = PhotonClass::EveryVertex as usize;
-const LAST: usize = PhotonClass::LastVertex as usize;
+const EVERY: usize = PhotonClass::Caustic as usize;
+const LAST: usize = PhotonClass::Diffuse as usize;
 
 /// Which photons count: those within the radius of their class, on a surface whose normal is nearly that at
 /// the point and whose plane is near it: theory.md (45b).

@@ -1,20 +1,20 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
-use super::flight::Flight;
 use super::mis::Mis;
 use super::mis::photons::PhotonParts;
+use super::path_queue::Flight;
+use super::path_state::{Depth, WEIGHT_FLOOR, Walk, Walks, at_other_surface};
 use super::photon::{Extent, Photon, PhotonClass, Photons, Side};
-use super::walks::{Depth, WEIGHT_FLOOR, Walk, Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
-use crate::lanes::simd::{Simd, vectorized};
-use crate::lanes::{LANES, Mask, any, lanes_of};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Lights, Scene, Seen, Surface};
 use crate::settings::{Direct, Roulette, Settings};
+use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::{LANES, Mask, any, lanes_of};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::mem;
@@ -377,7 +377,7 @@ impl Tracer {
 #[inline(always)] // as the next: parts of vector loops
 // theory.md, section 4
 fn class_of(depth: Depth) -> PhotonClass {
-    if depth.diffuse() == 0 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
+    if depth.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
 }
 
 /// Probability of going on with `flux` from a vertex of this weight.

@@ -9,8 +9,8 @@ use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{Found, LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
 use crate::base::math::{LUMINANCE, Rgb};
-use crate::lanes::simd::{Simd, vectorized};
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::{LANES, Mask, Vec3s};
 use std::array::from_fn;
 use std::ops;
 
@@ -65,7 +65,7 @@ impl<'a> Merge<'a> {
     /// Merges with the photons of `map`, built for the kernel's reach, camera paths that are cut at their
     /// diffuse vertex number `merge_vertex`.
     pub fn new(map: &'a PhotonMap, merge_vertex: u32, kernel: Kernel<'a>) -> Self {
-        let kernel = if map.any_at_every_vertex() { kernel } else { kernel.of_last_vertex() };
+        let kernel = if map.has_caustic_photons() { kernel } else { kernel.of_last_vertex() };
         let admission = kernel.admission();
         let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
         let (mis, tells, halves) = (None, false, false);
@@ -79,8 +79,8 @@ impl<'a> Merge<'a> {
 
     /// The same, telling what photons beyond half the merge radii bring as well.
     #[must_use]
-    pub fn halving(self, halves: bool) -> Self {
-        let apart = halves && self.map.any_at_every_vertex();
+    pub fn with_annulus(self, halves: bool) -> Self {
+        let apart = halves && self.map.has_caustic_photons();
         Self { halves, admission: Admission { apart, ..self.admission }, ..self }
     }
 
@@ -93,7 +93,7 @@ impl<'a> Merge<'a> {
     /// Whether photons with and without a diffuse bounce are summed apart: their radii differ, or there are none of
     /// the latter.
     pub fn tells_caustics(&self) -> bool {
-        !self.admission.is_uniform() || !self.map.any_at_every_vertex()
+        !self.admission.is_uniform() || !self.map.has_caustic_photons()
     }
 
     /// The same with photons without a diffuse bounce alone: tells caustics where all have one radius.
@@ -330,7 +330,7 @@ impl<'a> Merge<'a> {
                 continue; // The kernel is known where there is flux.
             }
             let kernel = kernels.get(lane);
-            let flux = every.get(lane) * kernel.relative()[PhotonClass::EveryVertex as usize];
+            let flux = every.get(lane) * kernel.relative()[PhotonClass::Caustic as usize];
             caustics[packet.path[lane] as usize] +=
                 packet.weight.get(lane) * kernel.inverse_area * flux;
         }
@@ -357,7 +357,7 @@ impl<'a> Merge<'a> {
                 return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, first);
             }
             let second = AtSecond::new(&mis, part);
-            if self.map.any_at_every_vertex() {
+            if self.map.has_caustic_photons() {
                 let all = (&second, 1.0);
                 return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all);
             }
@@ -413,7 +413,7 @@ impl<'a> Merge<'a> {
         let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
         self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
             let class = photon.class();
-            let counts = look_up.last || own.is_some() || class == PhotonClass::EveryVertex;
+            let counts = look_up.last || own.is_some() || class == PhotonClass::Caustic;
             let least_radius2 = self.admission.least_radius2(photon, distance2, point.position);
             if counts && self.admission.admits(photon, least_radius2, point.normal) {
                 // theory.md (46)

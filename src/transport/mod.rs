@@ -3,7 +3,7 @@
 
 pub mod area;
 pub mod camera_paths;
-mod flight;
+mod path_queue;
 pub mod gather;
 pub mod kernel;
 pub mod light_paths;
@@ -13,4 +13,4 @@ pub mod pair_list;
 pub mod photon;
 pub mod photon_map;
 pub mod reference;
-mod walks;
+mod path_state;

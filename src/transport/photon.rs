@@ -1,8 +1,8 @@
 //! Photons: what light paths leave where they arrive.
 
 use crate::base::math::{Bounds, Rgb, pack_direction, unpack_direction};
-use crate::lanes::simd::{Simd, one_by_one};
-use crate::lanes::{LANES, Vec3s};
+use crate::simd::dispatch::{Simd, one_by_one};
+use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec3A};
 
@@ -30,7 +30,7 @@ pub struct Extent {
     /// How many they are.
     pub count: usize,
     /// Whether any is merged at every vertex.
-    pub any_at_every_vertex: bool,
+    pub has_caustic_photons: bool,
     /// Whether any tells where it comes from; the packed direction 0 needs no telling.
     pub directions: bool,
 }
@@ -38,7 +38,7 @@ pub struct Extent {
 impl Default for Extent {
     /// Of no photons.
     fn default() -> Self {
-        Self { bounds: Bounds::EMPTY, count: 0, any_at_every_vertex: false, directions: false }
+        Self { bounds: Bounds::EMPTY, count: 0, has_caustic_photons: false, directions: false }
     }
 }
 
@@ -46,16 +46,16 @@ impl Extent {
     /// That of some photons.
     pub fn of(photons: &[Photon]) -> Self {
         let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-        let (mut any_at_every_vertex, mut directions) = (false, 0);
+        let (mut has_caustic_photons, mut directions) = (false, 0);
         for photon in photons {
             // In this order a position that is not a number leaves them as they are.
             min = Vec3A::from(photon.position).min(min);
             max = Vec3A::from(photon.position).max(max);
-            any_at_every_vertex |= photon.class() == PhotonClass::EveryVertex;
+            has_caustic_photons |= photon.class() == PhotonClass::Caustic;
             directions |= photon.from;
         }
         let bounds = Bounds { min: min.into(), max: max.into() };
-        Self { bounds, count: photons.len(), any_at_every_vertex, directions: directions != 0 }
+        Self { bounds, count: photons.len(), has_caustic_photons, directions: directions != 0 }
     }
 
     /// That of these photons and others.
@@ -65,7 +65,7 @@ impl Extent {
         Self {
             bounds: Bounds { min: self.bounds.min.min(min), max: self.bounds.max.max(max) },
             count: self.count + other.count,
-            any_at_every_vertex: self.any_at_every_vertex | other.any_at_every_vertex,
+            has_caustic_photons: self.has_caustic_photons | other.has_caustic_photons,
             directions: self.directions | other.directions,
         }
     }
@@ -129,7 +129,7 @@ impl Side {
     /// Whether the photon is merged at every vertex.
     #[inline(always)]
     pub fn at_every_vertex(self) -> bool {
-        self.0 >> 24 == PhotonClass::EveryVertex as u32
+        self.0 >> 24 == PhotonClass::Caustic as u32
     }
 }
 
@@ -140,10 +140,10 @@ impl Side {
 pub enum PhotonClass {
     /// No diffuse bounce since the light, though it may have passed through vertices (a caustic):
     /// merged at every vertex `1..=k`.
-    EveryVertex,
+    Caustic,
     /// At least one diffuse bounce: merged at vertex `k` only.
     #[default]
-    LastVertex,
+    Diffuse,
 }
 
 impl Photon {
@@ -175,14 +175,14 @@ impl Photon {
     /// Where it is merged.
     #[inline]
     pub fn class(&self) -> PhotonClass {
-        if self.side.at_every_vertex() { PhotonClass::EveryVertex } else { PhotonClass::LastVertex }
+        if self.side.at_every_vertex() { PhotonClass::Caustic } else { PhotonClass::Diffuse }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::simd::vectorized;
+    use crate::simd::dispatch::vectorized;
 
     #[test]
     fn sixteen_photons_are_each_of_them() {
@@ -190,8 +190,7 @@ mod tests {
         for (lane, from) in from.iter_mut().enumerate() {
             let number = lane as f32;
             let normal = Vec3::new(number - 8.0, 3.0, -number).normalize();
-            let class =
-                if lane % 3 == 0 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex };
+            let class = if lane % 3 == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse };
             let (position, flux) = (Vec3::splat(number) + Vec3::X, Rgb::new(1.0, number, 0.5));
             photons.position.set(lane, position);
             photons.path[lane] = 100 + lane as u32;

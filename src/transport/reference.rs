@@ -9,8 +9,8 @@
 use crate::accel::{Intersect, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::bsdf::{Lobe, Transport, Wanted};
-use crate::image::film::Film;
+use crate::film::radiance::Film;
+use crate::scene::bsdf::{Lobe, Transport, Wanted};
 use crate::scene::{Scene, Surface, View};
 use crate::settings::Settings;
 use rayon::prelude::*;

@@ -1,18 +1,18 @@
 //! Choosing by what was measured does not bias the image.
 
 use crate::common::Estimate;
-use bdpm::image::film::luminance;
+use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::plan::Plan;
+use bdpm::adaptive::stopping::{Goal, importance};
+use bdpm::adaptive::technique::{self, End, FreeParameters};
+use bdpm::adaptive::{Replay, Steer};
+use bdpm::film::radiance::luminance;
 use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::optimize::Objective;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
-use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::{Goal, importance};
-use bdpm::steer::plan::Plan;
-use bdpm::steer::technique::{self, End, Open};
-use bdpm::steer::{Replay, Steer};
 use bdpm::{Renderer, Settings};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -24,7 +24,7 @@ const RENDERS: u64 = 32;
 const SECONDS: f64 = 0.5;
 
 /// Mean luminance of each block of pixels.
-fn block_means(image: &Combined) -> Vec<f64> {
+fn block_means(image: &CombinedImage) -> Vec<f64> {
     let across = SIDE / BLOCK;
     let mut means = vec![0.0; (across * across) as usize];
     for (pixel, value) in image.mean().into_iter().enumerate() {
@@ -49,14 +49,14 @@ fn automatic_renders_have_the_mean_of_their_replays() {
     let mut chosen = Vec::new();
     for seed in 0..RENDERS {
         let start = Instant::now();
-        let base = base.like(Settings { seed, ..settings.clone() }).unwrap();
-        let choice = technique::choose(&base, Open::ALL, End::Time(SECONDS)).unwrap();
+        let base = base.with_settings(Settings { seed, ..settings.clone() }).unwrap();
+        let choice = technique::choose(&base, FreeParameters::ALL, End::Time(SECONDS)).unwrap();
         let own = choice.best().apply(base.settings());
         chosen.push(choice.best().technique.describe());
         let (time, objective) = (Some(Duration::from_secs_f64(SECONDS)), Objective::Relative);
         let goal = Goal { time, objective, ..Goal::default() };
         let mut pilot = Autopilot::new(goal, choice.best().times);
-        let mut renderer = base.like(own.clone()).unwrap();
+        let mut renderer = base.with_settings(own.clone()).unwrap();
         while start.elapsed().as_secs_f64() < SECONDS || renderer.iterations() < 2 {
             let elapsed = start.elapsed().as_secs_f64();
             let measure = pilot.steer(&mut renderer, elapsed).unwrap();
@@ -65,15 +65,15 @@ fn automatic_renders_have_the_mean_of_their_replays() {
         let importance = importance(renderer.blocks(), objective);
         let weights = pilot.weights(renderer.blocks(), &importance);
         let plan = Plan::of_blocks(renderer.blocks(), &weights);
-        let automatic = block_means(&Combined::new(renderer.blocks(), weights));
+        let automatic = block_means(&CombinedImage::new(renderer.blocks(), weights));
 
-        let mut again = base.like(Settings { seed: seed + 1000, ..own }).unwrap();
+        let mut again = base.with_settings(Settings { seed: seed + 1000, ..own }).unwrap();
         let mut replay = Replay::new(plan.clone());
         for _ in 0..plan.iterations().unwrap() {
             replay.steer(&mut again, 0.0).unwrap();
             again.iterate(Measure::Off);
         }
-        let replayed = Combined::new(again.blocks(), replay.weights(again.blocks(), &[]));
+        let replayed = CombinedImage::new(again.blocks(), replay.weights(again.blocks(), &[]));
         let pairs = automatic.into_iter().zip(block_means(&replayed));
         differences.iter_mut().zip(pairs).for_each(|(all, (a, b))| all.push(a - b));
     }

@@ -4,10 +4,10 @@ use crate::automatic::*;
 use crate::common::Estimate;
 use bdpm::Renderer;
 use bdpm::Settings;
-use bdpm::image::film::luminance;
+use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
 use bdpm::render::block;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::scene::backend::{Backend, build};
 
 #[test]
@@ -27,7 +27,7 @@ fn the_combined_image_of_automatic_counts_is_unbiased() {
         let blocks = renderer.blocks();
         assert!(blocks.len() >= 2, "the scene's counts, and what was chosen");
         let combined =
-            Combined::new(blocks, block::weights(blocks, &[1.0; (WIDTH * HEIGHT) as usize]));
+            CombinedImage::new(blocks, block::weights(blocks, &[1.0; (WIDTH * HEIGHT) as usize]));
         means.push(combined.mean_luminance());
         predicted.push(combined.pooled_variance().unwrap().0);
         for (samples, value) in pixels.iter_mut().zip(combined.mean()) {

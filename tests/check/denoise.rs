@@ -4,7 +4,7 @@ use crate::committed::across;
 use crate::common::accel;
 use crate::denoised::{Found, Reference, compare};
 use bdpm::Settings;
-use bdpm::denoise::Oidn;
+use bdpm::output::denoise::Oidn;
 use std::ops::RangeInclusive;
 
 /// Pixels across.

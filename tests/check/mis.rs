@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use crate::several_ways::*;
-use bdpm::bsdf::{Bsdf, Coated, Glossy, RoughDielectric};
 use bdpm::scene::Material;
+use bdpm::scene::bsdf::{Bsdf, Coated, Glossy, RoughDielectric};
 use glam::Vec3;
 
 #[test]

@@ -1,11 +1,11 @@
 //! A small box rendered with automatic counts, the same on every machine.
 #![allow(dead_code)] // each program uses its own part
 
+use bdpm::adaptive::Steer;
+use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::stopping::Goal;
 use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::steer::Steer;
-use bdpm::steer::autopilot::Autopilot;
-use bdpm::steer::goal::Goal;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::Scene;
-use bdpm::bsdf::{
+use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{

@@ -2,11 +2,11 @@
 
 use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
-use bdpm::denoise::{Folds, InParts, Mix, Oidn, importance};
-use bdpm::image::film::Film;
-use bdpm::image::layers::{Kept, PARTS};
+use bdpm::film::aov::{AovSelection, PARTS};
+use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::render::block::Combined;
+use bdpm::output::denoise::{Folds, InParts, Mix, Oidn, importance};
+use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
 
 /// A long render of the same settings with other random numbers.
@@ -67,11 +67,11 @@ pub fn compare(
     iterations: u64,
     (reference, oidn): (&Reference, &mut Oidn),
 ) -> Found {
-    let kept = Kept { parts: true, features: true, light: false };
+    let kept = AovSelection { parts: true, features: true, light: false };
     let mut renderer =
-        Renderer::new(scene, accel, settings.clone()).unwrap().keeping(kept).unwrap();
+        Renderer::new(scene, accel, settings.clone()).unwrap().with_aovs(kept).unwrap();
     (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Off)));
-    let image = Combined::new(renderer.blocks(), vec![1.0]);
+    let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
     let parts = InParts::new(&image, renderer.features(), PARTS).unwrap();
     let size = image.resolution();
     let folds =

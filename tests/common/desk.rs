@@ -2,7 +2,7 @@
 
 #![allow(dead_code)] // no test uses all of it
 
-use bdpm::pictures::read_exr;
+use bdpm::image_io::read_exr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tempfile::TempDir;

@@ -64,5 +64,5 @@ pub fn pictures(html: &str) -> Vec<(String, Vec<u8>)> {
 
 /// A share in percent as pages show it.
 pub fn percent(share: &Value) -> String {
-    format!("{}\u{202f}%", bdpm::pictures::number(100.0 * share.as_f64().unwrap()))
+    format!("{}\u{202f}%", bdpm::image_io::number(100.0 * share.as_f64().unwrap()))
 }

@@ -1,7 +1,7 @@
 //! Images by different ways, and whether they are the same.
 
 use super::*;
-use bdpm::image::film::Film;
+use bdpm::film::radiance::Film;
 use bdpm::transport::reference::PathTracer;
 
 /// Means over iterations with their errors, luminance.

@@ -2,11 +2,11 @@
 //! counts.
 
 use crate::common::*;
-use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
-};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
+use bdpm::scene::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+};
 use bdpm::scene::{Material, Scene};
 use bdpm::{Renderer, Settings};
 use glam::Vec3;

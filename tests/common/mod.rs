@@ -5,9 +5,9 @@ pub mod images;
 pub mod table;
 
 use bdpm::accel::Intersect;
-use bdpm::bsdf::Bsdf;
-use bdpm::image::film::luminance;
+use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
+use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
 use bdpm::settings::{Bias, Direct, Kernel, Roulette, Strategy};
 use bdpm::{Renderer, Scene, Settings};

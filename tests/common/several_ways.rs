@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance};
+use bdpm::scene::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
 use glam::Vec3;

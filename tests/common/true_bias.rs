@@ -2,7 +2,7 @@
 
 use bdpm::accel::Intersect;
 use bdpm::base::math::LUMINANCE;
-use bdpm::image::film::Film;
+use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::Bias;
 use bdpm::noise::film::{BATCHES, BatchGrain};

@@ -2,8 +2,8 @@
 
 use crate::model::*;
 use crate::program::{assert_refused, json, text};
+use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use bdpm::import::{Loaded, load, save};
-use bdpm::pictures::{Image, Layer, Metadata, write_exr};
 use bdpm::scene::Material;
 use glam::Vec3;
 use serde_json::json;

@@ -3,8 +3,8 @@
 //! more.
 
 use crate::mutate::{apply, change, load_and_check};
+use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::import::load;
-use bdpm::pictures::{Image, Layer, write_exr};
 use glam::Vec3;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -3,7 +3,7 @@
 //! `gltf_looks.rs`.
 
 use crate::model::*;
-use bdpm::import::{LoadOptions, Loaded, NoteKind, load, load_with};
+use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with};
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
@@ -33,7 +33,7 @@ fn all_forms_of_a_file_are_the_same_as_obj() {
         let loaded = files(list).load();
         assert_same(&loaded.scene, &obj.scene);
         assert_eq!(loaded.notes.len(), 2, "camera and light: {}", loaded.notes_text());
-        assert!(loaded.notes.iter().all(|note| note.kind == NoteKind::Chosen));
+        assert!(loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen));
     }
 }
 
@@ -348,10 +348,10 @@ fn what_is_skipped_is_told_and_strictly_refused() {
         "a.gltf: ignored the extensions `KHR_materials_sheen`",
         "ignored the points or lines of `mix`",
     ] {
-        assert_eq!(kind_of(part), NoteKind::Skipped, "{part}");
+        assert_eq!(kind_of(part), WarningKind::Skipped, "{part}");
     }
     for part in ["animations are not played", "flattens: `pressed`", "no camera", "nothing emits"] {
-        assert_eq!(kind_of(part), NoteKind::Chosen, "{part}");
+        assert_eq!(kind_of(part), WarningKind::Chosen, "{part}");
     }
     let strict = LoadOptions { strict: true, ..LoadOptions::default() };
     let error = load_with(&files.1, &strict).unwrap_err().to_string();

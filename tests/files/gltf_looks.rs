@@ -1,8 +1,8 @@
 //! glTF: what materials, lights and cameras become.
 
 use crate::model::*;
-use bdpm::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
-use bdpm::import::{LoadOptions, NoteKind, load_with};
+use bdpm::import::{LoadOptions, WarningKind, load_with};
+use bdpm::scene::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
 use bdpm::scene::{Emitter, FieldOfView, Material, Optics, Sampling, Wrap};
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
@@ -35,7 +35,7 @@ fn with_material(material: Value, texels: [[u8; 4]; 2]) -> Model {
 #[track_caller]
 fn looks(material: Value, texels: [[u8; 4]; 2]) -> (Material, String) {
     let loaded = with_material(material, texels).load();
-    let skipped = loaded.notes.iter().filter(|note| note.kind == NoteKind::Skipped);
+    let skipped = loaded.notes.iter().filter(|note| note.kind == WarningKind::Skipped);
     let skipped: Vec<_> = skipped.map(|note| &note.text[..]).collect();
     (loaded.scene.materials()[0].clone(), skipped.join("\n"))
 }

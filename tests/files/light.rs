@@ -2,8 +2,8 @@
 
 use crate::model::*;
 use crate::program::{json as output, succeed};
-use bdpm::import::{EnvironmentSource, LoadOptions, NoteKind, load, load_with};
-use bdpm::pictures::{Image, Layer, write_exr};
+use bdpm::image_io::{Image, Layer, write_exr};
+use bdpm::import::{EnvironmentSource, LoadOptions, WarningKind, load, load_with};
 use bdpm::scene::Emitter;
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -168,7 +168,7 @@ fn pixels_that_are_no_radiance_become_black() {
     let given = LoadOptions { environment: Some(&source), ..LoadOptions::default() };
     let loaded = load_with(&square().files().1, &given).unwrap();
     let note = loaded.notes.iter().find(|note| note.text.contains("sky.exr")).unwrap();
-    assert_eq!(note.kind, NoteKind::Skipped);
+    assert_eq!(note.kind, WarningKind::Skipped);
     assert!(
         note.text.contains("3 pixels are negative or not finite, the first at (1, 1)"),
         "{note}"

@@ -1,7 +1,7 @@
 //! Mitsuba's scenes: what its elements become, and what is wrong with a file is told with its place.
 
-use bdpm::bsdf::{Bsdf, FacetModel};
-use bdpm::import::{LoadOptions, Loaded, NoteKind, load, load_with, save};
+use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with, save};
+use bdpm::scene::bsdf::{Bsdf, FacetModel};
 use bdpm::scene::{Emitter, FieldOfView, Optics};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -322,18 +322,18 @@ fn lights_become_ours() {
 #[test]
 fn what_is_approximated_or_left_out_is_told() {
     for (inside, kind, note) in [
-        ("<bsdf type='roughplastic'/>", NoteKind::Skipped, "glossy surfaces"),
-        ("<bsdf type='principled'/>", NoteKind::Skipped, "nearest to principled"),
-        ("<bsdf type='plastic'/>", NoteKind::Skipped, "shows from behind"),
-        ("<bsdf type='velvet'/>", NoteKind::Skipped, "`velvet`"),
+        ("<bsdf type='roughplastic'/>", WarningKind::Skipped, "glossy surfaces"),
+        ("<bsdf type='principled'/>", WarningKind::Skipped, "nearest to principled"),
+        ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows from behind"),
+        ("<bsdf type='velvet'/>", WarningKind::Skipped, "`velvet`"),
         (
             "<bsdf type='diffuse'><float name='shine' value='1'/></bsdf>",
-            NoteKind::Skipped,
+            WarningKind::Skipped,
             "ignored `shine`",
         ),
         (
             "<bsdf type='diffuse'><spectrum name='reflectance' value='400:0.1, 700:0.9'/></bsdf>",
-            NoteKind::Chosen,
+            WarningKind::Chosen,
             "linear sRGB of the spectra",
         ),
     ] {
@@ -513,7 +513,7 @@ fn public_scenes_load() {
         if path.exists() {
             let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.scene.triangle_count() >= triangles, "{name}");
-            let complete = loaded.notes.iter().all(|note| note.kind == NoteKind::Chosen);
+            let complete = loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen);
             assert!(complete, "{name}: {}", loaded.notes_text());
         }
     }

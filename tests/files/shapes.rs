@@ -1,8 +1,8 @@
 //! Colors of vertices, instances, morph targets and skins.
 
 use crate::model::*;
-use bdpm::bsdf::{Bsdf, Glossy};
 use bdpm::import::{load, save};
+use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;
 use serde_json::json;
 

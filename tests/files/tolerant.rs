@@ -1,7 +1,7 @@
 //! What other programs open opens here as well, with a note.
 
 use crate::model::*;
-use bdpm::import::{Loaded, NoteKind};
+use bdpm::import::{Loaded, WarningKind};
 use bdpm::scene::Material;
 use glam::{Vec2, Vec3};
 use serde_json::json;
@@ -11,7 +11,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 /// Loads the last file, which must tell this.
 #[track_caller]
-fn told(list: &[(&str, &[u8])], kind: NoteKind, part: &str) -> Loaded {
+fn told(list: &[(&str, &[u8])], kind: WarningKind, part: &str) -> Loaded {
     let loaded = files(list).load();
     let note = loaded.notes.iter().find(|note| note.text.contains(part));
     assert_eq!(note.map(|note| note.kind), Some(kind), "{}", loaded.notes_text());
@@ -37,7 +37,7 @@ fn nodes_may_be_listed_with_their_children() {
         model.json["scenes"] = json!([{ "nodes": listed }]);
         let files = [("a.gltf", model.text())];
         let loaded =
-            told(&[("a.gltf", files[0].1.as_bytes())], NoteKind::Chosen, "each is shown once");
+            told(&[("a.gltf", files[0].1.as_bytes())], WarningKind::Chosen, "each is shown once");
         let meshes = loaded.scene.meshes().iter();
         let found: Vec<f32> = meshes.map(|mesh| mesh.positions[0].z).collect();
         assert_eq!(found, heights, "{listed}");
@@ -57,15 +57,18 @@ fn references_to_nothing_are_left_out() {
         let text = format!("{TRIANGLE}{rest}\n");
         let loaded = told(
             &[("a.obj", text.as_bytes())],
-            NoteKind::Skipped,
+            WarningKind::Skipped,
             "ignored 1 references to texture",
         );
         let mesh = &loaded.scene.meshes()[0];
         assert_eq!((!mesh.uvs.is_empty(), !mesh.normals.is_empty()), (uvs, normals), "{rest}");
     }
     let text = format!("{TRIANGLE}vt nan -nan(ind)\nvn 0 0 inf\nf 1/1/1 2/1/1 3/1/1\n");
-    let loaded =
-        told(&[("a.obj", text.as_bytes())], NoteKind::Skipped, "ignored 3 coordinates of textures");
+    let loaded = told(
+        &[("a.obj", text.as_bytes())],
+        WarningKind::Skipped,
+        "ignored 3 coordinates of textures",
+    );
     assert_eq!(loaded.scene.meshes()[0].uvs, [Vec2::ZERO; 3]);
 }
 
@@ -74,12 +77,12 @@ fn materials_without_name_or_defined_again() {
     let mtl = "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\nnewmtl a\nKd 0 0 1\n";
     let text = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\nusemtl\nf 1 3 2\n");
     let list = [("a.mtl", mtl.as_bytes()), ("a.obj", text.as_bytes())];
-    let loaded = told(&list, NoteKind::Skipped, "all but the last definition of `a`");
+    let loaded = told(&list, WarningKind::Skipped, "all but the last definition of `a`");
     let colors: Vec<Vec3> = loaded.scene.materials().iter().map(|m| m.bsdf.albedo()).collect();
     assert_eq!(colors, [Vec3::Z, Vec3::splat(0.5)]);
-    told(&list, NoteKind::Chosen, "faces without material");
+    told(&list, WarningKind::Chosen, "faces without material");
     let text = format!("mtllib\n{TRIANGLE}f 1 2 3\n");
-    told(&[("a.obj", text.as_bytes())], NoteKind::Skipped, "`mtllib without a name (line 1)`");
+    told(&[("a.obj", text.as_bytes())], WarningKind::Skipped, "`mtllib without a name (line 1)`");
 }
 
 /// Two texels, black and white.
@@ -126,14 +129,14 @@ fn a_gltf_file_goes_without_pictures_that_cannot_be_read() {
         model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] =
             json!({ "index": 0 });
         let text = model.text();
-        let loaded = told(&[("a.gltf", text.as_bytes())], NoteKind::Skipped, part);
+        let loaded = told(&[("a.gltf", text.as_bytes())], WarningKind::Skipped, part);
         assert!(loaded.scene.materials()[0].albedo_texture.is_none());
     }
     let mut model = square();
     model.push("textures", json!({ "extensions": { "KHR_texture_basisu": { "source": 0 } } }));
     model.json["materials"][0]["normalTexture"] = json!({ "index": 0 });
     let text = model.text();
-    told(&[("a.gltf", text.as_bytes())], NoteKind::Skipped, "textures[0] of no known kind");
+    told(&[("a.gltf", text.as_bytes())], WarningKind::Skipped, "textures[0] of no known kind");
 }
 
 #[cfg(unix)]

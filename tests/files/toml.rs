@@ -1,11 +1,11 @@
 //! The shipped scenes, the documented example and the OBJ features are what they are said to be.
 
 use bdpm::accel::Ray;
-use bdpm::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
-};
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::bsdf::{
+    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+};
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
 use bdpm::settings::{Direct, Length, PartialSettings, Roulette, Settings};
 use glam::Vec3;

@@ -3,13 +3,13 @@
 
 use crate::automatic::*;
 use crate::common::Estimate;
-use bdpm::image::counts::{CameraCounts, Counts};
+use bdpm::adaptive::plan::Plan;
+use bdpm::adaptive::{Replay, Steer};
+use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::noise::Measure;
 use bdpm::render::block;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::steer::plan::Plan;
-use bdpm::steer::{Replay, Steer};
 use bdpm::{Renderer, Settings};
 
 /// From 1 to 7 camera paths, in no pattern that tiles or rows have.
@@ -85,7 +85,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
     let accel = build(Backend::Bvh, &scene).unwrap();
     let renderer = automatic(&scene, &*accel, settings.clone(), 30);
     let weights = block::weights(renderer.blocks(), &[1.0; (WIDTH * HEIGHT) as usize]);
-    let combined = Combined::new(renderer.blocks(), weights.clone());
+    let combined = CombinedImage::new(renderer.blocks(), weights.clone());
     let plan = Plan::of_blocks(renderer.blocks(), &weights);
 
     let mut again = Renderer::new(&scene, &*accel, settings).unwrap();
@@ -94,7 +94,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
         replay.steer(&mut again, 0.0).unwrap();
         again.iterate(Measure::Off);
     }
-    let replayed = Combined::new(again.blocks(), replay.weights(again.blocks(), &[]));
+    let replayed = CombinedImage::new(again.blocks(), replay.weights(again.blocks(), &[]));
     assert_eq!(replayed.mean(), combined.mean());
     assert_eq!(replayed.variance_of_mean(), combined.variance_of_mean());
 }
@@ -105,11 +105,11 @@ fn a_single_iteration_of_a_block_counts_with_the_variance_of_its_weight() {
     let accel = build(Backend::Bvh, &scene).unwrap();
     let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
     image_means(&mut renderer, 10, Measure::Pairs);
-    let (alone, _) = Combined::new(renderer.blocks(), vec![1.0]).pooled_variance().unwrap();
+    let (alone, _) = CombinedImage::new(renderer.blocks(), vec![1.0]).pooled_variance().unwrap();
     renderer.begin_block(Counts::uniform(2000, 6)).unwrap();
     renderer.iterate(Measure::Off);
     // An iteration of half the variance and twice the weight is worth two: 10 become 12.
-    let both = Combined::new(renderer.blocks(), vec![0.5, 1.0]);
+    let both = CombinedImage::new(renderer.blocks(), vec![0.5, 1.0]);
     let (variance, _) = both.pooled_variance().unwrap();
     assert!((variance / alone - 10.0 / 12.0).abs() < 1e-12, "{variance} {alone}");
     let mean = both.variance_of_mean().unwrap().iter().sum::<f64>() / f64::from(WIDTH * HEIGHT);

@@ -200,7 +200,7 @@ fn all_pairs_need_fewer_iterations_and_do_not_feel_the_direct_light() {
         );
         assert!(ratio(k, 0) > 1.0 && ratio(k, 2) > 1.0);
     }
-    // Exactly the same a and f though D is 1000 times as strong (b is (0.5 + D)^2).
+    // FixedArray the same a and f though D is 1000 times as strong (b is (0.5 + D)^2).
     for c in [0, 2] {
         assert_eq!(pairs[0][c].mean, pairs[1][c].mean);
         assert_eq!(pairs[0][c].error, pairs[1][c].error);

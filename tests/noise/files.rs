@@ -1,13 +1,13 @@
 //! Measured noise in files, and predictions from them.
 
 use crate::common::*;
+use bdpm::adaptive::optimize::predict::{Budget, Predicted, Source};
 use bdpm::base::math::Rgb;
+use bdpm::image_io::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::noise::file::NoiseFile;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::{Coefficients, Measure, region};
-use bdpm::optimize::predict::{Budget, Predicted, Source};
-use bdpm::pictures::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::scene::Region;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Settings};

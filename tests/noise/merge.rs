@@ -1,22 +1,22 @@
 //! Parts of an image, rendered apart and merged: all that is kept is what one run keeps.
 
 use crate::automatic::*;
-use bdpm::base::numbers::Numbers;
-use bdpm::files::checkpoint::{Checkpoint, Whole};
-use bdpm::files::merge::{Merged, merge};
-use bdpm::image::counts::{CameraCounts, Counts};
-use bdpm::image::layers::{Kept, PARTS};
+use bdpm::adaptive::plan::{Plan, Rendered, Step};
+use bdpm::adaptive::{Fixed, Replay, Steer};
+use bdpm::base::iteration_set::IterationSet;
+use bdpm::film::aov::{AovSelection, PARTS};
+use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::noise::film::{BatchCounts, BatchGrain, BatchSums, NoiseFilm};
-use bdpm::render::block::{Block, Combined};
+use bdpm::output::checkpoint::{Checkpoint, Whole};
+use bdpm::output::merge::{Merged, merge};
+use bdpm::render::block::{Block, CombinedImage};
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::origin::Origin;
-use bdpm::steer::plan::{Plan, Rendered, Step};
-use bdpm::steer::{Fixed, Replay, Steer};
+use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-const ALL: Kept = Kept { light: true, features: true, parts: true };
+const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
 
 fn small() -> (bdpm::Scene, Settings) {
     let (scene, settings) = scene();
@@ -26,21 +26,21 @@ fn small() -> (bdpm::Scene, Settings) {
 /// Renders the iterations `own` and keeps all there is.
 fn part(
     folder: &Path,
-    own: Numbers,
+    own: IterationSet,
     (grain, mut steer): (BatchGrain, impl Steer),
     whole: Option<Whole>,
 ) -> PathBuf {
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
-    let mut renderer = renderer.with_batches(grain).keeping(ALL).unwrap().sharing(own.clone());
+    let mut renderer = renderer.with_batches(grain).with_aovs(ALL).unwrap().sharing(own.clone());
     while renderer.iterations() < own.count() {
         let measure = steer.steer(&mut renderer, 0.0).unwrap();
         renderer.iterate(measure);
     }
     let (backend, fingerprint) = ("bvh".into(), scene.fingerprint());
     let origin =
-        Origin { version: "1".into(), scene: "box".into(), fingerprint, backend, settings };
+        Provenance { version: "1".into(), scene: "box".into(), fingerprint, backend, settings };
     let checkpoint = Checkpoint {
         features: renderer.features().map(Cow::Borrowed),
         plan: steer.plan().cloned(),
@@ -137,7 +137,7 @@ fn assert_same_image(merged: &Checkpoint, whole: &Checkpoint) {
             Some(plan) => plan.weights(&checkpoint.blocks),
             None => vec![1.0],
         };
-        Combined::new(&checkpoint.blocks, weights).mean()
+        CombinedImage::new(&checkpoint.blocks, weights).mean()
     };
     for (one, two) in image(merged).iter().zip(image(whole)) {
         for axis in 0..3 {
@@ -166,11 +166,12 @@ fn parts_merged_in_any_order_are_the_image_of_one_run() {
     };
     for grain in [BatchGrain::Pixel, BatchGrain::Tile] {
         let folder = at(&format!("{grain:?}"));
-        let whole = part(&folder, Numbers::from(0..75), (grain, Fixed), None);
+        let whole = part(&folder, IterationSet::from(0..75), (grain, Fixed), None);
         let whole = Checkpoint::load(&whole).unwrap();
         // Uneven parts, of which one was interrupted twice.
         let ranges = [0..8, 8..31, 31..33, 33..75];
-        let parts = ranges.map(|range| part(&folder, Numbers::from(range), (grain, Fixed), None));
+        let parts =
+            ranges.map(|range| part(&folder, IterationSet::from(range), (grain, Fixed), None));
         let mut orders = vec![parts.to_vec()];
         orders.push(parts.iter().rev().cloned().collect());
         orders.push([2, 0, 3, 1].map(|i: usize| parts[i].clone()).to_vec());
@@ -212,7 +213,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     ];
     let replay = || (BatchGrain::Tile, Replay::new(Plan { steps: steps.clone() }));
     let whole = Whole { iterations: 40, parts: 3 };
-    let one = part(folder.path(), Numbers::from(0..40), replay(), None);
+    let one = part(folder.path(), IterationSet::from(0..40), replay(), None);
     let one = Checkpoint::load(&one).unwrap();
     let parts = [0, 1, 2].map(|i| part(folder.path(), whole.part(i), replay(), Some(whole)));
     let merged = merge(&parts).unwrap();
@@ -228,7 +229,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     assert_eq!(lacking.checkpoint.whole, Some(whole));
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap().keeping(ALL).unwrap();
+    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
     let Checkpoint { blocks, features, plan, .. } = lacking.checkpoint;
     renderer.resume_with(blocks.into_owned(), features.map(Cow::into_owned)).unwrap();
     let mut steer = Replay::new(plan.unwrap());

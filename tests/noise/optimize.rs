@@ -1,8 +1,8 @@
 //! The optimizer against exhaustive search over all whole counts.
 
+use bdpm::adaptive::optimize::{CountLimits, Objective, PerPixel, Problem, Uniform};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::noise::Coefficients;
-use bdpm::optimize::{CountLimits, Objective, PerPixel, Problem, Uniform};
 use bdpm::timing::TimeModel;
 use std::ops::RangeInclusive;
 

@@ -7,15 +7,15 @@ use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::region;
-use bdpm::reproduce::folder::{Experiment, Folder, Identity};
-use bdpm::reproduce::part::{Part, Purpose};
-use bdpm::reproduce::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
-use bdpm::reproduce::results::Results;
-use bdpm::reproduce::run::{Bench, Run};
-use bdpm::reproduce::terms::{Terms, share};
+use bdpm::paper::folder::{Experiment, Folder, Identity};
+use bdpm::paper::part::{Part, Purpose};
+use bdpm::paper::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
+use bdpm::paper::results::Results;
+use bdpm::paper::run::{Bench, Run};
+use bdpm::paper::terms::{Terms, share};
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
-use bdpm::settings::origin::Origin;
+use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{Kernel, PartialSettings, Settings};
 use bdpm::timing::setup::Setup;
 use std::fs;
@@ -32,13 +32,13 @@ fn loaded(side: u32) -> (Scene, Box<dyn Intersect>, Settings) {
     (scene, accel, settings)
 }
 
-fn pool() -> rayon::ThreadPool {
+fn box_filter() -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap()
 }
 
 /// An experiment without a time budget takes the fewest iterations, whatever the machine.
 fn identity(scene: &Scene, settings: &Settings) -> Identity {
-    let origin = Origin {
+    let origin = Provenance {
         version: "1".into(),
         scene: scene.name.clone(),
         fingerprint: scene.fingerprint(),
@@ -57,7 +57,7 @@ fn identity(scene: &Scene, settings: &Settings) -> Identity {
 /// Runs in `folder`, stopping after every `stop` iterations.
 fn run(path: &Path, stop: usize) -> (Experiment, usize) {
     let (scene, accel, settings) = loaded(8);
-    let threads = pool();
+    let threads = box_filter();
     let bench = Bench { scene: &scene, accel: &*accel, threads: &threads };
     for starts in 1.. {
         let folder = Folder::new(path).unwrap();
@@ -133,7 +133,7 @@ fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>
     let settings = Settings { light_paths: LIGHT_PATHS, camera_paths: n_camera, seed, ..settings };
     let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
-    pool().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
+    box_filter().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
     let noise = renderer.noise_image().unwrap();
     let pixels = region::pixels(&region, &noise).unwrap();
     (noise, pixels)

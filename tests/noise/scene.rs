@@ -1,7 +1,7 @@
 //! Measured noise of the shipped Cornell box, and the merge bias behind an edge.
 
 use crate::common::*;
-use bdpm::image::film::luminance;
+use bdpm::film::radiance::luminance;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::Bias;

@@ -1,7 +1,7 @@
 //! What choices of technique rest on: samples of the pixels, and nested radii for one kind of photons.
 
 use crate::common::*;
-use bdpm::image::film::luminance;
+use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::settings::Direct;
@@ -50,7 +50,7 @@ fn nested_radii_of_either_kind_of_photons_add_up() {
         let renderer = Renderer::new(&scene, &*accel, own.clone()).unwrap();
         let renderer = renderer.with_batches(BatchGrain::Pixel);
         let mut renderer = match class {
-            Some(class) => renderer.nesting(class),
+            Some(class) => renderer.nested_class(class),
             None => renderer,
         };
         (0..3).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
@@ -58,8 +58,8 @@ fn nested_radii_of_either_kind_of_photons_add_up() {
         (renderer.film().clone(), noise.pixels.iter().map(|p| p.noise.nested).collect::<Vec<_>>())
     };
     let (film, both) = nested(None);
-    let (last_film, last) = nested(Some(PhotonClass::LastVertex));
-    let (every_film, every) = nested(Some(PhotonClass::EveryVertex));
+    let (last_film, last) = nested(Some(PhotonClass::Diffuse));
+    let (every_film, every) = nested(Some(PhotonClass::Caustic));
     assert!(film == last_film && film == every_film, "the image is the same");
     let scale = film.mean_luminance();
     let some = |part: &[[f64; 2]]| part.iter().any(|d| d[0].abs() > 0.01 * scale);

@@ -1,6 +1,6 @@
 //! The fit of the time model: known coefficients come back, and its errors are what they say.
 
-use bdpm::reproduce::implied;
+use bdpm::paper::implied;
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::{Fit, fit};
 use bdpm::timing::sample::{Phase, Sample};

@@ -1,6 +1,6 @@
 //! `bdpm render` that chooses its own counts: goals, promises, plans, checkpoints.
 
-use bdpm::pictures::{Value, read_exr, write_exr};
+use bdpm::image_io::{Value, read_exr, write_exr};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 

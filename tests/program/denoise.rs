@@ -1,7 +1,7 @@
 //! `bdpm render --layers`, `--denoise`, and `bdpm denoise`.
 
 use crate::program::{assert_refused, json, succeed};
-use bdpm::pictures::{Image, read_exr};
+use bdpm::image_io::{Image, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -2,9 +2,9 @@
 
 use super::program::{assert_refused, json, succeed};
 use crate::desk::Desk;
-use bdpm::files::checkpoint::Checkpoint;
+use bdpm::image_io::{Value, read_exr};
 use bdpm::noise::file::NoiseFile;
-use bdpm::pictures::{Value, read_exr};
+use bdpm::output::checkpoint::Checkpoint;
 use std::fs;
 use std::process::Output;
 

@@ -1,8 +1,8 @@
 //! `bdpm optimize` as its users meet it.
 
 use crate::program::{assert_refused, json, succeed};
-use bdpm::pictures::{read_exr, write_exr};
-use bdpm::steer::plan::Plan;
+use bdpm::adaptive::plan::Plan;
+use bdpm::image_io::{read_exr, write_exr};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

@@ -3,7 +3,7 @@
 
 use crate::program::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;
-use bdpm::pictures::{Image, Layer, Metadata, write_exr};
+use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

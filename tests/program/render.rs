@@ -1,6 +1,6 @@
 //! The program as its users meet it: files, streams, exit codes.
 
-use bdpm::pictures::{Value, read_exr};
+use bdpm::image_io::{Value, read_exr};
 use std::fs;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! `render --view`: what tev receives, and that nobody who does not listen holds up or fails a render.
 
 use crate::program::{json, text};
-use bdpm::pictures::read_exr;
+use bdpm::image_io::read_exr;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;

@@ -3,8 +3,8 @@
 //! faces, at every radius; the disc is not.
 
 use crate::common::*;
-use bdpm::bsdf::Bsdf;
 use bdpm::noise::Measure;
+use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};
@@ -150,7 +150,7 @@ fn tilted(point: Vec3) -> Vec3 {
 
 #[test]
 fn layers_just_near_enough_and_just_too_far() {
-    // Steps of 1/16, between which a quarter of the radii lies. Numbers without rounding: faces of a solid meet.
+    // Steps of 1/16, between which a quarter of the radii lies. IterationSet without rounding: faces of a solid meet.
     let steps = (0..4).map(|i| {
         let (left, height) = (0.125 * i as f32 - 0.3125, 0.0625 * i as f32 - 0.125);
         let mut step = solid([left, -0.25, -0.5], [left + 0.109_375, 0.25, height]);

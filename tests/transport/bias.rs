@@ -2,17 +2,17 @@
 
 use crate::boxes::named;
 use crate::common::{accel, furnished_box, settings};
-use bdpm::image::beyond::SIDES;
-use bdpm::image::film::luminance;
+use bdpm::film::annulus::FOLDS;
+use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
 use bdpm::settings::{Bias, Direct, Kernel, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::DVec3;
 
 /// Sums over iterations that measure and others, with a renderer of these settings.
 fn rendered<'a>(from: &Renderer<'a>, settings: Settings, iterations: u64) -> Renderer<'a> {
-    let mut renderer = from.like(settings).unwrap();
+    let mut renderer = from.with_settings(settings).unwrap();
     for iteration in 0..iterations {
         let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
         renderer.iterate(measure);
@@ -76,13 +76,13 @@ fn images_are_the_same_but_for_what_is_taken_off() {
         for (one, other) in kept.film().mean().iter().zip(reduced.film().mean()) {
             assert!((*one - other).abs().max_element() <= 1e-5 * one.max_element());
         }
-        let image = Combined::new(reduced.blocks(), vec![1.0]);
+        let image = CombinedImage::new(reduced.blocks(), vec![1.0]);
         let reduction = image.reduction().unwrap();
         let merged = reduced.film().mean();
         for ((mean, merged), off) in image.mean().iter().zip(merged).zip(&reduction.amount) {
             assert_eq!(*mean, merged - *off);
         }
-        assert!(Combined::new(kept.blocks(), vec![1.0]).reduction().is_none());
+        assert!(CombinedImage::new(kept.blocks(), vec![1.0]).reduction().is_none());
     }
 }
 
@@ -102,7 +102,7 @@ fn images_come_nearer_to_the_truth_and_tell_how_near() {
     };
     let truth = rendered(&from, truth, 120).film().mean();
     let error = |renderer: &Renderer| {
-        let image = Combined::new(renderer.blocks(), vec![1.0]);
+        let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
         let square = |(one, other): (&glam::Vec3, &glam::Vec3)| {
             luminance((*one - *other).as_dvec3()).powi(2)
         };
@@ -116,7 +116,7 @@ fn images_come_nearer_to_the_truth_and_tell_how_near() {
     let (kept, _) = error(&rendered(&from, wide.clone(), 200));
     let reduced = rendered(&from, Settings { bias: Bias::Reduce, ..wide }, 200);
     let (found, told) = error(&reduced);
-    println!("kept {kept}, reduced {found}, told {told}; {SIDES} sides");
+    println!("kept {kept}, reduced {found}, told {told}; {FOLDS} sides");
     // Half the radius has half the loss, and more noise.
     assert!(found < 0.65 * kept, "{found} of {kept}");
     assert!((told / found - 1.0).abs() < 0.25, "{told} for {found}");

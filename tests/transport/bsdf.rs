@@ -2,7 +2,7 @@
 
 use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
-use bdpm::bsdf::{
+use bdpm::scene::bsdf::{
     Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, Reflectance,
     RoughDielectric, ThinDielectric, Transport, Vertex, Wanted,
 };

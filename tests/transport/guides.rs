@@ -5,7 +5,7 @@ use crate::common::*;
 use crate::strategies::{ALL, assert_same_guided};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
-use bdpm::scene::lights::guide::{Brought, Guide, Start};
+use bdpm::scene::lights::guide::{Guide, GuideSample, Start};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
         let share = f64::from(i % 100) / 100.0;
         start([0.5, 0.3 * share, 0.2 * (1.0 - share), 0.1 * share, 0.05])
     };
-    let wrong: Vec<_> = (0..5000).map(|i| Brought { start: corner(i), square: 1.0 }).collect();
+    let wrong: Vec<_> = (0..5000).map(|i| GuideSample { start: corner(i), square: 1.0 }).collect();
     let wrong = Arc::new(Guide::learn(&wrong));
     assert!(wrong.len() > 5);
     let blocks = |guide: Option<&Arc<Guide>>, seed: u64| -> Vec<Estimate> {

@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::bsdf::Bsdf;
+use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh};
 use bdpm::settings::Strategy;
 use bdpm::transport::reference::PathTracer;

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::bsdf::{Bsdf, Coated, Glossy};
+use bdpm::scene::bsdf::{Bsdf, Coated, Glossy};
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::Direct;
 use glam::{Vec2, Vec3};

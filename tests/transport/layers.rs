@@ -1,16 +1,16 @@
 //! Layers beside the image: what is seen against what is known of the scene, and light by kind.
 
 use crate::common::{accel, camera, furnished_box, gray, point_light, scene, settings, square};
-use bdpm::bsdf::{Bsdf, Dielectric};
-use bdpm::image::layers::{FAR, Guide, Kept};
+use bdpm::film::aov::{AovSelection, FAR, Guide};
 use bdpm::noise::Measure;
-use bdpm::render::block::Combined;
+use bdpm::render::block::CombinedImage;
+use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::{Direct, Kernel, Strategy};
 use bdpm::{Renderer, Settings};
 use glam::{DVec3, Vec3};
 
-const ALL: Kept = Kept { light: true, features: true, parts: true };
+const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
 
 fn colored(albedo: Vec3) -> Material {
     Material::new("colored", Bsdf::diffuse(albedo))
@@ -33,7 +33,7 @@ fn wall(between: Option<Material>, tilt: Vec3) -> Scene {
 /// Means over the image of guides, of positions and of depths.
 fn seen(scene: &Scene, settings: Settings, iterations: u64) -> (Guide, Vec3, f32) {
     let accel = accel(scene);
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap().keeping(ALL).unwrap();
+    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
@@ -143,14 +143,14 @@ fn the_image_is_the_same_bit_for_bit_and_the_sum_of_its_light() {
     let accel = accel(&scene);
     for (way, settings) in ways().into_iter().enumerate() {
         let mut plain = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
-        let mut kept = plain.like(settings).unwrap().keeping(ALL).unwrap();
+        let mut kept = plain.with_settings(settings).unwrap().with_aovs(ALL).unwrap();
         for iteration in 0..9 {
             let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
             plain.iterate(measure);
             kept.iterate(measure);
         }
         assert_eq!(plain.film(), kept.film(), "{way}");
-        let image = Combined::new(kept.blocks(), vec![1.0]);
+        let image = CombinedImage::new(kept.blocks(), vec![1.0]);
         let (mean, light) = (image.mean(), image.light().unwrap());
         let mut sums = [DVec3::ZERO; 4];
         for (pixel, light) in mean.iter().zip(&light) {
@@ -179,7 +179,8 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
     for settings in ways() {
         let settings = Settings { light_paths: 4000, ..settings };
         let photon_map = settings.direct == Direct::PhotonMap;
-        let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap().keeping(ALL).unwrap();
+        let mut renderer =
+            Renderer::new(&scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
         // Means over the image of each iteration.
         let mut means: Vec<[f64; 3]> = Vec::new();
         let mut before = [0.0; 3];
@@ -230,8 +231,8 @@ fn measuring_leaves_layers_as_they_are() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let own = Settings { camera_paths: 1, ..settings(20, 15) };
-    let mut plain = Renderer::new(&scene, &*accel, own.clone()).unwrap().keeping(ALL).unwrap();
-    let mut measured = plain.like(own).unwrap().keeping(ALL).unwrap();
+    let mut plain = Renderer::new(&scene, &*accel, own.clone()).unwrap().with_aovs(ALL).unwrap();
+    let mut measured = plain.with_settings(own).unwrap().with_aovs(ALL).unwrap();
     for _ in 0..3 {
         plain.iterate(Measure::Off);
         measured.iterate(Measure::Pairs);

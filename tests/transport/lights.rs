@@ -4,9 +4,9 @@
 use crate::boxes::sun;
 use crate::common::*;
 use crate::strategies::{ALL, assert_same};
-use bdpm::bsdf::{Bsdf, Dielectric};
+use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::noise::Measure;
-use bdpm::pictures::{Image, Layer, write_exr};
+use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Emitter, Environment, Material, Spot};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};

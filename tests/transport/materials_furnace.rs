@@ -4,7 +4,7 @@
 
 use crate::common::*;
 use bdpm::Settings;
-use bdpm::bsdf::{
+use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Material, Mesh, Scene};

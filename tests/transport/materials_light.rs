@@ -6,7 +6,7 @@ use crate::material_noise::assert_predicted;
 use bdpm::Settings;
 use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
-use bdpm::bsdf::{Bsdf, Dielectric};
+use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Material, Scene};
 use bdpm::settings::Direct;
 use bdpm::transport::light_paths::LightPaths;

@@ -3,8 +3,8 @@
 
 use crate::common::*;
 use crate::several_ways::*;
-use bdpm::bsdf::{Bsdf, Glossy};
 use bdpm::noise::Measure;
+use bdpm::scene::bsdf::{Bsdf, Glossy};
 use bdpm::scene::{Camera, Emitter, Environment, FieldOfView, Material, Scene, Spot};
 use bdpm::settings::{Kernel, Roulette};
 use bdpm::{Renderer, Settings};

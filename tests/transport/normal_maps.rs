@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use bdpm::accel::Ray;
-use bdpm::bsdf::{Bsdf, Coated, Glossy};
 use bdpm::noise::Measure;
+use bdpm::scene::bsdf::{Bsdf, Coated, Glossy};
 use bdpm::scene::{Material, Mesh, NormalMap, Sampling, Scene, Surface, Texture};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};

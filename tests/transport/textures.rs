@@ -1,10 +1,10 @@
 //! Textures and cut-outs: what is read is seen, and holes let all light through.
 
 use crate::common::*;
-use bdpm::bsdf::{Bsdf, Glossy};
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
+use bdpm::scene::bsdf::{Bsdf, Glossy};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Sampling, Scene, Texture, Wrap};
 use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};

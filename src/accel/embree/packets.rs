@@ -10,8 +10,8 @@ use super::guard::Guarded;
 use super::single::{closest_hit, far_end, fresh_ray, is_hit, is_occluded, named};
 use crate::accel::packet::used;
 use crate::accel::{Coherence, Hit, HitPacket, Ray, RayPacket};
-use crate::lanes::simd::vectorized;
-use crate::lanes::{LANES, Mask};
+use crate::simd::dispatch::vectorized;
+use crate::simd::{LANES, Mask};
 use embree4_sys as sys;
 use std::ptr::null_mut;
 

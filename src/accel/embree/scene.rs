@@ -7,7 +7,7 @@ use super::{Device, EmbreeError, single};
 use crate::accel::{
     AccelInfo, Coherence, Geometry, Hit, HitPacket, Intersect, Ray, RayPacket, TriangleMesh,
 };
-use crate::lanes::Mask;
+use crate::simd::Mask;
 use embree4_sys as sys;
 use std::ptr::NonNull;
 use std::time::{Duration, Instant};

@@ -1,20 +1,20 @@
 //! What was chosen, and by how much it beats the others.
 
-use super::Moment;
+use super::Snapshot;
 use super::sections::percent;
 use crate::cli::human_time;
 use crate::cli::render_report::describe_counts;
-use bdpm::page::number::count;
-use bdpm::page::table;
-use bdpm::pictures::number;
-use bdpm::steer::technique::{Chosen, Scored};
+use bdpm::adaptive::technique::{Candidate, Selection};
+use bdpm::image_io::number;
+use bdpm::output::page::number::count;
+use bdpm::output::page::table;
 use maud::{Markup, html};
 
 /// Less than this share of a difference is none.
 const NOTABLE: f64 = 0.005;
 
 /// The technique with all that were tried, and the counts.
-pub fn section(moment: &Moment) -> Markup {
+pub fn section(moment: &Snapshot) -> Markup {
     let block = moment.image.blocks().last().expect("an image has a block");
     html! {
         section {
@@ -33,7 +33,7 @@ pub fn section(moment: &Moment) -> Markup {
     }
 }
 
-fn technique(chosen: &Chosen) -> Markup {
+fn technique(chosen: &Selection) -> Markup {
     let best = chosen.best();
     let others = &chosen.candidates[1..];
     html! {
@@ -72,7 +72,7 @@ fn technique(chosen: &Chosen) -> Markup {
 }
 
 /// How far another technique is behind.
-fn beaten(best: &Scored, other: &Scored) -> String {
+fn beaten(best: &Candidate, other: &Candidate) -> String {
     let (time, error) = (other.seconds / best.seconds, other.error / best.error);
     if time > 1.0 + NOTABLE {
         format!("would take {time:.2} times as long")
@@ -85,7 +85,7 @@ fn beaten(best: &Scored, other: &Scored) -> String {
     }
 }
 
-fn row(best: &Scored, own: &Scored) -> Markup {
+fn row(best: &Candidate, own: &Candidate) -> Markup {
     let is_best = std::ptr::eq(best, own);
     html! {
         tr .chosen[is_best] {

@@ -1,16 +1,16 @@
 //! Pictures of the page: the image, the error of each pixel, where its noise comes from.
 
-use super::Moment;
+use super::Snapshot;
 use super::sections::{of_what, percent};
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::importance;
 use bdpm::base::math::Rgb;
-use bdpm::image::film::pool;
-use bdpm::optimize::Objective;
-use bdpm::page::picture::{Colors, Picture};
-use bdpm::pictures::auto_exposure;
+use bdpm::film::radiance::box_filter;
+use bdpm::image_io::auto_exposure;
+use bdpm::output::page::picture::{Colors, Picture};
 use bdpm::render::bias;
 use bdpm::render::block::coefficients;
 use bdpm::settings::policy::BIAS_CERTAINTY;
-use bdpm::steer::goal::importance;
 use maud::{Markup, html};
 use rayon::prelude::*;
 
@@ -51,7 +51,7 @@ struct Grid {
 
 impl Maps {
     /// Of a moment; while rendering goes on with at most about so many pixels.
-    pub fn new(moment: &Moment, live_pixels: u64) -> Self {
+    pub fn new(moment: &Snapshot, live_pixels: u64) -> Self {
         let image = moment.image;
         let size = image.resolution();
         let pixels = u64::from(size.0) * u64::from(size.1);
@@ -130,7 +130,7 @@ impl Maps {
     }
 
     /// How far off each pixel is.
-    pub fn errors(&self, moment: &Moment) -> Markup {
+    pub fn errors(&self, moment: &Snapshot) -> Markup {
         html! {
             section {
                 h2 { "How far off each part is" }
@@ -164,7 +164,7 @@ impl Maps {
     }
 
     /// Where the noise comes from.
-    pub fn sources(&self, moment: &Moment) -> Markup {
+    pub fn sources(&self, moment: &Snapshot) -> Markup {
         html! {
             section {
                 h2 { "Where the noise comes from" }
@@ -209,7 +209,7 @@ fn words(shares: &[f64; 3], of_what: &str) -> Markup {
 }
 
 impl Terms {
-    fn new(moment: &Moment, grid: Grid, relative: &[f64]) -> Option<Self> {
+    fn new(moment: &Snapshot, grid: Grid, relative: &[f64]) -> Option<Self> {
         let blocks = moment.image.blocks();
         let measured = coefficients(blocks)?;
         let counts = &blocks.last()?.counts;
@@ -227,7 +227,7 @@ impl Terms {
         let all: f64 = sums.iter().sum();
         let (width, height) = grid.size;
         let roots = |terms: &[f64; 3]| terms.map(|term| term.max(0.0).sqrt());
-        let pooled: Vec<_> = pool(&terms, width, height).iter().map(roots).collect();
+        let pooled: Vec<_> = box_filter(&terms, width, height).iter().map(roots).collect();
         let names = TERMS.map(|(name, ..)| name);
         let picture = Picture::channels(
             ("terms", "the three parts of the noise as red, green and blue"),

@@ -4,20 +4,20 @@
 //! not at all, and loads itself again until the render is done; zoom, slider and place stay as they were.
 
 mod choice;
-mod fall;
+mod convergence;
 mod maps;
 mod sections;
 
-use super::prepared::Prepared;
+use super::loaded_scene::LoadedScene;
 use super::render_report::Report;
 use super::session::Session;
+use bdpm::adaptive::autopilot::Promise;
+use bdpm::adaptive::technique::Selection;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::denoise::Denoised;
-use bdpm::page::document;
-use bdpm::render::block::Combined;
-use bdpm::steer::autopilot::Promise;
-use bdpm::steer::technique::Chosen;
+use bdpm::output::denoise::Denoised;
+use bdpm::output::page::document;
+use bdpm::render::block::CombinedImage;
 use maud::{Markup, PreEscaped, html};
 use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -44,14 +44,14 @@ const FIRST_PIXEL: Duration = Duration::from_micros(10);
 const LIVE_PIXELS: u64 = 1 << 20;
 
 /// A render at a moment.
-pub struct Moment<'a> {
+pub struct Snapshot<'a> {
     pub session: &'a Session<'a>,
-    pub image: &'a Combined<'a>,
+    pub image: &'a CombinedImage<'a>,
     pub denoised: Option<&'a Denoised>,
     /// Rendering time before this run, seconds.
     pub earlier: f64,
     pub promise: Option<&'a Promise>,
-    pub chosen: Option<&'a Chosen>,
+    pub chosen: Option<&'a Selection>,
     /// What there is to tell, once it has ended.
     pub report: Option<&'a Report<'a>>,
 }
@@ -73,7 +73,7 @@ impl Page {
     }
 
     /// Writes it before there is anything to see.
-    pub fn announce(&mut self, prepared: &Prepared) -> Result<()> {
+    pub fn announce(&mut self, prepared: &LoadedScene) -> Result<()> {
         self.next = (FIRST_PIXEL * prepared.origin.settings.pixels() as u32).clamp(FIRST, PAUSE[1]);
         let body = html! {
             main {
@@ -91,7 +91,7 @@ impl Page {
     }
 
     /// Writes it.
-    pub fn write(&mut self, moment: &Moment) -> Result<()> {
+    pub fn write(&mut self, moment: &Snapshot) -> Result<()> {
         let (start, elapsed) = (Instant::now(), moment.session.elapsed());
         let prepared = moment.session.prepared;
         let body = prepared.threads.install(|| self.body(moment));
@@ -105,7 +105,7 @@ impl Page {
         saved
     }
 
-    fn body(&self, moment: &Moment) -> Markup {
+    fn body(&self, moment: &Snapshot) -> Markup {
         let maps = maps::Maps::new(moment, LIVE_PIXELS);
         let prepared = moment.session.prepared;
         let cost = self.spent.as_secs_f64() / moment.session.elapsed().as_secs_f64().max(1e-9);
@@ -116,7 +116,7 @@ impl Page {
                 (maps.errors(moment))
                 section {
                     h2 { "How the error falls" }
-                    (fall::section(moment))
+                    (convergence::section(moment))
                 }
                 (choice::section(moment))
                 (maps.sources(moment))

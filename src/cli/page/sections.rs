@@ -1,15 +1,15 @@
 //! Sections of words and numbers: how far it is, what came of it, what it was made of.
 
-use super::Moment;
-use super::fall::error;
+use super::Snapshot;
+use super::convergence::error;
 use crate::cli::human_time;
-use crate::cli::prepared::Prepared;
+use crate::cli::loaded_scene::LoadedScene;
 use crate::cli::progress::way;
 use crate::cli::render_report::text;
-use bdpm::page::number::count;
-use bdpm::pictures::number;
+use bdpm::adaptive::stopping::{Goal, StoppedBy, Target};
+use bdpm::image_io::number;
+use bdpm::output::page::number::count;
 use bdpm::settings::policy::UPPER_BOUND;
-use bdpm::steer::goal::{Goal, StoppedBy, Target};
 use maud::{Markup, html};
 
 /// A share in percent, three digits.
@@ -18,14 +18,14 @@ pub fn percent(share: f64) -> String {
 }
 
 /// The scene's name and what is going on.
-pub fn heading(prepared: &Prepared, state: &str, class: &str) -> Markup {
+pub fn heading(prepared: &LoadedScene, state: &str, class: &str) -> Markup {
     html! {
         h1 { (prepared.origin.scene) " " span .state .(class) { (state) } }
     }
 }
 
 /// How far it is, in a sentence and in numbers.
-pub fn summary(moment: &Moment) -> Markup {
+pub fn summary(moment: &Snapshot) -> Markup {
     let session = moment.session;
     let elapsed = session.elapsed().as_secs_f64();
     let (state, class) = match moment.report.map(|report| report.run.stopped_by) {
@@ -47,7 +47,7 @@ pub fn summary(moment: &Moment) -> Markup {
     }
 }
 
-fn lead(moment: &Moment, left: Option<f64>) -> Markup {
+fn lead(moment: &Snapshot, left: Option<f64>) -> Markup {
     let session = moment.session;
     let elapsed = session.elapsed().as_secs_f64();
     let now = session.status.standing.as_ref();
@@ -69,7 +69,7 @@ fn lead(moment: &Moment, left: Option<f64>) -> Markup {
 /// What errors are relative to.
 pub fn of_what(goal: &Goal) -> &'static str {
     match goal.objective {
-        bdpm::optimize::Objective::Relative => "each pixel’s brightness",
+        bdpm::adaptive::optimize::Objective::Relative => "each pixel’s brightness",
         _ => "the picture’s mean brightness",
     }
 }
@@ -87,7 +87,7 @@ fn asked(goal: &Goal) -> Option<String> {
     (!ends.is_empty()).then(|| ends.join(", or "))
 }
 
-fn tiles(moment: &Moment) -> Markup {
+fn tiles(moment: &Snapshot) -> Markup {
     let session = moment.session;
     let standing = session.status.standing.as_ref();
     let noise2 = standing.and_then(|s| s.relative_variance(session.goal.objective));
@@ -135,7 +135,7 @@ fn tiles(moment: &Moment) -> Markup {
 }
 
 /// What the program says at the end.
-pub fn outcome(moment: &Moment) -> Markup {
+pub fn outcome(moment: &Snapshot) -> Markup {
     html! {
         @if let Some(report) = moment.report {
             section {
@@ -147,7 +147,7 @@ pub fn outcome(moment: &Moment) -> Markup {
 }
 
 /// Scene, command, settings.
-pub fn setup(prepared: &Prepared, command: &str) -> Markup {
+pub fn setup(prepared: &LoadedScene, command: &str) -> Markup {
     let origin = &prepared.origin;
     let settings = &origin.settings;
     let json = serde_json::to_string_pretty(settings).expect("plain numbers and texts");

@@ -7,8 +7,8 @@ mod tev;
 
 use super::progress::Progress;
 use bdpm::base::error::{Error, Result};
-use bdpm::denoise::Denoised;
-use bdpm::render::block::Combined;
+use bdpm::output::denoise::Denoised;
+use bdpm::render::block::CombinedImage;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
@@ -79,7 +79,7 @@ impl View {
     }
 
     /// Shows what there is after so much time of rendering.
-    pub fn show(&mut self, image: &Combined, denoised: Option<&Denoised>, elapsed: Duration) {
+    pub fn show(&mut self, image: &CombinedImage, denoised: Option<&Denoised>, elapsed: Duration) {
         let start = Instant::now();
         match &mut self.screen {
             Screen::Tev(tev) => tev.send(tev::Frame::new(image, denoised)),
@@ -89,7 +89,7 @@ impl View {
     }
 
     /// Shows the last one; waits a moment until it has come through.
-    pub fn finish(mut self, image: &Combined, denoised: Option<&Denoised>, elapsed: Duration) {
+    pub fn finish(mut self, image: &CombinedImage, denoised: Option<&Denoised>, elapsed: Duration) {
         if let Screen::Tev(tev) = &mut self.screen {
             tev.wait();
         }

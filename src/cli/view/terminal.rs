@@ -3,9 +3,9 @@
 
 use crate::cli::progress::Progress;
 use bdpm::base::math::Rgb;
-use bdpm::denoise::Denoised;
-use bdpm::pictures::{auto_exposure, tone_map};
-use bdpm::render::block::Combined;
+use bdpm::image_io::{auto_exposure, tone_map};
+use bdpm::output::denoise::Denoised;
+use bdpm::render::block::CombinedImage;
 use std::fmt::Write;
 
 /// Characters along a line at the most.
@@ -15,7 +15,7 @@ const COLUMNS: u32 = 72;
 const SPARE: u32 = 5;
 
 /// Shows what there is above the bar.
-pub fn show(progress: &Progress, image: &Combined, denoised: Option<&Denoised>) {
+pub fn show(progress: &Progress, image: &CombinedImage, denoised: Option<&Denoised>) {
     let (rows, columns) = console::Term::stderr().size();
     let rows = u32::from(rows).saturating_sub(SPARE);
     let columns = u32::from(columns).saturating_sub(1).min(COLUMNS);

@@ -2,9 +2,9 @@
 //! updated. A thread of its own sends, so that a viewer that hangs holds up nobody.
 
 use crate::cli::progress::Progress;
-use bdpm::denoise::Denoised;
-use bdpm::pictures::Layer;
-use bdpm::render::block::Combined;
+use bdpm::image_io::Layer;
+use bdpm::output::denoise::Denoised;
+use bdpm::render::block::CombinedImage;
 use std::io::{self, ErrorKind};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -27,7 +27,7 @@ pub struct Frame {
 
 impl Frame {
     /// The image, its noise if that is known, and the denoised image if there is one.
-    pub fn new(image: &Combined, denoised: Option<&Denoised>) -> Self {
+    pub fn new(image: &CombinedImage, denoised: Option<&Denoised>) -> Self {
         let mut layers = vec![Layer::rgb("", &image.mean())];
         let (width, height) = image.resolution();
         let rms = image.rms().unwrap_or_else(|| vec![0.0; width as usize * height as usize]);

@@ -4,8 +4,8 @@ use super::json::{Document, Perspective, get};
 use super::nodes::Placed;
 use super::{fault, first_name};
 use crate::base::error::{Error, Result};
-use crate::import::notes::Note;
 use crate::import::text::list;
+use crate::import::warnings::Warning;
 use crate::scene::{Camera, FieldOfView};
 use glam::DVec3;
 use std::f32::consts::PI;
@@ -59,14 +59,15 @@ pub(super) fn candidates<'a>(
 pub(super) fn choose<'c, 'a>(
     all: &'c [Candidate<'a>],
     wanted: Option<&str>,
-    notes: &mut Vec<Note>,
+    notes: &mut Vec<Warning>,
 ) -> Result<Option<&'c Candidate<'a>>> {
     let Some(wanted) = wanted else {
         let first = all.iter().position(|camera| camera.perspective.is_some());
         let before = &all[..first.unwrap_or(all.len())];
         if !before.is_empty() {
             let names = list(before.iter().map(|camera| &camera.name[..]));
-            notes.push(Note::skipped(format!("orthographic cameras are not supported: {names}")));
+            notes
+                .push(Warning::skipped(format!("orthographic cameras are not supported: {names}")));
         }
         return Ok(first.map(|first| &all[first]));
     };

@@ -1,13 +1,13 @@
 //! What a glTF material becomes here; the table in `docs/scene-format.md` tells the same.
 
 use super::factors::{Alpha, Factors};
-use super::remarks::Remarks;
 use super::texture::{Coverage, blended, coverage};
+use super::warnings::Remarks;
 use crate::base::math::{Rgb, luminance};
-use crate::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use crate::import::mtl::material::COAT_ROUGHNESS;
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
 use crate::scene::Material;
+use crate::scene::bsdf::{Bsdf, Coated, Glossy, SMOOTH_ALPHA, ThinDielectric};
 use glam::Vec3;
 
 /// The material, with remarks on what of it has no counterpart; `None` if it is nowhere to be seen.

@@ -16,14 +16,14 @@ mod material;
 mod meshes;
 mod nodes;
 mod pose;
-mod remarks;
+mod warnings;
 mod texture;
 
-use super::arrange::Part;
 use super::builder::{Builder, Rest};
+use super::instancing::Part;
 use super::load::{LoadOptions, Loaded};
-use super::notes::Note;
 use super::text::list;
+use super::warnings::Warning;
 use crate::base::error::{Error, Result, visible};
 use crate::scene::transform::Transform;
 use crate::settings::PartialSettings;
@@ -62,7 +62,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (nodes, is_odd) = nodes::placed(&document)?;
     if is_odd {
         let note = "the scene lists nodes below others, or twice; each is shown once";
-        builder.notes.push(Note::chosen(format!("{shown}: {note}")));
+        builder.notes.push(Warning::chosen(format!("{shown}: {note}")));
     }
     let cameras = camera::candidates(&document, &nodes)?;
     let chosen = camera::choose(&cameras, options.camera, &mut builder.notes)?;
@@ -138,16 +138,16 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// What the file holds and no image shows.
-fn notes(document: &Document, shown: &str) -> Vec<Note> {
+fn notes(document: &Document, shown: &str) -> Vec<Warning> {
     let mut notes = Vec::new();
     let unsupported: BTreeSet<&str> = file::unsupported(&document.extensions_used).collect();
     if !unsupported.is_empty() {
         let names = list(unsupported);
-        notes.push(Note::skipped(format!("{shown}: ignored the extensions {names}")));
+        notes.push(Warning::skipped(format!("{shown}: ignored the extensions {names}")));
     }
     if !document.animations.is_empty() {
         let note = "animations are not played: all is where the nodes have it";
-        notes.push(Note::chosen(format!("{shown}: {note}")));
+        notes.push(Warning::chosen(format!("{shown}: {note}")));
     }
     notes
 }

@@ -6,8 +6,8 @@ use super::fault;
 use super::json::{Document, get};
 use super::json_material::{TextureInfo, TextureTransform};
 use crate::base::error::Result;
-use crate::import::notes::Note;
 use crate::import::text::problems;
+use crate::import::warnings::Warning;
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, Mat2, Vec2};
 use std::collections::{BTreeSet, HashMap};
@@ -94,9 +94,10 @@ impl<'a> Pictures<'a> {
     }
 
     /// What cannot be read.
-    pub fn notes(&self, file: &str) -> Option<Note> {
+    pub fn notes(&self, file: &str) -> Option<Warning> {
         let all = problems(self.unreadable.iter().map(String::as_str));
-        let note = || Note::skipped(format!("{file}: ignored textures that cannot be read: {all}"));
+        let note =
+            || Warning::skipped(format!("{file}: ignored textures that cannot be read: {all}"));
         (!self.unreadable.is_empty()).then(note)
     }
 

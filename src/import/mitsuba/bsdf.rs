@@ -5,17 +5,17 @@ use super::color::Meaning;
 use super::document::MAX_DEPTH;
 use super::metals;
 use super::object::Object;
-use super::remarks::Remarks;
 use super::texture::{Paint, Pictures};
+use super::warnings::Remarks;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::bsdf::{
-    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
-    fresnel,
-};
 use crate::import::scene_file::material::interface;
 use crate::import::text::list;
 use crate::scene::Texture;
+use crate::scene::bsdf::{
+    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
+    fresnel,
+};
 use glam::Affine2;
 use std::collections::HashMap;
 use std::sync::Arc;

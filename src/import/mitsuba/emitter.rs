@@ -2,8 +2,8 @@
 
 use super::color::Meaning;
 use super::object::Object;
-use super::remarks::Remarks;
 use super::texture::Pictures;
+use super::warnings::Remarks;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;

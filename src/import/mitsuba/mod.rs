@@ -13,18 +13,18 @@ mod maps;
 mod metals;
 mod names;
 mod object;
-mod remarks;
+mod warnings;
 mod sensor;
 mod serialized;
 mod shape;
 mod smooth;
 mod texture;
 
-use super::arrange::Part;
 use super::builder::{Builder, Rest};
+use super::instancing::Part;
 use super::load::{LoadOptions, Loaded};
-use super::notes::Note;
 use super::text::list;
+use super::warnings::Warning;
 use crate::base::error::Result;
 use crate::settings::PartialSettings;
 use bsdf::Bsdfs;
@@ -32,12 +32,12 @@ use document::Document;
 use emitter::{MIRROR, Surroundings};
 use glam::{DAffine3, DMat3};
 use object::Object;
-use remarks::Remarks;
 use sensor::Sensor;
 use shape::{Key, Meshes, Parts};
 use std::collections::HashMap;
 use std::path::Path;
 use texture::Pictures;
+use warnings::Remarks;
 
 /// Loads a scene as seen by the sensor of the id that is asked for, else its first, else one that sees everything.
 ///
@@ -112,7 +112,7 @@ impl Reader<'_> {
         match (surroundings, &rest.environment) {
             (Some(_), Some(_)) => {
                 let note = format!("{shown}: --environment takes the place of its own");
-                builder.notes.push(Note::chosen(note));
+                builder.notes.push(Warning::chosen(note));
             }
             (own, None) => rest.environment = own.map(|own| own.environment(is_mirrored)),
             (None, Some(_)) => {}

@@ -1,7 +1,7 @@
 //! Cameras and the size of their film.
 
 use super::object::Object;
-use super::remarks::Remarks;
+use super::warnings::Remarks;
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
 use crate::scene::{Camera, FieldOfView, Optics};

@@ -3,7 +3,7 @@
 use super::color;
 use super::color::Meaning;
 use super::object::Object;
-use super::remarks::Remarks;
+use super::warnings::Remarks;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;

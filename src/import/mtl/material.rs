@@ -5,8 +5,8 @@
 
 use super::DEFAULT_ALBEDO;
 use crate::base::math::Rgb;
-use crate::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::import::scene_file::material::{DEFAULT_IOR, dielectric};
+use crate::scene::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::scene::{Material, NormalMap, Texture};
 use std::sync::Arc;
 

@@ -3,11 +3,11 @@
 pub(super) mod material;
 
 use super::lines::Lines;
-use super::notes::Note;
 use super::text::{find, list, problems, read_lines, split_keyword};
+use super::warnings::Warning;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::bsdf::Bsdf;
+use crate::scene::bsdf::Bsdf;
 use crate::scene::{Material, Texture};
 use material::MtlMaterial;
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,7 +30,7 @@ pub(super) fn grey(name: &str) -> Material {
 pub(super) fn load(
     path: &Path,
     materials: &mut BTreeMap<String, Material>,
-    notes: &mut Vec<Note>,
+    notes: &mut Vec<Warning>,
 ) -> Result<()> {
     let text = read_lines(path)?;
     let mut lines = Lines::new(path, &text, 0);
@@ -105,7 +105,7 @@ pub(super) fn load(
     if !ignored.unreadable.is_empty() {
         let all = problems(ignored.unreadable.iter().map(String::as_str));
         let note = format!("{}: ignored some textures: {all}", path.display());
-        notes.push(Note::skipped(note));
+        notes.push(Warning::skipped(note));
     }
     for (names, what) in [
         (ignored.twice, "all but the last definition of"),
@@ -117,7 +117,7 @@ pub(super) fn load(
         if !names.is_empty() {
             let names = list(names.iter().map(String::as_str));
             let note = format!("{}: ignored {what} {names}", path.display());
-            notes.push(Note::skipped(note));
+            notes.push(Warning::skipped(note));
         }
     }
     Ok(())
@@ -171,7 +171,7 @@ fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
 }
 
 /// A color of at most 1; more is cut with a note.
-fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Result<Rgb> {
+fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Warning>) -> Result<Rgb> {
     let color = color(lines, text)?;
     if color.max_element() > 1.0 {
         let what = match split_keyword(&lines.text()).0 {
@@ -180,7 +180,7 @@ fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Note>) -> Resul
         };
         let (path, line) = (path.display(), lines.number());
         let note = format!("{path}:{line}: the {what} color {color} is above 1 and was clamped");
-        notes.push(Note::skipped(note));
+        notes.push(Warning::skipped(note));
     }
     Ok(color.min(Rgb::ONE))
 }

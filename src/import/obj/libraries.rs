@@ -2,8 +2,8 @@
 
 use crate::base::error::Result;
 use crate::import::mtl;
-use crate::import::notes::Note;
 use crate::import::text::{find, list};
+use crate::import::warnings::Warning;
 use crate::scene::Material;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,7 +21,7 @@ impl Library {
         &self,
         obj: &Path,
         materials: &mut BTreeMap<String, Material>,
-        notes: &mut Vec<Note>,
+        notes: &mut Vec<Warning>,
     ) -> Result<()> {
         let folder = obj.parent().unwrap_or(Path::new(""));
         if let Some(path) = find(folder, &self.names) {
@@ -44,7 +44,7 @@ impl Library {
         for name in missing {
             let (path, line, name) = (obj.display(), self.line, list([name]));
             let note = format!("{path}:{line}: the material library {name} does not exist");
-            notes.push(Note::skipped(note));
+            notes.push(Warning::skipped(note));
         }
         Ok(())
     }

@@ -21,8 +21,8 @@ mod records;
 mod vertices;
 
 use super::lines::pieces;
-use super::notes::Note;
 use super::text::{list, read_lines};
+use super::warnings::Warning;
 use crate::base::error::Result;
 use crate::scene::{Material, Mesh};
 use model::Model;
@@ -53,7 +53,7 @@ pub(super) struct ObjFile {
     /// By name.
     pub materials: BTreeMap<String, Material>,
     /// What was ignored.
-    pub notes: Vec<Note>,
+    pub notes: Vec<Warning>,
 }
 
 impl ObjFile {
@@ -82,7 +82,7 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
 
     let mut notes = Vec::new();
     let mut skipped = |what: String| {
-        notes.push(Note::skipped(format!("{}: {what}", path.display())));
+        notes.push(Warning::skipped(format!("{}: {what}", path.display())));
     };
     if model.ignored_elements > 0 {
         skipped(format!("ignored {} points, lines or curves", model.ignored_elements));
@@ -112,7 +112,7 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
             path.display(),
             polygon::LARGEST
         );
-        notes.push(Note::skipped(note));
+        notes.push(Warning::skipped(note));
     }
     Ok(ObjFile { meshes, materials, notes })
 }

@@ -3,7 +3,7 @@
 use super::Point;
 use crate::base::error::{Error, Result};
 use crate::scene::camera::{Camera, FieldOfView, Optics};
-use crate::settings::Exactly;
+use crate::settings::FixedArray;
 use glam::Vec3;
 use serde::Deserialize;
 
@@ -25,7 +25,7 @@ pub(in crate::import) struct CameraTable {
     disc_distance: Option<f32>,
     disc_radius: Option<f32>,
     exposure: Option<f32>,
-    shift: Option<Exactly<f32, 2>>,
+    shift: Option<FixedArray<f32, 2>>,
 }
 
 /// The cameras there are.
@@ -64,7 +64,7 @@ impl CameraTable {
         };
         let up = self.up.map_or(Vec3::Y, |up| up.0);
         let optics = self.optics(direction.length())?;
-        let shift = self.shift.as_ref().map_or([0.0; 2], |Exactly(shift)| *shift);
+        let shift = self.shift.as_ref().map_or([0.0; 2], |FixedArray(shift)| *shift);
         Camera::with_optics(position, direction, up, optics)?.shifted(shift)
     }
 

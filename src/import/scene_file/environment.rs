@@ -4,7 +4,7 @@ use super::Power;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::environment::from_file;
-use crate::import::notes::Note;
+use crate::import::warnings::Warning;
 use crate::scene::Environment;
 use serde::Deserialize;
 use std::path::Path;
@@ -26,7 +26,7 @@ impl EnvironmentTable {
     pub(in crate::import) fn environment(
         &self,
         folder: &Path,
-        notes: &mut Vec<Note>,
+        notes: &mut Vec<Warning>,
     ) -> Result<Environment> {
         if !self.turn_deg.is_finite() {
             return Err(Error::new("`turn_deg` is not finite", "give an angle in degrees"));

@@ -5,12 +5,12 @@ use super::texture::{FilterKind, Pictures, TextureTable, Wraps};
 use super::{Albedo, Power};
 use crate::base::error::Error;
 use crate::base::math::Rgb;
-use crate::bsdf::{
+use crate::import::mtl;
+use crate::import::text::list;
+use crate::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Reflectance, RoughDielectric,
     SMOOTH_ALPHA, ThinDielectric,
 };
-use crate::import::mtl;
-use crate::import::text::list;
 use crate::scene::{Material, NormalMap, Sampling, Texture, Wrap};
 use serde::Deserialize;
 use std::sync::Arc;

@@ -10,7 +10,7 @@ pub(super) mod texture;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
-use crate::settings::{ADVICE, Exactly, PartialSettings, as_serde};
+use crate::settings::{ADVICE, FixedArray, PartialSettings, as_serde};
 use camera::CameraTable;
 use environment::EnvironmentTable;
 use glam::{DVec3, Vec3};
@@ -49,7 +49,7 @@ pub(in crate::import) struct MeshTable {
     pub translate: Option<Numbers>,
     pub rotate_deg: Option<Numbers>,
     pub scale: Option<Numbers>,
-    pub matrix: Option<Exactly<Exactly<f64, 4>, 4>>,
+    pub matrix: Option<FixedArray<FixedArray<f64, 4>, 4>>,
     /// NumPy file of matrices.
     pub places: Option<Spanned<String>>,
     #[serde(default)]
@@ -73,7 +73,7 @@ impl MeshTable {
                     "give either the matrix or the others",
                 ));
             }
-            Some(Exactly(rows)) => Transform::from_rows(rows.map(|Exactly(row)| row))?,
+            Some(FixedArray(rows)) => Transform::from_rows(rows.map(|FixedArray(row)| row))?,
             None => {
                 let triple = |part: &Option<Numbers>, name: &str| match part {
                     None => Ok(DVec3::ZERO),
@@ -202,8 +202,8 @@ pub(in crate::import) struct Rectangles(pub Vec<[f64; 4]>);
 
 impl<'de> Deserialize<'de> for Rectangles {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let rectangles = Vec::<Exactly<f64, 4>>::deserialize(from)?;
-        let rectangles: Vec<_> = rectangles.into_iter().map(|Exactly(sides)| sides).collect();
+        let rectangles = Vec::<FixedArray<f64, 4>>::deserialize(from)?;
+        let rectangles: Vec<_> = rectangles.into_iter().map(|FixedArray(sides)| sides).collect();
         crate::scene::check_rectangles(&rectangles).map_err(as_serde)?;
         Ok(Self(rectangles))
     }

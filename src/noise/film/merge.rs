@@ -1,7 +1,7 @@
 //! One measurement from two of other iterations.
 
 use super::{BATCHES, BatchGrain, NoiseFilm, PixelNoise};
-use crate::image::film::Tile;
+use crate::film::radiance::Tile;
 
 impl NoiseFilm {
     /// Adds what other iterations of the same block measured, at the same grain.

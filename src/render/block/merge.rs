@@ -1,8 +1,8 @@
 //! One block from two of other iterations.
 
-use super::{Block, Clock};
+use super::{Block, PhaseClock};
 use crate::base::error::{Error, Result};
-use crate::image::counts::Counts;
+use crate::film::counts::Counts;
 
 impl Block {
     /// Adds the iterations of another block of the same place in the same image.
@@ -63,7 +63,7 @@ impl Block {
     }
 }
 
-impl Clock {
+impl PhaseClock {
     fn merge(&mut self, other: &Self) {
         self.iterations += other.iterations;
         self.times += other.times;

@@ -84,7 +84,7 @@ impl Cluster {
                 (at(*position), all, *intensity)
             }
             Emitter::Spot(spot) => {
-                // Beyond the reach of the estimate's heights, anywhere.
+                // Annulus the reach of the estimate's heights, anywhere.
                 let spread = if spot.cos_outer < 0.0 { PI } else { 0.0 };
                 let reach = spot.cos_outer.max(0.0).acos();
                 let cone = Beam { axis: spot.direction, spread, reach };

@@ -1,24 +1,24 @@
 //! All lights of a scene: light paths start from them in proportion to their power, and vertices
 //! connect to them by an estimate of what they contribute.
 
-mod children;
-mod choice;
+mod tree_node;
+mod sampler;
 mod cluster;
 pub mod emitter;
 pub mod environment;
 pub mod guide;
-pub(in crate::scene) mod lanes;
+pub(in crate::scene) mod packets;
 mod solid_angle;
-mod split;
+mod tree_build;
 pub(in crate::scene) mod textured_emitter;
 mod tree;
 
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
-use choice::ByEstimate;
 use emitter::Emitter;
 use environment::Environment;
 use glam::Vec3;
+use sampler::ByEstimate;
 
 /// The start of a light path.
 #[derive(Clone, Copy, Debug)]
@@ -186,7 +186,7 @@ impl Lights {
         self.by_power.choose(u)
     }
 
-    /// Numbers for [`Self::emit_chosen`]: as fine as choices among pixels ask for.
+    /// IterationSet for [`Self::emit_chosen`]: as fine as choices among pixels ask for.
     #[inline]
     pub(super) fn numbers(&self, index: usize, rng: &mut Rng) -> [f64; 4] {
         let is_environment = index == self.emitters.len();
@@ -448,7 +448,7 @@ mod tests {
             let start = guide::Guide::even().start(&mut rng);
             let place = start.place;
             let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
-            guide::Brought { start, square }
+            guide::GuideSample { start, square }
         };
         let guide = guide::Guide::learn(&(0..50_000).map(brought).collect::<Vec<_>>());
         assert!(guide.len() > 10);

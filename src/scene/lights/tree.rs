@@ -6,11 +6,11 @@
 //! than power, so that for a small one the estimate is the irradiance itself. A node has eight children
 //! rather than two: their estimates are worked out side by side, and there are a third of the levels.
 
-use super::children::{Children, WIDE};
 use super::cluster::Cluster;
 use super::emitter::Emitter;
-use super::split::split;
-use crate::lanes::simd::vectorized;
+use super::tree_build::split;
+use super::tree_node::{Children, WIDE};
+use crate::simd::dispatch::vectorized;
 use glam::Vec3;
 
 const LEAF: u32 = 1 << 31;

@@ -1,13 +1,13 @@
 //! What the spheres around the points of a cell hold, worked out in f64.
 
 use super::boundary::boundary;
-use super::covered::Plane;
-use super::list::{Facet, Holed, HoledList, List};
-use super::near::{Frame, Maker, Near, Own, Spot};
+use super::cell_builder::{Frame, Maker, Near, Own, Spot};
+use super::edge_list::{Facet, Holed, HoledList, List};
+use super::neighbors::Surroundings;
 use super::patch::Grid;
 use super::polygon::{Polygon, area, clip_to, edges, middle, subtract};
+use super::solids::Plane;
 use super::surfaces::corners;
-use super::surroundings::Surroundings;
 use glam::{DVec2, DVec3};
 
 /// Cells larger than this, in radii, that have more triangles in reach than [`CROWD`] are split.

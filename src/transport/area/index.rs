@@ -1,14 +1,14 @@
 //! Areas of all surfaces of a scene, worked out where they are asked for.
 
 use super::cell::Cell;
+use super::cell_builder::{Maker, Own};
 use super::disc::half_plane;
-use super::near::{Maker, Own};
+use super::lit_sides::Sides;
 use super::patch::{Grid, Patch, Place};
-use super::reach::Reach;
-use super::sides::Sides;
 use super::surfaces::{Surfaces, corners};
-use crate::lanes::simd::vectorized;
-use crate::lanes::{LANES, Mask, Vec3s, lanes_of};
+use super::triangle_index::Reach;
+use crate::simd::dispatch::vectorized;
+use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};

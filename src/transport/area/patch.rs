@@ -1,7 +1,7 @@
 //! A side of a triangle, divided into cells about as large as the sphere.
 
 use super::cell::Cell;
-use super::near::Frame;
+use super::cell_builder::Frame;
 use glam::{DVec2, DVec3, Vec3};
 use std::sync::OnceLock;
 
@@ -29,7 +29,7 @@ pub struct Grid {
     low: [f32; 2],
     /// Cells per radius.
     density: [f32; 2],
-    /// Numbers of the last cells.
+    /// IterationSet of the last cells.
     last: [f32; 2],
     columns: u32,
     /// Sides of a cell.
@@ -110,7 +110,7 @@ impl Grid {
         let mut cell = [0; 2];
         for axis in 0..2 {
             let from = local[axis] - self.low[axis];
-            // Numbers of cells from their middles.
+            // IterationSet of cells from their middles.
             let rounded = (from * self.density[axis] - 0.5).min(self.last[axis]).max(0.0) + ROUND;
             cell[axis] = rounded.to_bits() & 0xffff;
             at[axis] = from - ((rounded - ROUND) + 0.5) * self.size[axis];

@@ -1,7 +1,7 @@
 //! Shadow rays under way.
 
-use crate::lanes::{LANES, Vec3s};
-use crate::transport::flight::Columns;
+use crate::simd::{LANES, Vec3s};
+use crate::transport::path_queue::Columns;
 use bytemuck::{Pod, Zeroable};
 
 /// What sixteen shadow rays carry if nothing blocks them.

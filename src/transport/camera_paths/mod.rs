@@ -3,26 +3,26 @@
 
 mod connections;
 mod non_diffuse;
-mod told;
-mod weighted;
+mod aov;
+mod mis;
 
-pub use told::Told;
+pub use aov::Told;
 
-use super::flight::Flight;
 use super::gather::{GatherPoints, GatherView};
 use super::mis::Mis;
-use super::walks::{Walks, at_other_surface};
+use super::path_queue::Flight;
+use super::path_state::{Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
-use crate::lanes::simd::{Simd, vectorized};
-use crate::lanes::{LANES, Mask, Vec3s, any, lanes_of};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{Scene, Seen, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
+use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use connections::Connections;
+use mis::Rough;
 use std::mem;
-use weighted::Rough;
 
 /// One camera path: where it starts and which random numbers it draws.
 #[derive(Clone, Copy, Debug)]

@@ -4,12 +4,12 @@ use super::connections::Connections;
 use super::{CameraPass, CameraPaths};
 use crate::accel::Ray;
 use crate::base::math::Rgb;
-use crate::bsdf::{Lobe, Transport, Vertex, Wanted};
-use crate::lanes::{LANES, Vec3s, lanes_of};
+use crate::scene::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::scene::{LightSample, Lights, Surface};
 use crate::settings::{Direct, Roulette, Settings};
+use crate::simd::{LANES, Vec3s, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
-use crate::transport::walks::{WEIGHT_FLOOR, Walk, Walks};
+use crate::transport::path_state::{WEIGHT_FLOOR, Walk, Walks};
 use glam::Vec3;
 
 impl CameraPaths {

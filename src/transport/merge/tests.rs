@@ -3,7 +3,7 @@
 use super::*;
 use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
-use crate::bsdf::{Bsdf, Vertex};
+use crate::scene::bsdf::{Bsdf, Vertex};
 use crate::scene::diffuse::Facet;
 use crate::transport::area::admission::THICKNESS;
 use crate::transport::gather::GatherView;
@@ -24,7 +24,7 @@ fn photons(count: u32) -> Vec<Photon> {
         let mut rng = StreamKey::new(1, Stream::Test, 0).rng(u64::from(path));
         let (position, normal) = place(&mut rng);
         let late = rng.next_1d() < 0.7;
-        let class = if late { PhotonClass::LastVertex } else { PhotonClass::EveryVertex };
+        let class = if late { PhotonClass::Diffuse } else { PhotonClass::Caustic };
         let flux = Rgb::new(1.0, rng.next_1d(), rng.next_1d());
         let from = (normal + 0.9 * uniform_sphere(rng.next_2d())).normalize();
         Photon::new(position, path, flux, normal, class).coming_from(from)
@@ -97,7 +97,7 @@ fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool)
     map.build_from(&[&photons], kernel.reach());
     let mut merge = Merge::new(&map, 3, kernel);
     merge.admission.flattening = (127.0 * thickness).powi(-2);
-    let merge = merge.halving(halves);
+    let merge = merge.with_annulus(halves);
     let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
     let [mut found, mut in_zones] = orders.map(|merge| {
         let found = find(&merge, &paths);
@@ -125,7 +125,7 @@ fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool)
                 let from = photon.position - point.position;
                 let offset = photon.side.normal().dot(from) / 127.0;
                 let distance2 = from.length_squared().max((offset / thickness).powi(2));
-                let counts = point.vertex == 3 || photon.class() == PhotonClass::EveryVertex;
+                let counts = point.vertex == 3 || photon.class() == PhotonClass::Caustic;
                 let radius = radii[photon.class() as usize];
                 if distance2 <= radius * radius && counts && photon.cosine(point.normal) > 0.0 {
                     let view = paths.views.get(point.view as usize);

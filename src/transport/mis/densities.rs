@@ -1,8 +1,8 @@
 //! How densely paths of either kind go on where they scatter, in projected solid angle: the area that they cover
 //! at the next vertex then needs no cosines and distances, which cancel between both kinds.
 
-use crate::bsdf::{Bsdf, Lobe, Transport, Vertex};
 use crate::scene::Surface;
+use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
@@ -20,7 +20,7 @@ pub struct Survival {
 
 /// Unit vectors to the next vertex of a path toward the camera and toward the light.
 #[derive(Clone, Copy, Debug)]
-pub struct Ways {
+pub struct Directions {
     /// Toward the camera.
     pub camera: Vec3,
     /// Toward the light.
@@ -53,7 +53,7 @@ impl Survival {
     }
 }
 
-impl Ways {
+impl Directions {
     /// Density of light paths over that of camera paths where `surface` lets both through by a lobe. After a diffuse
     /// vertex, camera paths pass through wherever they can.
     /// theory.md (47a)
@@ -84,10 +84,10 @@ mod tests {
     use super::*;
     use crate::base::math::{Rgb, uniform_sphere};
     use crate::base::rng::{Rng, Stream, StreamKey};
-    use crate::bsdf::{
+    use crate::scene::Material;
+    use crate::scene::bsdf::{
         Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric, Wanted,
     };
-    use crate::scene::Material;
     use crate::scene::diffuse::Facet;
     use crate::settings::{Direct, Roulette, Settings, Strategy};
     use crate::transport::gather::GatherView;
@@ -164,7 +164,7 @@ mod tests {
                     continue;
                 }
                 if sample.lobe.passes_through() {
-                    let ways = Ways { camera, light: sample.wi };
+                    let ways = Directions { camera, light: sample.wi };
                     let from_light = surface(&material, sample.wi, normal);
                     let both = [from_camera, from_light]
                         .map(|surface| ways.light_over_camera(&surface, sample.lobe));
@@ -222,7 +222,7 @@ mod tests {
             if sample.wi.z.abs() < 0.2 || camera.z.abs() < 0.2 {
                 continue;
             }
-            let ways = Ways { camera, light: sample.wi };
+            let ways = Directions { camera, light: sample.wi };
             let limit = ways.light_over_camera(&surface(&rough, camera, None), Lobe::Rough);
             let ratio = ways.light_over_camera(&from, Lobe::Delta);
             assert!((ratio / limit - 1.0).abs() < 0.02, "{camera} {}: {ratio} {limit}", sample.wi);

@@ -1,14 +1,14 @@
 //! What photons carry of their paths' weights, beside them: existing where paths are weighted alone.
 
 use super::Mis;
-use super::densities::Ways;
-use super::weights::Otherwise;
-use crate::bsdf::{BsdfSample, Transport};
-use crate::lanes::{LANES, Mask};
+use super::densities::Directions;
+use super::weights::PreviousTechnique;
+use crate::scene::bsdf::{BsdfSample, Transport};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::{Lights, Surface};
+use crate::simd::{LANES, Mask};
+use crate::transport::path_state::{Walk, Walks};
 use crate::transport::photon::PhotonClass;
-use crate::transport::walks::{Walk, Walks};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -93,9 +93,9 @@ impl PhotonParts {
             let depth = walks.depth[lane];
             let path = &mut self.paths[(walks.path[lane] - self.first) as usize];
             let otherwise = if depth.diffuse() > 0 {
-                Otherwise::Merged(PhotonClass::LastVertex)
+                PreviousTechnique::Merged(PhotonClass::Diffuse)
             } else if !depth.is_start() {
-                Otherwise::Merged(PhotonClass::EveryVertex)
+                PreviousTechnique::Merged(PhotonClass::Caustic)
             } else {
                 let from = [walks.origin.get(lane), walks.direction.get(lane)];
                 let place = [at.position.get(lane), at.normal.get(lane)];
@@ -119,15 +119,15 @@ impl PhotonParts {
         let depth = walk.depth;
         if sample.lobe.passes_through() {
             if depth.diffuse() > 0 {
-                let ways = Ways { camera: sample.wi, light: surface.wo };
+                let ways = Directions { camera: sample.wi, light: surface.wo };
                 path.part /= ways.light_over_camera(surface, sample.lobe);
             }
             return;
         }
         let otherwise = if depth.diffuse() > 0 {
-            Otherwise::Merged(PhotonClass::LastVertex)
+            PreviousTechnique::Merged(PhotonClass::Diffuse)
         } else if !depth.is_start() {
-            Otherwise::Merged(PhotonClass::EveryVertex)
+            PreviousTechnique::Merged(PhotonClass::Caustic)
         } else {
             let place = [surface.position, surface.normal];
             mis.straight(lights, path.emitter, [origin, -surface.wo], place)
@@ -146,11 +146,11 @@ impl Mis {
         emitter: u32,
         from: [Vec3; 2],
         [position, normal]: [Vec3; 2],
-    ) -> Otherwise {
+    ) -> PreviousTechnique {
         if !self.connects {
-            return Otherwise::Never;
+            return PreviousTechnique::Never;
         }
         let inverse_l = lights.connection_over_emission(emitter as usize, from, position, normal);
-        Otherwise::Connected { inverse_l }
+        PreviousTechnique::Connected { inverse_l }
     }
 }

@@ -29,7 +29,7 @@ impl AtSecond {
     /// That of photons that had a diffuse bounce.
     #[inline(always)]
     pub fn bounced(&self) -> f32 {
-        self.by_class[PhotonClass::LastVertex as usize]
+        self.by_class[PhotonClass::Diffuse as usize]
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Balance {
 /// How else a path could be found that goes on from a light path's diffuse vertex to a photon which is merged at
 /// a camera path's first vertex: there, with a camera path that came to that vertex.
 #[derive(Clone, Copy, Debug)]
-pub enum Otherwise {
+pub enum PreviousTechnique {
     /// In no way.
     Never,
     /// By a connection with the light, `1/l` times as dense as emission hits the vertex.
@@ -47,18 +47,18 @@ impl Balance {
     /// Of the scales at both vertices, where caustics have a radius so many times the other.
     fn with(eta: f32, [first, second]: [f32; 2], caustic: f32) -> Self {
         let mut all = [second.max(NOTHING); 2];
-        all[PhotonClass::EveryVertex as usize] = (second * caustic * caustic).max(NOTHING);
+        all[PhotonClass::Caustic as usize] = (second * caustic * caustic).max(NOTHING);
         Self { eta, first: first.max(NOTHING), second: all }
     }
 
     /// What a photon carries of its path's weight after a diffuse vertex of the density `light` toward it.
     /// theory.md (47e)
     #[inline(always)] // as those below: parts of vector loops
-    pub fn photon(&self, otherwise: Otherwise, light: f32) -> f32 {
+    pub fn photon(&self, otherwise: PreviousTechnique, light: f32) -> f32 {
         let other = match otherwise {
-            Otherwise::Never => 0.0,
-            Otherwise::Connected { inverse_l } => inverse_l / self.eta,
-            Otherwise::Merged(class) => self.second[class as usize],
+            PreviousTechnique::Never => 0.0,
+            PreviousTechnique::Connected { inverse_l } => inverse_l / self.eta,
+            PreviousTechnique::Merged(class) => self.second[class as usize],
         };
         other / light
     }
@@ -159,10 +159,10 @@ mod tests {
         // The photon at the first vertex, and at the second.
         let part = (m >= 2).then(|| {
             let otherwise = match (m, last) {
-                (2, Last::Connected) => Otherwise::Connected { inverse_l: l.recip() },
-                (2, Last::Straight) => Otherwise::Never,
-                (2, Last::Caustic) => Otherwise::Merged(PhotonClass::EveryVertex),
-                _ => Otherwise::Merged(PhotonClass::LastVertex),
+                (2, Last::Connected) => PreviousTechnique::Connected { inverse_l: l.recip() },
+                (2, Last::Straight) => PreviousTechnique::Never,
+                (2, Last::Caustic) => PreviousTechnique::Merged(PhotonClass::Caustic),
+                _ => PreviousTechnique::Merged(PhotonClass::Diffuse),
             };
             balance.photon(otherwise, light[0])
         });
@@ -170,7 +170,7 @@ mod tests {
         let first = (m >= 2 || last != Last::Connected)
             .then(|| f64::from(first_weight(by, part.unwrap_or(0.0))));
         let earlier = (m >= 2).then(|| balance.toward_second(camera[0]) * light[0]);
-        let class = if m == 2 { PhotonClass::EveryVertex } else { PhotonClass::LastVertex };
+        let class = if m == 2 { PhotonClass::Caustic } else { PhotonClass::Diffuse };
         let second = (m >= 3 || (m == 2 && last == Last::Caustic))
             .then(|| f64::from(balance.second_weights(earlier.unwrap())[class as usize]));
         let connection = (last == Last::Connected && m <= 2)

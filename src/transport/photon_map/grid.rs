@@ -2,7 +2,7 @@
 
 use super::SLACK;
 use crate::base::math::Bounds;
-use crate::lanes::{LANES, Mask, Vec3s};
+use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3A;
 
 /// Cells relative to a corner outside of the photons' bounding box.

@@ -1,31 +1,31 @@
 //! The photon map: a counting-sort grid that finds all photons within the merge radius, each once.
 
 mod build;
-mod choice;
+mod grid_choice;
 mod grid;
-mod look_ups;
+mod queries;
 mod quad;
-mod vicinity;
-mod weighing;
+mod occupancy;
+mod mis_weights;
 
 use super::kernel::{Admission, ByClass, PointKernel};
 use super::light_paths::LightPaths;
 use super::pair_list::PairList;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
-use crate::lanes::simd::{Simd, paired};
-use crate::lanes::{LANES, Mask, Vec3s, bits, lanes_of};
+use crate::simd::dispatch::{Simd, paired};
+use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use build::Chunk;
 use glam::{BVec4A, Vec3, Vec3A, Vec4};
 use grid::Grid;
+use occupancy::Vicinity;
 use quad::{Counting, Flux, QUAD, Quad, lanes_from};
 use std::array::from_fn;
 use std::ops;
 use std::time::{Duration, Instant};
-use vicinity::Vicinity;
 
-pub(crate) use look_ups::{LookUp, LookUps};
-pub(crate) use weighing::{Unweighted, Weighing, of_quad};
+pub(crate) use mis_weights::{Unweighted, Weighing, of_quad};
+pub(crate) use queries::{LookUp, LookUps};
 
 /// Photons sorted by the cell of a uniform grid: an array of cells, or hashed ones where photons crowd.
 #[derive(Debug, Default)]
@@ -53,7 +53,7 @@ pub struct PhotonMap {
     slack_radius: f32,
     /// Positions outside see no photons.
     reach: Option<[Vec3A; 2]>,
-    any_at_every_vertex: bool,
+    has_caustic_photons: bool,
 }
 
 /// The flux that a look-up finds, W; all in the last class where both count within the same radius.
@@ -164,7 +164,7 @@ impl PhotonMap {
         self.radius = radius;
         self.radius2 = radius * radius;
         self.slack_radius = radius * SLACK;
-        self.any_at_every_vertex = extent.any_at_every_vertex;
+        self.has_caustic_photons = extent.has_caustic_photons;
         self.count = count;
         self.reach = None;
         if count > 0 {
@@ -176,7 +176,7 @@ impl PhotonMap {
                 self.vicinity.mark(slices, count, radius);
             }
             self.grid = Grid::choose(slices, bounds, radius, count, self.is_sparse);
-            let shortest = (self.grid.buckets() as usize).div_ceil(look_ups::ZONES);
+            let shortest = (self.grid.buckets() as usize).div_ceil(queries::ZONES);
             self.zone_shift = shortest.next_power_of_two().ilog2();
             self.sort(slices, parts, &extent);
         }
@@ -226,7 +226,7 @@ impl PhotonMap {
         if self.is_sparse { near & bits(&self.vicinity.is_near(positions)) } else { near }
     }
 
-    /// Look-ups of one zone search the same memory: a number below [`look_ups::ZONES`], or `None`
+    /// Look-ups of one zone search the same memory: a number below [`queries::ZONES`], or `None`
     /// where there are no photons.
     #[inline(always)] // vectorized
     fn zone(&self, position: Vec3) -> Option<u16> {
@@ -397,8 +397,8 @@ impl PhotonMap {
     }
 
     /// Whether look-ups at vertices before the last can find anything.
-    pub fn any_at_every_vertex(&self) -> bool {
-        self.any_at_every_vertex
+    pub fn has_caustic_photons(&self) -> bool {
+        self.has_caustic_photons
     }
 }
 

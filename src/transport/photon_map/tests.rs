@@ -5,7 +5,7 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::transport::photon::PhotonClass;
 
 fn photon(position: Vec3, path: usize) -> Photon {
-    Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, PhotonClass::LastVertex)
+    Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, PhotonClass::Diffuse)
 }
 
 /// Looks up every query and compares with a search of all photons by the same distance test.

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// What a light path brought.
 #[derive(Clone, Copy, Debug)]
-pub struct Brought {
+pub struct GuideSample {
     /// Where it started.
     pub start: Start,
     /// The sum over the image of the squares of what it brought, weighted.
@@ -57,8 +57,8 @@ impl Guide {
     /// For the least second moment of what light paths bring that start there; of those that brought
     /// anything.
     /// theory.md (40b).
-    pub fn learn(brought: &[Brought]) -> Self {
-        let moment = |brought: &Brought| Moment {
+    pub fn learn(brought: &[GuideSample]) -> Self {
+        let moment = |brought: &GuideSample| Moment {
             place: brought.start.place,
             mass: brought.square * brought.start.density,
         };

@@ -8,7 +8,7 @@ mod learn;
 
 use super::{Emission, Lights, Place};
 use crate::base::rng::Rng;
-pub use learn::Brought;
+pub use learn::GuideSample;
 
 /// A density of the places where light paths start, even within cells.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,11 +118,11 @@ mod tests {
     }
 
     /// What paths that start as `guide` says bring.
-    fn samples(guide: &Guide, index: u64, count: usize) -> Vec<Brought> {
+    fn samples(guide: &Guide, index: u64, count: usize) -> Vec<GuideSample> {
         let mut rng = StreamKey::new(9, Stream::Test, index).rng(0);
         let one = || {
             let start = guide.start(&mut rng);
-            Brought { start, square: (brings(&start.place) / start.density).powi(2) }
+            GuideSample { start, square: (brings(&start.place) / start.density).powi(2) }
         };
         std::iter::repeat_with(one).take(count).collect()
     }

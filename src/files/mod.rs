@@ -1,4 +1,0 @@
-//! Files of renders under way.
-
-pub mod checkpoint;
-pub mod merge;

@@ -1,0 +1,178 @@
+//! `[materials.NAME]`.
+
+use super::names::{Names, for_line};
+use super::numbers::{color, inverse, number, roughness};
+use super::textures::Pictures;
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::scene::Material;
+use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, Reflectance};
+use std::fmt::Write;
+
+/// All materials, with names of their own.
+pub(super) struct Materials<'a> {
+    materials: &'a [Material],
+    names: Vec<String>,
+}
+
+impl<'a> Materials<'a> {
+    pub fn new(materials: &'a [Material]) -> Self {
+        let mut names = Names::default();
+        let name = |material: &Material| names.unique(for_line(&material.name, "material"));
+        Self { materials, names: materials.iter().map(name).collect() }
+    }
+
+    /// The name of the material of this index as a string or a key.
+    pub fn quoted(&self, index: u32) -> String {
+        format!("\"{}\"", self.names[index as usize])
+    }
+
+    /// All tables.
+    pub fn tables(&self, pictures: &mut Pictures<'a>) -> Result<String> {
+        let mut text = String::new();
+        for (material, name) in self.materials.iter().zip(&self.names) {
+            let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            let key = if name.chars().all(is_bare) { name.clone() } else { format!("\"{name}\"") };
+            let _ = write!(text, "\n[materials.{key}]\n");
+            text += &keys(material).map_err(|problem| {
+                let problem = format!("the material `{name}` cannot be written: {problem}");
+                Error::new(problem, "change it in the original scene")
+            })?;
+            text += &textures(material, name, pictures);
+        }
+        Ok(text)
+    }
+}
+
+/// What is the same all over the material; `Err` tells what no scene file can say.
+fn keys(material: &Material) -> std::result::Result<String, String> {
+    let mut text = match material.bsdf {
+        Bsdf::Lambertian { albedo, two_sided } => {
+            let sides = if two_sided { "" } else { "two_sided = false\n" };
+            format!("type = \"lambertian\"\nalbedo = {}\n{sides}", color(albedo))
+        }
+        Bsdf::Mirror { reflectance } => {
+            format!("type = \"mirror\"\nreflectance = {}\n", color(reflectance))
+        }
+        Bsdf::Dielectric(interface) => {
+            let tint = transmittance(interface.transmittance);
+            format!("type = \"dielectric\"\n{}{tint}", indices(interface.eta)?)
+        }
+        Bsdf::RoughDielectric(interface) => {
+            let indices = indices(interface.eta())?;
+            let tint = transmittance(interface.transmittance());
+            let facets = facets(interface.model());
+            let rough = roughness(interface.alpha());
+            format!("type = \"dielectric\"\n{indices}{rough}{facets}{tint}")
+        }
+        Bsdf::ThinDielectric(sheet) => {
+            let tint = transmittance(sheet.transmittance);
+            format!("type = \"thin-dielectric\"\nior = {}\n{tint}", number(sheet.eta))
+        }
+        Bsdf::Conductor(metal) => {
+            let look = reflectance(metal.reflectance());
+            let single = metal.single().map(|(model, tint)| {
+                let tinted = tint != Rgb::ONE;
+                let tint = if tinted { format!("tint = {}\n", color(tint)) } else { String::new() };
+                format!("{}{tint}", facets(model))
+            });
+            let rough = roughness(metal.alpha());
+            format!("type = \"metal\"\n{look}{rough}{}", single.unwrap_or_default())
+        }
+        Bsdf::Coated(coated) => {
+            let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
+            format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
+        }
+        Bsdf::Glossy(glossy) => {
+            let (albedo, metallic) = (color(glossy.albedo()), number(glossy.metallic()));
+            let ior = glossy_ior(&glossy).ok_or("its refractive index is lost")?;
+            format!(
+                "type = \"glossy\"\nalbedo = {albedo}\nior = {}\nmetallic = {metallic}\n{}",
+                number(ior),
+                roughness(glossy.alpha())
+            )
+        }
+    };
+    if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
+        let _ = writeln!(text, "emission = {}", color(material.emission));
+    }
+    if material.hidden {
+        text += "hidden = true\n";
+    }
+    if let Some(opacity) = material.opacity {
+        let _ = writeln!(text, "opacity = {}", number(opacity));
+    }
+    Ok(text)
+}
+
+/// Of facets that scatter once.
+fn facets(model: FacetModel) -> &'static str {
+    match model {
+        FacetModel::Correlated => "",
+        FacetModel::Ggx => "facets = \"ggx\"\n",
+        FacetModel::Beckmann => "facets = \"beckmann\"\n",
+    }
+}
+
+/// Of glass that is not clear.
+fn transmittance(share: Rgb) -> String {
+    if share == Rgb::ONE { String::new() } else { format!("transmittance = {}\n", color(share)) }
+}
+
+/// Its textures, so far as they have an effect.
+fn textures<'a>(material: &'a Material, name: &str, pictures: &mut Pictures<'a>) -> String {
+    let glossy = matches!(material.bsdf, Bsdf::Glossy(_));
+    let tinted = glossy || matches!(material.bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_));
+    let normals = material.normal_map.as_ref();
+    let albedo = material.albedo_texture.as_ref().filter(|_| tinted);
+    let data = material.metallic_roughness_texture.as_ref().filter(|_| glossy);
+    let mut text = String::new();
+    for (part, key, texture) in [
+        ("albedo", "albedo_texture", albedo),
+        ("metallic-roughness", "metallic_roughness_texture", data),
+        ("opacity", "opacity_texture", material.opacity_texture.as_ref()),
+        ("normal", "normal_texture", normals.map(|map| &map.texture)),
+        ("emission", "emission_texture", material.emission_texture.as_ref()),
+    ] {
+        if let Some(texture) = texture {
+            let _ = writeln!(text, "{key} = {}", pictures.value(texture, name, part));
+        }
+    }
+    if let Some(map) = normals.filter(|map| map.scale != 1.0) {
+        let _ = writeln!(text, "normal_scale = {}", number(map.scale));
+    }
+    text
+}
+
+/// `ior`, and `outside_ior` where the quotient of both is beyond the bounds of one.
+fn indices(eta: f32) -> std::result::Result<String, String> {
+    if (0.1..=10.0).contains(&eta) {
+        return Ok(format!("ior = {}\n", number(eta)));
+    }
+    let outside = if eta > 1.0 { 0.1 } else { 10.0 };
+    let ior = inverse(eta, eta * outside, |ior| ior / outside);
+    let ior = ior.filter(|ior| (0.1..=10.0).contains(ior));
+    let ior = ior.ok_or(format!("its relative refractive index is {eta}"))?;
+    Ok(format!("ior = {}\noutside_ior = {}\n", number(ior), number(outside)))
+}
+
+/// The index that gives the reflectance at normal incidence.
+fn glossy_ior(glossy: &Glossy) -> Option<f32> {
+    let normal = glossy.normal_reflectance();
+    let root = normal.sqrt();
+    let reflectance = |ior: f32| Glossy::new(Rgb::ONE, 0.0, ior, 1.0).normal_reflectance();
+    let guess = (1.0 + root) / (1.0 - root);
+    let found = inverse(normal, guess, reflectance).filter(|ior| *ior <= 10.0);
+    found.or_else(|| inverse(normal, 1.0 / guess, reflectance)).filter(|ior| *ior >= 0.1)
+}
+
+fn reflectance(reflectance: Reflectance) -> String {
+    let name = Reflectance::NAMES.iter().find(|name| Reflectance::named(name) == Some(reflectance));
+    match (reflectance, name) {
+        (_, Some(name)) => format!("metal = \"{name}\"\n"),
+        (Reflectance::Measured { eta, k }, _) => {
+            format!("eta = {}\nk = {}\n", color(eta), color(k))
+        }
+        (Reflectance::Artist { normal }, _) => format!("reflectance = {}\n", color(normal)),
+    }
+}

@@ -1,0 +1,159 @@
+//! The tables of a scene file besides meshes and materials.
+
+use super::names::for_line;
+use super::numbers::{color, inverse, number, point, unnormalized};
+use crate::base::error::{Error, Result};
+use crate::import::warnings::Warning;
+use crate::scene::transform::MAX_COORDINATE;
+use crate::scene::{Camera, Emitter, Environment, FieldOfView, Optics, Region, Spot};
+use crate::settings::PartialSettings;
+use glam::Vec3;
+use std::fmt::Write;
+
+/// File of the environment.
+pub(super) const ENVIRONMENT: &str = "environment.exr";
+
+/// Where the scene came from.
+pub(super) fn head(origin: &str) -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    format!("# Converted from `{}` by bdpm {version}.\n", for_line(origin, "a scene"))
+}
+
+pub(super) fn camera(camera: &Camera) -> String {
+    let [direction, up] = camera.aim().map(within_bounds);
+    let (kind, optics) = match camera.optics() {
+        Optics::Pinhole(angle) => ("pinhole", field_of_view(angle)),
+        Optics::ThinLens { field_of_view: angle, aperture_radius, focus_distance } => {
+            let (radius, distance) = (number(aperture_radius), number(focus_distance));
+            let angle = field_of_view(angle);
+            let lens = format!("aperture_radius = {radius}\nfocus_distance = {distance}\n");
+            ("thin-lens", angle + &lens)
+        }
+        Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
+            let [width, distance] = [width, disc_distance].map(number);
+            let [radius, exposure] = [disc_radius, exposure].map(number);
+            let sensor = format!(
+                "sensor_width = {width}\ndisc_distance = {distance}\ndisc_radius = {radius}\n\
+                 exposure = {exposure}\n"
+            );
+            ("sensor", sensor)
+        }
+    };
+    let [right, up_by] = camera.shift();
+    let shifted = camera.shift() != [0.0; 2];
+    let shift = if shifted {
+        format!("shift = [{}, {}]\n", number(right), number(up_by))
+    } else {
+        String::new()
+    };
+    format!(
+        "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",
+        point(camera.position()),
+        point(direction),
+        point(up)
+    )
+}
+
+fn field_of_view(angle: FieldOfView) -> String {
+    match angle {
+        FieldOfView::X(degrees) => format!("fov_x_deg = {}\n", number(degrees)),
+        FieldOfView::Y(degrees) => format!("fov_y_deg = {}\n", number(degrees)),
+    }
+}
+
+/// The vector, or one along it that a file may have; halving is exact.
+fn within_bounds(mut vector: Vec3) -> Vec3 {
+    while vector.abs().max_element() > MAX_COORDINATE {
+        vector *= 0.5;
+    }
+    vector
+}
+
+pub(super) fn render(defaults: &PartialSettings) -> Result<String> {
+    let text = toml::to_string(defaults).map_err(|e| {
+        let problem = format!("the settings of rendering cannot be written: {e}");
+        Error::new(problem, "take a seed below 2^63")
+    })?;
+    Ok(if text.is_empty() { text } else { format!("\n[render]\n{text}") })
+}
+
+pub(super) fn regions(regions: &[Region]) -> String {
+    let mut text = String::new();
+    for Region { name, rectangles } in regions {
+        let sides = |[x0, y0, x1, y1]: &[f64; 4]| format!("[{x0:?}, {y0:?}, {x1:?}, {y1:?}]");
+        let rectangles: Vec<_> = rectangles.iter().map(sides).collect();
+        let name = toml::Value::String(name.clone());
+        let _ = writeln!(text, "{name} = [{}]", rectangles.join(", "));
+    }
+    if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
+}
+
+/// Whether it is the same from everywhere, and needs no file.
+pub(super) fn is_plain(environment: &Environment) -> bool {
+    matches!(environment.parts(), ([1, 1], _, 0.0))
+}
+
+pub(super) fn environment(environment: &Environment) -> String {
+    let (_, radiance, turn) = environment.parts();
+    if is_plain(environment) {
+        return format!("\n[environment]\nradiance = {}\n", color(radiance[0]));
+    }
+    let degrees = inverse(turn, turn * 360.0, |degrees| degrees / 360.0).unwrap_or(turn * 360.0);
+    format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees))
+}
+
+/// All `[[light]]`. Triangles that emit are meshes.
+pub(super) fn lights(emitters: &[Emitter], notes: &mut Vec<Warning>) -> String {
+    let mut text = String::new();
+    let mut rounded = 0;
+    let along = |unit| point(unnormalized(unit));
+    let _ = emitters.iter().try_for_each(|emitter| match emitter {
+        Emitter::Point { position, intensity } => {
+            let (position, intensity) = (point(*position), color(*intensity));
+            writeln!(text, "\n[[light]]\ntype = \"point\"\nposition = {position}")?;
+            writeln!(text, "intensity = {intensity}")
+        }
+        Emitter::Spot(spot) => {
+            let ([inner, outer], exact) = cones(spot);
+            rounded += usize::from(!exact);
+            let (position, direction) = (point(spot.position), along(spot.direction));
+            writeln!(text, "\n[[light]]\ntype = \"spot\"\nposition = {position}")?;
+            writeln!(text, "direction = {direction}\ninner_deg = {}", number(inner))?;
+            writeln!(text, "outer_deg = {}", number(outer))?;
+            writeln!(text, "intensity = {}", color(spot.intensity))
+        }
+        Emitter::Directional(sun) => {
+            let (direction, irradiance) = (along(sun.direction), color(sun.irradiance));
+            writeln!(text, "\n[[light]]\ntype = \"sun\"\ndirection = {direction}")?;
+            writeln!(text, "irradiance = {irradiance}")
+        }
+        Emitter::Triangle { .. } | Emitter::Textured(_) => Ok(()),
+    });
+    if rounded > 0 {
+        notes.push(Warning::chosen(format!(
+            "rounded the angles of {rounded} spots in the last place"
+        )));
+    }
+    text
+}
+
+/// The angles of a spot's cones, degrees, and whether they lead to the same bits.
+fn cones(spot: &Spot) -> ([f32; 2], bool) {
+    let cos = |degrees: f32| degrees.to_radians().cos();
+    let cosines = [spot.cos_inner, spot.cos_outer];
+    let exact = cosines.map(|cosine| inverse(cosine, cosine.acos().to_degrees(), cos));
+    let nearest = |i: usize| exact[i].unwrap_or(cosines[i].acos().to_degrees());
+    // What a rounded right angle is beyond it.
+    ([nearest(0), nearest(1).min(90.0)], exact.iter().all(Option::is_some))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_table_is_left_out() {
+        assert_eq!(render(&PartialSettings::default()).unwrap(), "");
+        assert_eq!(regions(&[]), "");
+    }
+}

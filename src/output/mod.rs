@@ -1,0 +1,8 @@
+//! Files of renders under way.
+
+pub mod checkpoint;
+pub mod denoise;
+pub mod merge;
+#[cfg(feature = "cli")]
+#[doc(hidden)] // public for the program
+pub mod page;

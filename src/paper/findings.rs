@@ -1,0 +1,148 @@
+//! Quantities here and in the paper, and the verdict whether they are the same.
+
+use crate::adaptive::optimize::predict::Predicted;
+use crate::image_io::number;
+use serde::Serialize;
+
+/// A quantity here and there.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// What is compared.
+    pub topic: Topic,
+    /// The quantity, without unit.
+    pub name: String,
+    /// As printed in the paper.
+    pub printed: f64,
+    /// What other printed numbers imply for it.
+    pub implied: Option<f64>,
+    /// Measured here.
+    pub here: Predicted,
+    /// Differences up to this are none: the open values of the paper leave as much room.
+    pub tolerance: f64,
+    /// The result.
+    pub verdict: Verdict,
+    /// Why it is not as printed, or what the verdict rests on.
+    pub reason: String,
+}
+
+/// What a finding is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Topic {
+    /// Figure 2.
+    Formula,
+    /// Figure 3.
+    Terms,
+    /// Figure 3, from `N_B = 25` to `100`.
+    Halving,
+    /// Table 2, its row of the RMS of one iteration.
+    LightPaths,
+    /// Figure 4 and Table 1.
+    Minimum,
+}
+
+/// Whether it is the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// As printed.
+    Same,
+    /// Not as printed, but as other printed numbers imply.
+    AsImplied,
+    /// Neither.
+    Different,
+    /// The standard error is too large to tell.
+    Uncertain,
+}
+
+impl Topic {
+    /// As a heading.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Formula => "Formula (1) against the sampled noise (Figure 2)",
+            Self::Terms => "The three terms over their sum (Figure 3)",
+            Self::Halving => "From 25 to 100 camera paths (Figure 3)",
+            Self::LightPaths => "More light paths (Table 2)",
+            Self::Minimum => "The minimum (Figure 4, Table 1)",
+        }
+    }
+}
+
+impl Verdict {
+    /// In words.
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::Same => "same",
+            Self::AsImplied => "as implied",
+            Self::Different => "different",
+            Self::Uncertain => "uncertain",
+        }
+    }
+
+    /// Judges `here` by the printed and the implied value.
+    fn new(here: Predicted, printed: f64, implied: Option<f64>, tolerance: f64) -> Self {
+        let Some(error) = here.error else { return Self::Uncertain };
+        let distance = |to: f64| (here.value - to).abs();
+        // Written so that NaN is uncertain.
+        if error <= tolerance && distance(printed) <= tolerance {
+            Self::Same
+        } else if error <= tolerance && implied.is_some_and(|x| distance(x) <= tolerance) {
+            Self::AsImplied
+        } else if [Some(printed), implied]
+            .into_iter()
+            .flatten()
+            .all(|x| distance(x) > tolerance + 2.0 * error)
+        {
+            Self::Different
+        } else {
+            Self::Uncertain
+        }
+    }
+}
+
+impl Finding {
+    /// Judges `here` by the printed and the implied value; `why` says what the verdict rests on, unless
+    /// the error is too large to tell.
+    pub fn new(
+        (topic, name): (Topic, String),
+        (printed, implied): (f64, Option<f64>),
+        here: Predicted,
+        tolerance: f64,
+        why: impl Fn(Verdict) -> String,
+    ) -> Self {
+        let verdict = Verdict::new(here, printed, implied, tolerance);
+        let reason = match (verdict, here.error) {
+            (Verdict::Uncertain, Some(error)) => {
+                // The error falls as the root of the time. A tolerance of two errors is enough.
+                let times = (2.0 * error / tolerance).powi(2).max(2.0);
+                let error = number(error);
+                format!("the standard error {error} wants about {times:.0} times the time budget")
+            }
+            (Verdict::Uncertain, None) => "the standard error is unknown".into(),
+            _ => why(verdict),
+        };
+        Self { topic, name, printed, implied, here, tolerance, verdict, reason }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn verdicts_weigh_the_error_against_the_tolerance() {
+        let verdict = |value: f64, error: f64| {
+            Verdict::new(Predicted { value, error: Some(error) }, 1.0, Some(1.2), 0.05)
+        };
+        assert_eq!(verdict(1.04, 0.01), Verdict::Same);
+        assert_eq!(verdict(1.04, 0.06), Verdict::Uncertain);
+        assert_eq!(verdict(1.18, 0.01), Verdict::AsImplied);
+        assert_eq!(verdict(1.1, 0.01), Verdict::Different);
+        assert_eq!(verdict(1.1, 0.03), Verdict::Uncertain);
+        assert_eq!(verdict(2.0, 0.3), Verdict::Different);
+        assert_eq!(verdict(2.0, 0.5), Verdict::Uncertain);
+        assert_eq!(verdict(f64::NAN, 0.0), Verdict::Uncertain);
+        let unknown = Predicted { value: 1.0, error: None };
+        assert_eq!(Verdict::new(unknown, 1.0, None, 0.05), Verdict::Uncertain);
+    }
+}

@@ -1,0 +1,173 @@
+//! Light paths begun and diffuse vertices connected with lights, sixteen at a time.
+//!
+//! The arithmetic of point lights is done side by side; other lights do their own.
+
+use super::Emission;
+use super::emitter::Emitter;
+use super::guide::Guide;
+use crate::base::math::uniform_sphere;
+use crate::base::rng::unit_f64;
+use crate::scene::Lights;
+use crate::scene::diffuse::DiffuseVertices;
+use crate::simd::{LANES, Rngs, Vec3s};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Beginnings of light paths; see [`Emission`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Emissions {
+    /// Start points.
+    pub origin: Vec3s,
+    /// Unit directions.
+    pub direction: Vec3s,
+    /// Flux that each path carries, W.
+    pub flux: Vec3s,
+    /// Index of its emitter; that after the last one is the environment.
+    pub emitter: [u32; LANES],
+}
+
+/// A point on a light for each vertex; see [`LightSample`](super::LightSample).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LightSamples {
+    /// Where to aim the shadow ray.
+    pub target: Vec3s,
+    /// Unit vector from the vertex to the light.
+    pub wi: Vec3s,
+    /// Irradiance on a surface that faces `wi`, W/m^2; black without a connection.
+    pub irradiance: Vec3s,
+    /// Luminance of the flux that light paths from there start with, over that of all lights' power.
+    pub relative: [f32; LANES],
+}
+
+impl Lights {
+    /// [`Self::emit`], or [`Self::emit_guided`], of the first `count` lanes.
+    ///
+    /// # Panics
+    /// If there are no lights.
+    #[inline(always)] // part of the loop over light paths
+    pub fn emit_all(&self, guide: Option<&Guide>, rngs: &mut Rngs, count: usize) -> Emissions {
+        let mut emissions = Emissions::default();
+        if let Some(guide) = guide {
+            self.emit_all_guided(guide, rngs, &mut emissions, count);
+            return emissions;
+        }
+        let choices = rngs.next_bits();
+        let (u, v) = (rngs.next_1d(), rngs.next_1d());
+        for lane in 0..LANES {
+            emissions.direction.set(lane, uniform_sphere([u[lane], v[lane]]));
+        }
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            emissions.origin = Vec3s::splat(*position);
+            emissions.flux = Vec3s::splat(*intensity * (4.0 * PI));
+            return emissions;
+        }
+        for lane in 0..count {
+            let (index, prob) = self.choose_by_power(unit_f64(choices.map(|bits| bits[lane])));
+            emissions.emitter[lane] = index as u32;
+            if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
+                emissions.origin.set(lane, *position);
+                emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
+            } else {
+                let mut rng = rngs.get(lane);
+                let emission = self.emit_chosen(index, prob, self.numbers(index, &mut rng));
+                rngs.set(lane, rng);
+                emissions.set(lane, &emission);
+            }
+        }
+        emissions
+    }
+
+    #[inline(never)] // keeps the other loop short
+    fn emit_all_guided(
+        &self,
+        guide: &Guide,
+        rngs: &mut Rngs,
+        emissions: &mut Emissions,
+        count: usize,
+    ) {
+        for lane in 0..count {
+            let mut rng = rngs.get(lane);
+            let (index, emission) = self.emit_guided(guide, &mut rng);
+            rngs.set(lane, rng);
+            emissions.emitter[lane] = index as u32;
+            emissions.set(lane, &emission);
+        }
+    }
+
+    /// [`Self::connect`] of each vertex.
+    #[inline(always)] // part of the loop over vertices
+    pub fn connect_all(&self, at: &DiffuseVertices, rngs: &mut Rngs) -> LightSamples {
+        let choices = rngs.next_bits();
+        if let [Emitter::Point { position, intensity }] = self.emitters()
+            && self.environment().is_none()
+        {
+            let target = Vec3s::splat(*position);
+            let irradiance = Vec3s::splat(*intensity);
+            let relative = [1.0; LANES];
+            let mut samples = LightSamples { target, irradiance, relative, ..Default::default() };
+            samples.reach_points(&at.position, &[1.0; LANES]);
+            return samples;
+        }
+        let mut samples = LightSamples { relative: [1.0; LANES], ..LightSamples::default() };
+        // Of point lights: the probability of their choice.
+        let mut probs = [1.0; LANES];
+        // Lanes with other lights: which, and the probability.
+        let mut others = [(0, 0, 0.0); LANES];
+        let mut other_count = 0;
+        for lane in (0..LANES).filter(|&lane| at.active[lane]) {
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+            let choice = unit_f64(choices.map(|bits| bits[lane]));
+            let chosen = self.by_estimate.choose(position, Some(normal), choice);
+            let Some((index, prob)) = chosen else { continue };
+            if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
+                samples.target.set(lane, *position);
+                samples.irradiance.set(lane, *intensity);
+                probs[lane] = prob;
+            } else {
+                others[other_count] = (lane, index, prob);
+                other_count += 1;
+            }
+        }
+        samples.reach_points(&at.position, &probs);
+        for &(lane, index, prob) in &others[..other_count] {
+            let (position, mut rng) = (at.position.get(lane), rngs.get(lane));
+            if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
+                samples.target.set(lane, light.target);
+                samples.wi.set(lane, light.wi);
+                samples.irradiance.set(lane, light.irradiance);
+                samples.relative[lane] = light.relative;
+            }
+            rngs.set(lane, rng);
+        }
+        samples
+    }
+}
+
+impl Emissions {
+    #[inline]
+    fn set(&mut self, lane: usize, emission: &Emission) {
+        let Emission { origin, direction, flux } = *emission;
+        self.origin.set(lane, origin);
+        self.direction.set(lane, direction);
+        self.flux.set(lane, flux);
+    }
+}
+
+impl LightSamples {
+    /// Directions from vertices at `position` to point lights that were chosen with these
+    /// probabilities, and the irradiance there; so far it is the intensity.
+    #[inline(always)] // as above
+    fn reach_points(&mut self, position: &Vec3s, probs: &[f32; LANES]) {
+        for (lane, &prob) in probs.iter().enumerate() {
+            let to_light = self.target.get(lane) - position.get(lane);
+            // In the very place of a point there is no direction to it, and the cosine becomes 0. (A
+            // choice would be a branch, and keep the compiler from vector instructions.)
+            let distance2 = to_light.length_squared().max(1e-30);
+            self.wi.set(lane, to_light * distance2.sqrt().recip());
+            let irradiance = self.irradiance.get(lane) * (distance2 * prob).recip();
+            self.irradiance.set(lane, irradiance.min(Vec3::splat(f32::MAX)));
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! Vector instructions that the compiler does not find by itself, on words of several paths side by side.
+//!
+//! Each has the same in plain Rust for processors without AVX2.
+#![cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))] // tokens of nothing
+
+use super::{LANES, Mask};
+use bytemuck::Pod;
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V3;
+use std::array::from_fn;
+
+/// Does `work`, compiled for AVX2 where the processor has it: the program itself is built for any. What
+/// it calls must be inlined to gain from that. Results do not depend on it, since numbers are added and
+/// multiplied in the same order.
+#[inline(always)]
+pub fn vectorized<T>(work: impl FnOnce(Simd) -> T) -> T {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = V3::try_new() {
+        return pulp::Simd::vectorize(v3, Work(work, v3));
+    }
+    work(Simd::default())
+}
+
+/// The vector instructions that [`vectorized`] work may use where the compiler does not find them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Simd(#[cfg(target_arch = "x86_64")] Option<V3>);
+
+/// What [`vectorized`] does with AVX2.
+#[cfg(target_arch = "x86_64")]
+struct Work<F>(F, V3);
+
+#[cfg(target_arch = "x86_64")]
+impl<T, F: FnOnce(Simd) -> T> pulp::WithSimd for Work<F> {
+    type Output = T;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> T {
+        let Self(work, v3) = self;
+        work(Simd(Some(v3)))
+    }
+}
+
+/// How eight lanes are put in another order: those that are kept first, and then anything.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reorder {
+    /// A bit for each lane that is kept.
+    bits: usize,
+}
+
+/// By the bits of a [`Reorder`]: which lane comes where.
+static ORDERS: [[u8; 8]; 256] = {
+    let mut orders = [[0; 8]; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if bits >> lane & 1 == 1 {
+                orders[bits][place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    orders
+};
+
+impl Reorder {
+    /// For both halves of a mask.
+    #[inline(always)]
+    pub fn kept_first(mask: &Mask) -> [Self; 2] {
+        // Multiplied with this, the lowest bits of eight bytes come together in the highest byte.
+        let gathered = |bytes: u64| bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        bytemuck::cast::<_, [u64; 2]>(mask.map(u8::from))
+            .map(|bytes| Self { bits: gathered(bytes.to_le()) as usize })
+    }
+
+    /// A bit for each lane that is kept.
+    #[inline(always)]
+    pub fn bits(self) -> u32 {
+        self.bits as u32
+    }
+
+    /// How many lanes are kept.
+    #[inline(always)]
+    pub fn kept(self) -> usize {
+        self.bits.count_ones() as usize
+    }
+
+    /// Takes eight words `from` each of `N` columns and gives them in their new order `to` it.
+    #[inline(always)]
+    pub fn columns<const N: usize>(
+        self,
+        simd: Simd,
+        from: impl Fn(usize) -> [u32; 8],
+        mut to: impl FnMut(usize, [u32; 8]),
+    ) {
+        let order = ORDERS[self.bits];
+        #[cfg(target_arch = "x86_64")]
+        if let Simd(Some(V3 { avx2, .. })) = simd {
+            // One instruction for all eight, which the compiler does not find by itself.
+            let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
+            for column in 0..N {
+                let words = bytemuck::cast(from(column));
+                to(column, bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order)));
+            }
+            return;
+        }
+        for column in 0..N {
+            to(column, reordered(from(column), order));
+        }
+    }
+}
+
+fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
+    order.map(|lane| words[usize::from(lane) % 8])
+}
+
+/// By four bits: for each that is set, a lane of the first four words and the same of the last four, and
+/// then anything.
+static PAIRS: [[u8; 8]; 16] = {
+    let mut pairs = [[0; 8]; 16];
+    let mut bits = 0;
+    while bits < 16 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 4 {
+            if bits >> lane & 1 == 1 {
+                pairs[bits][place] = lane;
+                pairs[bits][place + 1] = 4 + lane;
+                place += 2;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    pairs
+};
+
+/// One of the first words and one of the second for each bit that is set, and then anything.
+#[inline(always)]
+pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -> [[u32; 2]; 4] {
+    let order = PAIRS[bits as usize % 16];
+    #[cfg(target_arch = "x86_64")]
+    if let Simd(Some(V3 { avx, avx2, .. })) = simd {
+        // Put together in a register: eight words just written as two halves could not be read at once.
+        let words = avx._mm256_set_m128i(bytemuck::cast(second), bytemuck::cast(first));
+        let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
+        return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order));
+    }
+    bytemuck::cast(reordered(bytemuck::cast([first, second]), order))
+}
+
+/// The rows of a packet of eight columns of words, one by one.
+#[inline(always)]
+pub(crate) fn one_by_one(
+    simd: Simd,
+    columns: &[[u32; LANES]; 8],
+    mut each: impl FnMut(usize, [[u32; 4]; 2]),
+) {
+    for half in [0, 8] {
+        let eight =
+            |column: usize| *columns[column][half..].first_chunk().expect("eight of sixteen");
+        let low = rows_of(simd, [eight(0), eight(1), eight(2), eight(3)]);
+        let high = rows_of(simd, [eight(4), eight(5), eight(6), eight(7)]);
+        for row in 0..8 {
+            each(half + row, [low[row], high[row]]);
+        }
+    }
+}
+
+/// Four words of each of eight as four columns of eight.
+#[inline(always)]
+pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
+    #[cfg(target_arch = "x86_64")]
+    if let Simd(Some(simd)) = simd {
+        let pair = |row: usize| {
+            let [low, high] = [rows[row], rows[row + 4]].map(|&words| bytemuck::cast(words));
+            bytemuck::cast(simd.avx._mm256_set_m128i(high, low))
+        };
+        return transposed(simd, from_fn(pair));
+    }
+    from_fn(|column| rows.map(|row| row[column]))
+}
+
+/// Sixteen `rows` of words as one packet of columns.
+#[inline(always)]
+pub(crate) fn side_by_side<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
+    const { assert!(size_of::<P>() == LANES * size_of::<T>() && size_of::<T>().is_multiple_of(16)) };
+    let quads = bytemuck::cast_slice_mut(std::slice::from_mut(packet));
+    for (quad, columns) in quads.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+        let words = |row: usize| &bytemuck::cast_slice(std::slice::from_ref(rows[row]))[quad];
+        for half in [0, 8] {
+            let eight = columns_of(simd, from_fn(|row| words(half + row)));
+            for (column, eight) in columns.iter_mut().zip(eight) {
+                let column: &mut [u32; LANES] = column;
+                column[half..half + 8].copy_from_slice(&eight);
+            }
+        }
+    }
+}
+
+/// Four columns of eight words as four words of each of eight.
+#[inline(always)]
+pub(crate) fn rows_of(simd: Simd, columns: [[u32; 8]; 4]) -> [[u32; 4]; 8] {
+    #[cfg(target_arch = "x86_64")]
+    if let Simd(Some(simd)) = simd {
+        let pairs: [[[u32; 4]; 2]; 4] = transposed(simd, columns).map(bytemuck::cast);
+        return from_fn(|row| pairs[row % 4][row / 4]);
+    }
+    from_fn(|row| columns.map(|column| column[row]))
+}
+
+/// Swaps rows and columns of the first four words of each, and of the last four.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn transposed(V3 { avx2, .. }: V3, quads: [[u32; 8]; 4]) -> [[u32; 8]; 4] {
+    let [a, b, c, d] = quads.map(bytemuck::cast);
+    let (ab, cd) = (avx2._mm256_unpacklo_epi32(a, b), avx2._mm256_unpacklo_epi32(c, d));
+    let first = [avx2._mm256_unpacklo_epi64(ab, cd), avx2._mm256_unpackhi_epi64(ab, cd)];
+    let (ab, cd) = (avx2._mm256_unpackhi_epi32(a, b), avx2._mm256_unpackhi_epi32(c, d));
+    let last = [avx2._mm256_unpacklo_epi64(ab, cd), avx2._mm256_unpackhi_epi64(ab, cd)];
+    [first[0], first[1], last[0], last[1]].map(bytemuck::cast)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::lanes_of;
+
+    /// Without and with vector instructions.
+    fn both(check: impl Fn(Simd)) {
+        check(Simd::default());
+        vectorized(check);
+    }
+
+    #[test]
+    fn lanes_that_are_kept_come_first() {
+        both(|simd| {
+            for bits in 0..=u16::MAX {
+                let mask: Mask = from_fn(|lane| bits >> lane & 1 == 1);
+                let mut kept = Vec::new();
+                for (half, reorder) in Reorder::kept_first(&mask).into_iter().enumerate() {
+                    let lanes = |_| from_fn(|lane| (8 * half + lane) as u32);
+                    reorder.columns::<1>(simd, lanes, |_, words| {
+                        kept.extend(words[..reorder.kept()].iter().map(|&lane| lane as usize));
+                    });
+                }
+                assert_eq!(kept, lanes_of(bits.into()).collect::<Vec<_>>());
+            }
+        });
+    }
+
+    #[test]
+    fn pairs_are_of_the_bits_that_are_set() {
+        let (first, second) = ([10, 11, 12, 13], [20, 21, 22, 23]);
+        both(|simd| {
+            for bits in 0..16 {
+                let set: Vec<_> = lanes_of(bits).map(|lane| [first[lane], second[lane]]).collect();
+                assert_eq!(paired(simd, bits, first, second)[..set.len()], set);
+            }
+        });
+    }
+
+    #[test]
+    fn columns_hold_the_words_of_rows() {
+        let rows: [[u32; 8]; LANES] = from_fn(|row| from_fn(|column| (8 * row + column) as u32));
+        both(|simd| {
+            let mut columns = [[0; LANES]; 8];
+            side_by_side(simd, &rows.each_ref(), &mut columns);
+            for (column, words) in columns.iter().enumerate() {
+                assert_eq!(*words, rows.map(|row| row[column]));
+            }
+            let mut seen = 0;
+            one_by_one(simd, &columns, |row, words| {
+                assert_eq!(words.as_flattened(), rows[row]);
+                seen += 1;
+            });
+            assert_eq!(seen, LANES);
+        });
+    }
+}
