@@ -29,6 +29,7 @@ use bdpm::{Renderer, Result, Scene, Settings};
 use clap::Parser;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Measures how good the automatically chosen counts are.
@@ -111,8 +112,8 @@ impl Pilot {
 
 /// What is compared: the chosen counts, those around them, naive ones, and counts per pixel.
 fn candidates(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: &Settings,
     time: Duration,
 ) -> Result<Vec<Candidate>> {
@@ -163,8 +164,8 @@ fn candidates(
 }
 
 /// Iterations at one pair of counts.
-struct Run<'a> {
-    renderer: Renderer<'a>,
+struct Run {
+    renderer: Renderer,
     seconds: Vec<f64>,
 }
 
@@ -178,7 +179,7 @@ struct Cost {
     by_formula: Vec<f64>,
 }
 
-impl Run<'_> {
+impl Run {
     fn iterate(&mut self) {
         let times = self.renderer.iterate(Measure::Off).times;
         self.seconds.push(times.wall.as_secs_f64());
@@ -203,8 +204,8 @@ impl Run<'_> {
 
 /// Lets all candidates take turns, each with a seed of its own, and so do the checks.
 fn measure(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: &Settings,
     candidates: &[Candidate],
     time: Duration,
@@ -259,7 +260,7 @@ fn by_formula(cost: &Cost, reference: &Cost) -> (f64, f64) {
     (ratio, 0.5 * ratio * error2.sqrt())
 }
 
-fn print(scene: &Scene, settings: &Settings, candidates: &[Candidate], costs: &[Cost]) {
+fn print(scene: &Arc<Scene>, settings: &Settings, candidates: &[Candidate], costs: &[Cost]) {
     let Settings { width, height, .. } = settings;
     println!("### {}, {width}x{height} pixels\n", scene.name);
     println!("| counts | N_F | N_B | time of an iteration | RMS, sampled | RMS, by formula |");
@@ -308,8 +309,8 @@ fn table(path: &Path, args: &Args) -> Result<()> {
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
     let scene = loaded.scene;
     let accel = build(Backend::default(), &scene)?;
-    let candidates = candidates(&scene, &*accel, &settings, args.time)?;
-    let costs = measure(&scene, &*accel, &settings, &candidates, args.time)?;
+    let candidates = candidates(&scene, &accel, &settings, args.time)?;
+    let costs = measure(&scene, &accel, &settings, &candidates, args.time)?;
     print(&scene, &settings, &candidates, &costs);
     Ok(())
 }

@@ -23,8 +23,8 @@ pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 const REFERENCE: f64 = 40.0;
 
 /// A scene at a size.
-pub struct Subject<'a> {
-    pub base: Renderer<'a>,
+pub struct Subject {
+    pub base: Renderer,
     name: String,
 }
 
@@ -58,16 +58,16 @@ pub fn with<T>(
     work: impl FnOnce(&Subject, &Reference) -> Result<T>,
 ) -> Result<T> {
     let loaded = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene))?;
-    let accel = &*build(Backend::default(), &loaded.scene)?;
+    let accel = build(Backend::default(), &loaded.scene)?;
     let wishes = PartialSettings { resolution: Some([side; 2]), ..Default::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
-    let base = Renderer::new(&loaded.scene, accel, settings)?;
+    let base = Renderer::new(&loaded.scene, &accel, settings)?;
     let subject = Subject { base, name: format!("{scene}-{side}") };
     let reference = Reference::new(&subject)?;
     work(&subject, &reference)
 }
 
-impl Subject<'_> {
+impl Subject {
     /// What `key` led to before, or does now.
     pub fn kept<T: Serialize + DeserializeOwned>(
         &self,

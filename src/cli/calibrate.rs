@@ -139,8 +139,8 @@ fn measure(
     Ok((recorder, rounds, start.elapsed()))
 }
 
-fn renderer(prepared: &LoadedScene, size: Size) -> Result<Renderer<'_>> {
+fn renderer(prepared: &LoadedScene, size: Size) -> Result<Renderer> {
     let Size { light_paths, camera_paths } = size;
     let settings = Settings { light_paths, camera_paths, ..prepared.origin.settings.clone() };
-    Renderer::new(&prepared.scene, &*prepared.accel, settings)
+    Renderer::new(&prepared.scene, &prepared.accel, settings)
 }

@@ -12,6 +12,7 @@ use bdpm::scene::backend::Backend;
 use bdpm::settings::provenance::{Provenance, Reuse};
 use bdpm::settings::{PartialSettings, Settings};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
@@ -51,9 +52,9 @@ pub struct Continuation<'a> {
 /// A scene ready to render.
 pub struct LoadedScene {
     pub threads: rayon::ThreadPool,
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     pub summary: SceneSummary,
-    pub accel: Box<dyn Intersect>,
+    pub accel: Arc<dyn Intersect>,
     pub origin: Provenance,
     pub load_time: Duration,
     pub build_time: Duration,
@@ -113,8 +114,8 @@ impl LoadedScene {
     }
 
     /// A renderer from the first iteration.
-    pub fn renderer(&self) -> Result<Renderer<'_>> {
+    pub fn renderer(&self) -> Result<Renderer> {
         let settings = self.origin.settings.clone();
-        self.threads.install(|| Renderer::new(&self.scene, &*self.accel, settings))
+        self.threads.install(|| Renderer::new(&self.scene, &self.accel, settings))
     }
 }

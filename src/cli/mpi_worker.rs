@@ -30,7 +30,7 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
     };
     ranks.send(0, &encode(&Ready::Ok(prepared.origin.clone())));
     let RenderSetup { settings, grain, kept } = ranks.broadcast(None)?;
-    let new = || Renderer::new(&prepared.scene, &*prepared.accel, settings);
+    let new = || Renderer::new(&prepared.scene, &prepared.accel, settings);
     let renderer = prepared.threads.install(new)?.with_batches(grain).with_aovs(kept)?;
     let mut renderer = renderer.with_ranks(ranks.count());
     let interrupted = catch_interrupts(Progress::new(Goal::default(), Manner::Nothing))?;

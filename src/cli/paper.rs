@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<String> {
     let experiment = folder.open(identity)?;
 
     let bench =
-        Bench { scene: &prepared.scene, accel: &*prepared.accel, threads: &prepared.threads };
+        Bench { scene: &prepared.scene, accel: &prepared.accel, threads: &prepared.threads };
     let mut run = Run::new(bench, folder.clone(), experiment);
     if let Some(budget) = args.time_budget
         && run.experiment().done.is_empty()

@@ -169,7 +169,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         *time = time.saturating_sub(denoising.reserve());
     }
     // Borrows no more than it needs: the origin is still to change.
-    let (scene, accel) = (&prepared.scene, &*prepared.accel);
+    let (scene, accel) = (&prepared.scene, &prepared.accel);
     let settings = prepared.origin.settings.clone();
     let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
     let mut renderer = new?.with_ranks(ranks.count());

@@ -27,7 +27,7 @@ impl LoadedScene {
         quiet: bool,
     ) -> Result<()> {
         let settings = &self.origin.settings;
-        let measure = || time_probe::least_times(&self.scene, &*self.accel, settings);
+        let measure = || time_probe::least_times(&self.scene, &self.accel, settings);
         let (light, camera) = (counts.light_paths, counts.camera_paths.mean());
         let iteration = self.threads.install(measure)?.iteration(light.into(), camera);
         let over = least as f64 * iteration / time.as_secs_f64().max(LEAST_TIME);

@@ -44,7 +44,7 @@ fn automatic_renders_have_the_mean_of_their_replays() {
     let wishes = PartialSettings { resolution: Some([SIDE; 2]), ..Default::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     let accel = build(Backend::default(), &loaded.scene).unwrap();
-    let base = Renderer::new(&loaded.scene, &*accel, settings.clone()).unwrap();
+    let base = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
     let mut differences: Vec<Vec<f64>> = vec![Vec::new(); ((SIDE / BLOCK) as usize).pow(2)];
     let mut chosen = Vec::new();
     for seed in 0..RENDERS {

@@ -9,12 +9,13 @@ use bdpm::noise::Measure;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 pub const WIDTH: u32 = 24;
 pub const HEIGHT: u32 = 20;
 
-pub fn scene() -> (Scene, Settings) {
+pub fn scene() -> (Arc<Scene>, Settings) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box-classic");
     let loaded = load(&folder).unwrap();
     let settings =
@@ -47,11 +48,11 @@ pub fn image_means(renderer: &mut Renderer, iterations: usize, measure: Measure)
 /// Renders with automatic counts as if an iteration took a second for each 10 camera paths per
 /// pixel, so that the choice is the same on every machine.
 pub fn automatic<'a>(
-    scene: &'a Scene,
-    accel: &'a dyn bdpm::accel::Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn bdpm::accel::Intersect>,
     settings: Settings,
     seconds: u64,
-) -> Renderer<'a> {
+) -> Renderer {
     let times = TimeModel {
         fixed: 0.05,
         light_path: 1e-5,

@@ -15,10 +15,11 @@ use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
 
-fn small() -> (bdpm::Scene, Settings) {
+fn small() -> (Arc<bdpm::Scene>, Settings) {
     let (scene, settings) = scene();
     (scene, Settings { width: 24, height: 18, light_paths: 300, camera_paths: 2, ..settings })
 }
@@ -32,7 +33,7 @@ fn part(
 ) -> PathBuf {
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+    let renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
     let mut renderer = renderer.with_batches(grain).with_aovs(ALL).unwrap().sharing(own.clone());
     while renderer.iterations() < own.count() {
         let measure = steer.steer(&mut renderer, 0.0).unwrap();
@@ -229,7 +230,7 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     assert_eq!(lacking.checkpoint.whole, Some(whole));
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
+    let mut renderer = Renderer::new(&scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
     let Checkpoint { blocks, features, plan, .. } = lacking.checkpoint;
     renderer.resume_with(blocks.into_owned(), features.map(Cow::into_owned)).unwrap();
     let mut steer = Replay::new(plan.unwrap());
