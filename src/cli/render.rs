@@ -294,7 +294,6 @@ impl Args {
         let open = Open {
             strategy: any && wishes.strategy.is_none() && wishes.merge_vertex.is_none(),
             direct: any && wishes.direct.is_none(),
-            kernel: any && wishes.kernel.is_none(),
             radius,
             caustic_radius,
             guide: any && wishes.guide.is_none(),

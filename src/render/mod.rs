@@ -183,11 +183,6 @@ impl<'a> Renderer<'a> {
         (self.scene, self.accel)
     }
 
-    /// Areas of the surfaces, if the kernel asks for them.
-    pub(crate) fn areas(&self) -> Option<&Areas<'a>> {
-        self.areas.as_deref()
-    }
-
     /// Keeps this beside the image from now on.
     ///
     /// # Errors

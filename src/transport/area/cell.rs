@@ -7,12 +7,31 @@ use super::near::{Frame, Maker, Near, Own, Spot};
 use super::patch::Grid;
 use super::polygon::{Polygon, area, clip_to, edges, middle, subtract};
 use super::surfaces::corners;
-use super::surroundings::Surroundings;
+use super::surroundings::{Surroundings, WorkBound};
 use glam::{DVec2, DVec3};
 
-/// Cells larger than this, in radii, that have more triangles in reach than [`CROWD`] are split.
+/// Half the side of a cell, in radii, above which it is large.
 const LARGE: f64 = 0.8;
+
+/// Triangles in reach of a large cell above which it is split: each query goes through all of them.
 const CROWD: usize = 48;
+
+/// Triangles in reach of a small cell above which its points take the disc: those that may send
+/// photons or be in front of a solid. The work grows faster than their number, since each is tested
+/// against the others.
+///
+/// Measured in `scenes/hall` (1.5 million triangles) at four times its radius, 180x120 pixels, 100,000
+/// light paths, one thread, 2 cores shared with other work, on top of a9793da: without a bound merging
+/// takes 55 % of the first iteration, with 256 triangles 50 %, with 128 45 %, with 64 33 %. With 128,
+/// 11 % of the cells take the disc, and the image differs from that without a bound by a relative MSE of
+/// 0.005. At the radius of the scene 0.2 % of the cells take it, and the times are equal. At their
+/// own radii the other scenes stay below 128, but `objective` (14 % of the cells); `materials` has up to
+/// 115 and keeps its exact areas.
+const MAX_KEPT: usize = 128;
+
+/// Triangles that are looked at for a cell, whether they are kept or not. It bounds the search among
+/// triangles that do not matter, such as those of glass.
+const MAX_VISITED: usize = 4 * MAX_KEPT;
 
 /// What is known of a cell.
 #[derive(Debug)]
@@ -29,12 +48,16 @@ pub enum Cell {
     List(List),
     /// Anything else.
     Holed(Box<HoledList>),
-    /// Too much to go through.
+    /// Too much is in reach of a large cell.
     Split(Box<Grid>),
+    /// Too much is in reach of a small cell whose own surface has holes: points take the disc times
+    /// the mean opacity there.
+    HoledDisc(Box<Holed>),
 }
 
 impl Cell {
-    const FLAT: Self = Self::Line { toward: [0.0; 2], offset: 2.0 };
+    /// The surface in reach is a whole disc.
+    const DISC: Self = Self::Line { toward: [0.0; 2], offset: 2.0 };
 
     /// Bytes that it takes besides itself.
     pub fn bytes(&self) -> usize {
@@ -43,6 +66,7 @@ impl Cell {
             Self::List(list) => list.bytes(),
             Self::Holed(list) => list.bytes(),
             Self::Split(grid) => grid.bytes(),
+            Self::HoledDisc(_) => size_of::<Holed>(),
         }
     }
 }
@@ -55,11 +79,24 @@ impl Maker<'_> {
         let (at, half) = grid.cell(index);
         let frame = Frame::new(own_corners, own.normal, self.radius).about(at);
         let spot = self.spot(&frame, own_corners, half);
-        let limit = if half.max_element() > LARGE { CROWD } else { usize::MAX };
-        let Some(surroundings) = self.surroundings(own, &frame, &spot, limit) else {
-            return Cell::Split(Box::new(grid.split(index)));
-        };
-        surroundings.cell(own, &spot)
+        let is_large = half.max_element() > LARGE;
+        let kept = if is_large { CROWD } else { MAX_KEPT };
+        let bound = WorkBound { kept, visited: MAX_VISITED };
+        match self.surroundings(own, &frame, &spot, bound) {
+            Some(surroundings) => surroundings.cell(own, &spot),
+            None if is_large => Cell::Split(Box::new(grid.split(index))),
+            None if own.holes => Cell::HoledDisc(Box::new(own.hole_in(&frame, own_corners))),
+            None => Cell::DISC,
+        }
+    }
+}
+
+impl Own {
+    /// All of the triangle, in its own plane.
+    fn hole_in(&self, frame: &Frame, corners: [DVec3; 3]) -> Holed {
+        let facet = Facet { foot: [[1.0, 0.0], [0.0, 1.0]], ..Facet::default() };
+        let whole = corners.map(|corner| frame.local(corner).truncate());
+        Holed { facet, whole, place: self.place, triangle: self.triangle }
     }
 }
 
@@ -90,7 +127,7 @@ impl Surroundings {
         }
         if solid && facets.is_empty() && holes.is_empty() {
             match *segments {
-                [] => return Cell::FLAT,
+                [] => return Cell::DISC,
                 [(p, q)] if [p, q].iter().all(|&end| spot.is_beyond(end, outer)) => {
                     let toward = (q - p).normalize().perp();
                     let offset = -toward.dot(p) as f32;

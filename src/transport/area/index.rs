@@ -109,11 +109,6 @@ impl<'a> Areas<'a> {
         self.radius
     }
 
-    /// Bytes that are kept at the most, about.
-    pub fn budget(&self) -> usize {
-        self.budget
-    }
-
     /// Bytes taken.
     pub fn memory(&self) -> Memory {
         let Ground { sides, reach, first, .. } = &*self.ground;
@@ -272,6 +267,7 @@ impl<'a> Areas<'a> {
             Cell::List(list) => list.areas(at, radii2),
             Cell::Holed(list) => list.areas(&*self.ground.surfaces, self.radius, at, radii2),
             Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
+            Cell::HoledDisc(hole) => hole.discs(&*self.ground.surfaces, self.radius, at, radii2),
         }
     }
 

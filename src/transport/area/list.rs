@@ -343,6 +343,18 @@ impl Facets {
 }
 
 impl Holed {
+    /// Areas of discs of these squared radii around a point in the triangle's plane, times the mean
+    /// opacity there. The units are those of [`HoledList::areas`].
+    pub fn discs<const N: usize>(
+        &self,
+        surfaces: &dyn Surfaces,
+        unit: f32,
+        at: [f32; 2],
+        radii2: &[f32; N],
+    ) -> [f32; N] {
+        radii2.map(|radius2| PI * radius2 * surfaces.opacity(&self.hole(at, unit * radius2.sqrt())))
+    }
+
     /// Where to ask for its opacity.
     fn hole(&self, [x, y]: [f32; 2], radius: f32) -> Hole {
         let foot = self.facet.foot.map(|[a, b]| a * f64::from(x) + b * f64::from(y));

@@ -17,6 +17,18 @@ pub struct Surroundings {
     pub is_mixed: bool,
 }
 
+/// Bound on the work of one cell: numbers of triangles.
+///
+/// Both numbers follow from the geometry, the cell and the radius of the areas. They do not depend on
+/// time, threads or what is already known.
+#[derive(Clone, Copy, Debug)]
+pub struct WorkBound {
+    /// Maximum number of triangles whose boxes meet the box around the cell, extended by the radius.
+    pub visited: usize,
+    /// Maximum number of these that are in reach and may send photons or be in front of a solid.
+    pub kept: usize,
+}
+
 /// A place as seen from a patch.
 #[derive(Clone, Copy)]
 struct Seen {
@@ -38,13 +50,13 @@ struct Solid {
 }
 
 impl Maker<'_> {
-    /// All in reach; `None` if these are more than `limit` triangles.
+    /// The surroundings of a cell; `None` if they exceed `bound`.
     pub fn surroundings(
         &self,
         own: &Own,
         frame: &Frame,
         spot: &Spot,
-        limit: usize,
+        bound: WorkBound,
     ) -> Option<Surroundings> {
         let Frame { origin, axes: [u, v, _], .. } = *frame;
         let radius = 1.0 + spot.tolerance;
@@ -54,8 +66,12 @@ impl Maker<'_> {
         let around = box_around(outer.flat_map(|p| [p - margin, p + margin]));
         let (mut near, mut solids) = (Vec::new(), Vec::new());
         let mut seen = self.seen(frame, own.place);
-        let mut count = 0;
+        let (mut visited, mut kept) = (0, 0);
         let complete = self.reach.find(self.surfaces, &around, |place, triangle, corners| {
+            visited += 1;
+            if visited > bound.visited {
+                return false;
+            }
             if place != seen.place {
                 seen = self.seen(frame, place);
             }
@@ -107,8 +123,8 @@ impl Maker<'_> {
             if is_solid {
                 solids.push(Solid { place, triangle, corners, front: lit[0], component });
             }
-            count += 1;
-            count <= limit
+            kept += 1;
+            kept <= bound.kept
         });
         complete.then(|| self.sorted(own, frame, near, solids))
     }
