@@ -56,7 +56,7 @@ fn areas_along_edge(scene: &Scene, areas: &Areas, order: &[u32]) -> Vec<[f32; 3]
     order.par_iter().map(ask).collect()
 }
 
-/// Areas of a scene of which nothing was computed yet.
+/// Areas of a scene before any query.
 fn fresh(scene: &Scene) -> Areas<'_> {
     Areas::of_scene(scene, &*accel(scene), RADIUS)
 }
