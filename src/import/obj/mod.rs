@@ -115,8 +115,8 @@ pub(super) fn load(path: &Path) -> Result<ObjFile> {
     Ok(ObjFile { meshes, materials, notes })
 }
 
-/// Rewrites the text on a thread of its own while `tobj` reads it here, because each takes about as
-/// long as the rest of loading.
+/// Rewrites the text on a thread of its own while `tobj` reads the result here. So the rewriting, about
+/// a third of the work, costs little time. Not a task of rayon, whose pool may have one thread only.
 fn read(path: &Path, text: &[u8], is_colored: bool) -> Result<(Normalized, Vec<Model>)> {
     let (reader, writer) =
         std::io::pipe().map_err(|error| Error::io("open a pipe", path, error))?;
