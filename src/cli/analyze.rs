@@ -6,6 +6,7 @@ use super::loaded_scene::{LoadedScene, SessionArgs};
 use super::outputs::{self, Attempts, Output};
 use super::render_report::describe_counts;
 use super::session::{RunReport, Session};
+use super::settings_args::{ESTIMATOR, word};
 use bdpm::adaptive::Measuring;
 use bdpm::adaptive::stopping::{Goal, StoppedBy};
 use bdpm::base::error::{Error, Result};
@@ -43,7 +44,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
     /// How coefficients are estimated: from all pairs, or from halves of the paths as published
-    #[arg(long, default_value = "pairs")]
+    #[arg(long, default_value = "pairs", value_parser = word::<Measure>(ESTIMATOR))]
     estimator: Measure,
     /// The part of the image that the table is about: a name in the scene file, or a rectangle in
     /// fractions of the image, the origin at the top left [default: the whole image]

@@ -62,13 +62,13 @@ pub struct LoadedScene {
 impl LoadedScene {
     /// Loads the scene and builds its hierarchy, for an image that may have begun.
     pub fn new(args: &SessionArgs, begun: Option<Continuation>) -> Result<Self> {
-        Self::with_wishes(args, args.scene.wishes.clone(), begun)
+        Self::with_wishes(args, (&args.scene.wishes).into(), begun)
     }
 
     /// The same for the first time, at `resolution` unless the arguments say otherwise: that of the
     /// scene file does not count.
     pub fn with_resolution(args: &SessionArgs, resolution: [u32; 2]) -> Result<Self> {
-        let mut wishes = args.scene.wishes.clone();
+        let mut wishes = PartialSettings::from(&args.scene.wishes);
         wishes.resolution.get_or_insert(resolution);
         Self::with_wishes(args, wishes, None)
     }

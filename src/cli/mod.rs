@@ -35,13 +35,14 @@ mod render_report;
 mod render_task;
 mod paper;
 mod session;
+mod settings_args;
 mod view;
 
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
-use bdpm::settings::PartialSettings;
 use serde::Serialize;
+use settings_args::SettingsArgs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -140,9 +141,9 @@ struct SceneArgs {
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
-    wishes: PartialSettings,
-    /// What finds intersections [default: embree if built with it, else bvh]
-    #[arg(long)]
+    wishes: SettingsArgs,
+    /// Intersect rays by this backend [default: embree if built with it, else bvh]
+    #[arg(long, value_parser = settings_args::backend())]
     accel: Option<Backend>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]

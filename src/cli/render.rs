@@ -182,14 +182,7 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         _ => None,
     };
     if let Some(chosen) = &chosen {
-        let wishes = &args.session.scene.wishes;
-        let settings = chosen.apply(&prepared.origin.settings);
-        prepared.origin.settings = Settings {
-            mis_light_paths: wishes.mis_light_paths.unwrap_or(settings.mis_light_paths),
-            mis_c1: wishes.mis_c1.unwrap_or(settings.mis_c1),
-            mis_c2: wishes.mis_c2.unwrap_or(settings.mis_c2),
-            ..settings
-        };
+        prepared.origin.settings = chosen.apply(&prepared.origin.settings);
         goal.bias2 = chosen.best().bias.powi(2);
         let settings = prepared.origin.settings.clone();
         let like = prepared.threads.install(|| renderer.with_settings(settings))?;

@@ -9,7 +9,6 @@ use std::fmt;
 
 /// What finds intersections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Backend {
     /// Intel Embree 4.
     Embree,

@@ -173,7 +173,10 @@ impl<'a> Site<'a> {
         let camera_paths = TRIAL_CAMERA_PATHS;
         // Its samples are none of the image's.
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
-        let mut own = Settings { light_paths, camera_paths, seed, guide: 0, ..settings.clone() };
+        let mis_scales = Some(settings.mis_scales());
+        let guide = 0;
+        let mut own =
+            Settings { light_paths, camera_paths, seed, guide, mis_scales, ..settings.clone() };
         if nests.is_some() && own.caustic_radius == own.radius {
             // Equal radii are one for all photons, and would tell the bias of both classes twice.
             own.caustic_radius *= TOLD_APART;
