@@ -8,6 +8,7 @@ use super::progress::Progress;
 use super::render_report::announce;
 use super::run_report::RunReport;
 use super::scene_input::{SceneInput, SessionArgs};
+use super::settings_args::{ESTIMATOR, word};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::{Stop, StoppedBy};
 use bdpm::base::error::{Error, Result};
@@ -45,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
     /// How coefficients are estimated: from all pairs, or from halves of the paths as published
-    #[arg(long, default_value = "pairs")]
+    #[arg(long, default_value = "pairs", value_parser = word::<Measure>(ESTIMATOR))]
     estimator: Measure,
     /// The part of the image that the table is about: a name in the scene file, or a rectangle in
     /// fractions of the image, the origin at the top left [default: the whole image]

@@ -6,6 +6,7 @@ use super::optimize_rows::{Candidates, Row};
 use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
+use super::settings_args::{OBJECTIVE, word};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::optimize::measured::{End, Subject};
 use bdpm::adaptive::optimize::predict::Source;
@@ -43,7 +44,7 @@ pub struct Args {
     timings: Option<PathBuf>,
     /// What is to be least: the mean variance, the same relative to the squared luminance, the mean
     /// RMS, or the RMS that 99.5 % of the pixels stay below
-    #[arg(long, default_value = "pooled")]
+    #[arg(long, default_value = "pooled", value_parser = word::<Objective>(OBJECTIVE))]
     objective: Objective,
     /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
     /// the origin at the top left [default: the whole image]

@@ -3,6 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::scene_input::{LoadedScene, SessionArgs};
+use super::settings_args::SettingsArgs;
 use super::{human_time, json, say};
 use bdpm::adaptive::stopping::{Forecast, Stop};
 use bdpm::base::error::{Error, Result};
@@ -16,7 +17,7 @@ use bdpm::paper::published::{CAMERA_PATHS, LIGHT_PATHS};
 use bdpm::paper::report;
 use bdpm::paper::results::Results;
 use bdpm::paper::run::{Bench, Run};
-use bdpm::settings::{Kernel, PartialSettings, Settings};
+use bdpm::settings::{Kernel, Settings};
 use bdpm::timing::setup::Setup;
 use serde::Serialize;
 use std::fmt::Write;
@@ -115,7 +116,7 @@ pub fn run(args: &Args) -> Result<String> {
 }
 
 /// The paper merges over discs of one radius, unless somebody wants to see what else would come out.
-fn as_published(settings: &mut Settings, wishes: &PartialSettings) {
+fn as_published(settings: &mut Settings, wishes: &SettingsArgs) {
     settings.kernel = wishes.kernel.unwrap_or(Kernel::Disc);
     if wishes.caustic_radius.is_none() {
         settings.caustic_radius = settings.radius;

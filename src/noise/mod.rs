@@ -113,11 +113,9 @@ impl std::iter::Sum for Coefficients {
 /// Whether an iteration measures the coefficients, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Measure {
     /// Production: the image only.
     #[default]
-    #[cfg_attr(feature = "cli", value(skip))]
     Off,
     /// All pairs ([`pairs`]).
     Pairs,

@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Raised whenever the payload's layout changes.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -235,7 +235,7 @@ mod tests {
     use crate::film::aov::{LightComponents, Parts};
     use crate::film::counts::{CameraCounts, Counts};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
-    use crate::settings::{Direct, Kernel, Roulette, Settings, Strategy};
+    use crate::settings::{Direct, Kernel, Settings, Strategy};
     use crate::timing::TimeModel;
     use glam::DVec3;
     use std::fs;
@@ -263,15 +263,11 @@ mod tests {
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,
-            mis_light_paths: 100,
-            mis_c1: 0.4,
-            mis_c2: 0.4,
             direct: Direct::Connect,
-            light_roulette: Roulette::Albedo,
-            camera_roulette: Roulette::Weight,
             guide: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
+            mis_scales: None,
         };
         let first = Block::new(&settings, 0, Counts::uniform(100, 2));
         let camera_paths = CameraCounts::PerPixel((1..=15).collect());

@@ -4,8 +4,8 @@ use super::tiles::LayerTile;
 use super::worker::Job;
 use crate::film::aov::{Guide, LayerValue, LightComponents, Place};
 use crate::settings::Direct;
-use crate::transport::camera_paths::{CameraPaths, Told};
-use crate::transport::merge::Gathered;
+use crate::transport::camera_paths::{CameraPaths, PathAov};
+use crate::transport::merge::MergeOutput;
 use glam::DVec3;
 use std::mem;
 
@@ -14,7 +14,7 @@ pub struct LayerSums<'a> {
     /// None if nothing is kept.
     values: &'a mut [LayerValue],
     /// Caustics of the camera paths that are merged together, where they are not told apart otherwise.
-    alone: &'a mut Gathered,
+    alone: &'a mut MergeOutput,
     gathers_alone: bool,
     /// Whether light that comes straight from the lights is gathered with the caustics.
     direct_is_gathered: bool,
@@ -22,16 +22,16 @@ pub struct LayerSums<'a> {
 
 impl<'a> LayerSums<'a> {
     /// To be added to `values`, with room for caustics.
-    pub fn new(job: &Job, values: &'a mut [LayerValue], alone: &'a mut Gathered) -> Self {
+    pub fn new(job: &Job, values: &'a mut [LayerValue], alone: &'a mut MergeOutput) -> Self {
         let direct_is_gathered = job.pass.settings.direct == Direct::PhotonMap;
-        let gathers_alone = job.kept.light && !job.merge.tells_caustics();
+        let gathers_alone = job.kept.light && !job.merge.separates_caustics();
         Self { values, alone, gathers_alone, direct_is_gathered }
     }
 
     /// Gathers the caustics of these camera paths by themselves where that has to be.
     pub fn gather_caustics(&mut self, job: &Job, paths: &CameraPaths) {
         if self.gathers_alone {
-            job.merge.of_caustics().gather(paths, self.alone);
+            job.merge.caustics_only().gather(paths, self.alone);
         }
     }
 
@@ -39,13 +39,13 @@ impl<'a> LayerSums<'a> {
     #[inline]
     pub fn end_path(
         &mut self,
-        (paths, gathered): (&CameraPaths, &Gathered),
+        (paths, gathered): (&CameraPaths, &MergeOutput),
         (number, pixel): (usize, usize),
         per_light_path: f64,
     ) {
         let Some(value) = self.values.get_mut(pixel) else { return };
-        let Told { emission, direct, albedo, normal, position, depth, hits, .. } =
-            paths.told[number];
+        let PathAov { emission, direct, albedo, normal, position, depth, hits, .. } =
+            paths.aovs[number];
         let caustics = if self.gathers_alone { &self.alone.caustics } else { &gathered.caustics };
         let caustics = caustics.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
         let mut light = LightComponents {

@@ -14,7 +14,7 @@ use crate::scene::lights::guide::{Guide, GuideSample};
 use crate::settings::policy::*;
 use crate::settings::{Kernel, Settings};
 use crate::transport::camera_paths::CameraPaths;
-use crate::transport::merge::Gathered;
+use crate::transport::merge::MergeOutput;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -79,6 +79,7 @@ impl Renderer {
             // The same for all seeds: renders of several seeds have one law.
             seed: LEARNING_SEED,
             guide: 0,
+            mis_scales: Some(settings.mis_scales()),
             radius: LEARNING_RADIUS * settings.radius,
             caustic_radius: LEARNING_RADIUS * settings.caustic_radius,
             // Needs no areas that nothing else does.
@@ -129,7 +130,7 @@ fn of_own(brought: &[GuideSample]) -> f64 {
 
 /// What light paths bring to the pixels of some tiles.
 fn scores(job: &Job, tiles: &[Tile], weights: &[f64]) -> Vec<Score> {
-    let (mut paths, mut gathered) = <(CameraPaths, Gathered)>::default();
+    let (mut paths, mut gathered) = <(CameraPaths, MergeOutput)>::default();
     let mut table = PairTable::<f64>::default();
     let mut scores = Vec::new();
     let width = job.pass.settings.width;

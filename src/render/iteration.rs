@@ -8,8 +8,8 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::noise::Measure;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
-use crate::transport::kernel;
-use crate::transport::merge::Merge;
+use crate::transport::kernel::MergeKernel;
+use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -59,9 +59,9 @@ impl Renderer {
         report
     }
 
-    fn kernel(&self) -> kernel::Kernel<'_> {
-        let all = kernel::Kernel::new(&self.settings, self.areas.as_deref());
-        self.nesting.map_or(all, |class| all.nesting(class))
+    fn kernel(&self) -> MergeKernel<'_> {
+        let all = MergeKernel::new(&self.settings, self.areas.as_deref());
+        self.nesting.map_or(all, |class| all.with_nested_class(class))
     }
 
     /// How an iteration traces camera paths, and what it merges them with: its photons are in the map.
@@ -76,8 +76,11 @@ impl Renderer {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || photon_map.has_caustic_photons(),
         };
-        let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
-        let halves = settings.bias == Bias::Reduce;
-        (pass, merge.weighted(mis).telling(kept.light).with_annulus(halves))
+        let options = MergeOptions {
+            mis,
+            records_caustics: kept.light,
+            records_annulus: settings.bias == Bias::Reduce,
+        };
+        (pass, Merge::new(photon_map, settings.merge_vertex, self.kernel(), options))
     }
 }

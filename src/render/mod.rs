@@ -127,9 +127,10 @@ impl Renderer {
             })?
         };
         // Neither counts nor seed matter to what is learned.
-        let Settings { light_paths, camera_paths, seed, .. } = self.settings;
-        let own = Settings { light_paths, camera_paths, seed, ..like.settings.clone() };
-        let is_same = own == self.settings;
+        let Settings { light_paths, camera_paths, seed, mis_scales, .. } = self.settings;
+        let counted = Settings { light_paths, camera_paths, seed, ..like.settings.clone() };
+        let is_same = Settings { mis_scales, ..counted } == self.settings
+            && like.settings.mis_scales() == self.settings.mis_scales();
         if is_same { Ok(like.guided(self.guide().cloned())) } else { like.learning() }
     }
 

@@ -12,7 +12,7 @@ use crate::noise::halves::Halves;
 use crate::noise::pairs::AllPairs;
 use crate::noise::{Estimator, Measure};
 use crate::transport::camera_paths::{CameraPass, CameraPaths};
-use crate::transport::merge::{Gathered, Merge};
+use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::pair_list::Pair;
 use glam::DVec3;
 use std::time::{Duration, Instant};
@@ -45,7 +45,7 @@ impl<'a> Job<'a> {
         measure: Measure,
         before: u64,
     ) -> Self {
-        let together = merge.together(measure != Measure::Off);
+        let together = merge.batch_size(measure != Measure::Off);
         Self { pass, merge, counts, measure, together, before, kept: AovSelection::default() }
     }
 
@@ -70,7 +70,7 @@ impl<'a> Job<'a> {
 #[derive(Debug, Default)]
 pub struct Worker {
     paths: CameraPaths,
-    gathered: Gathered,
+    gathered: MergeOutput,
     tiles: Vec<Tile>,
     /// Sum over camera paths of each pixel of the tiles.
     values: Vec<DVec3>,
@@ -81,7 +81,7 @@ pub struct Worker {
     /// The same of what is kept beside; none if nothing is.
     layers: Vec<LayerValue>,
     /// Caustics alone, where they have to be gathered again.
-    caustics: Gathered,
+    caustics: MergeOutput,
     pairs: AllPairs,
     halves: Halves,
     clock: PhaseClock,
@@ -125,10 +125,10 @@ impl Worker {
             self.layers.resize(pixels, LayerValue::default());
         }
         self.beyond.clear();
-        if job.merge.halves() {
+        if job.merge.options().records_annulus {
             self.beyond.resize(pixels, <[DVec3; 2]>::default());
         }
-        self.paths.tell(job.kept.any());
+        self.paths.record_aovs(job.kept.any());
         let Self { paths, gathered, values, beyond, measured, pairs, halves, clock, .. } = self;
         let width = job.pass.settings.width;
         let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
@@ -229,7 +229,7 @@ pub(super) fn trace(
 fn measure<E: Estimator>(
     job: &Job,
     ids: TilePaths,
-    (paths, gathered): (&mut CameraPaths, &mut Gathered),
+    (paths, gathered): (&mut CameraPaths, &mut MergeOutput),
     clock: &mut PhaseClock,
     mut measuring: Measuring<E>,
 ) {
@@ -259,7 +259,7 @@ struct ImageSums<'a> {
 
 impl ImageSums<'_> {
     #[inline]
-    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize) {
         let TilePaths { pixel, path, in_image, .. } = self.paths;
         if path < in_image {
             // theory.md (7), of one camera path
@@ -267,7 +267,7 @@ impl ImageSums<'_> {
             let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
             if let Some(sums) = self.beyond.get_mut(pixel) {
-                for (sum, own) in sums.iter_mut().zip(gathered.beyond[number]) {
+                for (sum, own) in sums.iter_mut().zip(gathered.annulus[number]) {
                     *sum += own.as_dvec3() * self.per_light_path;
                 }
             }
@@ -308,7 +308,7 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     }
 
     #[inline]
-    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize) {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
         self.image.end_path(paths, gathered, number);
         let direct = paths.direct[number];

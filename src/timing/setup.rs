@@ -31,8 +31,7 @@ pub struct Setup {
 }
 
 /// Settings that times do not depend on, or as the model says.
-const INDEPENDENT: [&str; 6] =
-    ["light_paths", "camera_paths", "seed", "mis_light_paths", "mis_c1", "mis_c2"];
+const INDEPENDENT: [&str; 3] = ["light_paths", "camera_paths", "seed"];
 
 /// Names of the others.
 fn dependent() -> impl Iterator<Item = &'static str> {
@@ -196,8 +195,6 @@ pub(super) mod tests {
             ("merge_vertex", Value::Number(1.0), "merge-vertex is 2, not 1"),
             ("strategy", text("mis"), "strategy is single, not mis"),
             ("direct", text("photon-map"), "direct is connect, not photon-map"),
-            ("light_roulette", text("weight"), "light-roulette is albedo, not weight"),
-            ("camera_roulette", text("albedo"), "camera-roulette is weight, not albedo"),
             ("radius", Value::Number(0.5), "radius is 0.01, not 0.5"),
             ("kernel", text("disc"), "kernel is area, not disc"),
         ] {

@@ -34,7 +34,6 @@ use std::ops::RangeInclusive;
 /// What is made of the variances of the pixels: the aggregate that counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Objective {
     /// Mean variance, `mean_p V_p`.
     #[default]

@@ -15,7 +15,7 @@ mod trial;
 
 use crate::base::error::Result;
 use crate::render::Renderer;
-use crate::settings::{Bias, Direct, Kernel, Settings, Strategy, shared_by};
+use crate::settings::{Bias, Direct, Kernel, Settings, Strategy};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -242,15 +242,7 @@ impl Candidate {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
         let mut radii = [radius; 2];
         radii[PhotonClass::Caustic as usize] = caustic_radius;
-        let scale = shared_by(camera_paths);
-        Settings {
-            light_paths,
-            camera_paths,
-            mis_light_paths: light_paths,
-            mis_c1: scale,
-            mis_c2: scale,
-            ..technique.with(settings, radii)
-        }
+        Settings { light_paths, camera_paths, mis_scales: None, ..technique.with(settings, radii) }
     }
 }
 

@@ -219,7 +219,10 @@ impl<'a> TrialRunner<'a> {
         let light_paths = self.light_paths;
         let camera_paths = TRIAL_CAMERA_PATHS;
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
-        let mut own = Settings { light_paths, camera_paths, seed, guide: 0, ..settings.clone() };
+        let mis_scales = Some(settings.mis_scales());
+        let guide = 0;
+        let mut own =
+            Settings { light_paths, camera_paths, seed, guide, mis_scales, ..settings.clone() };
         if nests.is_some() && own.caustic_radius == own.radius {
             // With equal radii the nested radii would measure the bias of both classes together.
             own.caustic_radius *= RADIUS_RATIO;
