@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Recorder, Sample};
+use crate::timing::measure::{Phase, Recorder, TimeSample};
 
 /// Pixels of the sample along a side, about.
 const SIDE: u32 = 32;
@@ -46,7 +46,7 @@ pub fn least_times(scene: &Scene, accel: &dyn Intersect, settings: &Settings) ->
         }
     }
     let mut samples = recorder.samples();
-    samples.retain(|Sample { phase, .. }| *phase != Phase::Rest);
+    samples.retain(|TimeSample { phase, .. }| *phase != Phase::Rest);
     let Settings { width, height, .. } = renderer.settings();
     let sampled = f64::from(*width) * f64::from(*height);
     let model = fit(&samples, sampled)?.model;

@@ -1,18 +1,19 @@
-//! A [`NoiseImage`] as an EXR file with layers, so that noise is predicted without rendering.
+//! A [`NoiseImage`] as an EXR file with layers, so that noise can be predicted without rendering.
 //!
 //! | layer | channels | content |
 //! |---|---|---|
 //! | (default) | `R`, `G`, `B` | the image, W/(m^2 sr) |
-//! | `L` | `Y` | its luminance |
+//! | `L` | `Y` | luminance of the image |
 //! | `C2`, `B`, `F` | `Y` | the paper's averages, `a + b + f + L^2`, `b + L^2`, `f + L^2` |
 //! | `a`, `b`, `f` | `Y` | the coefficients |
 //! | `V` | `predicted`, `sampled` | variance of one iteration by (1), and sampled |
-//! | `bias` | `Y`, `error` | merge bias and its standard error |
+//! | `bias` | `Y`, `error` | merge bias and standard error |
 //! | `nested` | `first`, `second`, `error` | `L(r) - L(r/sqrt 2)`, its standard error, and `L(r/sqrt 2) - L(r/2)` |
 //! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `first`, `second` | means over the batch's iterations |
 //!
-//! The attribute `bdpm.batches` tells how many iterations each batch has, `n0 n1 ... n15`, and then the batch of the
-//! first. Without it they were dealt out in turn, beginning with batch 0.
+//! The attribute `bdpm.batches` holds the numbers of iterations of the batches, `n0 n1 ... n15`, and
+//! then the batch of the first iteration. Without it iterations were assigned in turn, beginning with
+//! batch 0.
 
 use super::Coefficients;
 use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
@@ -26,16 +27,16 @@ use crate::image_io::{Image, Layer, Metadata, Value};
 use crate::scene::Region;
 use std::path::Path;
 
-/// Name of the attribute for the mean number of photons that a light path leaves.
+/// Attribute with the mean number of photons per light path.
 pub const PHOTONS_PER_LIGHT_PATH: &str = "photons_per_light_path";
 
-/// Name of the attribute for the numbers of iterations of the batches.
+/// Attribute with the numbers of iterations of the batches.
 const BATCH_COUNTS: &str = "batches";
 
-/// Goes before the names of regions among the metadata.
+/// Prefix of the names of regions in the metadata.
 const REGION: &str = "region.";
 
-/// What a measurement leaves behind.
+/// The result of a noise measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseFile {
     /// The measured noise.
@@ -44,12 +45,12 @@ pub struct NoiseFile {
     pub pixels: Vec<Rgb>,
     /// The scene's named regions.
     pub regions: Vec<Region>,
-    /// What was measured and how; counts and iterations are added when it is written.
+    /// Scene and settings of the measurement; counts and iterations are added when it is written.
     pub facts: Metadata,
 }
 
 impl NoiseFile {
-    /// Writes all layers and facts.
+    /// Writes all layers and metadata.
     ///
     /// # Errors
     /// If the file cannot be written; names it.
@@ -57,7 +58,7 @@ impl NoiseFile {
         image_io::write_exr(path, &self.to_image())
     }
 
-    /// Reads what [`Self::write`] wrote.
+    /// Reads a file that [`Self::write`] wrote.
     ///
     /// # Errors
     /// If the file cannot be read or is another EXR file; names it.
@@ -65,7 +66,7 @@ impl NoiseFile {
         Self::from_image(image_io::read_exr(path)?).map_err(|e| e.at(path))
     }
 
-    /// Layers and metadata.
+    /// Converts to layers and metadata.
     pub fn to_image(&self) -> Image {
         let Self { noise, pixels, regions, facts } = self;
         let counts = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
@@ -139,14 +140,14 @@ impl NoiseFile {
         Image { width: noise.width, height: noise.height, layers, metadata }
     }
 
-    /// From layers and metadata.
+    /// Converts from layers and metadata.
     ///
     /// # Errors
-    /// If something is missing.
+    /// If a layer or attribute is missing.
     pub fn from_image(image: Image) -> Result<Self> {
         let broken = |what: &str| {
             Error::new(
-                format!("this image holds no measured noise: it has no {what}"),
+                format!("this image has no measured noise: {what} is missing"),
                 "give the .exr file that `bdpm analyze` wrote",
             )
         };
@@ -233,7 +234,7 @@ fn counts_to_text(counts: &BatchCounts) -> String {
     all.map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }
 
-/// What [`counts_to_text`] gave, for so many iterations.
+/// Reads the text of [`counts_to_text`], for `iterations` iterations in total.
 fn counts_from_text(text: &str, iterations: u64) -> Option<BatchCounts> {
     let numbers: Vec<u64> = text.split(' ').map(|n| n.parse().ok()).collect::<Option<_>>()?;
     let (first, counts) = numbers.split_last()?;
@@ -247,8 +248,8 @@ fn batch_name(batch: usize) -> String {
     format!("batch{batch:02}")
 }
 
-/// Bytes per pixel that measuring, evaluating and writing the noise take at their peak: the sums,
-/// the [`NoiseImage`], and all channels twice while they are compressed.
+/// Peak memory of measuring, evaluating and writing the noise, bytes per pixel: the sums, the
+/// [`NoiseImage`], and all channels twice while they are compressed.
 pub const fn bytes_per_pixel() -> usize {
     let image = size_of::<PixelEstimate>() + BATCHES * size_of::<NoiseSample>();
     let channels = 3 + 7 + 2 + 2 + 5 * BATCHES;
@@ -269,7 +270,7 @@ pub fn check_memory(width: u32, height: u32) -> Result<()> {
                 needed / GIB,
                 available / GIB
             ),
-            "lower --resolution: coefficients hardly depend on it",
+            "lower the resolution: coefficients hardly depend on it",
         )),
         _ => Ok(()),
     }

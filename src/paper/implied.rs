@@ -1,13 +1,13 @@
 //! What follows from the published numbers alone, and where they contradict each other.
 
 use super::published::{
-    CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, Row, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME,
+    CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME, Table2Column,
 };
-use crate::adaptive::optimize::predict::{Budget, Source};
+use crate::adaptive::optimize::predict::{RenderTime, Source};
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Sample};
+use crate::timing::measure::{Phase, TimeSample};
 use serde::Serialize;
 
 /// The coefficients that Figure 3a implies, as if its region were one pixel: the inverse of
@@ -22,15 +22,15 @@ pub fn coefficients() -> Coefficients {
 }
 
 /// The times of the phases in Table 2, with the errors of rounding to their last digit.
-pub fn times() -> Vec<Sample> {
+pub fn times() -> Vec<TimeSample> {
     let phases = [Phase::Camera, Phase::Light, Phase::Merge];
-    let of_row = |row: &Row| {
+    let of_row = |row: &Table2Column| {
         let (light_paths, camera_paths) = (row.light_paths.into(), CAMERA_PATHS[0].into());
         phases.into_iter().zip(row.parts).map(move |(phase, seconds)| {
             let last_digit = if phase == Phase::Merge && seconds > 2.0 { 0.1 } else { 0.01 };
             // Standard deviation of what is evenly distributed over a digit.
             let error = Some(last_digit / 12f64.sqrt());
-            Sample { phase, light_paths, camera_paths, seconds, error }
+            TimeSample { phase, light_paths, camera_paths, seconds, error }
         })
     };
     // "About 0" is no number.
@@ -54,7 +54,7 @@ pub fn rms(n_light: f64, n_camera: f64) -> f64 {
 /// The number of light paths with the least noise that Figure 3a and the times of Table 2 imply, at
 /// `N_B = 25`.
 pub fn best_light_paths() -> f64 {
-    let budget = Budget { model: time_model(), time: TIME };
+    let budget = RenderTime { model: time_model(), time: TIME };
     let source = Source::Given(coefficients());
     source.best_light_paths(CAMERA_PATHS[0].into(), &budget).light_paths.value
 }

@@ -3,10 +3,10 @@
 use super::implied;
 use super::published::{BEST_LIGHT_PATHS, CAMERA_PATHS, TIME};
 use super::terms::pooled_rms;
-use crate::adaptive::optimize::predict::{Budget, Optimum, Predicted, Source};
+use crate::adaptive::optimize::NEAR_OPTIMUM;
+use crate::adaptive::optimize::predict::{Optimum, Predicted, RenderTime, Source};
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseImage;
-use crate::settings::policy::NEAR_OPTIMUM;
 use crate::timing::TimeModel;
 use serde::Serialize;
 
@@ -43,7 +43,7 @@ pub struct Optima {
 impl Best {
     fn new(source: &Source, mean: Coefficients, model: TimeModel) -> Self {
         let n_camera = f64::from(CAMERA_PATHS[0]);
-        let budget = Budget { model, time: TIME };
+        let budget = RenderTime { model, time: TIME };
         let light_paths = source.best_light_paths(n_camera, &budget).light_paths;
         let [t, s] = model.in_light_paths(n_camera);
         let (p, q) = (mean.a / n_camera + mean.f, mean.b / n_camera);
@@ -74,7 +74,7 @@ impl Optima {
             pixels: rescaled.pixels,
             implied: Best::new(&given, published, implied::time_model()),
             published: BEST_LIGHT_PATHS,
-            free: source.optimum(&Budget { model, time: TIME }),
+            free: source.optimum(&RenderTime { model, time: TIME }),
         }
     }
 }

@@ -2,6 +2,7 @@
 //! pixels with their scales, plots, tables, numbers.
 
 pub mod axes;
+pub mod noise_plot;
 pub mod number;
 pub mod picture;
 
