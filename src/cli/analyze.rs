@@ -29,31 +29,33 @@ use std::time::Instant;
 /// with 16 iterations in each, sums over regions are near enough to normal.
 const DEFAULT_ITERATIONS: u64 = 256;
 
-/// Of one iteration there is no sample variance.
-const LEAST_ITERATIONS: u64 = 2;
+/// A sample variance takes two iterations.
+const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// EXR file to write; NAME.terms.png and NAME.rms.png come beside it
+    /// Write the noise to this EXR file, with pictures in NAME.terms.png and NAME.rms.png
     #[arg(long, short, value_name = "NOISE.exr")]
     output: PathBuf,
-    /// Iterations, at least 2; standard errors take 32 [default: 256, without --time]
+    /// Measure at least 2 iterations; errors take 32 [default: 256, without --time]
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
-    /// How coefficients are estimated: from all pairs, or from halves of the paths as published
+    /// Estimate coefficients from all pairs, or from halves of the paths as published
     #[arg(long, default_value = "pairs")]
     estimator: Measure,
-    /// The part of the image that the table is about: a name in the scene file, or a rectangle in
-    /// fractions of the image, the origin at the top left [default: the whole image]
+    /// Show statistics of this part of the image [default: the whole image]
+    ///
+    /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
+    /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
 }
 
-/// The result.
+/// The noise of a region and the files that were written, as JSON.
 #[derive(Serialize)]
-pub struct Report<'a> {
+pub struct AnalyzeReport<'a> {
     #[serde(flatten)]
     pub run: RunReport<'a>,
     pub light_paths: u32,
@@ -90,14 +92,14 @@ pub fn run(args: &Args) -> Result<String> {
     let time = args.session.time;
     if let Some(time) = time {
         let counts = &renderer.block().counts;
-        prepared.check_time(time, LEAST_ITERATIONS, counts, args.session.quiet)?;
+        prepared.check_time(time, MIN_ITERATIONS, counts, args.session.quiet)?;
     }
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
     let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
     let counts = describe_counts(renderer.block());
     let mut session = Session::new(
         &prepared,
-        (goal, LEAST_ITERATIONS),
+        (goal, MIN_ITERATIONS),
         args.session.manner(),
         ("measuring", &counts),
     )?;
@@ -105,7 +107,7 @@ pub fn run(args: &Args) -> Result<String> {
     let stopped_by = session.iterate(&mut renderer, &mut measuring, None, |_, _, _| Ok(None))?;
     let film = renderer.film();
     session.progress.finish();
-    if film.iterations < LEAST_ITERATIONS {
+    if film.iterations < MIN_ITERATIONS {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
@@ -129,7 +131,7 @@ pub fn run(args: &Args) -> Result<String> {
     let write_time = start.elapsed();
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
-    let report = Report {
+    let report = AnalyzeReport {
         run: session.report((film.iterations, film.mean_luminance()), stopped_by, write_time),
         light_paths: settings.light_paths,
         camera_paths: settings.camera_paths,
@@ -148,7 +150,7 @@ pub fn run(args: &Args) -> Result<String> {
     })
 }
 
-/// What was measured, with all that it takes to measure it again.
+/// The measured noise with scene and settings, so that it can be measured again.
 pub fn noise_file(
     (origin, regions): (&Provenance, &[Region]),
     film: &Film,
@@ -171,7 +173,7 @@ fn too_few(iterations: u64) -> Error {
     )
 }
 
-/// Coefficients are about pairs of paths of the same kind.
+/// Coefficients need pairs of light paths and pairs of camera paths.
 pub fn check_counts(settings: &Settings) -> Result<()> {
     for (count, what, option) in [
         (settings.light_paths, "light path", "--light-paths"),
@@ -179,7 +181,7 @@ pub fn check_counts(settings: &Settings) -> Result<()> {
     ] {
         if count < 2 {
             return Err(Error::new(
-                format!("the noise cannot be measured with {count} {what}"),
+                format!("cannot measure the noise with {count} {what}"),
                 format!("give {option} 2 or more; the result predicts the noise at 1 as well"),
             ));
         }

@@ -33,6 +33,9 @@ pub const PHOTONS_PER_LIGHT_PATH: &str = "photons_per_light_path";
 /// Attribute with the numbers of iterations of the batches.
 const BATCH_COUNTS: &str = "batches";
 
+/// Channels of the layers of batches, in the order of [`NoiseSample::to_array`].
+const BATCH_CHANNELS: [&str; 6] = ["a", "b", "f", "V", "first", "second"];
+
 /// Prefix of the names of regions in the metadata.
 const REGION: &str = "region.";
 
@@ -111,20 +114,13 @@ impl NoiseFile {
             layer("bias", vec![("Y", bias(0)), ("error", bias(1))]),
         ];
         for batch in 0..BATCHES {
-            let values = |of: fn(&NoiseSample) -> f64| -> Vec<f32> {
-                noise.batches.iter().map(|batches| of(&batches[batch]) as f32).collect()
+            let channel = |(index, name)| {
+                let value =
+                    |batches: &[NoiseSample; BATCHES]| batches[batch].to_array()[index] as f32;
+                (name, noise.batches.iter().map(value).collect())
             };
-            layers.push(layer(
-                &batch_name(batch),
-                vec![
-                    ("a", values(|s| s.coefficients.a)),
-                    ("b", values(|s| s.coefficients.b)),
-                    ("f", values(|s| s.coefficients.f)),
-                    ("V", values(|s| s.sampled)),
-                    ("first", values(|s| s.nested[0])),
-                    ("second", values(|s| s.nested[1])),
-                ],
-            ));
+            let channels = BATCH_CHANNELS.into_iter().enumerate().map(channel).collect();
+            layers.push(layer(&batch_name(batch), channels));
         }
         let mut metadata = facts.clone();
         metadata.extend([
@@ -166,31 +162,24 @@ impl NoiseFile {
         let (luminance, sampled) = (channel("L", "Y")?, channel("V", "sampled")?);
         let [first, second] = [channel("nested", "first")?, channel("nested", "second")?];
         let nested_error = channel("nested", "error")?;
-        let sample = |channels: [&[f32]; 6], i: usize| {
-            let [a, b, f, sampled, first, second] = channels.map(|list| f64::from(list[i]));
-            let coefficients = Coefficients { a, b, f };
-            NoiseSample { coefficients, sampled, nested: [first, second] }
+        let sample = |channels: &[&[f32]; 6], i: usize| {
+            NoiseSample::from_array(channels.map(|list| f64::from(list[i])))
         };
         let all = [a, b, f, sampled, first, second];
         let estimate = |i: usize| PixelEstimate {
             luminance: f64::from(luminance[i]),
-            noise: sample(all, i),
+            noise: sample(&all, i),
             nested_error: f64::from(nested_error[i]),
         };
         let pixels: Vec<_> = (0..luminance.len()).map(estimate).collect();
         let mut batches = vec![[NoiseSample::default(); BATCHES]; pixels.len()];
         for batch in 0..BATCHES {
             let name = batch_name(batch);
-            let channels = [
-                channel(&name, "a")?,
-                channel(&name, "b")?,
-                channel(&name, "f")?,
-                channel(&name, "V")?,
-                channel(&name, "first")?,
-                channel(&name, "second")?,
-            ];
+            let channels = BATCH_CHANNELS.map(|of| channel(&name, of));
+            let channels: Vec<&[f32]> = channels.into_iter().collect::<Result<_>>()?;
+            let channels = channels.try_into().expect("as many channels as names");
             for (i, pixel) in batches.iter_mut().enumerate() {
-                pixel[batch] = sample(channels, i);
+                pixel[batch] = sample(&channels, i);
             }
         }
         let mut facts = image.metadata.clone();

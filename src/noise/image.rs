@@ -75,6 +75,21 @@ impl Statistic {
     }
 }
 
+impl NoiseSample {
+    /// `a`, `b`, `f`, the sampled variance, and the two nested differences.
+    pub(super) fn to_array(self) -> [f64; 6] {
+        let Self { coefficients: Coefficients { a, b, f }, sampled, nested: [first, second] } =
+            self;
+        [a, b, f, sampled, first, second]
+    }
+
+    /// Reads the order of [`Self::to_array`].
+    pub(super) fn from_array([a, b, f, sampled, first, second]: [f64; 6]) -> Self {
+        let coefficients = Coefficients { a, b, f };
+        Self { coefficients, sampled, nested: [first, second] }
+    }
+}
+
 impl PixelEstimate {
     /// Unbiased estimate of the squared mean luminance, after `iterations` iterations.
     pub fn luminance2(&self, iterations: u64) -> f64 {

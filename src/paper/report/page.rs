@@ -3,7 +3,7 @@
 use super::figures::Figures;
 use super::{sections, summary, tables};
 use crate::output::page::number::{count, fixed, shown};
-use crate::output::page::{document, table};
+use crate::output::page::{document, header, table};
 use crate::paper::folder::Conditions;
 use crate::paper::results::Results;
 use maud::{Markup, html};
@@ -30,7 +30,7 @@ pub fn page(results: &Results, figures: &Figures) -> Markup {
             h2 { "Table 2: 25 camera paths per pixel" }
             (tables::table_2_noise(results))
             (tables::table_2_times(results))
-            h2 { "What is the same" }
+            h2 { "Comparison with the paper" }
             (summary::findings(results))
             h2 { "The paper's estimator and all pairs" }
             (summary::estimators(results))
@@ -100,12 +100,7 @@ fn setup(results: &Results) -> Markup {
         h3 { "Times per path and pair" }
         pre { code { (results.timings.coefficients_table()) } }
         (table("", &html! { "All runs" }, &html! {
-                thead {
-                    tr {
-                        th scope="col" { "run" } th scope="col" { "iterations" }
-                        th scope="col" { "seconds" } th scope="col" { "√V sampled, pooled, W/(m² sr)" }
-                    }
-                }
+                (header(&["run", "iterations", "seconds", "√V sampled, pooled, W/(m² sr)"]))
                 tbody {
                     @for done in &results.experiment.done {
                         tr {

@@ -3,7 +3,7 @@
 use super::figures::{Figures, TERMS};
 use crate::adaptive::optimize::NEAR_OPTIMUM;
 use crate::output::page::number::{count, fixed, shown, significant};
-use crate::output::page::table;
+use crate::output::page::{header, table};
 use crate::paper::optimum::Best;
 use crate::paper::published;
 use crate::paper::published::{FIGURE_2, FIGURE_3};
@@ -73,13 +73,7 @@ pub fn figure_3(results: &Results, figures: &Figures) -> Markup {
                     "Region means of the roots: W/(m² sr) here; over the mean RMS here | "
                     span .paper { "paper" }
                 }, &html! {
-                thead {
-                    tr {
-                        th scope="col" { "N_B" } th scope="col" { "C" } th scope="col" { "B" }
-                        th scope="col" { "F" } th scope="col" { "√V formula" }
-                        th scope="col" { "√V sampled" }
-                    }
-                }
+                (header(&["N_B", "C", "B", "F", "√V formula", "√V sampled"]))
                 tbody {
                     @for (terms, published) in results.terms.iter().zip(FIGURE_3) {
                         (terms_row(terms, published))
@@ -137,13 +131,7 @@ pub fn figure_4(results: &Results, figures: &Figures) -> Markup {
                     "pixels that light paths take the share of the time that they take in Table 2, by "
                     "the time model; by the paper’s other numbers; and as its authors read it off"
                 }, &html! {
-                thead {
-                    tr {
-                        th {} th scope="col" { "here" }
-                        th scope="col" { (fixed(optima.pixels.sqrt(), 0)) "² pixels" }
-                        th scope="col" .paper { "implied" } th scope="col" .paper { "read off" }
-                    }
-                }
+                (header(&["", "here", &format!("{:.0}² pixels", optima.pixels.sqrt()), "?implied", "?read off"]))
                 tbody {
                     tr {
                         th scope="row" { "best N_F" }
