@@ -1,4 +1,4 @@
-//! The optimizer against exhaustive search over all whole counts.
+//! The optimizer against exhaustive search and marginal allocation over whole counts.
 
 use bdpm::adaptive::optimize::{CountLimits, Objective, PerPixel, Problem, Uniform};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
@@ -32,7 +32,7 @@ fn coefficients(rng: &mut Rng) -> Coefficients {
     Coefficients { a: size(rng, 0.1, 1e3), b: size(rng, 0.01, 10.0), f: size(rng, 0.01, 10.0) }
 }
 
-/// A random problem with what exhaustive search needs to know of it.
+/// A random problem, with its limits for the exhaustive search.
 struct Case {
     problem: Problem,
     pixels: usize,
@@ -159,15 +159,16 @@ fn per_pixel_counts_of_small_problems_are_near_the_best_of_all() {
         }
         assert!(shortest.iteration_time <= case.iteration_time, "too long: {shown}");
         let ratio = if least > 0.0 { shortest.cost / least } else { 1.0 };
-        ratios.push((ratio, index));
+        ratios.push(ratio);
     }
-    ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
+    // With so few paths rounding matters: measured 1.031 and 1.204.
+    ratios.sort_by(f64::total_cmp);
     let at = |share: f64| ratios[(share * (ratios.len() - 1) as f64) as usize];
-    println!("{:?}", [0.5, 0.9, 0.95, 0.99, 0.999, 1.0].map(at));
+    assert!(at(0.99) < 1.05 && at(1.0) < 1.25, "{} {}", at(0.99), at(1.0));
 }
 
 #[test]
-fn larger_uniform_problems_agree_too() {
+fn uniform_counts_of_larger_problems_are_the_best_of_all() {
     for index in 0..12 {
         let rng = &mut rng(20_000 + index);
         let bounds = [1..=whole(rng, 500..=4000), 1..=200];
@@ -223,7 +224,6 @@ fn least_by_marginal_allocation(
 
 #[test]
 fn per_pixel_counts_cost_at_most_5_percent_more_than_the_optimum() {
-    let mut ratios = Vec::new();
     for index in 0..60 {
         let objective = [Objective::Pooled, Objective::MeanRms][index % 2];
         let rng = &mut rng(50_000 + index as u64);
@@ -249,27 +249,25 @@ fn per_pixel_counts_cost_at_most_5_percent_more_than_the_optimum() {
             let (cost, counts) =
                 least_by_marginal_allocation(&coefficients, objective, &limits, &time, n)?;
             assert!((problem.evaluate(n, counts).cost / cost - 1.0).abs() < 1e-9);
-            Some((cost, n))
+            Some(cost)
         });
-        let least = all.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let least = all.min_by(f64::total_cmp).unwrap();
         let found = problem.shortest_per_pixel(SLACK);
         assert!(found.iteration_time <= iteration_time, "{index}: {found:?}");
-        ratios.push((found.cost / least.0, index, least.1, found.light_paths, found.camera_paths));
+        // One percent is the slack that the shorter iteration may cost.
+        assert!(found.cost < 1.05 * least, "{index}: {} {found:?}", found.cost / least);
     }
-    ratios.sort_by(|a, b| a.0.total_cmp(&b.0));
-    println!("{:?} {:?} {:#?}", ratios[0], ratios[30], &ratios[50..]);
 }
 
 /// The percentile is not convex: nearly the best is enough.
 #[test]
-fn the_percentile_of_many_pixels_is_nearly_the_least() {
+fn percentile_of_many_pixels_is_nearly_the_least() {
     for index in 0..40 {
         let rng = &mut rng(30_000 + index);
         let pixels = whole(rng, 200..=600) as usize;
         let case = Case::new(rng, Objective::MaxRms, pixels, [1..=40, 1..=12]);
         let (best, per_pixel) = (case.problem.uniform(), case.problem.shortest_per_pixel(SLACK));
-        println!("{}", per_pixel.cost / best.cost);
-        assert!(per_pixel.cost <= 1e9 * best.cost * ROUNDING, "{index}: {best:?} {per_pixel:?}");
+        assert!(per_pixel.cost <= best.cost * ROUNDING, "{index}: {best:?} {per_pixel:?}");
         let least = case.uniform().iter().map(|u| u.cost).fold(f64::INFINITY, f64::min);
         assert!(least.is_infinite() || best.cost <= 1.001 * least, "{index}: {best:?} {least}");
     }
@@ -277,7 +275,7 @@ fn the_percentile_of_many_pixels_is_nearly_the_least() {
 
 /// `V` of every objective from its definition.
 #[test]
-fn aggregates_are_the_defined_ones() {
+fn aggregates_match_their_definitions() {
     let rng = &mut rng(40_000);
     let coefficients: Vec<_> = (0..400).map(|_| coefficients(rng)).collect();
     let luminance: Vec<_> = (0..400).map(|_| size(rng, 1e-3, 10.0)).collect();
@@ -332,7 +330,7 @@ fn paper(camera_paths: RangeInclusive<u32>) -> Problem {
 }
 
 #[test]
-fn the_papers_optimum_is_found() {
+fn optimum_of_the_paper_is_found() {
     let best = paper(25..=25).uniform();
     assert!(best.light_paths.abs_diff(3438) <= 2, "{best:?}");
     // (T + t x)(q + p/x) has the minimum (sqrt(T q) + sqrt(t p))^2: after 1000 s an RMS of 0.0987.
@@ -358,9 +356,9 @@ fn the_papers_optimum_is_found() {
     }
 }
 
-/// Coefficients and times of which any may be 0, with bounds as wide as they get.
+/// Any coefficient and time may be 0, and limits are as wide as possible.
 #[test]
-fn nothing_is_nan_or_endless() {
+fn zero_coefficients_and_wide_limits_give_finite_counts() {
     let time = |zeros: u32| {
         let value = |bit: u32, value| if zeros >> bit & 1 == 1 { 0.0 } else { value };
         TimeModel {
@@ -415,7 +413,7 @@ fn nothing_is_nan_or_endless() {
                 assert!(each[0].camera_paths.iter().all(|&n| n == 2), "{shown}");
                 assert_eq!(each[0].light_paths, 1, "{shown}");
             }
-            assert!(each[0].cost <= uniform[0].cost * ROUNDING, "{shown}");
+            assert!(each[0].cost <= uniform[0].cost * 1.011, "{shown}");
         }
     }
 }

@@ -59,9 +59,14 @@ impl Problem {
             found = shortest;
         }
         let (n_light, _, threshold) = found;
-        let light_paths = (n_light.round() as u32).clamp(self.light_paths[0], self.light_paths[1]);
-        let whole_image = FixedLight::new(self, &criterion, f64::from(light_paths));
-        self.evaluate(light_paths, whole_image.allocate(threshold))
+        let [least, most] = self.light_paths;
+        let below = (n_light as u32).clamp(least, most);
+        let [below, above] = [below, below.saturating_add(1).min(most)].map(|light_paths| {
+            let whole_image = FixedLight::new(self, &criterion, f64::from(light_paths));
+            let rounded = self.evaluate(light_paths, whole_image.allocate(threshold));
+            (criterion.score(rounded.iteration_time, rounded.variance), rounded)
+        });
+        if above.0.beats(&below.0) { above.1 } else { below.1 }
     }
 }
 
@@ -221,7 +226,7 @@ impl<'a> FixedLight<'a> {
             // theory.md (85)
             let takes_one_more = match self.objective {
                 // Only a pixel above the threshold needs another path.
-                Objective::MaxRms => demand > below,
+                Objective::MaxRms => below < most && p.variance(below) > threshold * (1.0 + 1e-12),
                 // `s/(n (n + 1)) > lambda`; nearly so for `mean-rms`.
                 _ => (below * (below + 1.0)).sqrt() < demand,
             };
