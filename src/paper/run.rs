@@ -17,6 +17,7 @@ use crate::settings::Settings;
 use crate::settings::provenance::Provenance;
 use crate::timing::measure::Recorder;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Minimum of iterations in each batch.
@@ -29,9 +30,9 @@ const SAVE_EVERY: Duration = Duration::from_secs(20);
 #[derive(Clone, Copy)]
 pub struct SceneContext<'a> {
     /// The scene.
-    pub scene: &'a Scene,
+    pub scene: &'a Arc<Scene>,
     /// The scene's triangles.
-    pub accel: &'a dyn Intersect,
+    pub accel: &'a Arc<dyn Intersect>,
     /// The threads that render.
     pub threads: &'a rayon::ThreadPool,
 }
