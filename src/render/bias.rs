@@ -2,9 +2,9 @@
 
 use super::block::{Block, CombinedImage};
 use crate::film::radiance::box_filter;
+use crate::noise::bias::BIAS_CERTAINTY;
 use crate::noise::bias::{Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
-use crate::settings::policy::BIAS_CERTAINTY;
 use serde::Serialize;
 
 /// Measuring iterations that it takes to tell: two in each batch.

@@ -36,22 +36,11 @@ pub const LEARNING_SEED: u64 = 0x1ea2_4176_0f11_6475;
 /// Blocks that a render of automatic counts may come to: each keeps its sums in memory.
 pub const MOST_BLOCKS: usize = 7;
 
-/// Far more camera paths per pixel than can pay.
-pub const MOST_CAMERA_PATHS: u32 = 1 << 16;
-
-/// Among counts whose cost is this close to the best, the shortest iteration is taken: the optimum is
-/// flat, and a short iteration ends near the time that was asked for.
-pub const NEAR_OPTIMUM: f64 = 0.01;
-
-/// Iterations that should fit in a time of rendering at the least: they average out what a single one
-/// finds by chance, and no coefficient of 0 leads to infinite counts.
-pub const LEAST_ITERATIONS: f64 = 16.0;
-
-/// The same for the iterations that follow a choice in `bdpm render`, which still measures among them and
-/// may choose again.
+/// Fewest iterations that should fit in the time after a choice of counts in `bdpm render`, which still
+/// measures among them and may choose again.
 pub const LEAST_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
 
-/// The same for every one of several processes that share them: so that none ends long before another.
+/// Fewest iterations of each of several processes that share them: so that none ends long before another.
 pub const LEAST_ITERATIONS_OF_RANK: f64 = 8.0;
 
 /// [`LEAST_ITERATIONS_AFTER_CHOICE`] of so many processes.
@@ -94,9 +83,6 @@ pub const LEAST_NOISE_SHARE: f64 = 0.1;
 
 /// Standard errors from an estimate up to its upper 90 % bound.
 pub const UPPER_BOUND: f64 = 1.2816;
-
-/// Standard errors by which a bias must stand out to count.
-pub const BIAS_CERTAINTY: f64 = 2.0;
 
 // --- Taking off the merge bias --------------------------------------------------------------------
 

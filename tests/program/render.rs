@@ -221,7 +221,7 @@ fn noise_is_measured_on_the_way_and_kept_by_checkpoints() {
     let shown = fail(begin("b.exr", &["--resume", &plain, "--noise", &rest]), 1);
     assert!(shown.contains("begun without --noise"), "{shown}");
     let shown = fail(begin("b.exr", &["--camera-paths", "1", "--noise", &rest]), 1);
-    assert!(shown.contains("cannot be measured with 1 camera path"), "{shown}");
+    assert!(shown.contains("cannot measure the noise with 1 camera path"), "{shown}");
 }
 
 #[test]

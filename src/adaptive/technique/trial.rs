@@ -17,7 +17,7 @@ use crate::settings::policy::{
 };
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Sample};
+use crate::timing::measure::{Phase, TimeSample};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
@@ -344,14 +344,14 @@ fn merging_area(scene: &Scene) -> f64 {
 }
 
 /// Mean times of the current block, by phase.
-fn times(renderer: &Renderer) -> impl Iterator<Item = Sample> {
+fn times(renderer: &Renderer) -> impl Iterator<Item = TimeSample> {
     let block = renderer.block();
     let (clock, threads) = (block.clock, rayon::current_num_threads());
     let light_paths = f64::from(block.counts.light_paths);
     let camera_paths = block.counts.camera_paths.mean();
     Phase::ALL.into_iter().map(move |phase| {
         let seconds = phase.time(&clock.times, threads).as_secs_f64() / clock.iterations as f64;
-        Sample { phase, light_paths, camera_paths, seconds, error: None }
+        TimeSample { phase, light_paths, camera_paths, seconds, error: None }
     })
 }
 
