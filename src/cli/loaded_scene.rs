@@ -86,7 +86,7 @@ impl LoadedScene {
         let loaded = threads.install(|| args.scene.load())?;
         let load_time = start.elapsed();
         if !args.quiet {
-            loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+            loaded.warnings.iter().for_each(|note| say(&format!("note: {note}")));
         }
         let (scene, summary) = (loaded.scene, loaded.summary);
         // A resumed image has its own settings; arguments that agree with them do no harm.

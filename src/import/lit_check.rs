@@ -1,7 +1,7 @@
-//! A quick look at a scene, as a user would look at its first picture: is what the camera sees lit?
+//! A quick check whether light reaches the surfaces that the camera sees.
 //!
-//! A path tracer of few pixels and paths that connects to lights through glass as if it were air: it is to
-//! tell a lit scene from a dark one, and light that only comes through a bulb or a window is light.
+//! It traces few paths of few pixels and connects them to lights through glass as if that were air. It must only
+//! distinguish lit scenes from dark ones, and light through a bulb or a window counts as light.
 
 use crate::accel::{Intersect, Ray};
 use crate::base::math::{Rgb, luminance};
@@ -11,21 +11,21 @@ use crate::scene::bsdf::{Lobe, Transport, Wanted};
 use crate::scene::{Scene, Surface, View};
 use rayon::prelude::*;
 
-/// Pixels that are looked at, about.
+/// Approximate number of pixels.
 const PIXELS: f32 = 1000.0;
-/// Paths of each.
+/// Paths per pixel.
 const PATHS: u32 = 6;
-/// Most segments of a path.
+/// Maximum number of segments of a path.
 const SEGMENTS: u32 = 6;
-/// Most surfaces that light is let through on its way to a connection.
+/// Maximum number of transmitting surfaces along a connection to a light.
 const PANES: u32 = 16;
-/// Of display white; pixels below are black to eyes: a fiftieth of the key of the preview's exposure.
+/// Luminance below which a pixel looks black, relative to display white: a fiftieth of the key of the preview's exposure.
 const BLACK: f32 = 0.004;
 
-/// Of display white, what the preview's exposure makes of it.
+/// Key of the preview's exposure, relative to display white.
 const EXPOSED: f32 = 0.2;
 
-/// What a few pixels showed.
+/// Results of a few pixels.
 pub(super) struct LitCheck {
     pixels: Vec<Pixel>,
 }
@@ -33,30 +33,32 @@ pub(super) struct LitCheck {
 #[derive(Clone, Copy, Default)]
 struct Pixel {
     radiance: Rgb,
-    /// How many of its paths met a surface.
+    /// Number of its paths that met a surface.
     met: u32,
-    /// Sum of their squared distances, scene units squared.
+    /// Sum of the squared distances of these surfaces, scene units squared.
     distance2: f32,
 }
 
 impl LitCheck {
-    /// Looks at an image of `resolution` pixels, of its aspect ratio.
+    /// Checks an image with the aspect ratio of `resolution`.
     pub fn new(scene: &Scene, accel: &dyn Intersect, [width, height]: [u32; 2]) -> Self {
         let shrink = (PIXELS / (width as f32 * height as f32)).sqrt();
         let [width, height] = [width, height].map(|n| ((n as f32 * shrink).ceil() as u32).max(1));
-        let eye = Eye { scene, accel, view: scene.camera.view(width, height) };
+        let tracer = CheckTracer { scene, accel, view: scene.camera.view(width, height) };
         let key = StreamKey::new(0, Stream::LitCheck, 0);
         let pixel = |index: u32| {
             let mut rng = key.rng(index.into());
             let mut pixel = Pixel::default();
-            (0..PATHS).for_each(|_| eye.look([index % width, index / width], &mut pixel, &mut rng));
+            (0..PATHS).for_each(|_| {
+                tracer.add_path([index % width, index / width], &mut pixel, &mut rng)
+            });
             pixel
         };
         Self { pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
-    /// Of the pixels that show a surface, the share that is not black in a preview; 1 if none does.
-    pub fn lit(&self) -> f64 {
+    /// Share of the pixels with a surface that are not black in a preview; 1 if no pixel has a surface.
+    pub fn lit_share(&self) -> f64 {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let least = BLACK / auto_exposure(&radiances);
         let seen = self.pixels.iter().filter(|pixel| pixel.met > 0);
@@ -67,35 +69,35 @@ impl LitCheck {
         }
     }
 
-    /// Radiance of what is lit, W/(m^2 sr), by its geometric mean; `None` if nothing is.
-    pub fn typical(&self) -> Option<f32> {
+    /// Geometric mean of the radiance of lit pixels, W/(m^2 sr); `None` if no pixel is lit.
+    pub fn typical_radiance(&self) -> Option<f32> {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let is_lit = radiances.iter().any(|radiance| luminance(*radiance) > 0.0);
-        // Within what leaves room for the power of an environment.
+        // The bounds leave room for the power of an environment.
         is_lit.then(|| (EXPOSED / auto_exposure(&radiances)).clamp(1e-12, 1e12))
     }
 
-    /// Mean square of the distances of what is seen, scene units squared; 0 if there is nothing.
-    pub fn distance2(&self) -> f32 {
+    /// Mean squared distance of the visible surfaces, scene units squared; 0 if there are none.
+    pub fn mean_distance2(&self) -> f32 {
         let met: u32 = self.pixels.iter().map(|pixel| pixel.met).sum();
         let sum: f32 = self.pixels.iter().map(|pixel| pixel.distance2).sum();
         sum / met.max(1) as f32
     }
 }
 
-struct Eye<'a> {
+struct CheckTracer<'a> {
     scene: &'a Scene,
     accel: &'a dyn Intersect,
     view: View,
 }
 
-impl Eye<'_> {
+impl CheckTracer<'_> {
     /// Adds a path to a pixel.
-    fn look(&self, [x, y]: [u32; 2], pixel: &mut Pixel, rng: &mut Rng) {
+    fn add_path(&self, [x, y]: [u32; 2], pixel: &mut Pixel, rng: &mut Rng) {
         let [dx, dy] = rng.next_2d();
         let (mut ray, weight) = self.view.ray(x as f32 + dx, y as f32 + dy, rng.next_2d());
         let (mut radiance, mut throughput) = (Rgb::ZERO, Rgb::ONE);
-        // Whether light at the end of the segment was not connected to at its beginning.
+        // Whether the start of the segment was not connected to lights, so that emission at its end counts.
         let mut unconnected = true;
         for segment in 0..SEGMENTS {
             let hit = self.accel.closest_hit(&ray);
@@ -129,7 +131,7 @@ impl Eye<'_> {
         }
     }
 
-    /// Radiance that a light adds by all lobes of finite density.
+    /// Radiance by a connection to a light, of all lobes of finite density.
     fn connection(&self, surface: &Surface, rng: &mut Rng) -> Rgb {
         let bsdf = &surface.bsdf;
         if bsdf.spread().is_none() {
@@ -150,7 +152,7 @@ impl Eye<'_> {
         value * light.irradiance * light.wi.dot(at.normal).abs()
     }
 
-    /// Whether anything but glass lies on a segment.
+    /// Whether anything but glass is on a segment.
     fn is_blocked(&self, mut ray: Ray) -> bool {
         for _ in 0..PANES {
             let hit = self.accel.closest_hit(&ray);

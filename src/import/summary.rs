@@ -1,28 +1,28 @@
-//! What a scene file was found to hold, in short.
+//! A short summary of a scene file.
 
 use crate::scene::{Material, Scene};
 use serde::Serialize;
 use std::fmt;
 use std::sync::Arc;
 
-/// What was read.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+/// Contents of a scene file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SceneSummary {
-    /// Meshes, one for each place, material and part of a mesh in the file.
+    /// Number of meshes, one for each placement, material and part of a mesh in the file.
     pub meshes: usize,
-    /// Triangles that have an area.
+    /// Number of triangles that have an area.
     pub triangles: usize,
     /// Names of the materials in use.
     pub materials: Vec<String>,
     /// Number of pictures that they use.
     pub textures: usize,
-    /// Number of light sources, each emissive triangle one.
+    /// Number of light sources. Each emissive triangle is one.
     pub lights: usize,
-    /// Names of the lights, where the format has names for them.
+    /// Names of the lights, if the format has names for them.
     pub light_names: Vec<String>,
     /// Names of all cameras to choose from.
     pub cameras: Vec<String>,
-    /// The one that was chosen of them.
+    /// Name of the chosen camera.
     pub camera: Option<String>,
 }
 
@@ -40,9 +40,7 @@ impl SceneSummary {
             materials: scene.materials().iter().map(|material| material.name.clone()).collect(),
             textures: pictures.len(),
             lights: scene.lights().emitters().len() + environment,
-            light_names: Vec::new(),
-            cameras: Vec::new(),
-            camera: None,
+            ..Self::default()
         }
     }
 }

@@ -161,7 +161,7 @@ fn empty_meshes_and_triangles_without_area() {
     obj(&format!("{flat}f 1 2 3\nf 1 1 2\n")).refused(&["all 2 triangles", "no area"]);
     let loaded = obj(&format!("{flat}v 0 1 0\nf 1 2 3\nf 1 2 4\nf 1 1 4\n")).load();
     assert_eq!(loaded.scene.triangle_count(), 1);
-    assert!(loaded.notes.iter().any(|n| n.text == "dropped 2 triangles without area"));
+    assert!(loaded.warnings.iter().any(|n| n.text == "dropped 2 triangles without area"));
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn malformed_mtl() {
 #[test]
 fn a_missing_library_or_material_is_noted() {
     let loaded = obj(&format!("mtllib no.mtl\nusemtl m\n{TRIANGLE}")).load();
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert!(notes.contains("a.obj:1: the material library `no.mtl` does not exist"), "{notes}");
     assert!(notes.contains("`m` undefined; took grey of albedo 0.5"), "{notes}");
 }
@@ -462,7 +462,11 @@ fn absurd_counts() {
     assert_eq!(loaded.scene.meshes().len(), 200_001);
     assert_eq!(loaded.scene.materials().len(), 200_001);
     assert_eq!(loaded.scene.triangle_count(), 400_001);
-    assert!(loaded.notes.len() < 10 && loaded.notes_text().len() < 5000, "{:?}", loaded.notes);
+    assert!(
+        loaded.warnings.len() < 10 && loaded.warnings_text().len() < 5000,
+        "{:?}",
+        loaded.warnings
+    );
 }
 
 #[test]

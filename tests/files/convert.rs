@@ -3,7 +3,7 @@
 use crate::model::*;
 use crate::program::{assert_refused, json, text};
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
-use bdpm::import::{Loaded, load, save};
+use bdpm::import::{Loaded, export, load};
 use bdpm::scene::Material;
 use glam::Vec3;
 use serde_json::json;
@@ -25,11 +25,11 @@ fn bits(normals: &[Vec3]) -> Vec<u32> {
 #[track_caller]
 fn assert_kept(loaded: &Loaded) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let saved = save(loaded, "a b", folder.path(), false).unwrap_or_else(|e| panic!("{e}"));
-    assert!(saved.notes.is_empty(), "{:?}", saved.notes);
+    let exported = export(loaded, "a b", folder.path(), false).unwrap_or_else(|e| panic!("{e}"));
+    assert!(exported.warnings.is_empty(), "{:?}", exported.warnings);
     let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
     let again = load(folder.path()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    assert_eq!(again.notes_text(), "", "{text}");
+    assert_eq!(again.warnings_text(), "", "{text}");
     let (a, b) = (&loaded.scene, &again.scene);
     assert_eq!(a.camera, b.camera, "{text}");
     // Copies of a mesh that was held once have other rounding errors.
@@ -234,7 +234,7 @@ fn scene_files_with_everything() {
     // The grey of faces without material is a choice of the original.
     let folder = TempDir::new().unwrap();
     let loaded = files(&list).load();
-    save(&loaded, "a", folder.path(), false).unwrap();
+    export(&loaded, "a", folder.path(), false).unwrap();
     assert_eq!(load(folder.path()).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
 }
 
@@ -302,8 +302,8 @@ fn tangents_are_missed() {
     let accessor = model.accessor(&tangents, F32, "VEC4", 4);
     model.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(accessor);
     let folder = TempDir::new().unwrap();
-    let saved = save(&model.load(), "a", folder.path(), false).unwrap();
-    assert!(saved.notes[0].text.contains("no tangents"), "{:?}", saved.notes);
+    let exported = export(&model.load(), "a", folder.path(), false).unwrap();
+    assert!(exported.warnings[0].text.contains("no tangents"), "{:?}", exported.warnings);
 }
 
 #[test]

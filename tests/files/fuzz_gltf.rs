@@ -276,7 +276,7 @@ fn the_untouched_files_load() {
         [("a.gltf", rich_text()), ("a.glb", RICH.glb()), ("b.glb", as_glb(&RICH))]
     {
         let loaded = files(&[(name, &content)]).load();
-        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.notes_text());
+        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.warnings_text());
         assert_eq!(loaded.scene.materials().len(), 3);
         assert_eq!(loaded.scene.lights().emitters().len(), 3 + 2);
     }

@@ -178,6 +178,6 @@ fn the_untouched_files_load() {
     for (name, picture) in named.into_iter().chain(others) {
         let folder = scene(name, picture);
         let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(loaded.notes_text(), "", "{name}");
+        assert_eq!(loaded.warnings_text(), "", "{name}");
     }
 }

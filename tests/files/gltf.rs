@@ -32,8 +32,8 @@ fn all_forms_of_a_file_are_the_same_as_obj() {
     ] {
         let loaded = files(list).load();
         assert_same(&loaded.scene, &obj.scene);
-        assert_eq!(loaded.notes.len(), 2, "camera and light: {}", loaded.notes_text());
-        assert!(loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen));
+        assert_eq!(loaded.warnings.len(), 2, "camera and light: {}", loaded.warnings_text());
+        assert!(loaded.warnings.iter().all(|note| note.kind == WarningKind::Chosen));
     }
 }
 
@@ -193,7 +193,7 @@ fn normals_and_texture_coordinates_of_all_types() {
     let mesh = &plain.scene.meshes()[0];
     assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], "v points up");
     assert_eq!(mesh.normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::Z, Vec3::ZERO]);
-    assert_eq!((plain.summary.textures, plain.notes.len()), (1, 2), "{}", plain.notes_text());
+    assert_eq!((plain.summary.textures, plain.notes.len()), (1, 2), "{}", plain.warnings_text());
     for code in [U8, U16] {
         assert_same(&scene(code, None).scene, &plain.scene);
     }
@@ -341,8 +341,8 @@ fn what_is_skipped_is_told_and_strictly_refused() {
     let loaded = files.load();
     assert_eq!(loaded.scene.triangle_count(), 6);
     let kind_of = |part: &str| {
-        let note = loaded.notes.iter().find(|note| note.text.contains(part));
-        note.unwrap_or_else(|| panic!("no {part:?} in {}", loaded.notes_text())).kind
+        let note = loaded.warnings.iter().find(|note| note.text.contains(part));
+        note.unwrap_or_else(|| panic!("no {part:?} in {}", loaded.warnings_text())).kind
     };
     for part in [
         "a.gltf: ignored the extensions `KHR_materials_sheen`",

@@ -35,7 +35,7 @@ fn with_material(material: Value, texels: [[u8; 4]; 2]) -> Model {
 #[track_caller]
 fn looks(material: Value, texels: [[u8; 4]; 2]) -> (Material, String) {
     let loaded = with_material(material, texels).load();
-    let skipped = loaded.notes.iter().filter(|note| note.kind == WarningKind::Skipped);
+    let skipped = loaded.warnings.iter().filter(|note| note.kind == WarningKind::Skipped);
     let skipped: Vec<_> = skipped.map(|note| &note.text[..]).collect();
     (loaded.scene.materials()[0].clone(), skipped.join("\n"))
 }
@@ -316,7 +316,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     };
     assert!(*position == Vec3::new(1.0, 2.0, 3.0) && close(*read, intensity), "{read}");
     assert_eq!(loaded.summary.light_names, ["Lamp"]);
-    assert!(!loaded.notes_text().contains("nothing emits"));
+    assert!(!loaded.warnings_text().contains("nothing emits"));
     // A quarter about x turns -z down.
     let (sin, cos) = FRAC_PI_4.sin_cos();
     let down =
@@ -341,7 +341,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     let [Emitter::Spot(spot)] = default.lights().emitters() else { panic!("no spot") };
     assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, FRAC_PI_4.cos()));
     let dark = lit(json!({ "type": "point", "intensity": 0 }), json!({})).load();
-    assert!(dark.notes_text().contains("nothing emits"));
+    assert!(dark.warnings_text().contains("nothing emits"));
 }
 
 #[test]
@@ -373,7 +373,7 @@ fn cameras_are_chosen_by_name() {
     assert_eq!(first.summary.cameras, ["Plan", "Front", "nodes[3]"]);
     assert_eq!(first.summary.camera.as_deref(), Some("Front"));
     assert!(first.summary.to_string().ends_with(", camera Front (of 3)"), "{}", first.summary);
-    assert!(first.notes_text().contains("orthographic cameras are not supported: `Plan`"));
+    assert!(first.warnings_text().contains("orthographic cameras are not supported: `Plan`"));
     let third = choose(Some("nodes[3]"));
     // By the camera's own name, which nodes may share, the first of them is meant.
     let lens = choose(Some("lens")).unwrap_or_else(|e| panic!("{e}"));

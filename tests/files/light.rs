@@ -53,7 +53,7 @@ fn a_lamp_that_lights_nothing_is_no_light() {
     // Behind a wall that the camera sees the other side of, or in front of it with its back to all.
     for (z, up) in [(-0.5, false), (0.5, true)] {
         let loaded = with_lamp(square(), 1.0, z, up).load();
-        let notes = loaded.notes_text();
+        let notes = loaded.warnings_text();
         let environment = loaded.scene.lights().environment().is_some();
         assert!(
             environment && notes.contains("of what is seen black; put soft gray light"),
@@ -64,21 +64,21 @@ fn a_lamp_that_lights_nothing_is_no_light() {
     // One that shines at the wall is light, however weak.
     for radiance in [1.0, 1e-6] {
         let loaded = with_lamp(square(), radiance, 0.5, false).load();
-        assert!(loaded.scene.lights().environment().is_none(), "{}", loaded.notes_text());
+        assert!(loaded.scene.lights().environment().is_none(), "{}", loaded.warnings_text());
     }
 }
 
 #[test]
 fn a_dark_room_gets_a_lamp_and_a_lit_one_keeps_its_own() {
     let loaded = room(grey()).load();
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert!(notes.contains("nothing emits light") && notes.contains("a point light of"), "{notes}");
     let [Emitter::Point { position, .. }] = loaded.scene.lights().emitters() else {
         panic!("{notes}")
     };
     assert!(position.x == 0.1 && position.y > 0.2 && position.y < 1.0, "{position}");
     let lit = with_lamp(room(grey()), 1.0, 0.9, false).load();
-    assert!(lit.scene.lights().environment().is_none(), "{}", lit.notes_text());
+    assert!(lit.scene.lights().environment().is_none(), "{}", lit.warnings_text());
     assert_eq!(lit.scene.lights().emitters().len(), 1);
     // A lamp beyond its walls does not light it.
     let unlit = with_lamp(room(grey()), 1.0, 1.5, true).load();
@@ -102,12 +102,12 @@ fn placed_lights_count_where_they_light_a_fifth_and_set_the_measure() {
         model.load()
     };
     let wide = spot(0.8);
-    assert!(wide.scene.lights().environment().is_none(), "{}", wide.notes_text());
+    assert!(wide.scene.lights().environment().is_none(), "{}", wide.warnings_text());
     // It lights 0.03 of an area of 4, with a radiance of 0.5/pi/683 in the middle.
     let narrow = spot(0.1);
     let above = narrow.scene.lights().beyond(Vec3::Y).x;
     let typical = 0.5 / std::f32::consts::PI / 683.0;
-    assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.notes_text());
+    assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.warnings_text());
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn a_metal_in_a_void_has_something_to_mirror() {
     model.json["materials"][0] = metal;
     let (scene, notes) = {
         let loaded = model.load();
-        (loaded.scene.clone(), loaded.notes_text())
+        (loaded.scene.clone(), loaded.warnings_text())
     };
     assert!(notes.contains("nothing emits light; put soft gray light around it"), "{notes}");
     let [below, above] = [-1.0, 1.0].map(|y| scene.lights().beyond(Vec3::new(0.0, y, 0.0)).x);
@@ -139,9 +139,9 @@ fn environments_on_the_command_line_are_for_every_format() {
         let loaded = load_with(&files.1, &given).unwrap();
         assert_eq!(loaded.scene.lights().beyond(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
         assert_ne!(loaded.scene.fingerprint(), own.fingerprint());
-        assert!(!loaded.notes_text().contains("nothing emits"));
+        assert!(!loaded.warnings_text().contains("nothing emits"));
     }
-    let notes = load_with(&toml.1, &given).unwrap().notes_text();
+    let notes = load_with(&toml.1, &given).unwrap().warnings_text();
     assert!(notes.contains("--environment takes the place of its own"), "{notes}");
     for files in [&bare, &obj] {
         let error = load_with(&files.1, &none).err().unwrap().to_string();
@@ -167,7 +167,7 @@ fn pixels_that_are_no_radiance_become_black() {
     let source = EnvironmentSource::File(path.clone());
     let given = LoadOptions { environment: Some(&source), ..LoadOptions::default() };
     let loaded = load_with(&square().files().1, &given).unwrap();
-    let note = loaded.notes.iter().find(|note| note.text.contains("sky.exr")).unwrap();
+    let note = loaded.warnings.iter().find(|note| note.text.contains("sky.exr")).unwrap();
     assert_eq!(note.kind, WarningKind::Skipped);
     assert!(
         note.text.contains("3 pixels are negative or not finite, the first at (1, 1)"),

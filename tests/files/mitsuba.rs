@@ -1,6 +1,6 @@
 //! Mitsuba's scenes: what its elements become, and what is wrong with a file is told with its place.
 
-use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with, save};
+use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
 use bdpm::scene::bsdf::{Bsdf, FacetModel};
 use bdpm::scene::{Emitter, FieldOfView, Optics};
 use glam::Vec3;
@@ -68,7 +68,7 @@ fn every_committed_file_loads_and_converts() {
         let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(loaded.defaults.resolution.unwrap()[0], 64, "{name}");
         let folder = TempDir::new().unwrap();
-        save(&loaded, &name, folder.path(), false).unwrap_or_else(|e| panic!("{name}: {e}"));
+        export(&loaded, &name, folder.path(), false).unwrap_or_else(|e| panic!("{name}: {e}"));
         let again = load(folder.path()).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(loaded.scene.materials().len(), again.scene.materials().len(), "{name}");
         for (a, b) in loaded.scene.materials().iter().zip(again.scene.materials()) {
@@ -151,7 +151,7 @@ fn sensors_are_chosen_by_their_id() {
     assert_eq!(chosen(Some("two")).unwrap().scene.camera.position(), Vec3::ZERO);
     let first = chosen(None).unwrap();
     assert_eq!(first.summary.camera.as_deref(), Some("one"));
-    assert!(first.notes_text().contains("the first of several cameras"));
+    assert!(first.warnings_text().contains("the first of several cameras"));
     let error = chosen(Some("three")).unwrap_err().to_string();
     assert!(error.contains("`three`") && error.contains("`one`, `two`"), "{error}");
 }
@@ -163,7 +163,7 @@ fn a_mirrored_camera_mirrors_the_scene() {
         "<shape type='rectangle'><transform name='to_world'><translate x='2'/></transform></shape>";
     let loaded = read(&scene(&[&mirrored, LIGHT, square].concat()));
     assert!((loaded.scene.bounds().center() - Vec3::new(-2.0, 0.0, 0.0)).length() < 1e-5);
-    assert!(loaded.notes_text().contains("mirrored"), "{}", loaded.notes_text());
+    assert!(loaded.warnings_text().contains("mirrored"), "{}", loaded.warnings_text());
 }
 
 #[test]
@@ -338,8 +338,8 @@ fn what_is_approximated_or_left_out_is_told() {
         ),
     ] {
         let loaded = with(&format!("<shape type='rectangle'>{inside}</shape>"));
-        let found = loaded.notes.iter().any(|n| n.kind == kind && n.text.contains(note));
-        assert!(found, "{inside}: {}", loaded.notes_text());
+        let found = loaded.warnings.iter().any(|n| n.kind == kind && n.text.contains(note));
+        assert!(found, "{inside}: {}", loaded.warnings_text());
     }
     for (inside, note) in [
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
@@ -348,10 +348,10 @@ fn what_is_approximated_or_left_out_is_told() {
         ("<integrator type='path'><integer name='max_depth' value='7'/></integrator>", "after 7"),
     ] {
         let loaded = with(&[SQUARE, inside].concat());
-        assert!(loaded.notes_text().contains(note), "{}", loaded.notes_text());
+        assert!(loaded.warnings_text().contains(note), "{}", loaded.warnings_text());
     }
     // Nothing else is told of a plain scene.
-    assert_eq!(with(SQUARE).notes_text(), "");
+    assert_eq!(with(SQUARE).warnings_text(), "");
 }
 
 #[test]
@@ -374,8 +374,8 @@ fn what_mitsuba_alone_does_with_normals_is_told_where_it_does() {
         (bent(""), bent(shadowing), "bumps shadow themselves"),
         (lamp(""), lamp(flat), "fronts and cosines"),
     ] {
-        assert!(told.notes_text().contains(phrase), "{}", told.notes_text());
-        assert_eq!(silent.notes_text(), "");
+        assert!(told.warnings_text().contains(phrase), "{}", told.warnings_text());
+        assert_eq!(silent.warnings_text(), "");
     }
 }
 
@@ -450,7 +450,7 @@ fn hostile_files_are_refused() {
     refused(&scene(&[CAMERA, LIGHT, group].concat()), &["no triangle"]);
     let texture = "<texture type='checkerboard' id='t'><ref name='color0' id='t'/></texture>\
                    <shape type='rectangle'><bsdf type='diffuse'><ref name='reflectance' id='t'/></bsdf></shape>";
-    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).notes_text().contains("took grey"));
+    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).warnings_text().contains("took grey"));
     let spectrum = "<spectrum type='d65' id='t'><ref name='value' id='t'/></spectrum>\
                     <emitter type='point'><ref name='intensity' id='t'/></emitter>";
     refused(&scene(&[CAMERA, SQUARE, spectrum].concat()), &["D65 of D65"]);
@@ -513,8 +513,8 @@ fn public_scenes_load() {
         if path.exists() {
             let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.scene.triangle_count() >= triangles, "{name}");
-            let complete = loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen);
-            assert!(complete, "{name}: {}", loaded.notes_text());
+            let complete = loaded.warnings.iter().all(|note| note.kind == WarningKind::Chosen);
+            assert!(complete, "{name}: {}", loaded.warnings_text());
         }
     }
 }

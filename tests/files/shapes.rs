@@ -1,7 +1,7 @@
 //! Colors of vertices, instances, morph targets and skins.
 
 use crate::model::*;
-use bdpm::import::{load, save};
+use bdpm::import::{export, load};
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;
 use serde_json::json;
@@ -34,19 +34,19 @@ fn colors_of_vertices_are_read_and_survive_conversion() {
         assert_eq!(found, expected);
         let folder = tempfile::TempDir::new().unwrap();
         let copy = folder.path().join("copy");
-        save(&loaded, "a.gltf", &copy, false).unwrap();
+        export(&loaded, "a.gltf", &copy, false).unwrap();
         assert_eq!(load(&copy).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
     }
     // Their opacity is told to be ignored where it would count.
     for (mode, is_told) in [("OPAQUE", false), ("BLEND", true), ("MASK", true)] {
         let mut model = colored("VEC4", &rgba);
         model.json["materials"][0]["alphaMode"] = json!(mode);
-        let notes = model.load().notes_text();
+        let notes = model.load().warnings_text();
         assert_eq!(notes.contains("ignored the opacity of the vertex colors"), is_told, "{notes}");
     }
     let mut opaque = colored("VEC4", &[1.0; 16]);
     opaque.json["materials"][0]["alphaMode"] = json!("BLEND");
-    assert!(!opaque.load().notes_text().contains("vertex colors"));
+    assert!(!opaque.load().warnings_text().contains("vertex colors"));
     // White ones take no room, and bytes are shares.
     assert!(colored("VEC3", &[1.0; 12]).load().scene.meshes()[0].colors.is_empty());
     let mut model = square();
@@ -68,7 +68,7 @@ fn specular_scales_the_reflectance() {
         });
         model.json["extensionsRequired"] = json!(["KHR_materials_specular"]);
         let loaded = model.load();
-        (loaded.scene.materials()[0].bsdf, loaded.notes_text())
+        (loaded.scene.materials()[0].bsdf, loaded.warnings_text())
     };
     let glossy = Glossy::new(Vec3::ONE, 0.0, 1.5, 0.25);
     assert_eq!(with(json!({})).0, Bsdf::Glossy(glossy));

@@ -13,8 +13,8 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 #[track_caller]
 fn told(list: &[(&str, &[u8])], kind: WarningKind, part: &str) -> Loaded {
     let loaded = files(list).load();
-    let note = loaded.notes.iter().find(|note| note.text.contains(part));
-    assert_eq!(note.map(|note| note.kind), Some(kind), "{}", loaded.notes_text());
+    let note = loaded.warnings.iter().find(|note| note.text.contains(part));
+    assert_eq!(note.map(|note| note.kind), Some(kind), "{}", loaded.warnings_text());
     loaded
 }
 
@@ -43,7 +43,7 @@ fn nodes_may_be_listed_with_their_children() {
         assert_eq!(found, heights, "{listed}");
     }
     model.json["scenes"] = json!([{ "nodes": [0, 3] }]);
-    assert!(!model.load().notes_text().contains("shown once"));
+    assert!(!model.load().warnings_text().contains("shown once"));
 }
 
 #[test]
@@ -103,7 +103,8 @@ fn pictures_of_many_kinds() {
             [(name, &picture(format)[..]), ("a.mtl", mtl.as_bytes()), ("a.obj", text.as_bytes())];
         let loaded = files(&list).load();
         let Material { albedo_texture, .. } = &loaded.scene.materials()[0];
-        let texture = albedo_texture.as_ref().unwrap_or_else(|| panic!("{}", loaded.notes_text()));
+        let texture =
+            albedo_texture.as_ref().unwrap_or_else(|| panic!("{}", loaded.warnings_text()));
         let at = [0.25, 0.75].map(|u| texture.color(Vec2::new(u, 0.5)));
         assert_eq!(at, [Vec3::ZERO, Vec3::ONE], "{name}");
     }
@@ -159,9 +160,9 @@ fn names_that_are_no_utf8() {
     let loaded = bdpm::import::load(&at(b"a.obj")).unwrap();
     let materials = loaded.scene.materials();
     let names: Vec<&str> = materials.iter().map(|material| &material.name[..]).collect();
-    assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.notes_text());
+    assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.warnings_text());
     assert_eq!([0, 1].map(|i| materials[i].bsdf.albedo()), [Vec3::X, Vec3::Y]);
-    assert!(materials[0].albedo_texture.is_some(), "{}", loaded.notes_text());
+    assert!(materials[0].albedo_texture.is_some(), "{}", loaded.warnings_text());
 }
 
 #[test]

@@ -84,7 +84,7 @@ fn check_box(scene: &Scene) {
 fn the_cornell_box_is_the_paper_s() {
     let loaded = load(&root("scenes/cornell-box")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box", 30));
     check_box(scene);
     assert!(scene.materials().iter().all(|m| m.bsdf.albedo() == Vec3::splat(0.5)));
@@ -130,7 +130,7 @@ fn the_cornell_box_is_the_paper_s() {
 fn the_classic_cornell_box_has_its_lamp_and_colors() {
     let loaded = load(&root("scenes/cornell-box-classic")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box-classic", 32));
     check_box(scene);
     assert_eq!(scene.lights().emitters().len(), 2);
@@ -149,7 +149,7 @@ fn the_classic_cornell_box_has_its_lamp_and_colors() {
 #[test]
 fn the_scene_of_materials_has_them_all() {
     let loaded = load(&root("scenes/materials")).unwrap();
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     let materials = &loaded.scene.materials();
     let has = |wanted: fn(&Bsdf) -> bool| materials.iter().any(|m| wanted(&m.bsdf));
     assert!(
@@ -176,7 +176,7 @@ fn the_scene_of_materials_has_them_all() {
 fn no_lamp_light_shines_straight_through_the_keyhole() {
     let loaded = load(&root("scenes/keyhole")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("keyhole", 64));
     let [Emitter::Point { position, .. }] = scene.lights().emitters() else { panic!("one lamp") };
     let accel = build(Backend::Bvh, scene).unwrap();
@@ -205,7 +205,7 @@ fn the_documented_example_loads() {
     ]);
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.triangle_count(), scene.lights().emitters().len()), (4, 3));
     let names: Vec<_> = scene.materials().iter().map(|m| m.name.as_str()).collect();
     assert_eq!(names, ["chalk", "lamp"]);
@@ -297,7 +297,7 @@ fn materials_of_the_scene_file_win() {
             ("n", [0.25; 3], [0.0; 3]),
         ]
     );
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     for part in
         ["a.mtl:4: the diffuse color", "ignored some textures", "no mesh uses the material `spare`"]
     {
@@ -317,7 +317,7 @@ fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
         ("scene.toml", &format!("{scene}{toml}")),
     ]);
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-    (loaded.scene.materials()[0].bsdf, loaded.notes_text())
+    (loaded.scene.materials()[0].bsdf, loaded.warnings_text())
 }
 
 fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
@@ -414,7 +414,7 @@ fn an_obj_file_alone_is_framed_and_lit() {
     let light = scene.lights();
     assert!(light.emitters().is_empty());
     assert!(light.beyond(Vec3::Y).x > 1.19 && light.beyond(-Vec3::Y).x < 0.01);
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert!(notes.contains("no camera") && notes.contains("nothing emits"), "{notes}");
 
     let lamp = format!("mtllib a.mtl\nusemtl m\n{content}");

@@ -1,16 +1,15 @@
-//! How surfaces scatter.
+//! BSDFs as materials.
 
-use super::color;
-use super::color::Meaning;
+use super::color::ColorUse;
 use super::document::MAX_DEPTH;
 use super::metals;
 use super::object::Object;
-use super::texture::{Paint, Pictures};
-use super::warnings::Remarks;
-use crate::base::error::Result;
-use crate::base::math::Rgb;
+use super::texture::{MitsubaTextures, Paint};
+use crate::base::error::{Error, Result};
+use crate::base::math::{Rgb, luminance};
 use crate::import::scene_file::material::interface;
 use crate::import::text::list;
+use crate::import::texture_file::linear_color;
 use crate::scene::Texture;
 use crate::scene::bsdf::{
     Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
@@ -20,38 +19,38 @@ use glam::Affine2;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What a BSDF becomes.
+/// The material properties of a BSDF.
 #[derive(Clone)]
-pub(super) struct Look {
+pub(super) struct SurfaceLook {
     pub bsdf: Bsdf,
-    /// What the albedo is multiplied with.
+    /// Texture that multiplies the albedo.
     pub albedo: Option<Arc<Texture>>,
-    /// Of all its textures.
+    /// Map of texture coordinates, for all textures.
     pub to_uv: Affine2,
-    /// Share of the rays that meet it, with the picture that this is multiplied with.
+    /// Share of the rays that meet the surface, and a texture that multiplies it.
     pub opacity: Option<(f32, Option<Arc<Texture>>)>,
-    pub normals: Option<Normals>,
+    pub normals: Option<NormalSource>,
     /// Whether Mitsuba shows it black from behind, and this renderer does not.
     pub is_black_behind: bool,
 }
 
-/// How normals are bent.
+/// Sources of bent normals.
 #[derive(Clone)]
-pub(super) enum Normals {
-    /// By a map of normals.
+pub(super) enum NormalSource {
+    /// A normal map.
     Map(Arc<Texture>),
-    /// By heights, times so much.
+    /// Heights, and their scale.
     Bumps(Arc<Texture>, f32),
 }
 
-impl Look {
+impl SurfaceLook {
     fn plain(bsdf: Bsdf) -> Self {
         let (albedo, opacity, normals, to_uv) = (None, None, None, Affine2::IDENTITY);
         Self { bsdf, albedo, to_uv, opacity, normals, is_black_behind: false }
     }
 
-    /// Of a surface without any BSDF: lamps are black.
-    pub fn unsaid(is_lamp: bool) -> Self {
+    /// The look of a surface without any BSDF: lamps are black.
+    pub fn without_bsdf(is_lamp: bool) -> Self {
         Self::plain(lambertian(Rgb::splat(if is_lamp { 0.0 } else { 0.5 })))
     }
 
@@ -62,20 +61,19 @@ impl Look {
 
 /// The BSDFs of a scene.
 #[derive(Default)]
-pub(super) struct Bsdfs {
-    /// By element, for those that many refer to.
-    known: HashMap<usize, Look>,
+pub(super) struct BsdfCache {
+    /// By element, because many shapes may refer to one.
+    known: HashMap<usize, SurfaceLook>,
 }
 
-/// What BSDFs are read with.
-pub(super) struct With<'a> {
-    pub pictures: &'a mut Pictures,
-    pub remarks: &'a mut Remarks,
-}
-
-impl Bsdfs {
-    /// The look of a BSDF, which is nested so deep in others.
-    pub fn look(&mut self, object: &Object, with: &mut With, depth: usize) -> Result<Look> {
+impl BsdfCache {
+    /// The look of a BSDF, which is nested in `depth` others.
+    pub fn look(
+        &mut self,
+        object: &Object,
+        textures: &mut MitsubaTextures,
+        depth: usize,
+    ) -> Result<SurfaceLook> {
         if let Some(known) = self.known.get(&object.index) {
             return Ok(known.clone());
         }
@@ -83,101 +81,114 @@ impl Bsdfs {
             let problem = "it refers to itself, or is nested too deep";
             return Err(object.error(problem, "nest BSDFs less"));
         }
-        let look = self.read(object, with, depth)?;
+        let look = self.read(object, textures, depth)?;
         self.known.insert(object.index, look.clone());
         Ok(look)
     }
 
-    fn read(&mut self, object: &Object, with: &mut With, depth: usize) -> Result<Look> {
+    fn read(
+        &mut self,
+        object: &Object,
+        textures: &mut MitsubaTextures,
+        depth: usize,
+    ) -> Result<SurfaceLook> {
         match object.kind() {
-            "diffuse" => diffuse(object, with),
+            "diffuse" => diffuse(object, textures),
             "roughdiffuse" => {
-                with.remarks
-                    .skipped("took Lambertian surfaces for rough diffuse ones:", &object.label());
-                diffuse(object, with)
+                textures.skipped("used Lambertian surfaces for rough diffuse ones:", object);
+                diffuse(object, textures)
             }
-            "conductor" | "roughconductor" => conductor(object, with),
-            "dielectric" | "roughdielectric" => dielectric(object, with),
+            "conductor" | "roughconductor" => conductor(object, textures),
+            "dielectric" | "roughdielectric" => dielectric(object, textures),
             "thindielectric" => {
                 let eta = relative_index(object, 1.5046)?;
-                let transmittance = crossing(object, with)?;
-                Ok(Look::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
+                let transmittance = transmittance(object, textures)?;
+                Ok(SurfaceLook::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
             }
-            "plastic" | "roughplastic" => plastic(object, with),
-            "principled" => principled(object, with, false),
-            "principledthin" => principled(object, with, true),
+            "plastic" | "roughplastic" => plastic(object, textures),
+            "principled" => principled(object, textures, false),
+            "principledthin" => principled(object, textures, true),
             "phong" | "ward" => {
-                with.remarks.skipped("took the diffuse part alone of", &object.label());
-                let paint = with.paint(object, "diffuse_reflectance", Rgb::splat(0.5))?;
-                Ok(Look::painted(lambertian(paint.color), paint))
+                textures.skipped("used only the diffuse part of", object);
+                let paint = textures.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
+                Ok(SurfaceLook::painted(lambertian(paint.color), paint))
             }
-            "null" => Ok(Look { opacity: Some((0.0, None)), ..Look::unsaid(false) }),
+            "null" => {
+                Ok(SurfaceLook { opacity: Some((0.0, None)), ..SurfaceLook::without_bsdf(false) })
+            }
             "twosided" => {
-                let nested = self.nested(object, with, depth)?;
+                let nested = self.nested(object, textures, depth)?;
                 if nested.len() > 1 {
-                    with.remarks
-                        .skipped("took the front's BSDF for both sides of", &object.label());
+                    textures.skipped("used the front's BSDF for both sides of", object);
                 }
                 let mut look = first(object, nested)?;
                 if let Bsdf::Lambertian { two_sided, .. } = &mut look.bsdf {
                     *two_sided = true;
                 }
-                Ok(Look { is_black_behind: false, ..look })
+                Ok(SurfaceLook { is_black_behind: false, ..look })
             }
             "mask" => {
-                let look = first(object, self.nested(object, with, depth)?)?;
-                let opacity = with.paint(object, "opacity", Rgb::splat(0.5))?;
-                Ok(masked(look, &opacity, object, with))
+                let look = first(object, self.nested(object, textures, depth)?)?;
+                let opacity = textures.share(object, "opacity", Rgb::splat(0.5))?;
+                Ok(masked(look, &opacity, object, textures))
             }
             "normalmap" => {
-                let look = first(object, self.nested(object, with, depth)?)?;
+                let look = first(object, self.nested(object, textures, depth)?)?;
                 let Some(child) = one_texture(object, "normalmap")? else { return Ok(look) };
-                let (texture, to_uv) = with.pictures.data(&child)?;
-                let texels = texture.texels().iter();
-                // Of codes up to 255 a half is 0, and v points down.
+                let (texture, to_uv) = textures.data(&child)?;
+                // The code 127.5 stands for 0, and v points down.
                 let code = |x: f32| (128.0 + 127.0 * x).round().clamp(1.0, 255.0) as u8;
                 let vector = |code: u8| f32::from(code) / 127.5 - 1.0;
-                let texels = texels.map(|[r, g, b, _]| {
-                    [code(vector(*r)), code(-vector(*g)), code(vector(*b)), 255]
+                let map = texture.map_texels(|[r, g, b, _]| {
+                    [code(vector(r)), code(-vector(g)), code(vector(b)), 255]
                 });
-                let [width, height] = texture.size();
-                let map = Texture::new(width, height, texels.collect()).sampled(texture.sampling());
-                with.bent(look, Normals::Map(Arc::new(map)), to_uv, object)
+                bent(textures, look, NormalSource::Map(Arc::new(map)), to_uv, object)
             }
             "bumpmap" | "bump" => {
-                let look = first(object, self.nested(object, with, depth)?)?;
+                let look = first(object, self.nested(object, textures, depth)?)?;
                 let scale = object.float("scale")?.unwrap_or(1.0) as f32;
                 let Some(child) = one_texture(object, "")? else { return Ok(look) };
-                let (texture, to_uv) = with.pictures.data(&child)?;
-                with.bent(look, Normals::Bumps(texture, scale), to_uv, object)
+                let (texture, to_uv) = textures.data(&child)?;
+                bent(textures, look, NormalSource::Bumps(texture, scale), to_uv, object)
             }
-            "blendbsdf" => self.blend(object, with, depth),
+            "blendbsdf" => self.blend(object, textures, depth),
             "mixturebsdf" | "coating" | "roughcoating" => {
-                with.remarks.skipped("took the first BSDF alone of", &object.label());
-                first(object, self.nested(object, with, depth)?)
+                textures.skipped("used only the first BSDF of", object);
+                first(object, self.nested(object, textures, depth)?)
             }
             other => {
-                let phrase = format!("took diffuse grey for BSDFs of type `{other}`:");
-                with.remarks.skipped(phrase, &object.label());
-                Ok(Look::unsaid(false))
+                let phrase = format!("used diffuse gray for BSDFs of type `{other}`:");
+                textures.skipped(phrase, object);
+                Ok(SurfaceLook::without_bsdf(false))
             }
         }
     }
 
-    fn nested(&mut self, object: &Object, with: &mut With, depth: usize) -> Result<Vec<Look>> {
+    fn nested(
+        &mut self,
+        object: &Object,
+        textures: &mut MitsubaTextures,
+        depth: usize,
+    ) -> Result<Vec<SurfaceLook>> {
         let nested = object.all("bsdf")?;
-        nested.iter().map(|one| self.look(one, with, depth + 1)).collect()
+        nested.iter().map(|one| self.look(one, textures, depth + 1)).collect()
     }
 
-    /// Of two diffuse ones their mean, else the one with more weight.
-    fn blend(&mut self, object: &Object, with: &mut With, depth: usize) -> Result<Look> {
-        let weight = with.paint(object, "weight", Rgb::splat(0.5))?;
+    /// The mean of two diffuse BSDFs, else the BSDF with more weight.
+    fn blend(
+        &mut self,
+        object: &Object,
+        textures: &mut MitsubaTextures,
+        depth: usize,
+    ) -> Result<SurfaceLook> {
+        let weight = textures.share(object, "weight", Rgb::splat(0.5))?;
         let share = weight.mean().x.clamp(0.0, 1.0);
-        let Ok([a, b]) = <[Look; 2]>::try_from(self.nested(object, with, depth)?) else {
-            return Err(object.error("it has not two BSDFs", "give two"));
+        let Ok([a, b]) = <[SurfaceLook; 2]>::try_from(self.nested(object, textures, depth)?) else {
+            return Err(object.error("it does not have two BSDFs", "give two"));
         };
-        let is_plain =
-            |look: &Look| look.albedo.is_none() && look.opacity.is_none() && look.normals.is_none();
+        let is_plain = |look: &SurfaceLook| {
+            look.albedo.is_none() && look.opacity.is_none() && look.normals.is_none()
+        };
         if let (
             Bsdf::Lambertian { albedo, two_sided },
             Bsdf::Lambertian { albedo: other, two_sided: also },
@@ -188,67 +199,60 @@ impl Bsdfs {
         {
             let mixed = |share: Rgb| albedo + (other - albedo) * share;
             if weight.texture.is_none() {
-                return Ok(Look::plain(Bsdf::Lambertian {
+                return Ok(SurfaceLook::plain(Bsdf::Lambertian {
                     albedo: mixed(weight.color),
                     two_sided,
                 }));
             }
             let paint = weight.mapped(mixed);
-            return Ok(Look::painted(Bsdf::Lambertian { albedo: paint.color, two_sided }, paint));
+            return Ok(SurfaceLook::painted(
+                Bsdf::Lambertian { albedo: paint.color, two_sided },
+                paint,
+            ));
         }
         if share > 0.0 && share < 1.0 {
-            with.remarks.skipped("took the BSDF of more weight alone of", &object.label());
+            textures.skipped("used only the BSDF with more weight of", object);
         }
         Ok(if share > 0.5 { b } else { a })
     }
 }
 
-impl With<'_> {
-    fn paint(&mut self, object: &Object, name: &str, unsaid: Rgb) -> Result<Paint> {
-        self.pictures.paint(object, name, Meaning::Share, unsaid, self.remarks)
+/// A look with bent normals. All textures share one map of texture coordinates.
+fn bent(
+    textures: &mut MitsubaTextures,
+    look: SurfaceLook,
+    normals: NormalSource,
+    to_uv: Affine2,
+    object: &Object,
+) -> Result<SurfaceLook> {
+    // Mitsuba has this property since 3.7.1.
+    if object.boolean("use_shadowing_function")?.unwrap_or(true) {
+        let phrase = "left out the shadowing by bumps (`use_shadowing_function`) of";
+        textures.skipped(phrase, object);
     }
+    warn_of_two_maps(textures, &look, to_uv, object);
+    let to_uv = if look.albedo.is_some() { look.to_uv } else { to_uv };
+    Ok(SurfaceLook { normals: Some(normals), to_uv, ..look })
+}
 
-    /// The same where no texture can be.
-    fn even(&mut self, object: &Object, name: &str, unsaid: Rgb) -> Result<Rgb> {
-        let paint = self.paint(object, name, unsaid)?;
-        if paint.texture.is_some() {
-            let phrase = format!("took the mean of the texture `{name}` of");
-            self.remarks.skipped(phrase, &object.label());
-        }
-        Ok(paint.mean())
-    }
-
-    /// A look with bent normals, where texture coordinates are the same for all textures.
-    fn bent(
-        &mut self,
-        look: Look,
-        normals: Normals,
-        to_uv: Affine2,
-        object: &Object,
-    ) -> Result<Look> {
-        // Since 3.7.1; earlier ones have none.
-        if object.boolean("use_shadowing_function")?.unwrap_or(true) {
-            let phrase = "left out that bumps shadow themselves (`use_shadowing_function`), of";
-            self.remarks.skipped(phrase, &object.label());
-        }
-        self.one_map(&look, to_uv, object);
-        let to_uv = if look.albedo.is_some() { look.to_uv } else { to_uv };
-        Ok(Look { normals: Some(normals), to_uv, ..look })
-    }
-
-    fn one_map(&mut self, look: &Look, to_uv: Affine2, object: &Object) {
-        if look.albedo.is_some() && look.to_uv != to_uv {
-            let phrase = "took the texture coordinates of the albedo's texture for all of";
-            self.remarks.skipped(phrase, &object.label());
-        }
+/// Warns if a texture needs other coordinates than the albedo's.
+fn warn_of_two_maps(
+    textures: &mut MitsubaTextures,
+    look: &SurfaceLook,
+    to_uv: Affine2,
+    object: &Object,
+) {
+    if look.albedo.is_some() && look.to_uv != to_uv {
+        let phrase = "used the texture coordinates of the albedo's texture for all of";
+        textures.skipped(phrase, object);
     }
 }
 
-fn first(object: &Object, nested: Vec<Look>) -> Result<Look> {
+fn first(object: &Object, nested: Vec<SurfaceLook>) -> Result<SurfaceLook> {
     nested.into_iter().next().ok_or_else(|| object.error("it has no BSDF within", "add one"))
 }
 
-/// The texture of this name, or the only one.
+/// The texture of this name, or the first texture.
 fn one_texture<'a>(object: &Object<'a>, name: &str) -> Result<Option<Object<'a>>> {
     if let Some(found) = object.get(name)? {
         return Ok(Some(found));
@@ -257,46 +261,46 @@ fn one_texture<'a>(object: &Object<'a>, name: &str) -> Result<Option<Object<'a>>
     found.map(Some).ok_or_else(|| object.error("it has no texture", "add one"))
 }
 
-/// Of what is not rough.
+/// Facets of a smooth surface.
 const SMOOTH: Facets = Facets { model: FacetModel::Ggx, alpha: 0.0 };
 
-/// One side alone scatters.
+/// A Lambertian surface that scatters on one side only.
 fn lambertian(albedo: Rgb) -> Bsdf {
     Bsdf::Lambertian { albedo, two_sided: false }
 }
 
-fn diffuse(object: &Object, with: &mut With) -> Result<Look> {
-    // The old name of the property counts as well.
+fn diffuse(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
+    // The old name of the property is valid as well.
     let name = if object.get("diffuse_reflectance")?.is_some() {
         "diffuse_reflectance"
     } else {
         "reflectance"
     };
-    let paint = with.paint(object, name, Rgb::splat(0.5))?;
-    Ok(Look::painted(lambertian(paint.color), paint))
+    let paint = textures.share(object, name, Rgb::splat(0.5))?;
+    Ok(SurfaceLook::painted(lambertian(paint.color), paint))
 }
 
-/// Facets of a rough surface, of the width that is given or else `unsaid`.
-fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<Facets> {
+/// Facets of a rough surface, with the given width or else `default`.
+fn facets(object: &Object, textures: &mut MitsubaTextures, default: f32) -> Result<Facets> {
     let mut width = |name: &str| -> Result<Option<f32>> {
         if object.get(name)?.is_none() {
             return Ok(None);
         }
-        Ok(Some(with.even(object, name, Rgb::splat(unsaid))?.x))
+        Ok(Some(textures.mean_share(object, name, Rgb::splat(default))?.x))
     };
     let (both, u, v) = (width("alpha")?, width("alpha_u")?, width("alpha_v")?);
-    let both = both.unwrap_or(unsaid);
+    let both = both.unwrap_or(default);
     let (u, v) = (u.unwrap_or(both), v.unwrap_or(both));
     if u != v {
-        let phrase = "took facets of the same width along u and v (the root of their product) for";
-        with.remarks.skipped(phrase, &object.label());
+        let phrase = "used one width of facets along u and v (the root of their product) for";
+        textures.skipped(phrase, object);
     }
     let model = match object.string("distribution")? {
         None | Some("beckmann") => FacetModel::Beckmann,
         Some("ggx") => FacetModel::Ggx,
         Some(other) => {
-            let phrase = format!("took Beckmann's facets for `{other}`:");
-            with.remarks.skipped(phrase, &object.label());
+            let phrase = format!("used Beckmann's facets for `{other}`:");
+            textures.skipped(phrase, object);
             FacetModel::Beckmann
         }
     };
@@ -305,26 +309,22 @@ fn facets(object: &Object, with: &mut With, unsaid: f32) -> Result<Facets> {
     Ok(Facets { model, alpha })
 }
 
-fn conductor(object: &Object, with: &mut With) -> Result<Look> {
-    let tint = with.even(object, "specular_reflectance", Rgb::ONE)?;
+fn conductor(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
+    let tint = textures.mean_share(object, "specular_reflectance", Rgb::ONE)?;
     let material = object.string("material")?;
     let has_indices = object.get("eta")?.is_some() || object.get("k")?.is_some();
-    let unsaid = if object.document.is_old { "Cu" } else { "none" };
+    let default = if object.document.is_old { "Cu" } else { "none" };
     let indices = match material {
         _ if has_indices => {
-            let mut part = |name: &str, unsaid: f32| -> Result<Rgb> {
-                let Some(child) = object.get(name)? else { return Ok(Rgb::splat(unsaid)) };
-                let read = color::read(&child, Meaning::Index)?;
-                if read.is_measured {
-                    with.remarks.chosen("made linear sRGB of the spectra of", &object.label());
-                }
-                Ok(read.rgb)
+            let mut part = |name: &str, default: f32| match object.get(name)? {
+                Some(child) => textures.spectrum(&child, ColorUse::Index, object),
+                None => Ok(Rgb::splat(default)),
             };
             Some([part("eta", 0.0)?, part("k", 1.0)?])
         }
-        name if name.unwrap_or(unsaid) == "none" => None,
+        name if name.unwrap_or(default) == "none" => None,
         name => {
-            let name = name.unwrap_or(unsaid);
+            let name = name.unwrap_or(default);
             let known = metals::metal(name).ok_or_else(|| {
                 let advice =
                     format!("use one of {}, or give eta and k", list(metals::metal_names()));
@@ -338,7 +338,7 @@ fn conductor(object: &Object, with: &mut With) -> Result<Look> {
         None => 1.0,
     };
     let facets = match object.kind() {
-        "roughconductor" => facets(object, with, 0.1)?,
+        "roughconductor" => facets(object, textures, 0.1)?,
         _ => SMOOTH,
     };
     let smooth = facets.alpha < SMOOTH_ALPHA;
@@ -350,17 +350,17 @@ fn conductor(object: &Object, with: &mut With) -> Result<Look> {
             metal(reflectance, tint, facets)
         }
     };
-    Ok(Look { is_black_behind: true, ..Look::plain(bsdf) })
+    Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::plain(bsdf) })
 }
 
-/// A metal of Mitsuba's facets.
+/// A metal with facets that scatter once.
 fn metal(reflectance: Reflectance, tint: Rgb, facets: Facets) -> Bsdf {
     Bsdf::Conductor(Conductor::once(reflectance, facets, tint))
 }
 
 /// A refractive index by number or name.
-fn index(object: &Object, name: &str, unsaid: f32) -> Result<f32> {
-    let Some(text) = object.string(name)? else { return Ok(unsaid) };
+fn index(object: &Object, name: &str, default: f32) -> Result<f32> {
+    let Some(text) = object.string(name)? else { return Ok(default) };
     let known = text.trim().parse().ok().or_else(|| metals::dielectric(text.trim()));
     known.filter(|index: &f32| (0.1..=10.0).contains(index)).ok_or_else(|| {
         let problem = format!("`{name}` is `{text}`");
@@ -368,63 +368,66 @@ fn index(object: &Object, name: &str, unsaid: f32) -> Result<f32> {
     })
 }
 
-/// Of the inside over the outside.
-fn relative_index(object: &Object, unsaid: f32) -> Result<f32> {
-    Ok(index(object, "int_ior", unsaid)? / index(object, "ext_ior", 1.000_277)?)
+/// Refractive index of the inside, relative to the outside.
+fn relative_index(object: &Object, default: f32) -> Result<f32> {
+    Ok(index(object, "int_ior", default)? / index(object, "ext_ior", 1.000_277)?)
 }
 
-/// What light that crosses a dielectric is multiplied with; what it reflects is not tinted.
-fn crossing(object: &Object, with: &mut With) -> Result<Rgb> {
-    if with.even(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
-        with.remarks.skipped("left reflected light without the tint of", &object.label());
+/// Factor of light that crosses a dielectric. Reflected light is not tinted.
+fn transmittance(object: &Object, textures: &mut MitsubaTextures) -> Result<Rgb> {
+    if textures.mean_share(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
+        textures.skipped("left reflected light without the tint of", object);
     }
-    with.even(object, "specular_transmittance", Rgb::ONE)
+    textures.mean_share(object, "specular_transmittance", Rgb::ONE)
 }
 
-fn dielectric(object: &Object, with: &mut With) -> Result<Look> {
+fn dielectric(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
     let eta = relative_index(object, 1.5046)?;
-    let transmittance = crossing(object, with)?;
+    let transmittance = transmittance(object, textures)?;
     let facets = match object.kind() {
-        "roughdielectric" => facets(object, with, 0.1)?,
+        "roughdielectric" => facets(object, textures, 0.1)?,
         _ => SMOOTH,
     };
-    Ok(Look::plain(interface(eta, facets, transmittance)))
+    Ok(SurfaceLook::plain(interface(eta, facets, transmittance)))
 }
 
-/// A diffuse base under a coat. In Mitsuba's linear one light that the coat's inside reflects comes back as if the
-/// base were white; the base of our coat, in which it does not, gets the albedo that leads to the same.
-fn plastic(object: &Object, with: &mut With) -> Result<Look> {
+/// A diffuse base under a coat. In Mitsuba's linear model the coat reflects light back as if the base were white. Our
+/// coat does not, so that its base gets the albedo with the same result.
+fn plastic(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
     let eta = relative_index(object, 1.49)?;
-    let paint = with.paint(object, "diffuse_reflectance", Rgb::splat(0.5))?;
-    if with.even(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
-        with.remarks.skipped("left reflected light without the tint of", &object.label());
+    let paint = textures.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
+    if textures.mean_share(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
+        textures.skipped("left reflected light without the tint of", object);
     }
     let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
     let inside = 1.0 - (1.0 - outside) / (eta * eta);
     let is_nonlinear = object.boolean("nonlinear")?.unwrap_or(false);
     let rough = object.kind() == "roughplastic";
-    let alpha = if rough { facets(object, with, 0.1)?.alpha } else { 0.0 };
+    let alpha = if rough { facets(object, textures, 0.1)?.alpha } else { 0.0 };
     if alpha >= SMOOTH_ALPHA {
-        let phrase = "took glossy surfaces (GGX and Schlick's reflectance) for rough plastic:";
-        with.remarks.skipped(phrase, &object.label());
-        // Its base is linear.
+        let phrase = "used glossy surfaces (GGX and Schlick's reflectance) for rough plastic:";
+        textures.skipped(phrase, object);
+        // The base of our glossy surfaces is linear.
         let dimmed = |a: Rgb| a * (1.0 - inside) / (Rgb::ONE - a * inside);
         let paint = if is_nonlinear { paint.mapped(dimmed) } else { paint };
         let bsdf = Bsdf::Glossy(Glossy::new(paint.color, 0.0, eta, alpha));
-        return Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) });
+        return Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::painted(bsdf, paint) });
     }
     let brightened = |a: Rgb| a / (Rgb::splat(1.0 - inside) + a * inside);
     let paint = if is_nonlinear { paint } else { paint.mapped(brightened) };
     let bsdf = Bsdf::Coated(Coated::new(paint.color, eta));
-    Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) })
+    Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::painted(bsdf, paint) })
 }
 
-/// Disney's model, as far as it is base, metal and glass.
-fn principled(object: &Object, with: &mut With, is_thin: bool) -> Result<Look> {
-    let label = object.label();
-    let paint = with.paint(object, "base_color", Rgb::splat(0.5))?;
-    let mut share = |name: &str, unsaid: f32| {
-        Ok::<_, crate::base::error::Error>(with.even(object, name, Rgb::splat(unsaid))?.x)
+/// Disney's model, reduced to base, metal and glass.
+fn principled(
+    object: &Object,
+    textures: &mut MitsubaTextures,
+    is_thin: bool,
+) -> Result<SurfaceLook> {
+    let paint = textures.share(object, "base_color", Rgb::splat(0.5))?;
+    let mut share = |name: &str, default: f32| {
+        Ok::<_, Error>(textures.mean_share(object, name, Rgb::splat(default))?.x)
     };
     let roughness = share("roughness", 0.5)?;
     let (metallic, crossing) = (share("metallic", 0.0)?, share("spec_trans", 0.0)?);
@@ -436,51 +439,48 @@ fn principled(object: &Object, with: &mut With, is_thin: bool) -> Result<Look> {
     }
     let eta = match (object.get("eta")?, object.float("specular")?) {
         (Some(_), _) => index(object, "eta", 1.5)?,
-        // From the reflectance at normal incidence, 0.08 of it.
+        // From the reflectance at normal incidence, which is 0.08 times `specular`.
         (None, specular) => {
             let root = (0.08 * specular.unwrap_or(0.5).clamp(0.0, 1.0) as f32).sqrt();
             (1.0 + root) / (1.0 - root)
         }
     };
     if !left_out.is_empty() {
-        with.remarks.skipped(format!("left out {} of", list(left_out)), &label);
+        textures.skipped(format!("left out {} of", list(left_out)), object);
     }
-    with.remarks.skipped("took the glossy or dielectric surface nearest to principled:", &label);
+    textures.skipped("used the glossy or dielectric surface nearest to principled:", object);
     let alpha = roughness * roughness;
     if crossing > 0.5 {
         let tint = paint.mean();
         if is_thin {
             let sheet = ThinDielectric { eta, transmittance: tint };
-            return Ok(Look::plain(Bsdf::ThinDielectric(sheet)));
+            return Ok(SurfaceLook::plain(Bsdf::ThinDielectric(sheet)));
         }
-        // Light crosses twice what is seen through.
+        // Light crosses two surfaces of the object.
         let facets = Facets { model: FacetModel::Ggx, alpha };
-        return Ok(Look::plain(interface(eta, facets, tint.map(f32::sqrt))));
+        return Ok(SurfaceLook::plain(interface(eta, facets, tint.map(f32::sqrt))));
     }
     let bsdf = Bsdf::Glossy(Glossy::new(paint.color, metallic, eta, alpha));
-    Ok(Look::painted(bsdf, paint))
+    Ok(SurfaceLook::painted(bsdf, paint))
 }
 
-/// A look that is there for a share of the rays.
-fn masked(look: Look, opacity: &Paint, object: &Object, with: &mut With) -> Look {
+/// A look that only a share of the rays meets.
+fn masked(
+    look: SurfaceLook,
+    opacity: &Paint,
+    object: &Object,
+    textures: &mut MitsubaTextures,
+) -> SurfaceLook {
     let Some(texture) = &opacity.texture else {
-        return Look { opacity: Some((opacity.color.x, None)), ..look };
+        return SurfaceLook { opacity: Some((opacity.color.x, None)), ..look };
     };
-    with.one_map(&look, opacity.to_uv, object);
-    // As its brightness, which is stored as it is.
-    let shares: Vec<Rgb> = {
-        let color = |[r, g, b, _]: &[u8; 4]| {
-            crate::import::srgb::decode([*r, *g, *b].map(|code| f64::from(code) / 255.0))
-        };
-        texture.texels().iter().map(color).collect()
-    };
-    let texels = shares.iter().map(|color| {
-        let share = crate::base::math::luminance(*color * opacity.color);
+    warn_of_two_maps(textures, &look, opacity.to_uv, object);
+    // The share is the luminance, which is stored linearly.
+    let shares = texture.map_texels(|texel| {
+        let share = luminance(linear_color(texel) * opacity.color);
         let code = (255.0 * share).round().clamp(0.0, 255.0) as u8;
         [code, code, code, 255]
     });
-    let [width, height] = texture.size();
-    let shares = Texture::new(width, height, texels.collect()).sampled(texture.sampling());
     let to_uv = if look.albedo.is_some() { look.to_uv } else { opacity.to_uv };
-    Look { opacity: Some((1.0, Some(Arc::new(shares)))), to_uv, ..look }
+    SurfaceLook { opacity: Some((1.0, Some(Arc::new(shares)))), to_uv, ..look }
 }
