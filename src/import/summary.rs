@@ -3,7 +3,6 @@
 use crate::scene::{Material, Scene};
 use serde::Serialize;
 use std::fmt;
-use std::sync::Arc;
 
 /// Contents of a scene file.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -14,7 +13,7 @@ pub struct SceneSummary {
     pub triangles: usize,
     /// Names of the materials in use.
     pub materials: Vec<String>,
-    /// Number of pictures that they use.
+    /// Number of pictures that they use, however they are sampled.
     pub textures: usize,
     /// Number of light sources. Each emissive triangle is one.
     pub lights: usize,
@@ -29,8 +28,10 @@ pub struct SceneSummary {
 impl SceneSummary {
     pub(super) fn new(scene: &Scene) -> Self {
         let materials = scene.materials().iter();
-        let mut pictures: Vec<_> =
-            materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
+        let mut pictures: Vec<_> = materials
+            .flat_map(Material::textures)
+            .map(|texture| texture.texels().as_ptr())
+            .collect();
         pictures.sort_unstable();
         pictures.dedup();
         let environment = usize::from(scene.lights().environment().is_some());

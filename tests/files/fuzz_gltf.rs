@@ -271,7 +271,7 @@ proptest! {
 
 /// The mutations above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     for (name, content) in
         [("a.gltf", rich_text()), ("a.glb", RICH.glb()), ("b.glb", as_glb(&RICH))]
     {

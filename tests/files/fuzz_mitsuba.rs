@@ -96,7 +96,7 @@ proptest! {
 
 /// The mutations above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     for scene in SCENES {
         let folder = tempfile::tempdir().unwrap();
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mitsuba");

@@ -1,4 +1,4 @@
-//! What is read and written: scenes, meshes, textures, and what is wrong with them.
+//! Reading and writing of scenes, meshes and textures, and errors about them.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -21,7 +21,7 @@ mod gltf_looks;
 mod light;
 mod mitsuba;
 mod obj;
-mod places;
+mod instances;
 mod shapes;
 mod tolerant;
 mod toml;

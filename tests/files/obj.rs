@@ -199,7 +199,7 @@ fn what_is_missing_is_noted_once_by_name() {
     let notes = loaded.warnings_text();
     assert_eq!(notes.matches("a.obj:2: the material library `no.mtl` does not exist").count(), 1);
     assert_eq!(notes.matches("no.mtl").count(), 1, "{notes}");
-    assert_eq!(notes.matches("`early`, `m` undefined; took grey of albedo 0.5").count(), 1);
+    assert_eq!(notes.matches("`early`, `m` undefined; used gray of albedo 0.5").count(), 1);
     assert_eq!(loaded.scene.triangle_count(), 3);
 
     // Of several libraries in one line those that exist are read.

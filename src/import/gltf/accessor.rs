@@ -5,7 +5,6 @@ use super::buffers::{Buffers, ViewBytes};
 use super::json::{Accessor, Sparse, get};
 use super::malformed;
 use crate::base::error::{Error, Result};
-use std::cmp::Ordering;
 use std::fmt::Display;
 
 /// A number's type, by the code that OpenGL has for it.
@@ -142,10 +141,8 @@ pub(super) struct AccessorReader<'a> {
 
 /// Items of a sparse accessor that differ from the base.
 struct SparseItems<'a> {
-    count: usize,
     /// In ascending order.
-    indices: Items<'a>,
-    index_type: ComponentType,
+    indices: Vec<u64>,
     values: Items<'a>,
 }
 
@@ -171,31 +168,19 @@ impl<'a> SparseItems<'a> {
         let layout = ItemLayout { count: sparse.count, size };
         let values = Items::new(view, sparse.values.byte_offset, layout, own)?;
         // A slice holds the items, so that their number fits.
-        let items = Self { count: sparse.count as usize, indices, index_type, values };
-        let ascends = (1..items.count).all(|i| items.index(i - 1) < items.index(i));
-        if !ascends || (items.count > 0 && items.index(items.count - 1) >= count) {
+        let index = |rank| index_type.index(indices.at(rank)).into();
+        let indices: Vec<u64> = (0..sparse.count as usize).map(index).collect();
+        if !indices.is_sorted_by(|a, b| a < b) || indices.last().is_some_and(|last| *last >= count)
+        {
             let problem = format!("indices must ascend and be less than {count}");
             return Err(malformed(format!("{element}.indices"), problem));
         }
-        Ok(items)
-    }
-
-    fn index(&self, rank: usize) -> u64 {
-        self.index_type.index(self.indices.at(rank)).into()
+        Ok(Self { indices, values })
     }
 
     /// The item of this index, if it is replaced.
     fn find(&self, index: u64) -> Option<&'a [u8]> {
-        let (mut low, mut high) = (0, self.count);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            match self.index(middle).cmp(&index) {
-                Ordering::Equal => return Some(self.values.at(middle)),
-                Ordering::Less => low = middle + 1,
-                Ordering::Greater => high = middle,
-            }
-        }
-        None
+        self.indices.binary_search(&index).ok().map(|rank| self.values.at(rank))
     }
 }
 

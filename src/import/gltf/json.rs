@@ -31,11 +31,19 @@ macro_rules! json_objects {
         }
     )*};
 }
-pub(super) use json_objects;
 
-/// An object without members that are read.
-#[derive(Clone, Debug, Deserialize)]
-pub(super) struct Unread {}
+/// Defines JSON objects with required members.
+macro_rules! json_records {
+    ($($(#[$doc:meta])* struct $name:ident {
+        $($(#[$attribute:meta])* $member:ident: $type:ty,)*
+    })*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(rename_all = "camelCase")]
+        pub(super) struct $name { $($(#[$attribute])* pub $member: $type,)* }
+    )*};
+}
+pub(super) use {json_objects, json_records};
 
 json_objects! {
     /// The top level.
@@ -173,67 +181,60 @@ json_objects! {
     }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-pub(super) struct NodeLight {
-    pub light: usize,
-}
+json_records! {
+    /// An object without members that are read.
+    struct Unread {}
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Accessor {
-    pub buffer_view: Option<usize>,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u64,
-    #[serde(default)]
-    pub normalized: bool,
-    pub count: u64,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub sparse: Option<Sparse>,
-}
+    struct NodeLight {
+        light: usize,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-pub(super) struct Sparse {
-    pub count: u64,
-    pub indices: SparseIndices,
-    pub values: SparseValues,
-}
+    struct Accessor {
+        buffer_view: Option<usize>,
+        #[serde(default)]
+        byte_offset: u64,
+        component_type: u64,
+        #[serde(default)]
+        normalized: bool,
+        count: u64,
+        #[serde(rename = "type")]
+        kind: String,
+        sparse: Option<Sparse>,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseIndices {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u64,
-}
+    struct Sparse {
+        count: u64,
+        indices: SparseIndices,
+        values: SparseValues,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseValues {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-}
+    struct SparseIndices {
+        buffer_view: usize,
+        #[serde(default)]
+        byte_offset: u64,
+        component_type: u64,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct BufferView {
-    pub buffer: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub byte_length: u64,
-    pub byte_stride: Option<u64>,
-    #[serde(default)]
-    pub extensions: ViewExtensions,
-}
+    struct SparseValues {
+        buffer_view: usize,
+        #[serde(default)]
+        byte_offset: u64,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Buffer {
-    pub uri: Option<String>,
-    pub byte_length: u64,
+    struct BufferView {
+        buffer: usize,
+        #[serde(default)]
+        byte_offset: u64,
+        byte_length: u64,
+        byte_stride: Option<u64>,
+        #[serde(default)]
+        extensions: ViewExtensions,
+    }
+
+    struct Buffer {
+        uri: Option<String>,
+        byte_length: u64,
+    }
 }
 
 /// The item `name[index]` of a list, which `element` refers to.

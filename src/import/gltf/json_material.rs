@@ -1,6 +1,6 @@
 //! The JSON of materials and their pictures: the members that are read.
 
-use super::json::{Unread, json_objects};
+use super::json::{Unread, json_objects, json_records};
 use serde::Deserialize;
 
 json_objects! {
@@ -116,19 +116,18 @@ json_objects! {
     }
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct TextureInfo {
-    pub index: usize,
-    #[serde(default)]
-    pub tex_coord: u32,
-    #[serde(default)]
-    pub extensions: TextureExtensions,
-}
+json_records! {
+    struct TextureInfo {
+        index: usize,
+        #[serde(default)]
+        tex_coord: u32,
+        #[serde(default)]
+        extensions: TextureExtensions,
+    }
 
-#[derive(Clone, Debug, Deserialize)]
-pub(super) struct NormalTextureInfo {
-    #[serde(flatten)]
-    pub info: TextureInfo,
-    pub scale: Option<f32>,
+    struct NormalTextureInfo {
+        #[serde(flatten)]
+        info: TextureInfo,
+        scale: Option<f32>,
+    }
 }

@@ -22,8 +22,6 @@ pub(super) struct GltfTextures<'a> {
     folder: &'a Path,
     /// `None` for pictures that cannot be read.
     read: HashMap<ImageSource<'a>, Option<Texture>>,
-    /// Shared by all materials with the same sampling.
-    sampled: HashMap<(ImageSource<'a>, Sampling), Arc<Texture>>,
     /// The pictures that cannot be read, with the reason.
     unreadable: BTreeSet<String>,
 }
@@ -37,8 +35,7 @@ enum ImageSource<'a> {
 
 impl<'a> GltfTextures<'a> {
     pub fn new(buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
-        let (read, sampled) = (HashMap::new(), HashMap::new());
-        Self { buffers, folder, read, sampled, unreadable: BTreeSet::new() }
+        Self { buffers, folder, read: HashMap::new(), unreadable: BTreeSet::new() }
     }
 
     /// The picture of the texture to which `element` refers; `None` if there is none that can be read, which
@@ -62,13 +59,8 @@ impl<'a> GltfTextures<'a> {
             (None, None) => return Err(malformed(element, "it has neither uri nor bufferView")),
         };
         let sampling = self.sampling(info.index, texture.sampler)?;
-        if let Some(texture) = self.sampled.get(&(source, sampling)) {
-            return Ok(Some(texture.clone()));
-        }
-        let Some(read) = self.read(source, &element)? else { return Ok(None) };
-        let texture = Arc::new(read.sampled(sampling));
-        self.sampled.insert((source, sampling), texture.clone());
-        Ok(Some(texture))
+        let picture = self.read(source, &element)?;
+        Ok(picture.map(|picture| Arc::new(picture.sampled(sampling))))
     }
 
     /// Reads a picture. Clones share its texels.

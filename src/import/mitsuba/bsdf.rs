@@ -4,7 +4,7 @@ use super::color::ColorUse;
 use super::document::MAX_DEPTH;
 use super::metals;
 use super::object::Object;
-use super::texture::{MitsubaTextures, Paint};
+use super::texture::{Paint, Paints};
 use crate::base::error::{Error, Result};
 use crate::base::math::{Rgb, luminance};
 use crate::import::scene_file::material::interface;
@@ -21,11 +21,11 @@ use std::sync::Arc;
 
 /// The material properties of a BSDF.
 #[derive(Clone)]
-pub(super) struct SurfaceLook {
+pub(super) struct Look {
     pub bsdf: Bsdf,
     /// Texture that multiplies the albedo.
     pub albedo: Option<Arc<Texture>>,
-    /// Map of texture coordinates, for all textures.
+    /// Map of texture coordinates, for all paints.
     pub to_uv: Affine2,
     /// Share of the rays that meet the surface, and a texture that multiplies it.
     pub opacity: Option<(f32, Option<Arc<Texture>>)>,
@@ -43,7 +43,7 @@ pub(super) enum NormalSource {
     Bumps(Arc<Texture>, f32),
 }
 
-impl SurfaceLook {
+impl Look {
     fn plain(bsdf: Bsdf) -> Self {
         let (albedo, opacity, normals, to_uv) = (None, None, None, Affine2::IDENTITY);
         Self { bsdf, albedo, to_uv, opacity, normals, is_black_behind: false }
@@ -63,17 +63,12 @@ impl SurfaceLook {
 #[derive(Default)]
 pub(super) struct BsdfCache {
     /// By element, because many shapes may refer to one.
-    known: HashMap<usize, SurfaceLook>,
+    known: HashMap<usize, Look>,
 }
 
 impl BsdfCache {
     /// The look of a BSDF, which is nested in `depth` others.
-    pub fn look(
-        &mut self,
-        object: &Object,
-        textures: &mut MitsubaTextures,
-        depth: usize,
-    ) -> Result<SurfaceLook> {
+    pub fn look(&mut self, object: &Object, paints: &mut Paints, depth: usize) -> Result<Look> {
         if let Some(known) = self.known.get(&object.index) {
             return Ok(known.clone());
         }
@@ -81,114 +76,96 @@ impl BsdfCache {
             let problem = "it refers to itself, or is nested too deep";
             return Err(object.error(problem, "nest BSDFs less"));
         }
-        let look = self.read(object, textures, depth)?;
+        let look = self.read(object, paints, depth)?;
         self.known.insert(object.index, look.clone());
         Ok(look)
     }
 
-    fn read(
-        &mut self,
-        object: &Object,
-        textures: &mut MitsubaTextures,
-        depth: usize,
-    ) -> Result<SurfaceLook> {
+    fn read(&mut self, object: &Object, paints: &mut Paints, depth: usize) -> Result<Look> {
         match object.kind() {
-            "diffuse" => diffuse(object, textures),
+            "diffuse" => diffuse(object, paints),
             "roughdiffuse" => {
-                textures.skipped("used Lambertian surfaces for rough diffuse ones:", object);
-                diffuse(object, textures)
+                paints.skipped("used Lambertian surfaces for rough diffuse ones:", object);
+                diffuse(object, paints)
             }
-            "conductor" | "roughconductor" => conductor(object, textures),
-            "dielectric" | "roughdielectric" => dielectric(object, textures),
+            "conductor" | "roughconductor" => conductor(object, paints),
+            "dielectric" | "roughdielectric" => dielectric(object, paints),
             "thindielectric" => {
                 let eta = relative_index(object, 1.5046)?;
-                let transmittance = transmittance(object, textures)?;
-                Ok(SurfaceLook::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
+                let transmittance = transmittance(object, paints)?;
+                Ok(Look::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
             }
-            "plastic" | "roughplastic" => plastic(object, textures),
-            "principled" => principled(object, textures, false),
-            "principledthin" => principled(object, textures, true),
+            "plastic" | "roughplastic" => plastic(object, paints),
+            "principled" => principled(object, paints, false),
+            "principledthin" => principled(object, paints, true),
             "phong" | "ward" => {
-                textures.skipped("used only the diffuse part of", object);
-                let paint = textures.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
-                Ok(SurfaceLook::painted(lambertian(paint.color), paint))
+                paints.skipped("used only the diffuse part of", object);
+                let paint = paints.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
+                Ok(Look::painted(lambertian(paint.color), paint))
             }
-            "null" => {
-                Ok(SurfaceLook { opacity: Some((0.0, None)), ..SurfaceLook::without_bsdf(false) })
-            }
+            "null" => Ok(Look { opacity: Some((0.0, None)), ..Look::without_bsdf(false) }),
             "twosided" => {
-                let nested = self.nested(object, textures, depth)?;
+                let nested = self.nested(object, paints, depth)?;
                 if nested.len() > 1 {
-                    textures.skipped("used the front's BSDF for both sides of", object);
+                    paints.skipped("used the front's BSDF for both sides of", object);
                 }
                 let mut look = first(object, nested)?;
                 if let Bsdf::Lambertian { two_sided, .. } = &mut look.bsdf {
                     *two_sided = true;
                 }
-                Ok(SurfaceLook { is_black_behind: false, ..look })
+                Ok(Look { is_black_behind: false, ..look })
             }
             "mask" => {
-                let look = first(object, self.nested(object, textures, depth)?)?;
-                let opacity = textures.share(object, "opacity", Rgb::splat(0.5))?;
-                Ok(masked(look, &opacity, object, textures))
+                let look = first(object, self.nested(object, paints, depth)?)?;
+                let opacity = paints.share(object, "opacity", Rgb::splat(0.5))?;
+                Ok(masked(look, &opacity, object, paints))
             }
             "normalmap" => {
-                let look = first(object, self.nested(object, textures, depth)?)?;
+                let look = first(object, self.nested(object, paints, depth)?)?;
                 let Some(child) = one_texture(object, "normalmap")? else { return Ok(look) };
-                let (texture, to_uv) = textures.data(&child)?;
+                let (texture, to_uv) = paints.data(&child)?;
                 // The code 127.5 stands for 0, and v points down.
                 let code = |x: f32| (128.0 + 127.0 * x).round().clamp(1.0, 255.0) as u8;
                 let vector = |code: u8| f32::from(code) / 127.5 - 1.0;
                 let map = texture.map_texels(|[r, g, b, _]| {
                     [code(vector(r)), code(-vector(g)), code(vector(b)), 255]
                 });
-                bent(textures, look, NormalSource::Map(Arc::new(map)), to_uv, object)
+                bent(paints, look, NormalSource::Map(Arc::new(map)), to_uv, object)
             }
             "bumpmap" | "bump" => {
-                let look = first(object, self.nested(object, textures, depth)?)?;
+                let look = first(object, self.nested(object, paints, depth)?)?;
                 let scale = object.float("scale")?.unwrap_or(1.0) as f32;
                 let Some(child) = one_texture(object, "")? else { return Ok(look) };
-                let (texture, to_uv) = textures.data(&child)?;
-                bent(textures, look, NormalSource::Bumps(texture, scale), to_uv, object)
+                let (texture, to_uv) = paints.data(&child)?;
+                bent(paints, look, NormalSource::Bumps(texture, scale), to_uv, object)
             }
-            "blendbsdf" => self.blend(object, textures, depth),
+            "blendbsdf" => self.blend(object, paints, depth),
             "mixturebsdf" | "coating" | "roughcoating" => {
-                textures.skipped("used only the first BSDF of", object);
-                first(object, self.nested(object, textures, depth)?)
+                paints.skipped("used only the first BSDF of", object);
+                first(object, self.nested(object, paints, depth)?)
             }
             other => {
                 let phrase = format!("used diffuse gray for BSDFs of type `{other}`:");
-                textures.skipped(phrase, object);
-                Ok(SurfaceLook::without_bsdf(false))
+                paints.skipped(phrase, object);
+                Ok(Look::without_bsdf(false))
             }
         }
     }
 
-    fn nested(
-        &mut self,
-        object: &Object,
-        textures: &mut MitsubaTextures,
-        depth: usize,
-    ) -> Result<Vec<SurfaceLook>> {
+    fn nested(&mut self, object: &Object, paints: &mut Paints, depth: usize) -> Result<Vec<Look>> {
         let nested = object.all("bsdf")?;
-        nested.iter().map(|one| self.look(one, textures, depth + 1)).collect()
+        nested.iter().map(|one| self.look(one, paints, depth + 1)).collect()
     }
 
     /// The mean of two diffuse BSDFs, else the BSDF with more weight.
-    fn blend(
-        &mut self,
-        object: &Object,
-        textures: &mut MitsubaTextures,
-        depth: usize,
-    ) -> Result<SurfaceLook> {
-        let weight = textures.share(object, "weight", Rgb::splat(0.5))?;
+    fn blend(&mut self, object: &Object, paints: &mut Paints, depth: usize) -> Result<Look> {
+        let weight = paints.share(object, "weight", Rgb::splat(0.5))?;
         let share = weight.mean().x.clamp(0.0, 1.0);
-        let Ok([a, b]) = <[SurfaceLook; 2]>::try_from(self.nested(object, textures, depth)?) else {
+        let Ok([a, b]) = <[Look; 2]>::try_from(self.nested(object, paints, depth)?) else {
             return Err(object.error("it does not have two BSDFs", "give two"));
         };
-        let is_plain = |look: &SurfaceLook| {
-            look.albedo.is_none() && look.opacity.is_none() && look.normals.is_none()
-        };
+        let is_plain =
+            |look: &Look| look.albedo.is_none() && look.opacity.is_none() && look.normals.is_none();
         if let (
             Bsdf::Lambertian { albedo, two_sided },
             Bsdf::Lambertian { albedo: other, two_sided: also },
@@ -198,20 +175,11 @@ impl BsdfCache {
             && two_sided == also
         {
             let mixed = |share: Rgb| albedo + (other - albedo) * share;
-            if weight.texture.is_none() {
-                return Ok(SurfaceLook::plain(Bsdf::Lambertian {
-                    albedo: mixed(weight.color),
-                    two_sided,
-                }));
-            }
             let paint = weight.mapped(mixed);
-            return Ok(SurfaceLook::painted(
-                Bsdf::Lambertian { albedo: paint.color, two_sided },
-                paint,
-            ));
+            return Ok(Look::painted(Bsdf::Lambertian { albedo: paint.color, two_sided }, paint));
         }
         if share > 0.0 && share < 1.0 {
-            textures.skipped("used only the BSDF with more weight of", object);
+            paints.skipped("used only the BSDF with more weight of", object);
         }
         Ok(if share > 0.5 { b } else { a })
     }
@@ -219,36 +187,31 @@ impl BsdfCache {
 
 /// A look with bent normals. All textures share one map of texture coordinates.
 fn bent(
-    textures: &mut MitsubaTextures,
-    look: SurfaceLook,
+    paints: &mut Paints,
+    look: Look,
     normals: NormalSource,
     to_uv: Affine2,
     object: &Object,
-) -> Result<SurfaceLook> {
+) -> Result<Look> {
     // Mitsuba has this property since 3.7.1.
     if object.boolean("use_shadowing_function")?.unwrap_or(true) {
         let phrase = "left out the shadowing by bumps (`use_shadowing_function`) of";
-        textures.skipped(phrase, object);
+        paints.skipped(phrase, object);
     }
-    warn_of_two_maps(textures, &look, to_uv, object);
+    warn_of_two_maps(paints, &look, to_uv, object);
     let to_uv = if look.albedo.is_some() { look.to_uv } else { to_uv };
-    Ok(SurfaceLook { normals: Some(normals), to_uv, ..look })
+    Ok(Look { normals: Some(normals), to_uv, ..look })
 }
 
 /// Warns if a texture needs other coordinates than the albedo's.
-fn warn_of_two_maps(
-    textures: &mut MitsubaTextures,
-    look: &SurfaceLook,
-    to_uv: Affine2,
-    object: &Object,
-) {
+fn warn_of_two_maps(paints: &mut Paints, look: &Look, to_uv: Affine2, object: &Object) {
     if look.albedo.is_some() && look.to_uv != to_uv {
         let phrase = "used the texture coordinates of the albedo's texture for all of";
-        textures.skipped(phrase, object);
+        paints.skipped(phrase, object);
     }
 }
 
-fn first(object: &Object, nested: Vec<SurfaceLook>) -> Result<SurfaceLook> {
+fn first(object: &Object, nested: Vec<Look>) -> Result<Look> {
     nested.into_iter().next().ok_or_else(|| object.error("it has no BSDF within", "add one"))
 }
 
@@ -261,46 +224,38 @@ fn one_texture<'a>(object: &Object<'a>, name: &str) -> Result<Option<Object<'a>>
     found.map(Some).ok_or_else(|| object.error("it has no texture", "add one"))
 }
 
-/// Facets of a smooth surface.
-const SMOOTH: Facets = Facets { model: FacetModel::Ggx, alpha: 0.0 };
-
 /// A Lambertian surface that scatters on one side only.
 fn lambertian(albedo: Rgb) -> Bsdf {
     Bsdf::Lambertian { albedo, two_sided: false }
 }
 
-fn diffuse(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
+fn diffuse(object: &Object, paints: &mut Paints) -> Result<Look> {
     // The old name of the property is valid as well.
-    let name = if object.get("diffuse_reflectance")?.is_some() {
-        "diffuse_reflectance"
-    } else {
-        "reflectance"
-    };
-    let paint = textures.share(object, name, Rgb::splat(0.5))?;
-    Ok(SurfaceLook::painted(lambertian(paint.color), paint))
+    let has_old_name = object.get("diffuse_reflectance")?.is_some();
+    let name = if has_old_name { "diffuse_reflectance" } else { "reflectance" };
+    let paint = paints.share(object, name, Rgb::splat(0.5))?;
+    Ok(Look::painted(lambertian(paint.color), paint))
 }
 
-/// Facets of a rough surface, with the given width or else `default`.
-fn facets(object: &Object, textures: &mut MitsubaTextures, default: f32) -> Result<Facets> {
-    let mut width = |name: &str| -> Result<Option<f32>> {
-        if object.get(name)?.is_none() {
-            return Ok(None);
-        }
-        Ok(Some(textures.mean_share(object, name, Rgb::splat(default))?.x))
+/// Facets of a surface, which is smooth unless the name of its type begins with `rough`.
+fn facets(object: &Object, paints: &mut Paints) -> Result<Facets> {
+    if !object.kind().starts_with("rough") {
+        return Ok(Facets { model: FacetModel::Ggx, alpha: 0.0 });
+    }
+    let mut width = |name: &str, default: f32| {
+        Ok::<_, Error>(paints.mean_share(object, name, Rgb::splat(default))?.x)
     };
-    let (both, u, v) = (width("alpha")?, width("alpha_u")?, width("alpha_v")?);
-    let both = both.unwrap_or(default);
-    let (u, v) = (u.unwrap_or(both), v.unwrap_or(both));
+    let both = width("alpha", 0.1)?;
+    let (u, v) = (width("alpha_u", both)?, width("alpha_v", both)?);
     if u != v {
         let phrase = "used one width of facets along u and v (the root of their product) for";
-        textures.skipped(phrase, object);
+        paints.skipped(phrase, object);
     }
     let model = match object.string("distribution")? {
         None | Some("beckmann") => FacetModel::Beckmann,
         Some("ggx") => FacetModel::Ggx,
         Some(other) => {
-            let phrase = format!("used Beckmann's facets for `{other}`:");
-            textures.skipped(phrase, object);
+            paints.skipped(format!("used Beckmann's facets for `{other}`:"), object);
             FacetModel::Beckmann
         }
     };
@@ -309,53 +264,35 @@ fn facets(object: &Object, textures: &mut MitsubaTextures, default: f32) -> Resu
     Ok(Facets { model, alpha })
 }
 
-fn conductor(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
-    let tint = textures.mean_share(object, "specular_reflectance", Rgb::ONE)?;
-    let material = object.string("material")?;
-    let has_indices = object.get("eta")?.is_some() || object.get("k")?.is_some();
+fn conductor(object: &Object, paints: &mut Paints) -> Result<Look> {
+    let tint = paints.mean_share(object, "specular_reflectance", Rgb::ONE)?;
     let default = if object.document.is_old { "Cu" } else { "none" };
-    let indices = match material {
-        _ if has_indices => {
-            let mut part = |name: &str, default: f32| match object.get(name)? {
-                Some(child) => textures.spectrum(&child, ColorUse::Index, object),
-                None => Ok(Rgb::splat(default)),
-            };
-            Some([part("eta", 0.0)?, part("k", 1.0)?])
-        }
-        name if name.unwrap_or(default) == "none" => None,
-        name => {
-            let name = name.unwrap_or(default);
-            let known = metals::metal(name).ok_or_else(|| {
-                let advice =
-                    format!("use one of {}, or give eta and k", list(metals::metal_names()));
-                object.error(format!("unknown material `{name}`"), &advice)
-            })?;
-            Some(known)
-        }
+    let name = object.string("material")?.unwrap_or(default);
+    let indices = if object.get("eta")?.is_some() || object.get("k")?.is_some() {
+        let mut part = |name: &str, default: f32| match object.get(name)? {
+            Some(child) => paints.spectrum(&child, ColorUse::Index, object),
+            None => Ok(Rgb::splat(default)),
+        };
+        Some([part("eta", 0.0)?, part("k", 1.0)?])
+    } else if name == "none" {
+        None
+    } else {
+        Some(metals::metal(name).ok_or_else(|| {
+            let advice = format!("use one of {}, or give eta and k", list(metals::metal_names()));
+            object.error(format!("unknown material `{name}`"), &advice)
+        })?)
     };
-    let outside = match object.get("ext_eta")? {
-        Some(_) => index(object, "ext_eta", 1.0)?,
-        None => 1.0,
+    let outside = index(object, "ext_eta", 1.0)?;
+    let facets = facets(object, paints)?;
+    let reflectance = match indices {
+        None => Reflectance::Artist { normal: Rgb::ONE },
+        Some([eta, k]) => Reflectance::Measured { eta: eta / outside, k: k / outside },
     };
-    let facets = match object.kind() {
-        "roughconductor" => facets(object, textures, 0.1)?,
-        _ => SMOOTH,
-    };
-    let smooth = facets.alpha < SMOOTH_ALPHA;
     let bsdf = match indices {
-        None if smooth => Bsdf::Mirror { reflectance: tint },
-        None => metal(Reflectance::Artist { normal: Rgb::ONE }, tint, facets),
-        Some([eta, k]) => {
-            let reflectance = Reflectance::Measured { eta: eta / outside, k: k / outside };
-            metal(reflectance, tint, facets)
-        }
+        None if facets.alpha < SMOOTH_ALPHA => Bsdf::Mirror { reflectance: tint },
+        _ => Bsdf::Conductor(Conductor::once(reflectance, facets, tint)),
     };
-    Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::plain(bsdf) })
-}
-
-/// A metal with facets that scatter once.
-fn metal(reflectance: Reflectance, tint: Rgb, facets: Facets) -> Bsdf {
-    Bsdf::Conductor(Conductor::once(reflectance, facets, tint))
+    Ok(Look { is_black_behind: true, ..Look::plain(bsdf) })
 }
 
 /// A refractive index by number or name.
@@ -374,60 +311,54 @@ fn relative_index(object: &Object, default: f32) -> Result<f32> {
 }
 
 /// Factor of light that crosses a dielectric. Reflected light is not tinted.
-fn transmittance(object: &Object, textures: &mut MitsubaTextures) -> Result<Rgb> {
-    if textures.mean_share(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
-        textures.skipped("left reflected light without the tint of", object);
-    }
-    textures.mean_share(object, "specular_transmittance", Rgb::ONE)
+fn transmittance(object: &Object, paints: &mut Paints) -> Result<Rgb> {
+    warn_of_reflected_tint(object, paints)?;
+    paints.mean_share(object, "specular_transmittance", Rgb::ONE)
 }
 
-fn dielectric(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
+fn warn_of_reflected_tint(object: &Object, paints: &mut Paints) -> Result<()> {
+    if paints.mean_share(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
+        paints.skipped("left reflected light without the tint of", object);
+    }
+    Ok(())
+}
+
+fn dielectric(object: &Object, paints: &mut Paints) -> Result<Look> {
     let eta = relative_index(object, 1.5046)?;
-    let transmittance = transmittance(object, textures)?;
-    let facets = match object.kind() {
-        "roughdielectric" => facets(object, textures, 0.1)?,
-        _ => SMOOTH,
-    };
-    Ok(SurfaceLook::plain(interface(eta, facets, transmittance)))
+    let transmittance = transmittance(object, paints)?;
+    Ok(Look::plain(interface(eta, facets(object, paints)?, transmittance)))
 }
 
 /// A diffuse base under a coat. In Mitsuba's linear model the coat reflects light back as if the base were white. Our
 /// coat does not, so that its base gets the albedo with the same result.
-fn plastic(object: &Object, textures: &mut MitsubaTextures) -> Result<SurfaceLook> {
+fn plastic(object: &Object, paints: &mut Paints) -> Result<Look> {
     let eta = relative_index(object, 1.49)?;
-    let paint = textures.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
-    if textures.mean_share(object, "specular_reflectance", Rgb::ONE)? != Rgb::ONE {
-        textures.skipped("left reflected light without the tint of", object);
-    }
+    let paint = paints.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
+    warn_of_reflected_tint(object, paints)?;
     let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
     let inside = 1.0 - (1.0 - outside) / (eta * eta);
     let is_nonlinear = object.boolean("nonlinear")?.unwrap_or(false);
-    let rough = object.kind() == "roughplastic";
-    let alpha = if rough { facets(object, textures, 0.1)?.alpha } else { 0.0 };
+    let alpha = facets(object, paints)?.alpha;
     if alpha >= SMOOTH_ALPHA {
         let phrase = "used glossy surfaces (GGX and Schlick's reflectance) for rough plastic:";
-        textures.skipped(phrase, object);
+        paints.skipped(phrase, object);
         // The base of our glossy surfaces is linear.
         let dimmed = |a: Rgb| a * (1.0 - inside) / (Rgb::ONE - a * inside);
         let paint = if is_nonlinear { paint.mapped(dimmed) } else { paint };
         let bsdf = Bsdf::Glossy(Glossy::new(paint.color, 0.0, eta, alpha));
-        return Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::painted(bsdf, paint) });
+        return Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) });
     }
     let brightened = |a: Rgb| a / (Rgb::splat(1.0 - inside) + a * inside);
     let paint = if is_nonlinear { paint } else { paint.mapped(brightened) };
     let bsdf = Bsdf::Coated(Coated::new(paint.color, eta));
-    Ok(SurfaceLook { is_black_behind: true, ..SurfaceLook::painted(bsdf, paint) })
+    Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) })
 }
 
 /// Disney's model, reduced to base, metal and glass.
-fn principled(
-    object: &Object,
-    textures: &mut MitsubaTextures,
-    is_thin: bool,
-) -> Result<SurfaceLook> {
-    let paint = textures.share(object, "base_color", Rgb::splat(0.5))?;
+fn principled(object: &Object, paints: &mut Paints, is_thin: bool) -> Result<Look> {
+    let paint = paints.share(object, "base_color", Rgb::splat(0.5))?;
     let mut share = |name: &str, default: f32| {
-        Ok::<_, Error>(textures.mean_share(object, name, Rgb::splat(default))?.x)
+        Ok::<_, Error>(paints.mean_share(object, name, Rgb::splat(default))?.x)
     };
     let roughness = share("roughness", 0.5)?;
     let (metallic, crossing) = (share("metallic", 0.0)?, share("spec_trans", 0.0)?);
@@ -446,35 +377,30 @@ fn principled(
         }
     };
     if !left_out.is_empty() {
-        textures.skipped(format!("left out {} of", list(left_out)), object);
+        paints.skipped(format!("left out {} of", list(left_out)), object);
     }
-    textures.skipped("used the glossy or dielectric surface nearest to principled:", object);
+    paints.skipped("used the glossy or dielectric surface nearest to principled:", object);
     let alpha = roughness * roughness;
     if crossing > 0.5 {
         let tint = paint.mean();
         if is_thin {
             let sheet = ThinDielectric { eta, transmittance: tint };
-            return Ok(SurfaceLook::plain(Bsdf::ThinDielectric(sheet)));
+            return Ok(Look::plain(Bsdf::ThinDielectric(sheet)));
         }
         // Light crosses two surfaces of the object.
         let facets = Facets { model: FacetModel::Ggx, alpha };
-        return Ok(SurfaceLook::plain(interface(eta, facets, tint.map(f32::sqrt))));
+        return Ok(Look::plain(interface(eta, facets, tint.map(f32::sqrt))));
     }
     let bsdf = Bsdf::Glossy(Glossy::new(paint.color, metallic, eta, alpha));
-    Ok(SurfaceLook::painted(bsdf, paint))
+    Ok(Look::painted(bsdf, paint))
 }
 
 /// A look that only a share of the rays meets.
-fn masked(
-    look: SurfaceLook,
-    opacity: &Paint,
-    object: &Object,
-    textures: &mut MitsubaTextures,
-) -> SurfaceLook {
+fn masked(look: Look, opacity: &Paint, object: &Object, paints: &mut Paints) -> Look {
     let Some(texture) = &opacity.texture else {
-        return SurfaceLook { opacity: Some((opacity.color.x, None)), ..look };
+        return Look { opacity: Some((opacity.color.x, None)), ..look };
     };
-    warn_of_two_maps(textures, &look, opacity.to_uv, object);
+    warn_of_two_maps(paints, &look, opacity.to_uv, object);
     // The share is the luminance, which is stored linearly.
     let shares = texture.map_texels(|texel| {
         let share = luminance(linear_color(texel) * opacity.color);
@@ -482,5 +408,5 @@ fn masked(
         [code, code, code, 255]
     });
     let to_uv = if look.albedo.is_some() { look.to_uv } else { opacity.to_uv };
-    SurfaceLook { opacity: Some((1.0, Some(Arc::new(shares)))), to_uv, ..look }
+    Look { opacity: Some((1.0, Some(Arc::new(shares)))), to_uv, ..look }
 }

@@ -2,7 +2,7 @@
 
 use super::color::ColorUse;
 use super::object::Object;
-use super::texture::MitsubaTextures;
+use super::texture::Paints;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;
@@ -27,10 +27,10 @@ pub(super) struct EnvironmentEmitter {
 pub(super) fn emitter(
     object: &Object,
     world: DAffine3,
-    textures: &mut MitsubaTextures,
+    paints: &mut Paints,
 ) -> Result<Option<Emitter>> {
     let map = world * object.map("to_world")?;
-    let mut light = |name: &str| textures.mean(object, name, ColorUse::Light, Rgb::ONE);
+    let mut light = |name: &str| paints.mean(object, name, ColorUse::Light, Rgb::ONE);
     let checked = |point: DVec3| {
         let point = point.as_vec3();
         if point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all() {
@@ -61,10 +61,10 @@ pub(super) fn emitter(
             let intensity = light("intensity")?;
             let (position, direction) = (checked(map.translation)?, unit(map.matrix3.z_axis)?);
             if object.get("texture")?.is_some() {
-                textures.skipped("left out the texture of", object);
+                paints.skipped("left out the texture of", object);
             }
             let phrase = "used a cosine falloff of the same power for the linear one of";
-            textures.skipped(phrase, object);
+            paints.skipped(phrase, object);
             let [cos_inner, cos_outer] = falloff(beam, cutoff);
             Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
         }
@@ -77,7 +77,7 @@ pub(super) fn emitter(
         }
         other => {
             let phrase = format!("left out lights of type `{other}`:");
-            textures.skipped(phrase, object);
+            paints.skipped(phrase, object);
             return Ok(None);
         }
     };
@@ -96,10 +96,10 @@ fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
 
 impl EnvironmentEmitter {
     /// Reads `constant` and `envmap`; `None` for other types.
-    pub fn read(object: &Object, textures: &mut MitsubaTextures) -> Result<Option<Self>> {
+    pub fn read(object: &Object, paints: &mut Paints) -> Result<Option<Self>> {
         match object.kind() {
             "constant" => {
-                let radiance = textures.mean(object, "radiance", ColorUse::Light, Rgb::ONE)?;
+                let radiance = paints.mean(object, "radiance", ColorUse::Light, Rgb::ONE)?;
                 let pixels = vec![radiance];
                 Ok(Some(Self { width: 1, height: 1, pixels, to_world: DMat3::IDENTITY }))
             }
@@ -110,7 +110,7 @@ impl EnvironmentEmitter {
                 if invalid > 0 {
                     let phrase =
                         format!("used 0 for {invalid} pixels that are negative or not finite of");
-                    textures.skipped(phrase, object);
+                    paints.skipped(phrase, object);
                 }
                 let map = object.map("to_world")?.matrix3;
                 let unit = |axis: DVec3| axis.normalize_or_zero();
@@ -124,7 +124,7 @@ impl EnvironmentEmitter {
                 let (width, height, pixels) = fine(width, height, &pixels);
                 let phrase =
                     "used constant pixels (small maps are refined) for the interpolated map of";
-                textures.chosen(phrase, object);
+                paints.chosen(phrase, object);
                 Ok(Some(Self { width, height, pixels, to_world }))
             }
             _ => Ok(None),

@@ -33,7 +33,7 @@ use sensor::Sensor;
 use shape::{MeshKey, ShapeMeshes, out_of_range};
 use std::collections::HashMap;
 use std::path::Path;
-use texture::MitsubaTextures;
+use texture::Paints;
 
 /// Loads a scene as seen by the sensor of the requested id, else by its first sensor, else by a camera that sees
 /// everything.
@@ -45,7 +45,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let reader = SceneReader {
         path,
         builder: Builder::new(Vec::new()),
-        textures: MitsubaTextures::default(),
+        paints: Paints::default(),
         bsdfs: BsdfCache::default(),
         meshes: HashMap::new(),
         shared: HashMap::new(),
@@ -58,7 +58,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 struct SceneReader<'a> {
     path: &'a Path,
     builder: Builder,
-    textures: MitsubaTextures,
+    paints: Paints,
     bsdfs: BsdfCache,
     meshes: HashMap<MeshKey, ShapeMeshes>,
     /// Materials that several shapes share, by the element of their BSDF.
@@ -75,8 +75,8 @@ impl SceneReader<'_> {
             document.top.iter().filter(own).map(|index| Object::new(document, *index)).collect()
         };
         let sensors: Vec<Object> = top("sensor");
-        let chosen = sensor::choose(&sensors, options.camera, &mut self.textures)?;
-        let sensor = chosen.map(|object| Sensor::read(&object, &mut self.textures)).transpose()?;
+        let chosen = sensor::choose(&sensors, options.camera, &mut self.paints)?;
+        let sensor = chosen.map(|object| Sensor::read(&object, &mut self.paints)).transpose()?;
         self.warn_of_integrators(&top("integrator"))?;
         let lights: Vec<Object> = top("emitter");
         let environment = self.environment(&lights)?;
@@ -85,14 +85,14 @@ impl SceneReader<'_> {
 
         let mut emitters = Vec::new();
         for light in lights.iter().filter(|light| !is_environment(light)) {
-            emitters.extend(emitter::emitter(light, world, &mut self.textures)?);
+            emitters.extend(emitter::emitter(light, world, &mut self.paints)?);
         }
         for shape in &top("shape") {
             self.place(shape, world)?;
         }
         self.warn_of_unused(document);
-        let Self { mut builder, textures, path, .. } = self;
-        builder.warnings.extend(textures.warnings.into_warnings(&shown));
+        let Self { mut builder, paints, path, .. } = self;
+        builder.warnings.extend(paints.warnings.into_warnings(&shown));
         builder.arrange(path)?;
         let (camera, resolution) = match (&sensor, &chosen) {
             (Some(sensor), Some(object)) => {
@@ -123,7 +123,7 @@ impl SceneReader<'_> {
                 Some(depth) => format!("ignored the path length limit of {depth} segments of"),
                 None => "ignored the integrator".to_owned(),
             };
-            self.textures.chosen(phrase, integrator);
+            self.paints.chosen(phrase, integrator);
         }
         Ok(())
     }
@@ -133,10 +133,10 @@ impl SceneReader<'_> {
         let mut found = None;
         for light in lights.iter().filter(|light| is_environment(light)) {
             if found.is_some() {
-                self.textures.skipped("left out further environments:", light);
+                self.paints.skipped("left out further environments:", light);
                 continue;
             }
-            found = EnvironmentEmitter::read(light, &mut self.textures)?;
+            found = EnvironmentEmitter::read(light, &mut self.paints)?;
         }
         Ok(found)
     }
@@ -148,7 +148,7 @@ impl SceneReader<'_> {
         let world = mirror * turn;
         if world != DMat3::IDENTITY {
             let phrase = "turned or mirrored, with camera and environment,";
-            self.textures.warnings.chosen(phrase, "the scene");
+            self.paints.warnings.chosen(phrase, "the scene");
         }
         DAffine3::from_mat3(world)
     }
@@ -197,43 +197,21 @@ impl SceneReader<'_> {
                 .filter(child)
                 .map(|index| &document.elements[*index])
                 .map(|one| one.attribute("name").unwrap_or(&one.tag))
-                .filter(|name| !IRRELEVANT.contains(name))
+                .filter(|name| IRRELEVANT.split(' ').all(|word| word != *name))
                 .collect();
             if !names.is_empty() {
                 let owner = Object { document, index };
-                self.textures.skipped(format!("ignored {} of", list(names)), &owner);
+                self.paints.skipped(format!("ignored {} of", list(names)), &owner);
             }
         }
     }
 }
 
 /// Properties that do not change the content of the image.
-const IRRELEVANT: &[&str] = &[
-    "file_format",
-    "pixel_format",
-    "component_format",
-    "banner",
-    "high_quality_edges",
-    "sample_border",
-    "gamma",
-    "exposure",
-    "tonemap_method",
-    "shutter_open",
-    "shutter_close",
-    "sampling_weight",
-    "format",
-    "max_smooth_angle",
-    "silhouette_sampling_weight",
-    "specular_sampling_weight",
-    "accel",
-    "compress",
-    "mis_compensation",
-    "filter_type",
-    "cache",
-    "attach_log",
-    "fov_axis",
-    "sample_visible",
-];
+const IRRELEVANT: &str = "accel attach_log banner cache component_format compress exposure file_format filter_type \
+                          format fov_axis gamma high_quality_edges max_smooth_angle mis_compensation pixel_format \
+                          sample_border sample_visible sampling_weight shutter_close shutter_open \
+                          silhouette_sampling_weight specular_sampling_weight tonemap_method";
 
 fn is_environment(light: &Object) -> bool {
     matches!(light.kind(), "constant" | "envmap")

@@ -1,7 +1,7 @@
 //! Cameras and the size of their film.
 
 use super::object::Object;
-use super::texture::MitsubaTextures;
+use super::texture::Paints;
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
 use crate::scene::{Camera, FieldOfView, Optics};
@@ -31,11 +31,11 @@ struct FilmCrop {
 pub(super) fn choose<'a>(
     all: &[Object<'a>],
     wanted: Option<&str>,
-    textures: &mut MitsubaTextures,
+    paints: &mut Paints,
 ) -> Result<Option<Object<'a>>> {
     let Some(wanted) = wanted else {
         if all.len() > 1 {
-            textures.chosen("used the first of several cameras:", &all[0]);
+            paints.chosen("used the first of several cameras:", &all[0]);
         }
         return Ok(all.first().copied());
     };
@@ -52,7 +52,7 @@ pub(super) fn choose<'a>(
 
 impl Sensor {
     /// Reads a perspective camera, with or without a lens.
-    pub fn read(sensor: &Object, textures: &mut MitsubaTextures) -> Result<Self> {
+    pub fn read(sensor: &Object, paints: &mut Paints) -> Result<Self> {
         let has_lens = match sensor.kind() {
             "perspective" => false,
             "thinlens" => true,
@@ -62,7 +62,7 @@ impl Sensor {
             }
         };
         let name = sensor.label();
-        let film = film(sensor, textures)?;
+        let film = film(sensor, paints)?;
         let field_of_view = film.part_of(field_of_view(sensor, film.size)?);
         // To the right and down, in widths and heights of the film.
         let right = sensor.float("principal_point_offset_x")?.unwrap_or(0.0);
@@ -131,7 +131,7 @@ impl FilmCrop {
     }
 }
 
-fn film(sensor: &Object, textures: &mut MitsubaTextures) -> Result<FilmCrop> {
+fn film(sensor: &Object, paints: &mut Paints) -> Result<FilmCrop> {
     let Some(film) = sensor.all("film")?.into_iter().next() else {
         return Ok(FilmCrop { size: [768, 576], offset: [0; 2], part: [768, 576] });
     };
@@ -156,7 +156,7 @@ fn film(sensor: &Object, textures: &mut MitsubaTextures) -> Result<FilmCrop> {
         && filter.kind() != "box"
     {
         let phrase = format!("used the box filter instead of `{}` for", filter.kind());
-        textures.chosen(phrase, sensor);
+        paints.chosen(phrase, sensor);
     }
     Ok(FilmCrop { size, offset, part })
 }

@@ -2,7 +2,7 @@
 
 use super::SceneReader;
 use super::analytic::Analytic;
-use super::bsdf::{NormalSource, SurfaceLook};
+use super::bsdf::{Look, NormalSource};
 use super::bumps;
 use super::color::ColorUse;
 use super::object::Object;
@@ -58,17 +58,17 @@ impl SceneReader<'_> {
         let name = object.label();
         for (tag, what) in [("subsurface", "subsurface scattering"), ("medium", "media")] {
             if !object.all(tag)?.is_empty() {
-                self.textures.skipped(format!("left out {what} of"), object);
+                self.paints.skipped(format!("left out {what} of"), object);
             }
         }
         let (mut emission, mut is_lamp) = (None, false);
         for emitter in object.all("emitter")? {
             if emitter.kind() == "area" {
                 is_lamp = true;
-                let paint = self.textures.paint(&emitter, "radiance", ColorUse::Light, Rgb::ONE)?;
+                let paint = self.paints.paint(&emitter, "radiance", ColorUse::Light, Rgb::ONE)?;
                 emission = Some(paint).filter(|paint| paint.color != Rgb::ZERO);
             } else {
-                self.textures.skipped("left out an emitter that is not an area light of", object);
+                self.paints.skipped("left out an emitter that is not an area light of", object);
             }
         }
         let formula = Analytic::named(object.kind());
@@ -84,18 +84,18 @@ impl SceneReader<'_> {
             }
             (None, other) => {
                 let phrase = format!("left out shapes of type `{other}`:");
-                self.textures.skipped(phrase, object);
+                self.paints.skipped(phrase, object);
                 return Ok(None);
             }
         };
         let own = object.all("bsdf")?.into_iter().next();
         let look = match &own {
-            Some(bsdf) => self.bsdfs.look(bsdf, &mut self.textures, 0)?,
-            None => SurfaceLook::without_bsdf(is_lamp),
+            Some(bsdf) => self.bsdfs.look(bsdf, &mut self.paints, 0)?,
+            None => Look::without_bsdf(is_lamp),
         };
         if look.is_black_behind && !formula.is_some_and(Analytic::is_closed) {
             let phrase = "shows both sides of a surface whose back is black in Mitsuba (without `twosided`):";
-            self.textures.skipped(phrase, own.as_ref().unwrap_or(object));
+            self.paints.skipped(phrase, own.as_ref().unwrap_or(object));
         }
         let to_uv = match &emission {
             Some(paint) if look.albedo.is_none() && paint.texture.is_some() => paint.to_uv,
@@ -108,7 +108,7 @@ impl SceneReader<'_> {
         if emission.is_some() && is_smooth {
             let phrase =
                 "used the fronts and cosines of triangles instead of normals for the light of";
-            self.textures.skipped(phrase, object);
+            self.paints.skipped(phrase, object);
         }
         let map = object.map("to_world")? * inner;
         let surface = Surface { bsdf: own, look, emission, is_lamp, to_world: map.matrix3 };
@@ -235,7 +235,7 @@ pub(super) fn out_of_range(object: &Object) -> Error {
 /// The material properties of a shape.
 struct Surface<'a> {
     bsdf: Option<Object<'a>>,
-    look: SurfaceLook,
+    look: Look,
     emission: Option<Paint>,
     is_lamp: bool,
     to_world: DMat3,

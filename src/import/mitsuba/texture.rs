@@ -68,13 +68,13 @@ const UNSUPPORTED_TEXTURE: &str = "used gray instead of textures that are not su
 
 /// The pictures of a scene, each read once, and the warnings about all elements.
 #[derive(Default)]
-pub(super) struct MitsubaTextures {
+pub(super) struct Paints {
     /// By file and whether its numbers are linear: the factor of the picture, and the picture.
     read: HashMap<(PathBuf, bool), (Rgb, Texture)>,
     pub warnings: GroupedWarnings,
 }
 
-impl MitsubaTextures {
+impl Paints {
     /// Warns that the image lacks something of an element.
     pub fn skipped(&mut self, phrase: impl Into<String>, object: &Object) {
         self.warnings.skipped(phrase, &object.label());

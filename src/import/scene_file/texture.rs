@@ -83,41 +83,31 @@ impl<'de> Deserialize<'de> for TextureTable {
 pub(in crate::import) struct TomlTextures<'a> {
     folder: &'a Path,
     read: HashMap<PathBuf, Texture>,
-    sampled: HashMap<(PathBuf, Sampling), Arc<Texture>>,
 }
 
 impl<'a> TomlTextures<'a> {
     /// An empty cache of files relative to `folder`.
     pub fn new(folder: &'a Path) -> Self {
-        Self { folder, read: HashMap::new(), sampled: HashMap::new() }
+        Self { folder, read: HashMap::new() }
     }
 
-    /// The texture in this file.
-    pub fn get(
-        &mut self,
-        file: &str,
-        sampling: Sampling,
-    ) -> crate::base::error::Result<Arc<Texture>> {
+    /// The texture in this file. Textures of one file share its texels.
+    pub fn get(&mut self, file: &str, sampling: Sampling) -> Result<Arc<Texture>, Error> {
         let path = self.folder.join(file);
         let advice = "give a PNG or JPEG file relative to the folder of the scene file";
         let failed = |problem: String| Error::new(problem, advice);
         if !path.is_file() {
             return Err(failed(format!("there is no texture `{file}`")));
         }
-        if let Some(texture) = self.sampled.get(&(path.clone(), sampling)) {
-            return Ok(texture.clone());
-        }
         let read = match self.read.get(&path) {
             Some(read) => read.clone(),
             None => {
                 let read = Texture::load(&path)
                     .map_err(|e| failed(format!("`{file}`: {}", e.problem())))?;
-                self.read.insert(path.clone(), read.clone());
+                self.read.insert(path, read.clone());
                 read
             }
         };
-        let texture = Arc::new(read.sampled(sampling));
-        self.sampled.insert((path, sampling), texture.clone());
-        Ok(texture)
+        Ok(Arc::new(read.sampled(sampling)))
     }
 }
