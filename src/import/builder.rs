@@ -19,8 +19,8 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for shading, and its entry in
-/// the acceleration structure.
+/// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
+/// shading, and its entry in the acceleration structure.
 const TRIANGLE_BYTES: f64 = 200.0;
 
 /// Meshes, materials and warnings of a scene under construction.
@@ -29,7 +29,8 @@ pub(super) struct Builder {
     groups: MeshGroups,
     arrangement: Arrangement,
     pub materials: Vec<Material>,
-    /// Index in `materials` by the OBJ file of the material (`None` for the scene file) and its name.
+    /// Index in `materials` by the OBJ file of the material (`None` for the scene file) and its
+    /// name.
     material_index: HashMap<(Option<PathBuf>, String), u32>,
     /// Names of materials that the OBJ file uses without defining them.
     undefined: BTreeSet<String>,
@@ -57,8 +58,8 @@ impl Builder {
         Self { warnings, ..Self::default() }
     }
 
-    /// Index of a material, which is added to the scene with its first use. It is from the scene file, else from the
-    /// libraries of the OBJ file, else gray.
+    /// Index of a material, which is added to the scene with its first use. It is from the scene
+    /// file, else from the libraries of the OBJ file, else gray.
     fn material(
         &mut self,
         name: Option<&str>,
@@ -119,7 +120,8 @@ impl Builder {
         self.groups.is_empty()
     }
 
-    /// Places a group of meshes, which get the name `name` if it is given; `None` if a point moves out of range.
+    /// Places a group of meshes, which get the name `name` if it is given; `None` if a point moves
+    /// out of range.
     pub fn place(
         &mut self,
         name: Option<&str>,
@@ -135,8 +137,8 @@ impl Builder {
         self.groups.add(name, parts, transform)
     }
 
-    /// Counts `placed` triangles. Refuses more than can be numbered, or `new` ones that do not fit in memory, before they
-    /// are read.
+    /// Counts `placed` triangles. Refuses more than can be numbered, or `new` ones that do not fit
+    /// in memory, before they are read.
     pub fn count(&mut self, placed: u64, new: u64, path: &Path) -> Result<()> {
         self.triangles = self.triangles.saturating_add(placed);
         if self.triangles > u64::from(u32::MAX) {

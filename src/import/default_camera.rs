@@ -10,12 +10,14 @@ use std::f32::consts::PI;
 /// Opening angle across the image's height, degrees.
 pub(super) const DEGREES: f32 = 40.0;
 
-/// A camera that sees all of `bounds` from the front (+z) and above, just far enough for the bounding sphere.
+/// A camera that sees all of `bounds` from the front (+z) and above, just far enough for the
+/// bounding sphere.
 ///
 /// # Errors
 /// If the box is too large for a camera.
 pub(super) fn camera(bounds: &Bounds) -> Result<Camera> {
-    // Far from the origin the distance may vanish in rounding, which the check of the camera does not detect.
+    // Far from the origin the distance may vanish in rounding, which the check of the camera does
+    // not detect.
     let toward = Vec3::new(0.25, 0.4, 1.0).normalize();
     let radius = (0.5 * (bounds.max - bounds.min).length()).max(f32::MIN_POSITIVE);
     let distance = radius / (0.5 * DEGREES).to_radians().sin();
@@ -30,8 +32,8 @@ pub(super) struct Lamp {
     pub intensity: f32,
 }
 
-/// A lamp for a camera between walls, half way to the surface above it. A white surface that faces the lamp at the
-/// distance whose square is `distance2` has radiance 1.
+/// A lamp for a camera between walls, half way to the surface above it. A white surface that faces
+/// the lamp at the distance whose square is `distance2` has radiance 1.
 pub(super) fn lamp(scene: &Scene, accel: &dyn Intersect, distance2: f32) -> Lamp {
     let camera = &scene.camera;
     let hit = accel.closest_hit(&Ray::new(camera.position(), camera.up()));

@@ -21,7 +21,8 @@ pub enum EnvironmentSource {
 impl FromStr for EnvironmentSource {
     type Err = Error;
 
-    /// Parses one number, three numbers (red, green, blue) separated by commas, or else a file name.
+    /// Parses one number, three numbers (red, green, blue) separated by commas, or else a file
+    /// name.
     fn from_str(text: &str) -> Result<Self> {
         let numbers: Option<Vec<f32>> =
             text.split(',').map(|word| word.trim().parse().ok()).collect();
@@ -52,8 +53,8 @@ impl EnvironmentSource {
     }
 }
 
-/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Radiances that are negative or not finite
-/// become 0, with a warning.
+/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Radiances that are
+/// negative or not finite become 0, with a warning.
 ///
 /// # Errors
 /// If the file cannot be read.
@@ -76,7 +77,8 @@ pub(super) fn from_file(
     Ok(Environment::new(width, height, pixels, turn_deg))
 }
 
-/// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their indices.
+/// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their
+/// indices.
 pub(super) fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
     let mut invalid = Vec::new();
     for (index, pixel) in pixels.iter_mut().enumerate() {
@@ -99,8 +101,9 @@ const SOFT_ROWS: u32 = 256;
 /// Minimum and maximum radiance of [`soft`], W/(m^2 sr), for a white surface of radiance 1.
 pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
 
-/// A gray environment that is brighter from above (+y): its radiance is `0.6 (1 + y)` times that of a `white` surface
-/// that faces up, W/(m^2 sr). The cosine-weighted mean of `y` over such a surface is 2/3.
+/// A gray environment that is brighter from above (+y): its radiance is `0.6 (1 + y)` times that of
+/// a `white` surface that faces up, W/(m^2 sr). The cosine-weighted mean of `y` over such a surface
+/// is 2/3.
 pub(super) fn soft(white: f32) -> Environment {
     let row = |row: u32| {
         let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
@@ -166,7 +169,8 @@ mod tests {
 
     #[test]
     fn white_surfaces_in_soft_light_have_the_expected_radiance() {
-        // Surfaces facing up, sideways and down: mean radiance plus 2/3 of the rise times the normal's height.
+        // Surfaces facing up, sideways and down: mean radiance plus 2/3 of the rise times the
+        // normal's height.
         let map = soft(1.0);
         let n = 400;
         for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {

@@ -1,4 +1,5 @@
-//! The default light of scenes without a usable light source, which is decided by how much their camera sees lit.
+//! The default light of scenes without a usable light source, which is decided by how much their
+//! camera sees lit.
 
 use super::default_camera::{self, Lamp};
 use super::environment::{SOFT, soft};
@@ -13,8 +14,9 @@ const MIN_LIT: f64 = 0.5;
 /// Minimum share if the file places lights, because a spot in the dark is intended.
 const MIN_LIT_BY_PLACED: f64 = 0.2;
 
-/// The scene with light, and a warning about added light. The scene keeps its own light if that shows what the camera
-/// sees. Otherwise it gets a soft environment and, where too little of that gets in, a lamp near the camera as well.
+/// The scene with light, and a warning about added light. The scene keeps its own light if that
+/// shows what the camera sees. Otherwise it gets a soft environment and, where too little of that
+/// gets in, a lamp near the camera as well.
 pub(super) fn with_light(
     mut scene: Scene,
     resolution: [u32; 2],
@@ -25,7 +27,8 @@ pub(super) fn with_light(
     let bounds = scene.bounds();
     let eye = scene.camera.position();
     let is_inside = eye.cmpge(bounds.min).all() && eye.cmple(bounds.max).all();
-    // The decision does not depend on the backend of the render. A scene that no backend supports is refused later.
+    // The decision does not depend on the backend of the render. A scene that no backend supports
+    // is refused later.
     let accel = if has_own || is_inside { build(Backend::Bvh, &scene).ok() } else { None };
     let Some(accel) = accel else {
         if !has_own {
@@ -42,7 +45,8 @@ pub(super) fn with_light(
     if own_share >= min_lit {
         return scene;
     }
-    // Emission is meant to be seen under the light of viewers, of about 1. Placed lights may have any strength.
+    // Emission is meant to be seen under the light of viewers, of about 1. Placed lights may have
+    // any strength.
     let white = own.filter(|_| is_placed).and_then(|own| own.typical_radiance()).unwrap_or(1.0);
     let problem = match has_own {
         true => format!(

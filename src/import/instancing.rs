@@ -1,4 +1,5 @@
-//! Decides for each mesh whether the scene stores it once and instantiates it, or copies it to each placement.
+//! Decides for each mesh whether the scene stores it once and instantiates it, or copies it to each
+//! placement.
 
 use crate::accel::TriangleMesh;
 use crate::base::math::Bounds;
@@ -7,11 +8,12 @@ use crate::scene::{Arrangement, Mesh, Placement, triangle_area};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Groups with fewer triangles are copied: testing them costs a ray no more than entering an instance.
+/// Groups with fewer triangles are copied: testing them costs a ray no more than entering an
+/// instance.
 const MIN_TRIANGLES: u64 = 100;
 
-/// Groups are copied if their copies have fewer triangles in total. Rays are slower where they enter an instance,
-/// and hits there take longer to shade (`docs/performance.md`).
+/// Groups are copied if their copies have fewer triangles in total. Rays are slower where they
+/// enter an instance, and hits there take longer to shade (`docs/performance.md`).
 const MIN_COPIES: u64 = 10_000;
 
 /// Instances must stay within the range of the acceleration structures.
@@ -53,8 +55,8 @@ struct GroupUse {
 }
 
 impl MeshGroups {
-    /// Places a group of meshes, which are always the same in the same order. Their names are `name`, if it is given.
-    /// `None` if a point moves out of range.
+    /// Places a group of meshes, which are always the same in the same order. Their names are
+    /// `name`, if it is given. `None` if a point moves out of range.
     pub fn add(
         &mut self,
         name: Option<&str>,
@@ -96,7 +98,8 @@ impl MeshGroups {
         shared.chain(copied).fold(0, |sum, group| sum.saturating_add(group.triangles))
     }
 
-    /// Places all meshes without their triangles of no area, and returns the number of these triangles as well.
+    /// Places all meshes without their triangles of no area, and returns the number of these
+    /// triangles as well.
     pub fn arrange(self) -> (Arrangement, u64) {
         let Arrangement { mut meshes, mut placements } = Arrangement::default();
         let mut dropped = 0;

@@ -1,7 +1,8 @@
 //! A quick check whether light reaches the surfaces that the camera sees.
 //!
-//! It traces few paths of few pixels and connects them to lights through glass as if that were air. It must only
-//! distinguish lit scenes from dark ones, and light through a bulb or a window counts as light.
+//! It traces few paths of few pixels and connects them to lights through glass as if that were air.
+//! It must only distinguish lit scenes from dark ones, and light through a bulb or a window counts
+//! as light.
 
 use crate::accel::{Intersect, Ray};
 use crate::base::math::{Rgb, luminance};
@@ -19,7 +20,8 @@ const PATHS: u32 = 6;
 const SEGMENTS: u32 = 6;
 /// Maximum number of transmitting surfaces along a connection to a light.
 const PANES: u32 = 16;
-/// Luminance below which a pixel looks black, relative to display white: a fiftieth of the key of the preview's exposure.
+/// Luminance below which a pixel looks black, relative to display white: a fiftieth of the key of
+/// the preview's exposure.
 const BLACK: f32 = 0.004;
 
 /// Key of the preview's exposure, relative to display white.
@@ -57,7 +59,8 @@ impl LitCheck {
         Self { pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
-    /// Share of the pixels with a surface that are not black in a preview; 1 if no pixel has a surface.
+    /// Share of the pixels with a surface that are not black in a preview; 1 if no pixel has a
+    /// surface.
     pub fn lit_share(&self) -> f64 {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let least = BLACK / auto_exposure(&radiances);
@@ -97,7 +100,8 @@ impl CheckTracer<'_> {
         let [dx, dy] = rng.next_2d();
         let (mut ray, weight) = self.view.ray(x as f32 + dx, y as f32 + dy, rng.next_2d());
         let (mut radiance, mut throughput) = (Rgb::ZERO, Rgb::ONE);
-        // Whether the start of the segment was not connected to lights, so that emission at its end counts.
+        // Whether the start of the segment was not connected to lights, so that emission at its end
+        // counts.
         let mut unconnected = true;
         for segment in 0..SEGMENTS {
             let hit = self.accel.closest_hit(&ray);

@@ -1,7 +1,7 @@
 //! Loading of scene files (TOML), folders with `scene.toml`, and OBJ files as a [`Scene`].
 //!
-//! The format is described in `docs/scene-format.md`. No content of a file makes these functions panic.
-//! [`Loaded::warnings`] reports all defaults and omissions.
+//! The format is described in `docs/scene-format.md`. No content of a file makes these functions
+//! panic. [`Loaded::warnings`] reports all defaults and omissions.
 
 use super::builder::{Builder, SceneExtras};
 use super::environment::EnvironmentSource;
@@ -68,8 +68,9 @@ impl LoadOptions<'_> {
     }
 }
 
-/// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file, or an `.xml` file of
-/// Mitsuba. Files in the glTF and OBJ formats get a camera and a light if they have none.
+/// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
+/// or an `.xml` file of Mitsuba. Files in the glTF and OBJ formats get a camera and a light if they
+/// have none.
 ///
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read or
@@ -81,8 +82,8 @@ pub fn load(path: &Path) -> Result<Loaded> {
 /// Loads a scene as [`load`] does, with options.
 ///
 /// # Errors
-/// In the cases of [`load`], if the file has no camera of the requested name, or if anything was skipped and
-/// [`LoadOptions::strict`] is set.
+/// In the cases of [`load`], if the file has no camera of the requested name, or if anything was
+/// skipped and [`LoadOptions::strict`] is set.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let loaded = load_any(path, options)?;
     if options.strict {

@@ -1,6 +1,8 @@
-//! Scene files: reading TOML, OBJ, glTF and Mitsuba's XML, and writing a scene as a folder of TOML, OBJ and PNG.
+//! Scene files: reading TOML, OBJ, glTF and Mitsuba's XML, and writing a scene as a folder of TOML,
+//! OBJ and PNG.
 //!
-//! [`load()`] reads scenes and [`export()`] writes them. No other module knows file formats of scenes.
+//! [`load()`] reads scenes and [`export()`] writes them. No other module knows file formats of
+//! scenes.
 
 mod builder;
 mod default_camera;

@@ -1,4 +1,5 @@
-//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear colors.
+//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear
+//! colors.
 
 use super::text;
 use crate::base::error::{Error, Result};
@@ -74,7 +75,8 @@ impl PropertyAccess for PlyItem {
     }
 }
 
-/// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0, 1].
+/// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0,
+/// 1].
 ///
 /// # Errors
 /// Names the file and its problem.

@@ -46,7 +46,8 @@ impl SceneSummary {
     }
 }
 
-/// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of 3)`.
+/// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of
+/// 3)`.
 impl fmt::Display for SceneSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

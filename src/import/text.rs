@@ -49,7 +49,8 @@ pub(super) fn read(path: &Path) -> Result<String> {
 /// Memory that a model takes while it is read, in sizes of its text. It includes the text.
 const TIMES_IN_MEMORY: f64 = 4.0;
 
-/// Checks that `needed` bytes of memory are available; else the error has the rest of a sentence about them.
+/// Checks that `needed` bytes of memory are available; else the error has the rest of a sentence
+/// about them.
 pub(super) fn check_memory(needed: f64, available: Option<f64>) -> std::result::Result<(), String> {
     match available {
         Some(available) if needed > available => {
@@ -60,8 +61,8 @@ pub(super) fn check_memory(needed: f64, available: Option<f64>) -> std::result::
     }
 }
 
-/// Reads an OBJ or MTL file of any size that fits in memory, without its byte order mark. If all line ends are those
-/// of old Macs, they become line feeds.
+/// Reads an OBJ or MTL file of any size that fits in memory, without its byte order mark. If all
+/// line ends are those of old Macs, they become line feeds.
 pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     let mut file = open(path)?;
     let needed = TIMES_IN_MEMORY * file.metadata().map_or(0, |metadata| metadata.len()) as f64;
@@ -80,7 +81,8 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay different.
+/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay
+/// different.
 pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),
@@ -88,8 +90,8 @@ pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// Finds the file of a [`decoded`] name. The name may have the separators of another system, or come from bytes that
-/// are not UTF-8.
+/// Finds the file of a [`decoded`] name. The name may have the separators of another system, or
+/// come from bytes that are not UTF-8.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let names = [name.to_owned(), name.replace('\\', "/")];
     let as_text = names.iter().map(PathBuf::from);

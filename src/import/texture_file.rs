@@ -20,8 +20,8 @@ const TEXEL: f64 = 16.0;
 const MAX_MEMORY: u64 = 1 << 30;
 
 impl Texture {
-    /// Reads a picture file of the format that its content has. TGA files, whose content has no signature, are
-    /// recognized by their name.
+    /// Reads a picture file of the format that its content has. TGA files, whose content has no
+    /// signature, are recognized by their name.
     ///
     /// # Errors
     /// If the file cannot be read, or its format is unknown.

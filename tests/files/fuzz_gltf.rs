@@ -1,6 +1,6 @@
-//! No glTF file makes the loader panic or hold more than its size warrants: a good one with values of its
-//! JSON replaced, with pieces of its text or bytes deleted, doubled or replaced. `PROPTEST_CASES=100000`
-//! tries far more.
+//! No glTF file makes the loader panic or hold more than its size warrants: a good one with values
+//! of its JSON replaced, with pieces of its text or bytes deleted, doubled or replaced.
+//! `PROPTEST_CASES=100000` tries far more.
 
 use crate::model::*;
 use crate::mutate::{apply, change, load_and_check};

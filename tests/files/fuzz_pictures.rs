@@ -1,6 +1,6 @@
-//! No picture makes the loader panic or take much memory: textures (PNG, JPEG and other kinds) and maps of the
-//! environment (EXR, HDR) with bytes replaced, deleted and doubled. `PROPTEST_CASES=100000` tries far
-//! more.
+//! No picture makes the loader panic or take much memory: textures (PNG, JPEG and other kinds) and
+//! maps of the environment (EXR, HDR) with bytes replaced, deleted and doubled.
+//! `PROPTEST_CASES=100000` tries far more.
 
 use crate::mutate::{apply, change, load_and_check};
 use bdpm::image_io::{Image, Layer, write_exr};

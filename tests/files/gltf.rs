@@ -1,5 +1,5 @@
-//! glTF: every way to store a shape is the same shape, and nodes put it where they say. What the same
-//! scene is as OBJ or TOML, it is bit for bit; materials, lights and cameras are in
+//! glTF: every way to store a shape is the same shape, and nodes put it where they say. What the
+//! same scene is as OBJ or TOML, it is bit for bit; materials, lights and cameras are in
 //! `gltf_looks.rs`.
 
 use crate::model::*;

@@ -216,7 +216,8 @@ fn transforms_are_applied_in_their_order() {
 
 #[test]
 fn mirrored_meshes_face_as_in_mitsuba() {
-    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of the corners.
+    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of
+    // the corners.
     let up = |kind: &str, file: &str, more: &str| {
         let text = format!(
             "<shape type='{kind}'>{file}{more}<transform name='to_world'><scale x='-1'/></transform></shape>"

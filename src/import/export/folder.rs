@@ -51,8 +51,8 @@ impl<'a> ExportFolder<'a> {
         Ok(self.planned.len())
     }
 
-    /// Writes a part of the scene without the cost of atomic replacement. There may be thousands of parts, and only the
-    /// scene file, which is written last, refers to them.
+    /// Writes a part of the scene without the cost of atomic replacement. There may be thousands of
+    /// parts, and only the scene file, which is written last, refers to them.
     pub fn write_part(
         &self,
         name: &str,

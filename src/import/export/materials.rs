@@ -44,7 +44,8 @@ impl<'a> MaterialTables<'a> {
     }
 }
 
-/// The keys of a material without textures. The error is a property that scene files cannot represent.
+/// The keys of a material without textures. The error is a property that scene files cannot
+/// represent.
 fn keys(material: &Material) -> std::result::Result<String, String> {
     let mut text = match material.bsdf {
         Bsdf::Lambertian { albedo, two_sided } => {

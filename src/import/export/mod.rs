@@ -1,7 +1,7 @@
 //! Scenes as folders that can be edited: `scene.toml`, a mesh per OBJ file, and textures as PNG.
 //!
-//! The folder loads as an identical scene, as far as the formats allow: numbers are written with the shortest text that
-//! parses to the same bits.
+//! The folder loads as an identical scene, as far as the formats allow: numbers are written with
+//! the shortest text that parses to the same bits.
 
 mod folder;
 mod materials;
@@ -29,12 +29,12 @@ pub struct Exported {
     pub warnings: Vec<Warning>,
 }
 
-/// Writes `loaded`, which was read from the file `origin`, as `folder`. Files that exist are replaced if `replace` is
-/// set.
+/// Writes `loaded`, which was read from the file `origin`, as `folder`. Files that exist are
+/// replaced if `replace` is set.
 ///
 /// # Errors
-/// If a file exists and must not be replaced, if this process has read it, or if a file cannot be written. In the last
-/// case some files may have been written.
+/// If a file exists and must not be replaced, if this process has read it, or if a file cannot be
+/// written. In the last case some files may have been written.
 pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Exported> {
     let Loaded { scene, defaults, .. } = loaded;
     let mut warnings = Vec::new();

@@ -38,8 +38,8 @@ pub(super) fn inverse(value: f32, guess: f32, map: impl Fn(f32) -> f32) -> Optio
     exact.min_by_key(|x| (number(*x).len(), x.to_bits().abs_diff(guess.to_bits())))
 }
 
-/// A vector that normalizes to `unit`, or `unit` if none is found. Unit vectors are rounded, so that normalizing may
-/// change them.
+/// A vector that normalizes to `unit`, or `unit` if none is found. Unit vectors are rounded, so
+/// that normalizing may change them.
 pub(super) fn unnormalized(unit: Vec3) -> Vec3 {
     let mut lengths = (0..u16::MAX).map(|i| unit * (1.0 + f32::from(i) / 65_536.0));
     lengths.find(|v| normalized(*v) == unit).unwrap_or(unit)

@@ -1,5 +1,5 @@
-//! Accessors: typed items in the bytes of buffers. All offsets and counts are checked when an accessor
-//! is opened, so that reading an item cannot fail.
+//! Accessors: typed items in the bytes of buffers. All offsets and counts are checked when an
+//! accessor is opened, so that reading an item cannot fail.
 
 use super::buffers::{Buffers, ViewBytes};
 use super::json::{Accessor, Sparse, get};
@@ -185,8 +185,8 @@ impl<'a> SparseItems<'a> {
 }
 
 impl<'a> AccessorReader<'a> {
-    /// Opens the accessor of this index, to which `element` refers. Its items must be of the type `kind`, such as
-    /// `VEC3`.
+    /// Opens the accessor of this index, to which `element` refers. Its items must be of the type
+    /// `kind`, such as `VEC3`.
     pub fn open(
         buffers: &'a Buffers,
         index: usize,
@@ -242,7 +242,8 @@ impl<'a> AccessorReader<'a> {
         self.item(index).map_or(0, |bytes| self.component.index(bytes))
     }
 
-    /// The numbers at `index`, which is less than the count. `N` is their number in the accessor's type.
+    /// The numbers at `index`, which is less than the count. `N` is their number in the accessor's
+    /// type.
     pub fn numbers<const N: usize>(&self, index: impl Into<u64>) -> [f32; N] {
         let Some(bytes) = self.item(index.into()) else { return [0.0; N] };
         let size = self.component.size();

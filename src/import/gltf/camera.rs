@@ -50,7 +50,8 @@ pub(super) fn cameras<'a>(
     Ok(all)
 }
 
-/// The camera of this name (of its node or its own); without a name the first perspective camera, if there is any.
+/// The camera of this name (of its node or its own); without a name the first perspective camera,
+/// if there is any.
 ///
 /// # Errors
 /// If no camera has this name, or the camera is not supported.

@@ -42,7 +42,8 @@ pub(super) struct MaterialFactors {
     pub has_other_uvs: bool,
     /// 1.5 by default.
     pub ior: f32,
-    /// Factor of the reflectance at normal incidence of dielectrics. It includes the mean of its textures.
+    /// Factor of the reflectance at normal incidence of dielectrics. It includes the mean of its
+    /// textures.
     pub specular: Rgb,
     /// It includes the mean of its texture.
     pub transmission: f32,

@@ -10,7 +10,8 @@ use std::path::Path;
 /// Largest accepted file, bytes: the limit of a GLB header.
 const MAX_FILE: u64 = 1 << 32;
 
-/// Maximum number of JSON objects. Each takes hundreds of bytes of memory for as little as 3 of text.
+/// Maximum number of JSON objects. Each takes hundreds of bytes of memory for as little as 3 of
+/// text.
 const MAX_OBJECTS: usize = 2_000_000;
 
 /// Advice for older versions.
@@ -166,8 +167,8 @@ fn check_extensions(document: &GltfDocument) -> Result<()> {
     Err(Error::new(problem, advice))
 }
 
-/// Refuses meshes that the file holds only in compressed form. They would look empty if the file does not require the
-/// extension.
+/// Refuses meshes that the file holds only in compressed form. They would look empty if the file
+/// does not require the extension.
 fn check_compression(document: &GltfDocument) -> Result<()> {
     let has_no_view = |accessor: &usize| {
         document.accessors.get(*accessor).is_some_and(|accessor| accessor.buffer_view.is_none())
@@ -183,8 +184,8 @@ fn check_compression(document: &GltfDocument) -> Result<()> {
             }
         }
     }
-    // A file may hold an uncompressed copy in another buffer, for readers without the extension. The first buffer may
-    // be that of a GLB file.
+    // A file may hold an uncompressed copy in another buffer, for readers without the extension.
+    // The first buffer may be that of a GLB file.
     let compressed = document.buffer_views.iter().position(|view| {
         let buffer = document.buffers.get(view.buffer).filter(|_| view.buffer > 0);
         view.extensions.meshopt.is_some() && buffer.is_some_and(|buffer| buffer.uri.is_none())

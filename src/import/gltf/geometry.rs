@@ -70,8 +70,8 @@ pub(super) fn triangle_count(
     Ok(Some(topology.count(accessor.count)))
 }
 
-/// The properties that a material needs of its meshes besides their shape. Nothing else is read, because surfaces on
-/// which nothing varies are rendered faster.
+/// The properties that a material needs of its meshes besides their shape. Nothing else is read,
+/// because surfaces on which nothing varies are rendered faster.
 pub(super) struct MeshRequest<'a> {
     /// Source of the texture coordinates.
     pub uv_source: Option<&'a UvSource>,
@@ -116,8 +116,8 @@ impl PrimitiveReader<'_> {
         }
     }
 
-    /// The mesh of a primitive of triangles, empty for points and lines. It has only the vertices that the primitive
-    /// uses, because many primitives may share the accessors of all vertices.
+    /// The mesh of a primitive of triangles, empty for points and lines. It has only the vertices
+    /// that the primitive uses, because many primitives may share the accessors of all vertices.
     pub fn mesh(&self, request: &MeshRequest) -> Result<Mesh> {
         let topology = Topology::of(self.primitive, self.element)?;
         let Some(topology) = topology else { return Ok(Mesh::default()) };
@@ -157,7 +157,8 @@ impl PrimitiveReader<'_> {
         let mut mesh = Mesh { triangles, ..Mesh::default() };
         mesh.positions = finite(&positions, &used)?.map(Vec3::from_array).collect();
         if let Some(normals) = &normals {
-            // Normals that are not finite become zero when they are turned, which selects the triangle's normal.
+            // Normals that are not finite become zero when they are turned, which selects the
+            // triangle's normal.
             mesh.normals = used.iter().map(|vertex| normals.numbers(*vertex).into()).collect();
         }
         if let Some((uvs, source)) = &uvs {
@@ -165,7 +166,8 @@ impl PrimitiveReader<'_> {
             mesh.uvs = uvs.map(|uv| source.apply(uv)).collect();
         }
         if let Some(tangents) = &tangents {
-            // As for normals. The direction of growing `v`, in the fourth number, follows from texture coordinates.
+            // As for normals. The direction of growing `v`, in the fourth number, follows from
+            // texture coordinates.
             let tangent = |vertex: &u32| {
                 let [x, y, z, _] = tangents.numbers(*vertex);
                 Vec3::new(x, y, z)
@@ -233,7 +235,8 @@ fn indexed(topology: Topology, indices: &AccessorReader, vertices: u64) -> Resul
     (0..topology.count(indices.count)).map(triangle).collect()
 }
 
-/// Renumbers the vertices by their first use, without unused ones, and returns their former indices.
+/// Renumbers the vertices by their first use, without unused ones, and returns their former
+/// indices.
 fn compact(triangles: &mut [[u32; 3]]) -> Vec<u32> {
     let mut used = triangles.as_flattened().to_vec();
     used.sort_unstable();

@@ -1,8 +1,9 @@
-//! The JSON of a glTF file, without materials: the members that are read. Indices and values are checked where
-//! they are used.
+//! The JSON of a glTF file, without materials: the members that are read. Indices and values are
+//! checked where they are used.
 //!
-//! The crate `gltf` is not used for it. Its validation panics on some indices out of range, and refuses files that
-//! the standard allows (accessors without data, attributes of the application's own).
+//! The crate `gltf` is not used for it. Its validation panics on some indices out of range, and
+//! refuses files that the standard allows (accessors without data, attributes of the application's
+//! own).
 
 use super::json_material::{ImageJson, MaterialJson, Sampler, TextureJson};
 use super::malformed;
@@ -12,7 +13,8 @@ use std::collections::BTreeMap;
 use std::f32::consts::FRAC_PI_4;
 use std::fmt::Display;
 
-/// Defines JSON objects whose members are all optional. A member without a default value gets that of its type.
+/// Defines JSON objects whose members are all optional. A member without a default value gets that
+/// of its type.
 macro_rules! json_objects {
     (@default) => { Default::default() };
     (@default $default:expr) => { $default };

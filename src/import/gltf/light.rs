@@ -1,5 +1,5 @@
-//! Punctual lights (`KHR_lights_punctual`): they shine along -z of their node, whose scale has no effect.
-//! Their range is a hint for other renderers.
+//! Punctual lights (`KHR_lights_punctual`): they shine along -z of their node, whose scale has no
+//! effect. Their range is a hint for other renderers.
 
 use super::json::{GltfDocument, get};
 use super::nodes::SceneNode;

@@ -100,8 +100,8 @@ impl<'a> MeshReader<'a> {
         }
     }
 
-    /// The mesh of this index, which exists, in the pose of a node: one mesh per primitive. Materials are added to the
-    /// scene with their first use.
+    /// The mesh of this index, which exists, in the pose of a node: one mesh per primitive.
+    /// Materials are added to the scene with their first use.
     pub fn get(
         &mut self,
         index: usize,

@@ -43,8 +43,8 @@ fn malformed(element: impl Display, problem: impl Display) -> Error {
     Error::new(format!("{element}: {problem}"), EXPORT_AGAIN)
 }
 
-/// Loads a glTF file as seen by the camera of the requested name, else by its first camera, else by one that sees
-/// everything.
+/// Loads a glTF file as seen by the camera of the requested name, else by its first camera, else by
+/// one that sees everything.
 ///
 /// # Errors
 /// Names the file, and the element that is malformed or not supported.

@@ -14,8 +14,8 @@ pub(super) struct SceneNode<'a> {
     pub map: DAffine3,
 }
 
-/// The nodes of the default scene, each before its children, and whether the scene lists any node twice or below
-/// another listed node, as some exporters do. Without scenes all nodes are shown.
+/// The nodes of the default scene, each before its children, and whether the scene lists any node
+/// twice or below another listed node, as some exporters do. Without scenes all nodes are shown.
 ///
 /// # Errors
 /// If the nodes are not a tree, or a transform is not finite.
@@ -59,7 +59,8 @@ pub(super) fn scene_nodes(document: &GltfDocument) -> Result<(Vec<SceneNode<'_>>
     Ok((shown, has_repeats))
 }
 
-/// Whether a node or one above it is `listed`. `known` keeps the results, because chains may be long and many.
+/// Whether a node or one above it is `listed`. `known` keeps the results, because chains may be
+/// long and many.
 fn is_below(
     node: usize,
     parents: &[Option<usize>],
@@ -98,7 +99,8 @@ fn parents(nodes: &[Node]) -> Result<Vec<Option<usize>>> {
             }
         }
     }
-    // Walk upward from each node to the first node that was visited. The same walk visited it if there is a cycle.
+    // Walk upward from each node to the first node that was visited. The same walk visited it if
+    // there is a cycle.
     let mut walk_of = vec![usize::MAX; nodes.len()];
     for start in 0..nodes.len() {
         let mut at = Some(start);

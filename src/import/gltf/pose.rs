@@ -17,12 +17,14 @@ use std::collections::HashMap;
 pub(super) struct Pose {
     /// Weights of the morph targets.
     weights: Vec<f32>,
-    /// Map of each joint, from the space in which the mesh is bound to it to the scene; `None` without a skin.
+    /// Map of each joint, from the space in which the mesh is bound to it to the scene; `None`
+    /// without a skin.
     joints: Option<Vec<DAffine3>>,
 }
 
 impl Pose {
-    /// The pose of the mesh of this index at a node. `maps` has the map of each node of the scene by its index.
+    /// The pose of the mesh of this index at a node. `maps` has the map of each node of the scene
+    /// by its index.
     pub fn new(
         buffers: &Buffers,
         node: &SceneNode,

@@ -38,8 +38,8 @@ impl<'a> GltfTextures<'a> {
         Self { buffers, folder, read: HashMap::new(), unreadable: BTreeSet::new() }
     }
 
-    /// The picture of the texture to which `element` refers; `None` if there is none that can be read, which
-    /// [`Self::warning`] reports.
+    /// The picture of the texture to which `element` refers; `None` if there is none that can be
+    /// read, which [`Self::warning`] reports.
     ///
     /// # Errors
     /// If an index is out of range.
@@ -182,8 +182,8 @@ pub(super) fn blended(picture: Option<&Arc<Texture>>, factor: f32) -> Coverage {
     }
 }
 
-/// Coverage of the part where the alpha channel times `factor` is at least `cutoff`. Opacities are mapped linearly so
-/// that the cutoff becomes a half, which keeps the borders between texels.
+/// Coverage of the part where the alpha channel times `factor` is at least `cutoff`. Opacities are
+/// mapped linearly so that the cutoff becomes a half, which keeps the borders between texels.
 pub(super) fn coverage(picture: Option<&Arc<Texture>>, factor: f32, cutoff: f32) -> Coverage {
     if cutoff <= 0.0 {
         return Coverage::Everywhere;

@@ -1,7 +1,8 @@
 //! Triangle meshes of Mitsuba's analytic shapes.
 //!
-//! Round meshes are scaled to the area of their shape, which preserves the power of lamps. The mean shadow of a convex
-//! body is a quarter of its area (Cauchy), so that the light at large distances is preserved as well.
+//! Round meshes are scaled to the area of their shape, which preserves the power of lamps. The mean
+//! shadow of a convex body is a quarter of its area (Cauchy), so that the light at large distances
+//! is preserved as well.
 
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
@@ -96,7 +97,8 @@ impl Analytic {
     }
 }
 
-/// A grid of points over u and v from 0 to 1. It faces the side from which growing v turns to growing u.
+/// A grid of points over u and v from 0 to 1. It faces the side from which growing v turns to
+/// growing u.
 fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
     let mut mesh = Mesh::default();
     for row in 0..=rows {

@@ -329,8 +329,8 @@ fn dielectric(object: &Object, paints: &mut Paints) -> Result<Look> {
     Ok(Look::plain(interface(eta, facets(object, paints)?, transmittance)))
 }
 
-/// A diffuse base under a coat. In Mitsuba's linear model the coat reflects light back as if the base were white. Our
-/// coat does not, so that its base gets the albedo with the same result.
+/// A diffuse base under a coat. In Mitsuba's linear model the coat reflects light back as if the
+/// base were white. Our coat does not, so that its base gets the albedo with the same result.
 fn plastic(object: &Object, paints: &mut Paints) -> Result<Look> {
     let eta = relative_index(object, 1.49)?;
     let paint = paints.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;

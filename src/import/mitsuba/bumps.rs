@@ -4,9 +4,9 @@ use crate::scene::{Mesh, NormalMap, Texture, Wrap};
 use glam::{DMat3, Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// The normal map of heights, which are `scale` scene units at white, on a mesh that `to_world` transforms. The slopes
-/// assume that texture coordinates grow everywhere as fast as in the mean over the area of the mesh. `None` if the mesh
-/// has no usable texture coordinates.
+/// The normal map of heights, which are `scale` scene units at white, on a mesh that `to_world`
+/// transforms. The slopes assume that texture coordinates grow everywhere as fast as in the mean
+/// over the area of the mesh. `None` if the mesh has no usable texture coordinates.
 pub(super) fn normal_map(
     heights: &Arc<Texture>,
     scale: f32,

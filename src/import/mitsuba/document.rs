@@ -284,7 +284,8 @@ impl XmlDocument {
 
 const KNOWN_VERSIONS: &str = "give a scene of Mitsuba 3, 0.6 or 0.5";
 
-/// Converts names of Mitsuba 0.5 and 0.6 to those of Mitsuba 3: `toWorld` to `to_world`, `intIOR` to `int_ior`.
+/// Converts names of Mitsuba 0.5 and 0.6 to those of Mitsuba 3: `toWorld` to `to_world`, `intIOR`
+/// to `int_ior`.
 fn modern_name(name: &str) -> String {
     if name == "lookAt" {
         return "lookat".to_owned();

@@ -23,7 +23,8 @@ pub(super) struct EnvironmentEmitter {
     pub to_world: DMat3,
 }
 
-/// A light at a point or far away, in a scene that `world` transforms; `None` if its type is not supported.
+/// A light at a point or far away, in a scene that `world` transforms; `None` if its type is not
+/// supported.
 pub(super) fn emitter(
     object: &Object,
     world: DAffine3,
@@ -84,8 +85,9 @@ pub(super) fn emitter(
     Ok(Some(emitter))
 }
 
-/// Cosines of the inner and outer angle of a spot with our quadratic falloff in the cosine. It emits the power of a
-/// falloff that is linear in the angle from `beam` to `cutoff`, radians: `int I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
+/// Cosines of the inner and outer angle of a spot with our quadratic falloff in the cosine. It
+/// emits the power of a falloff that is linear in the angle from `beam` to `cutoff`, radians: `int
+/// I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
 fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
     let outer = cutoff.cos();
     let slope =
@@ -131,14 +133,16 @@ impl EnvironmentEmitter {
         }
     }
 
-    /// The rotation of the scene after which the map's +y is up: the inverse of `to_world` without its mirroring.
+    /// The rotation of the scene after which the map's +y is up: the inverse of `to_world` without
+    /// its mirroring.
     pub fn upright(&self) -> DMat3 {
         let mirror = self.to_world.determinant() < 0.0;
         let own = if mirror { self.to_world * MIRROR } else { self.to_world };
         own.transpose()
     }
 
-    /// The environment of a scene that was turned upright and, if `is_mirrored` is set, mirrored afterward.
+    /// The environment of a scene that was turned upright and, if `is_mirrored` is set, mirrored
+    /// afterward.
     pub fn environment(mut self, is_mirrored: bool) -> Environment {
         if is_mirrored != (self.to_world.determinant() < 0.0) {
             self.pixels.chunks_exact_mut(self.width as usize).for_each(<[Rgb]>::reverse);
@@ -152,8 +156,8 @@ impl EnvironmentEmitter {
 /// Swaps left and right.
 pub(super) const MIRROR: DMat3 = DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
 
-/// Resamples a map as Mitsuba interpolates it: its columns are centered, and its first and last rows are at the
-/// poles. Our pixels are constant.
+/// Resamples a map as Mitsuba interpolates it: its columns are centered, and its first and last
+/// rows are at the poles. Our pixels are constant.
 fn fine(width: u32, height: u32, pixels: &[Rgb]) -> (u32, u32, Vec<Rgb>) {
     let factor = (FINE / width).clamp(1, 16);
     let (columns, rows) = (width * factor, height * factor);

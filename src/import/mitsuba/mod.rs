@@ -1,7 +1,7 @@
 //! Scenes of Mitsuba 3, 0.6 and 0.5, as XML.
 //!
-//! `docs/mitsuba.md` describes the conversion of each plugin and its differences from Mitsuba. Each approximation is a
-//! warning. Errors name file, line and element.
+//! `docs/mitsuba.md` describes the conversion of each plugin and its differences from Mitsuba. Each
+//! approximation is a warning. Errors name file, line and element.
 
 mod analytic;
 mod bsdf;
@@ -35,8 +35,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use texture::Paints;
 
-/// Loads a scene as seen by the sensor of the requested id, else by its first sensor, else by a camera that sees
-/// everything.
+/// Loads a scene as seen by the sensor of the requested id, else by its first sensor, else by a
+/// camera that sees everything.
 ///
 /// # Errors
 /// Names the file, line and element that is malformed or not supported.
@@ -141,7 +141,8 @@ impl SceneReader<'_> {
         Ok(found)
     }
 
-    /// The transform of the scene. Our environment maps are upright, and our images are not mirrored.
+    /// The transform of the scene. Our environment maps are upright, and our images are not
+    /// mirrored.
     fn world(&mut self, environment: Option<&EnvironmentEmitter>, is_mirrored: bool) -> DAffine3 {
         let turn = environment.map_or(DMat3::IDENTITY, EnvironmentEmitter::upright);
         let mirror = if is_mirrored { MIRROR } else { DMat3::IDENTITY };

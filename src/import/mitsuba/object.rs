@@ -63,7 +63,8 @@ impl<'a> Object<'a> {
     pub fn get(&self, name: &str) -> Result<Option<Self>> {
         let named =
             |index: &&usize| self.document.elements[**index].attribute("name") == Some(name);
-        // Repeated names are an error in Mitsuba. Here the first one is used, and the others are reported as ignored.
+        // Repeated names are an error in Mitsuba. Here the first one is used, and the others are
+        // reported as ignored.
         self.element().children.iter().find(named).map(|index| self.resolved(*index)).transpose()
     }
 

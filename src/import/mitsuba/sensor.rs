@@ -123,8 +123,8 @@ impl FilmCrop {
         }
     }
 
-    /// Offset of the center of the part from that of the film, in sizes of the part. `moved` shifts the film, in sizes of
-    /// the film.
+    /// Offset of the center of the part from that of the film, in sizes of the part. `moved` shifts
+    /// the film, in sizes of the film.
     fn shift(&self, axis: usize, moved: f64) -> f32 {
         let [size, offset, part] = [self.size, self.offset, self.part].map(|n| f64::from(n[axis]));
         ((offset + 0.5 * part - 0.5 * size + moved * size) / part) as f32

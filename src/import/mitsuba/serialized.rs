@@ -90,7 +90,8 @@ fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
     Ok(SerializedShape { mesh, is_flat: flags & FLAT != 0 })
 }
 
-/// Offset of the shape of this index, bytes. The file ends with a table of offsets and the number of shapes.
+/// Offset of the shape of this index, bytes. The file ends with a table of offsets and the number
+/// of shapes.
 fn offset(bytes: &[u8], index: usize) -> Parsed<usize> {
     if index == 0 {
         return Ok(0);

@@ -117,7 +117,8 @@ impl SceneReader<'_> {
             let material = self.material(object, &surface, &mesh);
             parts.push(MaterialMesh { mesh, material });
         }
-        // As in Mitsuba, the order of corners decides the front of a mirrored mesh, unless normals do.
+        // As in Mitsuba, the order of corners decides the front of a mirrored mesh, unless normals
+        // do.
         let by_corners = match formula {
             Some(shape) => shape == Analytic::Sphere,
             None => !meshes.has_normals,
@@ -276,8 +277,8 @@ fn read(object: &Object, key: &MeshKey) -> Result<(Vec<Mesh>, bool)> {
     Ok((meshes, has_normals))
 }
 
-/// Sets each vertex's normal to the mean of those of its triangles, weighted by their angles at the vertex as in
-/// Mitsuba (Thürmer and Wüthrich 1998).
+/// Sets each vertex's normal to the mean of those of its triangles, weighted by their angles at the
+/// vertex as in Mitsuba (Thürmer and Wüthrich 1998).
 fn smooth_normals(mesh: &mut Mesh) {
     let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
     for corners in &mesh.triangles {

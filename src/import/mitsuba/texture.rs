@@ -45,7 +45,8 @@ impl Paint {
     }
 }
 
-/// Encodes linear colors as a picture, and returns its factor as well: the largest value of each channel is exact.
+/// Encodes linear colors as a picture, and returns its factor as well: the largest value of each
+/// channel is exact.
 fn picture([width, height]: [u32; 2], colors: &[Rgb]) -> (Rgb, Texture) {
     let largest = colors.iter().copied().fold(Rgb::ZERO, Rgb::max);
     let scale = Rgb::select(largest.cmpgt(Rgb::ZERO), largest, Rgb::ONE);

@@ -10,7 +10,8 @@ use glam::Vec3;
 use serde::Deserialize;
 use std::f32::consts::PI;
 
-/// Lumens per watt of light of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF files.
+/// Lumens per watt of light of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF
+/// files.
 pub const LUMENS_PER_WATT: f32 = 683.0;
 
 /// Narrowest falloff of a spot in cosines. Rounding must not reduce it to 0.

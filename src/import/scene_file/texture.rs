@@ -9,7 +9,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// `"FILE"`, or `{ file = "FILE", wrap = ..., filter = ... }`: the derived function reads the table.
+/// `"FILE"`, or `{ file = "FILE", wrap = ..., filter = ... }`: the derived function reads the
+/// table.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, remote = "Self")]
 pub(in crate::import) struct TextureTable {
