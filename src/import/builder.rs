@@ -17,6 +17,7 @@ use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placemen
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
@@ -221,7 +222,7 @@ impl Builder {
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = SceneSummary::new(&scene);
-        Ok(Loaded { scene, defaults, warnings, summary, assembly })
+        Ok(Loaded { scene: Arc::new(scene), defaults, warnings, summary, assembly })
     }
 }
 
