@@ -71,6 +71,12 @@ impl GroupedWarnings {
         self.add(WarningKind::Skipped, phrase.into(), name);
     }
 
+    /// Each phrase whose condition is met describes something that the image lacks of `name`.
+    pub fn skipped_if<const N: usize>(&mut self, phrases: [(bool, &str); N], name: &str) {
+        let met = phrases.into_iter().filter(|(condition, _)| *condition);
+        met.for_each(|(_, phrase)| self.skipped(phrase, name));
+    }
+
     /// Something was chosen for the element `name`.
     pub fn chosen(&mut self, phrase: impl Into<String>, name: &str) {
         self.add(WarningKind::Chosen, phrase.into(), name);

@@ -298,7 +298,7 @@ fn contradictory_materials_are_refused() {
     with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` has no `eta`"]);
     with("type = \"glossy\"\nmetallic = 2").refused(&["s.toml:15: the metallic share is out"]);
     with("metallic_roughness_texture = \"a.png\"").refused(&["s.toml:14: a material of type"]);
-    with("normal_scale = 2").refused(&["s.toml:14: `normal_scale` comes without"]);
+    with("normal_scale = 2").refused(&["s.toml:14: `normal_scale` has no `normal_texture`"]);
     for key in ["normal_texture", "emission_texture", "opacity_texture"] {
         with(&format!("{key} = \"a.png\"")).refused(&["s.toml:14: there is no texture `a.png`"]);
     }
@@ -315,7 +315,7 @@ fn contradictory_materials_are_refused() {
         .refused(&["s.toml:14: unknown key `flip`", "use one of `file`, `wrap`, `filter`"]);
     with("normal_texture = 3")
         .refused(&["s.toml:14: wrong type", "the name of a file, or a table"]);
-    with("type = \"glossy\"\nalpha = 0.3\nroughness = 0.5").refused(&["`alpha` comes besides"]);
+    with("type = \"glossy\"\nalpha = 0.3\nroughness = 0.5").refused(&["`alpha` and `roughness`"]);
     with("texture_filter = 3").refused(&["s.toml:14: ", "help: "]);
     with("type = \"coated\"\nroughness = 0.1").refused(&["s.toml:15: a material of type `coated`"]);
     for (line, part) in [

@@ -404,7 +404,7 @@ fn info_command_reports_cameras_lights_and_warnings() {
     assert_eq!(report["notes"][0]["kind"], "skipped");
     let shown = String::from_utf8(run(&["info"]).stdout).unwrap();
     assert!(shown.contains("camera name       Near, of Near, Far\n"), "{shown}");
-    let refused = run(&["info", "strict checking"]);
+    let refused = run(&["info", "--strict"]);
     let shown = String::from_utf8(refused.stderr).unwrap();
     assert!(!refused.status.success() && shown.contains("ignored the extensions `KHR_audio`"));
     let output = files.0.path().join("a.exr");

@@ -30,12 +30,12 @@ fn with(pointer: &str, value: Value, parts: &[&str]) {
 #[test]
 fn text_that_is_not_gltf_is_refused() {
     for (text, parts) in [
-        ("", &["a.gltf:1: not valid glTF: EOF"][..]),
-        ("hello", &["a.gltf:1: not valid glTF: expected value"]),
+        ("", &["a.gltf:1: this is not valid glTF: EOF"][..]),
+        ("hello", &["a.gltf:1: this is not valid glTF: expected value"]),
         ("{}", &["asset.version is missing"]),
         (
             "{\"asset\":\n{\"version\":2}}",
-            &["a.gltf:2: not valid glTF: invalid type", "2 | {\"ver"],
+            &["a.gltf:2: this is not valid glTF: invalid type", "2 | {\"ver"],
         ),
         ("{\"asset\":{\"version\":\"1.0\"}}", &["asset.version: the file is glTF 1.0", "glTF 2.0"]),
         (
@@ -52,7 +52,7 @@ fn text_that_is_not_gltf_is_refused() {
         files(&[("a.gltf", text.as_bytes())]).refused(parts);
     }
     let deep = format!("{{\"asset\":{}1{}}}", "[".repeat(100_000), "]".repeat(100_000));
-    files(&[("a.gltf", deep.as_bytes())]).refused(&["a.gltf:1: not valid glTF"]);
+    files(&[("a.gltf", deep.as_bytes())]).refused(&["a.gltf:1: this is not valid glTF"]);
     let many = format!("{{\"nodes\":[{}]}}", "{},".repeat(2_000_001));
     files(&[("a.gltf", many.as_bytes())]).refused(&["more than 2000000 JSON objects"]);
 }
@@ -73,7 +73,7 @@ fn truncated_glb_files_are_refused() {
     changed(8, &[0xff; 4]).refused(&["cut off"]);
     changed(12, &[0xff; 4]).refused(&["cut off"]);
     changed(16, b"JSOM").refused(&["does not begin with JSON"]);
-    changed(20, b"x").refused(&["a.glb:1: not valid glTF"]);
+    changed(20, b"x").refused(&["a.glb:1: this is not valid glTF"]);
     let end = 20 + u32::from_le_bytes(good[12..16].try_into().unwrap()) as usize;
     changed(end + 4, b"BIM\0").refused(&["buffers[0]: it has no uri"]);
     changed(end, &[0xff; 4]).refused(&["cut off"]);

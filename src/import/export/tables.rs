@@ -39,12 +39,9 @@ pub(super) fn camera(camera: &Camera) -> String {
             ("sensor", sensor)
         }
     };
-    let [right, up_by] = camera.shift();
-    let shifted = camera.shift() != [0.0; 2];
-    let shift = if shifted {
-        format!("shift = [{}, {}]\n", number(right), number(up_by))
-    } else {
-        String::new()
+    let shift = match camera.shift() {
+        [0.0, 0.0] => String::new(),
+        [right, up] => format!("shift = [{}, {}]\n", number(right), number(up)),
     };
     format!(
         "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",

@@ -31,7 +31,7 @@ pub(super) fn material(
         }
     };
     let emits = emission.max_element() > 0.0;
-    for (left_out, what) in [
+    let phrases = [
         (factors.unlit, "shaded the unlit material"),
         (
             factors.has_other_uvs,
@@ -42,11 +42,8 @@ pub(super) fn material(
             emits && (opacity_texture.is_some() || opacity.is_some()),
             "ignored the opacity of the emissive material",
         ),
-    ] {
-        if left_out {
-            warnings.skipped(what, name);
-        }
-    }
+    ];
+    warnings.skipped_if(phrases, name);
     let data = factors.metallic_roughness_texture.clone();
     Some(Material {
         emission: *emission,
@@ -76,17 +73,14 @@ fn bsdf(factors: &MaterialFactors, warnings: &mut GroupedWarnings) -> Bsdf {
     let is_glass = !is_metal && transmission >= 0.5;
     let is_coated =
         !is_metal && !is_glass && clearcoat >= 0.5 && factors.clearcoat_roughness < COAT_ROUGHNESS;
-    for (left_out, what) in [
+    let phrases = [
         ((is_glass || is_coated) && metal_mean > 0.0, "ignored the metal in"),
         (!is_metal && transmission > 0.0 && transmission < 1.0, "rounded the transmission of"),
         (clearcoat > 0.0 && !is_coated, "ignored the clear coat of"),
         (factors.clearcoat_texture && clearcoat > 0.0, "ignored coat textures of"),
         (is_glass && data.is_some(), "used the mean roughness of"),
-    ] {
-        if left_out {
-            warnings.skipped(what, name);
-        }
-    }
+    ];
+    warnings.skipped_if(phrases, name);
     if is_glass {
         return glass(factors, roughness_mean * roughness_mean, warnings);
     }

@@ -11,7 +11,8 @@ use crate::base::error::Result;
 use crate::import::instancing::MaterialMesh;
 use crate::import::warnings::GroupedWarnings;
 use crate::scene::Material;
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::hash_map::{Entry, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Reads meshes and their materials.
@@ -57,7 +58,7 @@ pub(super) fn triangle_counts(
     let (mut placed, mut replaced): (u64, u64) = (0, 0);
     for node in nodes {
         let Some(index) = node.json.mesh else { continue };
-        if !counts.contains_key(&index) {
+        if let Entry::Vacant(entry) = counts.entry(index) {
             let element = format!("nodes[{}].mesh", node.index);
             let mesh = get(&document.meshes, "meshes", index, element)?;
             let mut count: u64 = 0;
@@ -71,7 +72,7 @@ pub(super) fn triangle_counts(
                 let problem = "sparse accessors replace more elements than can be read";
                 return Err(malformed(format!("meshes[{index}]"), problem));
             }
-            counts.insert(index, count);
+            entry.insert(count);
         }
         let placements = instances::count(document, node)?;
         placed = placed.saturating_add(counts[&index].saturating_mul(placements));
