@@ -187,11 +187,6 @@ impl Renderer {
         (&self.scene, &self.accel)
     }
 
-    /// Areas of the surfaces, if the kernel asks for them.
-    pub(crate) fn areas(&self) -> Option<&Areas> {
-        self.areas.as_deref()
-    }
-
     /// Keeps this beside the image from now on.
     ///
     /// # Errors
