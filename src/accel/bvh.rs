@@ -83,12 +83,12 @@ impl Bvh {
     /// As [`build`](Self::build).
     pub fn new(geometry: &Geometry<'_>) -> Result<Self, BvhError> {
         let start = Instant::now();
-        let count = geometry.placed_triangles();
+        let count = geometry.instanced_triangles();
         if count >= u32::MAX as usize / 2 {
             return Err(BvhError::TooManyTriangles { count }); // nodes are numbered too
         }
         let mut triangles = Vec::with_capacity(count);
-        for (mesh, place) in (0..).zip(&geometry.places) {
+        for (mesh, place) in (0..).zip(&geometry.instances) {
             let positions = &*geometry.positions(place);
             let data = TriangleMesh { positions, ..geometry.mesh(place) };
             data.validate().map_err(|problem| BvhError::Mesh { mesh, problem })?;

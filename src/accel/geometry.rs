@@ -1,55 +1,55 @@
-//! What a backend intersects: meshes at their places.
+//! What a backend intersects: meshes at their instances.
 
 use super::{MeshError, TriangleMesh};
 use glam::{Affine3A, DAffine3, Vec3};
 use std::borrow::Cow;
 
-/// Meshes, and where each is seen. [`Hit::mesh`](super::Hit::mesh) is an index into the places.
+/// Meshes, and where each is seen. [`Hit::mesh`](super::Hit::mesh) is an index into the instances.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry<'a> {
     /// Held once each.
     pub meshes: Vec<TriangleMesh<'a>>,
     /// In the order of their indices.
-    pub places: Vec<Place>,
+    pub instances: Vec<Instance>,
 }
 
 /// Where a mesh is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Instance {
     /// Index of the mesh.
     pub mesh: u32,
     /// From the mesh's space to the scene's; none for a mesh in the scene's, which should have no
-    /// other place.
+    /// other instance.
     pub to_scene: Option<DAffine3>,
 }
 
 impl<'a> Geometry<'a> {
     /// Each mesh where it is, in the order of the slice.
     pub fn of_meshes(meshes: &[TriangleMesh<'a>]) -> Self {
-        let places = (0..).zip(meshes).map(|(mesh, _)| Place { mesh, to_scene: None });
-        Self { meshes: meshes.to_vec(), places: places.collect() }
+        let instances = (0..).zip(meshes).map(|(mesh, _)| Instance { mesh, to_scene: None });
+        Self { meshes: meshes.to_vec(), instances: instances.collect() }
     }
 
-    /// Number of triangles, counted at each place.
-    pub fn placed_triangles(&self) -> usize {
-        self.places.iter().map(|place| self.mesh(place).triangles.len()).sum()
+    /// Number of triangles, counted at each instance.
+    pub fn instanced_triangles(&self) -> usize {
+        self.instances.iter().map(|instance| self.mesh(instance).triangles.len()).sum()
     }
 
-    /// The mesh of a place, in its own space.
+    /// The mesh of a instance, in its own space.
     ///
     /// # Panics
     /// If there is no such mesh.
-    pub fn mesh(&self, place: &Place) -> TriangleMesh<'a> {
-        self.meshes[place.mesh as usize]
+    pub fn mesh(&self, instance: &Instance) -> TriangleMesh<'a> {
+        self.meshes[instance.mesh as usize]
     }
 
-    /// The vertices of a place's mesh in the scene.
+    /// The vertices of a instance's mesh in the scene.
     ///
     /// # Panics
     /// If there is no such mesh.
-    pub fn positions(&self, place: &Place) -> Cow<'a, [Vec3]> {
-        let positions = self.mesh(place).positions;
-        let Some(to_scene) = place.to_scene else { return Cow::Borrowed(positions) };
+    pub fn positions(&self, instance: &Instance) -> Cow<'a, [Vec3]> {
+        let positions = self.mesh(instance).positions;
+        let Some(to_scene) = instance.to_scene else { return Cow::Borrowed(positions) };
         let placed = positions.iter().map(|p| to_scene.transform_point3(p.as_dvec3()).as_vec3());
         Cow::Owned(placed.collect())
     }

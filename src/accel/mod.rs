@@ -12,7 +12,7 @@ pub mod embree;
 mod geometry;
 pub(crate) mod packet;
 
-pub use geometry::{Geometry, Place, instance_transform};
+pub use geometry::{Geometry, Instance, instance_transform};
 pub use packet::{HitPacket, RayPacket};
 
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.

@@ -9,25 +9,25 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FileId {
     /// What is there.
-    There(Key),
+    Existing(FileKey),
     /// A name in a folder.
-    Missing(Key, OsString),
+    Missing(FileKey, OsString),
 }
 
 /// Device and number of a file.
 #[cfg(unix)]
-pub type Key = (u64, u64);
+pub type FileKey = (u64, u64);
 
 /// The one path of a file without links.
 #[cfg(not(unix))]
-pub type Key = PathBuf;
+pub type FileKey = PathBuf;
 
 impl FileId {
     /// Of what writing to `path` would replace; `None` if its folder cannot be found.
     pub fn of(path: &Path) -> Option<Self> {
         let path = destination(path);
         if let Ok(metadata) = path.metadata() {
-            return Some(Self::There(key(&path, &metadata)?));
+            return Some(Self::Existing(key(&path, &metadata)?));
         }
         let folder = folder(&path);
         let metadata = folder.metadata().ok()?;
@@ -36,13 +36,13 @@ impl FileId {
 }
 
 #[cfg(unix)]
-fn key(_: &Path, metadata: &Metadata) -> Option<Key> {
+fn key(_: &Path, metadata: &Metadata) -> Option<FileKey> {
     use std::os::unix::fs::MetadataExt;
     Some((metadata.dev(), metadata.ino()))
 }
 
 #[cfg(not(unix))]
-fn key(path: &Path, _: &Metadata) -> Option<Key> {
+fn key(path: &Path, _: &Metadata) -> Option<FileKey> {
     path.canonicalize().ok()
 }
 
@@ -86,7 +86,7 @@ mod tests {
         symlink("soft", at("softer")).unwrap();
         symlink("a", at("b")).unwrap();
         let file = FileId::of(&at("a/file"));
-        assert!(matches!(file, Some(FileId::There(_))));
+        assert!(matches!(file, Some(FileId::Existing(_))));
         for same in ["a/./file", "a/../a/file", "hard", "soft", "softer", "b/file"] {
             assert_eq!(FileId::of(&at(same)), file, "{same}");
         }

@@ -38,15 +38,15 @@ pub(super) fn lit(
         return scene;
     };
     let look = |scene: &Scene| LitCheck::new(scene, &*accel, resolution);
-    let is_placed = scene.lights().emitters().iter().any(Emitter::is_delta);
-    let enough = if is_placed { ENOUGH_OF_PLACED } else { ENOUGH };
+    let has_location = scene.lights().emitters().iter().any(Emitter::is_delta);
+    let enough = if has_location { ENOUGH_OF_PLACED } else { ENOUGH };
     let glance = has_own.then(|| look(&scene));
     let own = glance.as_ref().map_or(0.0, LitCheck::lit);
     if own >= enough {
         return scene;
     }
     // Emission is meant to be seen in the light of viewers, of about 1; lights may be of any strength.
-    let white = glance.filter(|_| is_placed).and_then(|glance| glance.typical()).unwrap_or(1.0);
+    let white = glance.filter(|_| has_location).and_then(|glance| glance.typical()).unwrap_or(1.0);
     let problem = match has_own {
         true => format!("its lights leave {:.0}% of what is seen black", 100.0 * (1.0 - own)),
         false => "nothing emits light".to_owned(),

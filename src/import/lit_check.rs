@@ -7,7 +7,7 @@ use crate::accel::{Intersect, Ray};
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::image_io::auto_exposure;
-use crate::scene::bsdf::{Lobe, Transport, Wanted};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport};
 use crate::scene::{Scene, Surface, View};
 use rayon::prelude::*;
 
@@ -101,7 +101,8 @@ impl Eye<'_> {
             let hit = self.accel.closest_hit(&ray);
             if hit.is_miss() {
                 if unconnected {
-                    radiance += throughput * self.scene.lights().beyond(ray.direction);
+                    radiance +=
+                        throughput * self.scene.lights().environment_radiance(ray.direction);
                 }
                 break;
             }
@@ -115,7 +116,7 @@ impl Eye<'_> {
             }
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
-            let sample = surface.bsdf.sample(&at, Transport::Radiance, Wanted::All, rng);
+            let sample = surface.bsdf.sample(&at, Transport::Radiance, LobeSet::All, rng);
             let Some(sample) = sample.filter(|sample| surface.agrees(&at, sample.wi)) else {
                 break;
             };

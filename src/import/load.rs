@@ -235,20 +235,23 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
     let regions = regions.collect();
     let asked = options.rest(&mut builder.notes)?.environment;
-    let environment = match (&file.environment, asked) {
-        (None, asked) => asked,
-        (Some(_), Some(asked)) => {
-            let note = "--environment takes the place of its own";
-            builder.notes.push(Warning::chosen(format!("{}: {note}", path.display())));
-            Some(asked)
-        }
-        (Some(table), None) => {
-            let (own, start) = (table.get_ref(), table.span().start);
-            // What is wrong with the map is about its own file.
-            let read = own.environment(folder, &mut builder.notes);
-            Some(read.map_err(|error| if error.is_placed() { error } else { place(error, start) })?)
-        }
-    };
+    let environment =
+        match (&file.environment, asked) {
+            (None, asked) => asked,
+            (Some(_), Some(asked)) => {
+                let note = "--environment takes the place of its own";
+                builder.notes.push(Warning::chosen(format!("{}: {note}", path.display())));
+                Some(asked)
+            }
+            (Some(table), None) => {
+                let (own, start) = (table.get_ref(), table.span().start);
+                // What is wrong with the map is about its own file.
+                let read = own.environment(folder, &mut builder.notes);
+                Some(read.map_err(|error| {
+                    if error.has_location() { error } else { place(error, start) }
+                })?)
+            }
+        };
     let rest = Rest { regions, environment, defaults: file.render.clone(), fallback: false };
     builder.finish(path, lights, camera, rest)
 }

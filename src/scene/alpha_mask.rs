@@ -20,13 +20,13 @@ const THRESHOLD: f32 = 0.5;
 
 /// How much of a surface is there.
 #[derive(Clone, Debug)]
-pub struct CutOut {
+pub struct AlphaMask {
     pub(super) texture: Option<Arc<Texture>>,
     /// What the opacity is multiplied with, if it is the share of the rays that meet the surface.
     pub(super) factor: Option<f32>,
 }
 
-impl CutOut {
+impl AlphaMask {
     /// Share of the rays that meet the surface at `uv`.
     pub(crate) fn opacity(&self, uv: Vec2) -> f32 {
         let own = self.texture.as_ref().map_or(1.0, |texture| texture.opacity(uv));
@@ -47,20 +47,20 @@ fn chance(ray: &Ray, hit: &Hit) -> f32 {
 }
 
 /// A backend in which some meshes have holes.
-pub struct CutOuts {
+pub struct AlphaMasks {
     inner: Box<dyn Intersect>,
     /// By the mesh index of hits.
-    holes: Vec<Option<Holes>>,
+    holes: Vec<Option<MeshMask>>,
 }
 
 /// The holes of a mesh at one of its places.
-struct Holes {
-    cut_out: CutOut,
+struct MeshMask {
+    alpha_mask: AlphaMask,
     /// Texture coordinates of each triangle's corners.
     uvs: Arc<[[Vec2; 3]]>,
 }
 
-impl CutOuts {
+impl AlphaMasks {
     /// Cuts the holes of the scene's materials out of `inner`, if there are any.
     pub fn wrap(inner: Box<dyn Intersect>, scene: &Scene) -> Box<dyn Intersect> {
         let uvs = |mesh: &Mesh| {
@@ -69,23 +69,23 @@ impl CutOuts {
         };
         let mut known: HashMap<u32, Arc<_>> = HashMap::new();
         let mut holes = |placement: &Placement| {
-            let cut_out = scene.materials[placement.material as usize].cut_out()?;
+            let alpha_mask = scene.materials[placement.material as usize].alpha_mask()?;
             let uvs = known.entry(placement.mesh).or_insert_with(|| uvs(scene.mesh(placement)));
-            Some(Holes { cut_out, uvs: uvs.clone() })
+            Some(MeshMask { alpha_mask, uvs: uvs.clone() })
         };
         let holes: Vec<_> = scene.placements.iter().map(&mut holes).collect();
         if holes.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, holes }) }
     }
 
     /// Whether there is nothing where a ray hit.
-    fn is_hole(&self, ray: &Ray, hit: &Hit) -> bool {
+    fn is_passed(&self, ray: &Ray, hit: &Hit) -> bool {
         if hit.is_miss() {
             return false;
         }
         self.holes[hit.mesh as usize].as_ref().is_some_and(|holes| {
             let [a, b, c] = holes.uvs[hit.triangle as usize];
             let uv = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-            match holes.cut_out.opacity(uv) {
+            match holes.alpha_mask.opacity(uv) {
                 // Certain without a hash.
                 opacity if opacity <= 0.0 => true,
                 opacity if opacity >= 1.0 => false,
@@ -97,14 +97,14 @@ impl CutOuts {
     /// The closest hit from `hit` on that is no hole.
     fn solid(&self, ray: &Ray, mut hit: Hit) -> Hit {
         let mut step = f32::EPSILON;
-        while self.is_hole(ray, &hit) {
+        while self.is_passed(ray, &hit) {
             (hit, step) = next_after(&*self.inner, ray, &hit, step);
         }
         hit
     }
 }
 
-impl Intersect for CutOuts {
+impl Intersect for AlphaMasks {
     fn intersect(
         &self,
         rays: &[RayPacket],
@@ -116,7 +116,7 @@ impl Intersect for CutOuts {
         for ((rays, hits), lanes) in rays.iter().zip(&mut *hits).zip(used(count, rays.len())) {
             for lane in lanes {
                 let (ray, hit) = (rays.get(lane), hits.get(lane));
-                if self.is_hole(&ray, &hit) {
+                if self.is_passed(&ray, &hit) {
                     hits.set(lane, &self.solid(&ray, hit));
                 }
             }

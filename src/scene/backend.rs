@@ -1,7 +1,7 @@
 //! The choice of an intersection backend at run time.
 
 use super::Scene;
-use super::alpha_mask::CutOuts;
+use super::alpha_mask::AlphaMasks;
 use crate::accel::Intersect;
 use crate::accel::bvh::Bvh;
 use crate::base::error::{Error, Result};
@@ -52,7 +52,7 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
     match backend {
         Backend::Bvh => {
             let bvh = Bvh::new(&geometry).map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Box::new(bvh), scene))
+            Ok(AlphaMasks::wrap(Box::new(bvh), scene))
         }
         #[cfg(feature = "embree")]
         Backend::Embree => {
@@ -60,7 +60,7 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
             let committed = Device::new()
                 .and_then(|device| CommittedScene::new(&device, &geometry))
                 .map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Box::new(committed), scene))
+            Ok(AlphaMasks::wrap(Box::new(committed), scene))
         }
         #[cfg(not(feature = "embree"))]
         Backend::Embree => Err(Error::new(

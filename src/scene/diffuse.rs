@@ -8,14 +8,14 @@ use std::f32::consts::FRAC_1_PI;
 
 /// A side of a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Facet {
+pub struct TriangleSide {
     /// Index of its mesh at its place, as in hits.
     pub mesh: u32,
     /// Twice the index of the triangle in its mesh, plus one for the back.
     pub side: u32,
 }
 
-impl Facet {
+impl TriangleSide {
     /// A side of a triangle of such indices in a hit.
     #[inline(always)] // part of a vector loop
     pub fn new(mesh: u32, triangle: u32, front: bool) -> Self {
@@ -29,7 +29,7 @@ pub struct DiffusePoint {
     /// The point that was hit.
     pub position: Vec3,
     /// Where on the surface it is.
-    pub facet: Facet,
+    pub facet: TriangleSide,
     /// Unit normal of the triangle.
     pub normal: Vec3,
     /// The point, moved off the surface: where new rays start.
@@ -51,7 +51,7 @@ pub struct DiffuseVertices {
     pub front: Mask,
     /// The points that were hit.
     pub position: Vec3s,
-    /// Which facets they are on; see [`Facet`].
+    /// Which facets they are on; see [`TriangleSide`].
     pub mesh: [u32; LANES],
     /// Their sides.
     pub side: [u32; LANES],

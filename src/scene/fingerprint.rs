@@ -101,7 +101,7 @@ impl Hash {
             normal_map,
             emission,
             emission_texture,
-            hidden,
+            hidden_from_camera,
         } = material;
         for (name, texture) in [
             ("albedo", albedo_texture),
@@ -123,7 +123,7 @@ impl Hash {
             self.text("translucent");
             self.f32(*opacity);
         }
-        if *hidden {
+        if *hidden_from_camera {
             self.text("hidden");
         }
         self.bsdf(bsdf);

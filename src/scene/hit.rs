@@ -1,6 +1,6 @@
 //! From a hit to the surface there.
 
-use super::diffuse::{DiffuseVertices, Facet};
+use super::diffuse::{DiffuseVertices, TriangleSide};
 use super::normal_map::Tangent;
 use super::transform::Transform;
 use super::triangle::{interpolate, to_front};
@@ -8,7 +8,7 @@ use super::{Corners, Lambertian, Material, Placement, Scene, Surface, Triangle};
 use crate::accel::{Hit, HitPacket, Ray};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
-use crate::simd::dispatch::{Simd, side_by_side};
+use crate::simd::dispatch::{Simd, transpose_rows};
 use crate::simd::{LANES, Mask, Vec3s, any, bits};
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
@@ -25,7 +25,7 @@ pub struct NotLambertian {
 
 /// Room for what is read of surfaces that are hit.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
+pub struct HitScratch {
     triangle: Triangles,
     material: Lambertians,
 }
@@ -62,7 +62,7 @@ impl Scene {
         directions: &Vec3s,
         hits: &HitPacket,
         count: usize,
-        seen: &mut Seen,
+        seen: &mut HitScratch,
         at: &mut DiffuseVertices,
     ) -> NotLambertian {
         at.clear();
@@ -81,9 +81,9 @@ impl Scene {
             triangles[lane] = &self.triangles[index as usize];
             materials[lane] = &self.lambertian[triangles[lane].material as usize];
         }
-        let Seen { triangle, material } = seen;
-        side_by_side(simd, &triangles, triangle);
-        side_by_side(simd, &materials, material);
+        let HitScratch { triangle, material } = seen;
+        transpose_rows(simd, &triangles, triangle);
+        transpose_rows(simd, &materials, material);
         at.mesh = hits.mesh;
         let mut emits = Mask::default();
         for lane in 0..LANES {
@@ -98,7 +98,7 @@ impl Scene {
             let [edge1, edge2] = [&triangle.edge1, &triangle.edge2].map(|edge| edge.get(lane));
             let position = triangle.origin.get(lane) + hits.u[lane] * edge1 + hits.v[lane] * edge2;
             at.front[lane] = front;
-            at.side[lane] = Facet::new(0, hits.triangle[lane], front).side;
+            at.side[lane] = TriangleSide::new(0, hits.triangle[lane], front).side;
             at.position.set(lane, position);
             at.normal.set(lane, normal);
             at.off_surface.set(lane, position + normal * triangle.offset[lane]);
@@ -227,7 +227,7 @@ impl<'a> Surface<'a> {
     ) -> Self {
         let Incidence { front, position, normal, off_surface } = Incidence::new(ray, triangle, at);
         let wo = -ray.direction;
-        let facet = Facet::new(hit.mesh, hit.triangle, front);
+        let facet = TriangleSide::new(hit.mesh, hit.triangle, front);
         let (interpolated, uv) = (None, None);
         Surface {
             position,
@@ -282,7 +282,7 @@ mod tests {
             let materials = vec![material.clone()];
             let scene =
                 Scene::new("none".into(), arrangement, materials, vec![], camera, vec![]).unwrap();
-            let (mut seen, mut at) = <(Seen, DiffuseVertices)>::default();
+            let (mut seen, mut at) = <(HitScratch, DiffuseVertices)>::default();
             let (directions, hits) = (Vec3s::splat(-Vec3::Z), HitPacket::default());
             let simd = Simd::default();
             let rest = scene.lambertian(simd, &directions, &hits, 5, &mut seen, &mut at);

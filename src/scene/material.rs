@@ -1,6 +1,6 @@
 //! The look of a surface: how it scatters, and what it emits.
 
-use super::alpha_mask::CutOut;
+use super::alpha_mask::AlphaMask;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
@@ -31,7 +31,7 @@ pub struct Material {
     pub emission_texture: Option<Arc<Texture>>,
     /// Whether rays of the camera pass it until they meet something else: a lamp that is not to be in the image, but
     /// is seen in mirrors and through glass.
-    pub hidden: bool,
+    pub hidden_from_camera: bool,
 }
 
 impl Material {
@@ -47,7 +47,7 @@ impl Material {
             normal_map: None,
             emission: Rgb::ZERO,
             emission_texture: None,
-            hidden: false,
+            hidden_from_camera: false,
         }
     }
 
@@ -87,16 +87,16 @@ impl Material {
     }
 
     /// Where rays pass; lights let none, because they emit from all of a triangle.
-    pub fn cut_out(&self) -> Option<CutOut> {
+    pub fn alpha_mask(&self) -> Option<AlphaMask> {
         let Self { opacity_texture, opacity, emission, .. } = self;
         let passes = opacity_texture.is_some() || opacity.is_some_and(|opacity| opacity < 1.0);
-        let cut_out = || CutOut { texture: opacity_texture.clone(), factor: *opacity };
-        (passes && *emission == Rgb::ZERO).then(cut_out)
+        let alpha_mask = || AlphaMask { texture: opacity_texture.clone(), factor: *opacity };
+        (passes && *emission == Rgb::ZERO).then(alpha_mask)
     }
 
     /// Whether it is there for a share of the rays only, at least in places.
     pub fn is_translucent(&self) -> bool {
-        self.opacity.is_some() && self.cut_out().is_some()
+        self.opacity.is_some() && self.alpha_mask().is_some()
     }
 
     /// How it scatters at `uv` of a mesh of this color there, if that varies.

@@ -22,9 +22,9 @@ pub(crate) mod transform;
 mod triangle;
 mod validate;
 
-pub use alpha_mask::CutOut;
+pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, FieldOfView, Optics, View};
-pub use hit::Seen;
+pub use hit::HitScratch;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
 pub use lights::packets::{Emissions, LightSamples};
@@ -44,7 +44,7 @@ pub(crate) use triangle::triangle_area;
 
 use crate::base::error::Result;
 use crate::base::math::Bounds;
-use diffuse::Facet;
+use diffuse::TriangleSide;
 use glam::Vec3;
 use lambertian::Lambertian;
 use triangle::Corners;
@@ -73,7 +73,7 @@ pub struct Scene {
     /// Of each material.
     lambertian: Vec<Lambertian>,
     /// Sides that emit, in order, and the index of their emitter.
-    emitting: Vec<(Facet, u32)>,
+    emitting: Vec<(TriangleSide, u32)>,
 }
 
 impl Scene {
@@ -215,7 +215,7 @@ impl Scene {
     /// point `position` of a facet, 1/sr; 0 if it emits nothing.
     pub fn connection_pdf_w(
         &self,
-        (facet, position): (Facet, Vec3),
+        (facet, position): (TriangleSide, Vec3),
         from: Vec3,
         normal: Option<Vec3>,
     ) -> f32 {

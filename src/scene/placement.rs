@@ -1,7 +1,7 @@
 //! Where meshes are: those that are seen at several places are held once.
 
-use super::diffuse::Facet;
-use super::lights::textured_emitter::Glow;
+use super::diffuse::TriangleSide;
+use super::lights::textured_emitter::TextureEmission;
 use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
 use crate::accel;
@@ -68,13 +68,13 @@ impl Mesh {
 impl Scene {
     /// The meshes at their places as an intersection backend takes them.
     pub fn geometry(&self) -> Geometry<'_> {
-        let place = |placement: &Placement| accel::Place {
+        let place = |placement: &Placement| accel::Instance {
             mesh: placement.mesh,
             to_scene: placement.transform.map(|transform| transform.map()),
         };
         Geometry {
             meshes: self.meshes.iter().map(Mesh::as_triangles).collect(),
-            places: self.placements.iter().map(place).collect(),
+            instances: self.placements.iter().map(place).collect(),
         }
     }
 
@@ -155,7 +155,7 @@ impl Placement {
         mesh: &Mesh,
         stored: &[Triangle],
         materials: &[Material],
-        (number, facets): (u32, &mut Vec<Facet>),
+        (number, facets): (u32, &mut Vec<TriangleSide>),
         emitters: &mut Vec<Emitter>,
     ) {
         let material = &materials[self.material as usize];
@@ -164,7 +164,8 @@ impl Placement {
             return;
         }
         let picture = material.emission_texture.as_ref();
-        let glow = picture.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
+        let glow =
+            picture.map(|picture| TextureEmission::new(picture, radiance, mesh.triangles.len()));
         let all = (0..).zip(mesh.triangles.iter().zip(stored));
         emitters.extend(all.filter_map(|(index, (indices, stored))| {
             let shape = self.triangle(stored);
@@ -172,7 +173,7 @@ impl Placement {
             if shape.area() <= 0.0 {
                 return None;
             }
-            facets.push(Facet::new(number, index, true));
+            facets.push(TriangleSide::new(number, index, true));
             Some(match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {

@@ -3,7 +3,7 @@
 use super::Surface;
 use crate::base::math::uniform_disc;
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, LobeSet, Transport, Vertex};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -43,7 +43,7 @@ impl Surface<'_> {
             return Some(self.scatter_below(normal, rng));
         }
         let at = self.vertex(Transport::Flux);
-        let sample = self.bsdf.sample(&at, Transport::Flux, Wanted::All, rng)?;
+        let sample = self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)?;
         let scale = self.adjoint_correction(normal, &at, sample.wi) / (1.0 - hidden);
         let agrees = self.agrees(&at, sample.wi);
         agrees.then_some(BsdfSample { weight: sample.weight * scale, ..sample })

@@ -1,10 +1,10 @@
 //! The place where a ray hit.
 
 use super::Material;
-use super::diffuse::{DiffusePoint, Facet};
+use super::diffuse::{DiffusePoint, TriangleSide};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{Bsdf, BsdfSample, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Bsdf, BsdfSample, LobeSet, Transport, Vertex};
 use glam::{Vec2, Vec3};
 
 /// Where a ray hit, on the side that it came from.
@@ -13,7 +13,7 @@ pub struct Surface<'a> {
     /// The point that was hit.
     pub position: Vec3,
     /// The side of the triangle that the ray hit.
-    pub facet: Facet,
+    pub facet: TriangleSide,
     /// Unit normal of the triangle on the ray's side.
     pub normal: Vec3,
     /// Unit normal interpolated between those of the vertices and bent by a map, on the ray's side,
@@ -47,7 +47,7 @@ impl Surface<'_> {
         }
         Self {
             wo: direction,
-            facet: Facet { side: self.facet.side ^ 1, ..self.facet },
+            facet: TriangleSide { side: self.facet.side ^ 1, ..self.facet },
             normal: -self.normal,
             interpolated: self.interpolated.map(|normal| -normal),
             off_surface: self.start(direction),
@@ -103,7 +103,7 @@ impl Surface<'_> {
         match self.interpolated {
             None => {
                 let at = self.vertex(Transport::Flux);
-                self.bsdf.sample(&at, Transport::Flux, Wanted::All, rng)
+                self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)
             }
             Some(normal) => self.scatter_flux_by(normal, rng),
         }

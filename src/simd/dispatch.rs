@@ -138,7 +138,12 @@ static PAIRS: [[u8; 8]; 16] = {
 
 /// One of the first words and one of the second for each bit that is set, and then anything.
 #[inline(always)]
-pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -> [[u32; 2]; 4] {
+pub(crate) fn interleave_selected(
+    simd: Simd,
+    bits: u32,
+    first: [u32; 4],
+    second: [u32; 4],
+) -> [[u32; 2]; 4] {
     let order = PAIRS[bits as usize % 16];
     #[cfg(target_arch = "x86_64")]
     if let Simd(Some(V3 { avx, avx2, .. })) = simd {
@@ -152,7 +157,7 @@ pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -
 
 /// The rows of a packet of eight columns of words, one by one.
 #[inline(always)]
-pub(crate) fn one_by_one(
+pub(crate) fn for_each_row(
     simd: Simd,
     columns: &[[u32; LANES]; 8],
     mut each: impl FnMut(usize, [[u32; 4]; 2]),
@@ -184,7 +189,7 @@ pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
 
 /// Sixteen `rows` of words as one packet of columns.
 #[inline(always)]
-pub(crate) fn side_by_side<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
+pub(crate) fn transpose_rows<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
     const { assert!(size_of::<P>() == LANES * size_of::<T>() && size_of::<T>().is_multiple_of(16)) };
     let quads = bytemuck::cast_slice_mut(std::slice::from_mut(packet));
     for (quad, columns) in quads.as_chunks_mut::<4>().0.iter_mut().enumerate() {
@@ -256,7 +261,7 @@ mod tests {
         both(|simd| {
             for bits in 0..16 {
                 let set: Vec<_> = lanes_of(bits).map(|lane| [first[lane], second[lane]]).collect();
-                assert_eq!(paired(simd, bits, first, second)[..set.len()], set);
+                assert_eq!(interleave_selected(simd, bits, first, second)[..set.len()], set);
             }
         });
     }
@@ -266,12 +271,12 @@ mod tests {
         let rows: [[u32; 8]; LANES] = from_fn(|row| from_fn(|column| (8 * row + column) as u32));
         both(|simd| {
             let mut columns = [[0; LANES]; 8];
-            side_by_side(simd, &rows.each_ref(), &mut columns);
+            transpose_rows(simd, &rows.each_ref(), &mut columns);
             for (column, words) in columns.iter().enumerate() {
                 assert_eq!(*words, rows.map(|row| row[column]));
             }
             let mut seen = 0;
-            one_by_one(simd, &columns, |row, words| {
+            for_each_row(simd, &columns, |row, words| {
                 assert_eq!(words.as_flattened(), rows[row]);
                 seen += 1;
             });

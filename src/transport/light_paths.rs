@@ -11,7 +11,7 @@ use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::lights::guide::Guide;
-use crate::scene::{Lights, Scene, Seen, Surface};
+use crate::scene::{HitScratch, Lights, Scene, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, any, lanes_of};
@@ -255,7 +255,7 @@ impl Tracer {
     fn bounce(&mut self, simd: Simd, scene: &Scene, roulette: Roulette) {
         self.next.clear();
         let (in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
-        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
+        let (mut walks, mut seen, mut at) = <(Walks, HitScratch, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = in_flight.load(packet, &mut walks);
             let rest = scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);

@@ -10,7 +10,7 @@ use crate::accel::{Intersect, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::film::radiance::Film;
-use crate::scene::bsdf::{Lobe, Transport, Wanted};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport};
 use crate::scene::{Scene, Surface, View};
 use crate::settings::Settings;
 use rayon::prelude::*;
@@ -80,11 +80,12 @@ impl Tracer<'_> {
         for segment in 0.. {
             let mut hit = self.accel.closest_hit(&ray);
             if segment == 0 {
-                hit = self.scene.first_seen(self.accel, &ray, hit);
+                hit = self.scene.first_visible(self.accel, &ray, hit);
             }
             if hit.is_miss() {
                 if unconnected {
-                    radiance += throughput * self.scene.lights().beyond(ray.direction);
+                    radiance +=
+                        throughput * self.scene.lights().environment_radiance(ray.direction);
                 }
                 break;
             }
@@ -96,7 +97,7 @@ impl Tracer<'_> {
             radiance += throughput * self.connection(&surface, rng);
             let at = surface.vertex(Transport::Radiance);
             let bsdf = &surface.bsdf;
-            let Some(sample) = bsdf.sample(&at, Transport::Radiance, Wanted::All, rng) else {
+            let Some(sample) = bsdf.sample(&at, Transport::Radiance, LobeSet::All, rng) else {
                 break;
             };
             if !surface.agrees(&at, sample.wi) {

@@ -105,7 +105,7 @@ fn placed_lights_count_where_they_light_a_fifth_and_set_the_measure() {
     assert!(wide.scene.lights().environment().is_none(), "{}", wide.notes_text());
     // It lights 0.03 of an area of 4, with a radiance of 0.5/pi/683 in the middle.
     let narrow = spot(0.1);
-    let above = narrow.scene.lights().beyond(Vec3::Y).x;
+    let above = narrow.scene.lights().environment_radiance(Vec3::Y).x;
     let typical = 0.5 / std::f32::consts::PI / 683.0;
     assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.notes_text());
 }
@@ -120,7 +120,8 @@ fn a_metal_in_a_void_has_something_to_mirror() {
         (loaded.scene.clone(), loaded.notes_text())
     };
     assert!(notes.contains("nothing emits light; put soft gray light around it"), "{notes}");
-    let [below, above] = [-1.0, 1.0].map(|y| scene.lights().beyond(Vec3::new(0.0, y, 0.0)).x);
+    let [below, above] =
+        [-1.0, 1.0].map(|y| scene.lights().environment_radiance(Vec3::new(0.0, y, 0.0)).x);
     assert!(below < 0.01 && above > 1.19, "{below} {above}");
 }
 
@@ -137,7 +138,7 @@ fn environments_on_the_command_line_are_for_every_format() {
     for files in [&bare, &obj, &toml] {
         let own = load(&files.1).unwrap().scene;
         let loaded = load_with(&files.1, &given).unwrap();
-        assert_eq!(loaded.scene.lights().beyond(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
+        assert_eq!(loaded.scene.lights().environment_radiance(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
         assert_ne!(loaded.scene.fingerprint(), own.fingerprint());
         assert!(!loaded.notes_text().contains("nothing emits"));
     }
@@ -178,7 +179,7 @@ fn pixels_that_are_no_radiance_become_black() {
         let longitude = TAU * ((index % 4) as f32 + 0.5 - 2.0) / 4.0;
         let (sin, cos) = longitude.sin_cos();
         let y = if index < 4 { 1.0 } else { -1.0 };
-        let found = loaded.scene.lights().beyond(Vec3::new(sin, y, -cos).normalize());
+        let found = loaded.scene.lights().environment_radiance(Vec3::new(sin, y, -cos).normalize());
         assert_eq!(found, Vec3::splat(expected), "{index}");
     }
 }

@@ -5,7 +5,7 @@ use crate::common::*;
 use crate::strategies::{ALL, assert_same_guided};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
-use bdpm::scene::lights::guide::{Guide, GuideSample, Start};
+use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
     let scene = &boxes::named("window");
     let accel = accel(scene);
     let settings = &window_settings(Direct::PhotonMap);
-    let start = |place| Start { place, density: 1.0 };
+    let start = |place| GuidedStart { place, density: 1.0 };
     let corner = |i: u32| {
         let share = f64::from(i % 100) / 100.0;
         start([0.5, 0.3 * share, 0.2 * (1.0 - share), 0.1 * share, 0.05])

@@ -3,7 +3,7 @@
 use super::EmbreeError;
 use super::geometry::GeometryHandle;
 use super::scene::{CommittedScene, GeomId, SceneBuilder};
-use crate::accel::{Geometry, MeshError, Place, TriangleMesh, instance_transform};
+use crate::accel::{Geometry, Instance, MeshError, TriangleMesh, instance_transform};
 use crate::base::math::Bounds;
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 use std::collections::HashMap;
@@ -43,8 +43,8 @@ impl SceneBuilder {
     pub fn add(&mut self, geometry: &Geometry<'_>) -> Result<(), EmbreeError> {
         let mut shared = HashMap::new();
         // Meshes that follow another in the list are parts of one thing; two places of one mesh are not.
-        let together = |a: &Place, b: &Place| a.to_scene == b.to_scene && a.mesh < b.mesh;
-        for places in geometry.places.chunk_by(together) {
+        let together = |a: &Instance, b: &Instance| a.to_scene == b.to_scene && a.mesh < b.mesh;
+        for places in geometry.instances.chunk_by(together) {
             let meshes: Vec<_> = places.iter().map(|place| geometry.mesh(place)).collect();
             let Some(to_scene) = places[0].to_scene else {
                 meshes.into_iter().try_for_each(|mesh| self.add_mesh(mesh).map(|_| ()))?;

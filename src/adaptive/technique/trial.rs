@@ -277,8 +277,7 @@ impl<'a> Site<'a> {
     /// them there by chance alone.
     pub fn mirrors_lamps_roughly(&self) -> bool {
         let (scene, lights) = (self.ground.scene, self.ground.scene.lights());
-        let are_hit =
-            lights.shine_from_beyond() || !lights.emitters().iter().all(Emitter::is_delta);
+        let are_hit = lights.has_environment() || !lights.emitters().iter().all(Emitter::is_delta);
         are_hit && scene.materials().iter().any(|material| material.bsdf.has_rough())
     }
 

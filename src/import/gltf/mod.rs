@@ -52,7 +52,7 @@ fn fault(place: impl Display, problem: impl Display) -> Error {
 /// # Errors
 /// Names the file, and the element that is malformed or not supported.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    read(path, options).map_err(|error| if error.is_placed() { error } else { error.at(path) })
+    read(path, options).map_err(|error| if error.has_location() { error } else { error.at(path) })
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
@@ -89,7 +89,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let name = mesh_name(&document, placed, index);
         let pose = Pose::new(&document, &buffers, placed, index, &all_maps)?;
         // A skin's joints say where its mesh is, whatever its node does.
-        let maps = match pose.is_placed() {
+        let maps = match pose.has_location() {
             true => vec![DAffine3::IDENTITY],
             false => instances::maps(&document, &buffers, placed)?,
         };

@@ -37,7 +37,7 @@ impl Pose {
     }
 
     /// Whether a skin says where the mesh is.
-    pub fn is_placed(&self) -> bool {
+    pub fn has_location(&self) -> bool {
         self.joints.is_some()
     }
 

@@ -56,7 +56,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         groups: HashMap::new(),
     };
     let load = || reader.load(&document, options);
-    load().map_err(|error| if error.is_placed() { error } else { error.at(path) })
+    load().map_err(|error| if error.has_location() { error } else { error.at(path) })
 }
 
 /// A scene as it is read.

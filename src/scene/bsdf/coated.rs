@@ -1,6 +1,6 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
-use super::{BsdfSample, Lobe, Wanted, fresnel, mirrored};
+use super::{BsdfSample, Lobe, LobeSet, fresnel, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -77,9 +77,9 @@ impl Coated {
         (1.0 - self.mirror_prob(wo)) * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> BsdfSample {
+    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> BsdfSample {
         let reflected = self.reflected(wo.z);
-        if wanted == Wanted::PassThrough {
+        if wanted == LobeSet::PassThrough {
             return mirrored(wo, Rgb::splat(reflected));
         }
         let prob = self.mirror_prob(wo);

@@ -2,7 +2,7 @@
 
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, Wanted, fresnel, mirrored};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, SMOOTH_ALPHA, fresnel, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -177,9 +177,9 @@ impl Glossy {
         (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> Option<BsdfSample> {
+    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
         let lobe = self.facets_lobe();
-        let prob = if wanted == Wanted::All { self.facets_prob(wo) } else { 1.0 };
+        let prob = if wanted == LobeSet::All { self.facets_prob(wo) } else { 1.0 };
         let facets = prob >= 1.0 || rng.next_1d() < prob;
         if facets && lobe == Lobe::Delta {
             let reflected = fresnel::schlick(wo.z, self.mixed_normal());

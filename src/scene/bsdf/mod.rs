@@ -87,7 +87,7 @@ pub struct BsdfSample {
 
 /// Which lobes to sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
+pub enum LobeSet {
     /// All.
     All,
     /// Those that pass through.
@@ -273,11 +273,11 @@ impl Bsdf {
         &self,
         at: &Vertex,
         transport: Transport,
-        wanted: Wanted,
+        wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
         if let Self::Lambertian { albedo, two_sided } = *self {
-            let sampled = wanted == Wanted::All && (at.front || two_sided);
+            let sampled = wanted == LobeSet::All && (at.front || two_sided);
             return sampled.then(|| {
                 let wi = cosine_hemisphere(at.normal, rng.next_2d());
                 BsdfSample { wi, weight: albedo, lobe: Lobe::Diffuse }
@@ -291,10 +291,10 @@ impl Bsdf {
         &self,
         at: &Vertex,
         transport: Transport,
-        wanted: Wanted,
+        wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
-        if wanted == Wanted::PassThrough && !self.passes_through() {
+        if wanted == LobeSet::PassThrough && !self.passes_through() {
             return None;
         }
         let frame = Frame::new(at.normal);

@@ -18,7 +18,7 @@ use crate::base::rng::Rng;
 use emitter::Emitter;
 use environment::Environment;
 use glam::Vec3;
-use sampler::ByEstimate;
+use sampler::EstimateSampler;
 
 /// The start of a light path.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +35,7 @@ pub struct Emission {
 
 /// Where among all ways to start a light path one does, in [0, 1) each: the light; the place on it, if it has a
 /// surface; the direction, if it has several.
-pub type Place = [f64; 5];
+pub type PrimarySample = [f64; 5];
 
 /// A number of [0, 1) in single precision, less than 1 as well.
 pub(in crate::scene) fn below_one(u: f64) -> f32 {
@@ -65,16 +65,16 @@ pub struct Lights {
     emitters: Vec<Emitter>,
     environment: Option<Environment>,
     /// Among the emitters and, after them, the environment.
-    by_power: ByPower,
+    by_power: PowerSampler,
     /// Among the same.
-    pub(super) by_estimate: ByEstimate,
+    pub(super) by_estimate: EstimateSampler,
     /// Among those emitters that no ray can hit.
-    delta_by_estimate: ByEstimate,
+    delta_by_estimate: EstimateSampler,
 }
 
 /// A choice in proportion to the luminance of the power.
 #[derive(Clone, Debug, Default)]
-struct ByPower {
+struct PowerSampler {
     /// Probability of choosing each emitter.
     prob: Vec<f32>,
     /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
@@ -88,7 +88,7 @@ fn chosen_by(emitter: &Emitter) -> f64 {
     f64::from(luminance(emitter.power()))
 }
 
-impl ByPower {
+impl PowerSampler {
     /// In proportion to `weights`.
     fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
         let total: f64 = weights.clone().sum();
@@ -115,9 +115,9 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(Emitter::has_power);
-        let by_power = ByPower::new(emitters.iter().map(chosen_by));
-        let by_estimate = ByEstimate::new(&emitters, |_| true);
-        let delta_by_estimate = ByEstimate::new(&emitters, Emitter::is_delta);
+        let by_power = PowerSampler::new(emitters.iter().map(chosen_by));
+        let by_estimate = EstimateSampler::new(&emitters, |_| true);
+        let delta_by_estimate = EstimateSampler::new(&emitters, Emitter::is_delta);
         Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
     }
 
@@ -125,7 +125,7 @@ impl Lights {
     pub(super) fn set_environment(&mut self, environment: Option<Environment>) {
         self.environment = environment.filter(|environment| !environment.is_black());
         let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
-        self.by_power = ByPower::new(self.emitters.iter().map(chosen_by).chain(own));
+        self.by_power = PowerSampler::new(self.emitters.iter().map(chosen_by).chain(own));
         self.by_estimate.set_environment(self.emitters.len(), self.environment.as_ref());
     }
 
@@ -141,13 +141,13 @@ impl Lights {
 
     /// Whether any light arrives from where there is nothing.
     #[inline]
-    pub fn shine_from_beyond(&self) -> bool {
+    pub fn has_environment(&self) -> bool {
         self.environment.is_some()
     }
 
     /// Radiance that arrives from a unit direction in which there is nothing, W/(m^2 sr).
     #[inline]
-    pub fn beyond(&self, direction: Vec3) -> Rgb {
+    pub fn environment_radiance(&self, direction: Vec3) -> Rgb {
         self.environment.as_ref().map_or(Rgb::ZERO, |map| map.radiance(direction))
     }
 
@@ -175,7 +175,7 @@ impl Lights {
     ///
     /// # Panics
     /// If there are no lights.
-    pub fn emit_at(&self, [choice, at @ ..]: Place) -> (usize, Emission) {
+    pub fn emit_at(&self, [choice, at @ ..]: PrimarySample) -> (usize, Emission) {
         let (index, prob) = self.choose_by_power(choice);
         (index, self.emit_chosen(index, prob, at))
     }
@@ -232,7 +232,7 @@ impl Lights {
             None => luminance(self.chosen_environment().integral()),
         };
         let cos = -direction.dot(normal);
-        (prob * self.start() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+        (prob * self.total_power() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
     }
 
     /// Density in solid angle of connections with a point `origin` of a triangle, the light with this index, from
@@ -250,16 +250,16 @@ impl Lights {
     }
 
     /// The same of connections with light from beyond, along `direction`.
-    pub fn beyond_pdf_w(&self, direction: Vec3, position: Vec3, normal: Option<Vec3>) -> f32 {
+    pub fn environment_pdf_w(&self, direction: Vec3, position: Vec3, normal: Option<Vec3>) -> f32 {
         let prob = self.by_estimate.prob(self.emitters.len(), position, normal);
-        let share =
-            luminance(self.beyond(direction)) / luminance(self.chosen_environment().integral());
+        let share = luminance(self.environment_radiance(direction))
+            / luminance(self.chosen_environment().integral());
         prob * share
     }
 
     /// Luminance of the flux of light paths from where they carry the mean of their light, W.
     #[inline]
-    pub fn start(&self) -> f32 {
+    pub fn total_power(&self) -> f32 {
         self.by_power.total as f32
     }
 
@@ -377,7 +377,8 @@ mod tests {
             [Vec3::new(2.0, 2.0, 4.0), Vec3::new(2.0, 4.0, 4.0), Vec3::new(4.0, 2.0, 4.0)];
         let shape = Triangle::new(corners, 0);
         let uvs = [glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
-        let picture = textured_emitter::Glow::new(&texture, Rgb::splat(3.0), 1).emitter(shape, uvs);
+        let picture = textured_emitter::TextureEmission::new(&texture, Rgb::splat(3.0), 1)
+            .emitter(shape, uvs);
         let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
         let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
         emitters.extend(points);
@@ -408,7 +409,7 @@ mod tests {
             if cos < 1e-2 || sample.relative < 1e-2 {
                 continue;
             }
-            let l = luminance(sample.irradiance) * cos / (lights.start() * sample.relative);
+            let l = luminance(sample.irradiance) * cos / (lights.total_power() * sample.relative);
             let way = [sample.target, -sample.wi];
             let inverse = lights.connection_over_emission(index, way, position, normal);
             let off = (l * inverse - 1.0).abs();
@@ -416,7 +417,7 @@ mod tests {
             found[index] += 1;
             // What rays can hit is found by them as well.
             let pdf_w = match lights.emitters.get(index) {
-                None => lights.beyond_pdf_w(sample.wi, position, Some(normal)),
+                None => lights.environment_pdf_w(sample.wi, position, Some(normal)),
                 Some(emitter) if emitter.is_delta() => {
                     assert_eq!(sample.inverse_pdf_w, 0.0);
                     continue;
@@ -435,7 +436,7 @@ mod tests {
             let flux =
                 luminance(lights.emit_chosen(index, prob, lights.numbers(index, &mut rng)).flux);
             let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
-            assert!(textured || (flux / lights.start() - 1.0).abs() < 2e-3, "{index} {flux}");
+            assert!(textured || (flux / lights.total_power() - 1.0).abs() < 2e-3, "{index} {flux}");
         }
     }
 

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 /// Light from afar: from nowhere in the scene, hence in no tree.
 #[derive(Clone, Copy, Debug)]
-struct Far {
+struct DistantLight {
     /// Index among the emitters; that after the last one is the environment.
     index: u32,
     /// Luminance of the irradiance of a surface that faces it, W/m^2; of an environment the mean
@@ -18,7 +18,7 @@ struct Far {
     toward: Option<Vec3>,
 }
 
-impl Far {
+impl DistantLight {
     /// The irradiance if nothing is in between, W/m^2.
     fn estimate(&self, normal: Option<Vec3>) -> f32 {
         let cos = match (self.toward, normal) {
@@ -31,19 +31,19 @@ impl Far {
 
 /// Some of a scene's lights.
 #[derive(Clone, Debug, Default)]
-pub(in crate::scene) struct ByEstimate {
+pub(in crate::scene) struct EstimateSampler {
     near: LightTree,
-    far: Vec<Far>,
+    far: Vec<DistantLight>,
 }
 
-impl ByEstimate {
+impl EstimateSampler {
     /// Among the `wanted` ones of `emitters`.
     pub(in crate::scene) fn new(emitters: &[Emitter], wanted: impl Fn(&Emitter) -> bool) -> Self {
         let own = || (0..).zip(emitters).filter(|(_, emitter)| wanted(emitter));
         let sun = |(index, emitter): (u32, &Emitter)| match emitter {
             Emitter::Directional(light) => {
                 let irradiance = luminance(light.irradiance);
-                Some(Far { index, irradiance, toward: Some(-light.direction) })
+                Some(DistantLight { index, irradiance, toward: Some(-light.direction) })
             }
             _ => None,
         };
@@ -61,7 +61,7 @@ impl ByEstimate {
             // A quarter of the integral over all directions is the mean over all normals.
             // theory.md (18)
             let irradiance = 0.25 * luminance(map.integral());
-            Far { index: emitters as u32, irradiance, toward: None }
+            DistantLight { index: emitters as u32, irradiance, toward: None }
         }));
     }
 
@@ -89,8 +89,8 @@ impl ByEstimate {
         if self.far.is_empty() {
             return self.near.prob(index, position, normal);
         }
-        let shares = Shares::new(self, position, normal);
-        let own = |far: &Far| (far.index as usize == index).then(|| far.estimate(normal));
+        let shares = SelectionProbs::new(self, position, normal);
+        let own = |far: &DistantLight| (far.index as usize == index).then(|| far.estimate(normal));
         match self.far.iter().find_map(own) {
             Some(estimate) => shares.of(estimate),
             None => shares.of(shares.near) * self.near.prob(index, position, normal),
@@ -105,7 +105,7 @@ impl ByEstimate {
         normal: Option<Vec3>,
         mut u: f64,
     ) -> Option<(u32, f32)> {
-        let shares = Shares::new(self, position, normal);
+        let shares = SelectionProbs::new(self, position, normal);
         for light in &self.far {
             let prob = shares.of(light.estimate(normal));
             if u < f64::from(prob) {
@@ -124,7 +124,7 @@ impl ByEstimate {
 }
 
 /// How likely the choices are among lights from afar and the tree of the others.
-struct Shares {
+struct SelectionProbs {
     /// Estimate of the tree.
     near: f32,
     total: f32,
@@ -132,8 +132,8 @@ struct Shares {
     count: usize,
 }
 
-impl Shares {
-    fn new(lights: &ByEstimate, position: Vec3, normal: Option<Vec3>) -> Self {
+impl SelectionProbs {
+    fn new(lights: &EstimateSampler, position: Vec3, normal: Option<Vec3>) -> Self {
         let near = lights.near.estimate(position, normal);
         let far = || lights.far.iter().map(|far| far.estimate(normal));
         let total = near + far().sum::<f32>();

@@ -18,14 +18,14 @@ const POINTS: f32 = 16e6;
 const OVERALL: f32 = 1e-3;
 
 /// What the triangles of a mesh emit by a picture.
-pub(in crate::scene) struct Glow<'a> {
+pub(in crate::scene) struct TextureEmission<'a> {
     texture: &'a Arc<Texture>,
     factor: Rgb,
     overall: Rgb,
     most_steps: f32,
 }
 
-impl<'a> Glow<'a> {
+impl<'a> TextureEmission<'a> {
     /// `factor` times the texture's color, W/(m^2 sr), from so many triangles.
     pub fn new(texture: &'a Arc<Texture>, factor: Rgb, triangles: usize) -> Self {
         let most_steps = (POINTS / triangles as f32).sqrt().clamp(STEPS[0], STEPS[1]);
@@ -145,7 +145,7 @@ mod tests {
                 [Vec2::ZERO, Vec2::X, Vec2::Y],
                 [Vec2::ZERO, f32::MAX * Vec2::X, -f32::MAX * Vec2::ONE],
             ] {
-                let emitter = Glow::new(&texture, Rgb::ONE, count).emitter(shape, uvs);
+                let emitter = TextureEmission::new(&texture, Rgb::ONE, count).emitter(shape, uvs);
                 let power = emitter.power();
                 assert!(power.is_finite() && power.min_element() > 0.0, "{uvs:?}: {power}");
             }

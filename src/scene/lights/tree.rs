@@ -8,8 +8,8 @@
 
 use super::cluster::Cluster;
 use super::emitter::Emitter;
-use super::tree_build::split;
-use super::tree_node::{Children, WIDE};
+use super::tree_build::split_lights;
+use super::tree_node::{TreeNode, WIDE};
 use crate::simd::dispatch::vectorized;
 use glam::Vec3;
 
@@ -20,13 +20,13 @@ const LEAF: u32 = 1 << 31;
 /// shines elsewhere, must not take all.
 const LEAST_SHARE: f32 = 0.01;
 
-/// Children of a node by the chances of their choice: weights, and their sum.
-struct Chances {
+/// TreeNode of a node by the chances of their choice: weights, and their sum.
+struct ChildProbs {
     weights: [f32; WIDE],
     sum: f32,
 }
 
-impl Chances {
+impl ChildProbs {
     /// Of children with these estimates; `None` if all are 0.
     /// theory.md (17).
     #[inline(always)]
@@ -81,7 +81,7 @@ struct Slot {
 #[derive(Clone, Debug, Default)]
 pub(in crate::scene) struct LightTree {
     /// The first has one child, the whole.
-    nodes: Vec<Children>,
+    nodes: Vec<TreeNode>,
     /// Of each node the child that it is; the first is none.
     parents: Vec<Slot>,
     /// Of each emitter its place, if it has one.
@@ -131,7 +131,7 @@ impl LightTree {
         let mut prob = 1.0;
         while content & LEAF == 0 {
             let children = &self.nodes[content as usize];
-            let chances = Chances::new(&children.estimates(position, normal))?;
+            let chances = ChildProbs::new(&children.estimates(position, normal))?;
             let (child, rest) = chances.choose(u);
             prob *= chances.prob(child);
             content = children.content[child];
@@ -160,7 +160,7 @@ impl LightTree {
         let mut prob = 1.0;
         while node != 0 {
             let estimates = self.nodes[node as usize].estimates(position, normal);
-            let Some(chances) = Chances::new(&estimates) else { return 0.0 };
+            let Some(chances) = ChildProbs::new(&estimates) else { return 0.0 };
             prob *= chances.prob(child as usize);
             Slot { node, child } = self.parents[node as usize];
         }
@@ -169,7 +169,7 @@ impl LightTree {
 
     /// Room for another node, which is this child; its index.
     fn add_node(&mut self, parent: Slot) -> u32 {
-        self.nodes.push(Children::default());
+        self.nodes.push(TreeNode::default());
         self.parents.push(parent);
         self.nodes.len() as u32 - 1
     }
@@ -212,7 +212,7 @@ fn parts(leaves: &mut [(u32, Cluster)]) -> Vec<&mut [(u32, Cluster)]> {
         });
         let Some((most, _)) = most else { break };
         let (_, part) = parts.swap_remove(most);
-        let middle = split(part);
+        let middle = split_lights(part);
         let (left, right) = part.split_at_mut(middle);
         parts.extend([left, right].map(|part| (cost(part), part)));
     }

@@ -11,7 +11,7 @@ const BINS: usize = 12;
 const MOST: usize = 2048;
 
 /// Reorders two or more lights into two sets of nearly the least cost; where the second one begins.
-pub(in crate::scene) fn split(leaves: &mut [(u32, Cluster)]) -> usize {
+pub(in crate::scene) fn split_lights(leaves: &mut [(u32, Cluster)]) -> usize {
     if leaves.len() == 2 {
         return 1;
     }

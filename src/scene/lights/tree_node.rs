@@ -10,7 +10,7 @@ pub(super) const WIDE: usize = 8;
 /// IterationSet of each, where estimates need them.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub(super) struct Children {
+pub(super) struct TreeNode {
     /// Middles of the boxes around all their emitters.
     center: [[f32; WIDE]; 3],
     /// Half the sides of those boxes.
@@ -67,7 +67,7 @@ fn at(columns: &[[f32; WIDE]; 3], child: usize) -> Vec3 {
     Vec3::new(columns[0][child], columns[1][child], columns[2][child])
 }
 
-impl Children {
+impl TreeNode {
     /// Sets one.
     pub fn set(&mut self, child: usize, cluster: &Cluster, content: u32) {
         let Cluster { bounds, beam, intensity, net, mean } = cluster;

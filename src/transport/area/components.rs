@@ -6,7 +6,7 @@
 //! place. Of triangles with the same corners, only the first counts.
 
 use super::surfaces::{Surfaces, corners};
-use crate::accel::{Place, TriangleMesh};
+use crate::accel::{Instance, TriangleMesh};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -74,12 +74,12 @@ impl Components {
         let geometry = surfaces.geometry();
         let meshes: Vec<_> = geometry.meshes.par_iter().map(MeshComponents::new).collect();
         let mut count = 0;
-        let place = |place: &Place| {
+        let place = |place: &Instance| {
             let first = count;
             count += meshes[place.mesh as usize].count;
             (place.mesh, first)
         };
-        let places: Vec<_> = geometry.places.iter().map(place).collect();
+        let places: Vec<_> = geometry.instances.iter().map(place).collect();
         let mut sets = Sets::new(count);
         join_places(surfaces, &meshes, &places, &mut sets);
         Self { joined: sets.flattened(), meshes, places }
@@ -180,7 +180,7 @@ fn join_places(
     let geometry = surfaces.geometry();
     let mut numbers = HashMap::new();
     let (mut edges, mut members) = (Vec::new(), Vec::new());
-    for (index, (place, &(mesh, first))) in (0..).zip(geometry.places.iter().zip(places)) {
+    for (index, (place, &(mesh, first))) in (0..).zip(geometry.instances.iter().zip(places)) {
         let MeshComponents { of, borders, .. } = &meshes[mesh as usize];
         for &Border { triangle, corner } in borders {
             let corners = corners(geometry, place, triangle);

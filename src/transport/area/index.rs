@@ -68,7 +68,7 @@ impl<'a> Areas<'a> {
     pub fn new(surfaces: Box<dyn Surfaces + 'a>, sides: Sides, radius: f32, budget: usize) -> Self {
         let (reach, geometry) = (Reach::new(&*surfaces), surfaces.geometry());
         let mut first = vec![0];
-        for place in &geometry.places {
+        for place in &geometry.instances {
             let count = geometry.meshes[place.mesh as usize].triangles.len();
             first.push(first[first.len() - 1] + count as u32);
         }
@@ -98,7 +98,7 @@ impl<'a> Areas<'a> {
         2 * (self.ground.first[place as usize] + triangle) + u32::from(!front)
     }
 
-    /// The same by the numbers that gather points keep; see [`Facet`](crate::scene::diffuse::Facet).
+    /// The same by the numbers that gather points keep; see [`TriangleSide`](crate::scene::diffuse::TriangleSide).
     #[inline(always)] // vectorized
     pub fn number(&self, mesh: u32, side: u32) -> u32 {
         2 * self.ground.first[mesh as usize] + side
@@ -211,7 +211,7 @@ impl<'a> Areas<'a> {
         let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
         let make = || {
             let geometry = self.ground.surfaces.geometry();
-            let place = &geometry.places[own.place as usize];
+            let place = &geometry.instances[own.place as usize];
             let corners = corners(geometry, place, own.triangle);
             Box::new(Patch::new(corners, own.normal, self.radius.into()))
         };

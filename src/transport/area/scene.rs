@@ -53,13 +53,13 @@ impl Surfaces for SceneSurfaces<'_> {
     }
 
     fn has_holes(&self, place: u32) -> bool {
-        self.scene.materials()[self.placement(place).material as usize].cut_out().is_some()
+        self.scene.materials()[self.placement(place).material as usize].alpha_mask().is_some()
     }
 
     fn opacity(&self, hole: &Hole) -> f32 {
         let placement = self.placement(hole.place);
         let material = &self.scene.materials()[placement.material as usize];
-        let Some(cut_out) = material.cut_out() else { return 1.0 };
+        let Some(alpha_mask) = material.alpha_mask() else { return 1.0 };
         let triangle = self.scene.placed_triangle(hole.place, hole.triangle);
         let mesh = self.scene.mesh(placement);
         let corners = mesh.triangles[hole.triangle as usize];
@@ -83,7 +83,7 @@ impl Surfaces for SceneSurfaces<'_> {
         let opacities = (0..SAMPLES).map(|i| {
             let distance = hole.radius * ((f32::from(i) + 0.5) / f32::from(SAMPLES)).sqrt();
             let turn = Vec2::from_angle(TAU * (f32::from(i) * GOLDEN_TURN).fract()) * distance;
-            cut_out.opacity(middle + turn.x * along_x + turn.y * along_y)
+            alpha_mask.opacity(middle + turn.x * along_x + turn.y * along_y)
         });
         opacities.sum::<f32>() / f32::from(SAMPLES)
     }

@@ -1,7 +1,7 @@
 //! What the area asks of a scene.
 
 use super::bvh::Box3;
-use crate::accel::{Geometry, Place};
+use crate::accel::{Geometry, Instance};
 use glam::{DVec3, Vec3};
 
 /// The surfaces of a scene. Triangles are named as in hits: by the index of their place, and theirs
@@ -45,7 +45,7 @@ pub struct Hole {
 }
 
 /// The corners of a triangle in the scene, in the order of the mesh.
-pub(super) fn corners(geometry: &Geometry, place: &Place, triangle: u32) -> [DVec3; 3] {
+pub(super) fn corners(geometry: &Geometry, place: &Instance, triangle: u32) -> [DVec3; 3] {
     let mesh = &geometry.meshes[place.mesh as usize];
     mesh.triangles[triangle as usize].map(|index| {
         let own = mesh.positions[index as usize].as_dvec3();

@@ -3,7 +3,7 @@
 use super::CameraPaths;
 use crate::base::math::luminance;
 use crate::scene::bsdf::{BsdfSample, Lobe, Vertex};
-use crate::scene::diffuse::{DiffuseVertices, Facet};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::GatherView;
@@ -25,7 +25,8 @@ impl CameraPaths {
     ) {
         let is_second: Mask = from_fn(|lane| walks.depth[lane].diffuse() == 1);
         let Some(mis) = self.mis.filter(|_| any(&is_second)) else { return };
-        let (parts, inverse_start) = (self.parts_of(&walks.path), scene.lights().start().recip());
+        let (parts, inverse_start) =
+            (self.parts_of(&walks.path), scene.lights().total_power().recip());
         for lane in 0..LANES {
             let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
             // theory.md (47b), `l`
@@ -148,7 +149,7 @@ impl CameraPaths {
         &self,
         scene: &Scene,
         path: u32,
-        (facet, position): (Facet, Vec3),
+        (facet, position): (TriangleSide, Vec3),
     ) -> f32 {
         if self.mis.is_none() {
             return 1.0;
@@ -164,7 +165,7 @@ impl CameraPaths {
         }
         let lights = scene.lights();
         self.roughs[path as usize]
-            .weight(|rough| lights.beyond_pdf_w(direction, rough.position, rough.normal))
+            .weight(|rough| lights.environment_pdf_w(direction, rough.position, rough.normal))
     }
 }
 
@@ -172,5 +173,5 @@ impl CameraPaths {
 /// theory.md (47b), `l`.
 fn emission_over_connection(lights: &Lights, light: &LightSample, normal: Vec3) -> f32 {
     let cos = light.wi.dot(normal).abs();
-    luminance(light.irradiance) * cos / (lights.start() * light.relative)
+    luminance(light.irradiance) * cos / (lights.total_power() * light.relative)
 }

@@ -15,8 +15,8 @@ use super::path_state::{Walks, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
-use crate::scene::diffuse::{DiffuseVertices, Facet};
-use crate::scene::{Scene, Seen, Surface, View};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
+use crate::scene::{HitScratch, Scene, Surface, View};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
@@ -120,8 +120,8 @@ impl CameraPaths {
             );
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
-            if coherence == Coherence::Coherent && pass.scene.hides() {
-                pass.scene.pass_hidden(pass.accel, rays, count, &mut self.hits);
+            if coherence == Coherence::Coherent && pass.scene.has_hidden_materials() {
+                pass.scene.skip_hidden(pass.accel, rays, count, &mut self.hits);
             }
             vectorized(
                 #[inline(always)]
@@ -184,12 +184,12 @@ impl CameraPaths {
     fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
+        let (mut walks, mut seen, mut at) = <(Walks, HitScratch, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut walks);
             let rest =
                 pass.scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
-            if rest.missed != 0 && pass.scene.lights().shine_from_beyond() {
+            if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_beyond(pass, &walks, rest.missed);
             }
             for lane in lanes_of(rest.others) {
@@ -273,7 +273,7 @@ impl CameraPaths {
             if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
                 let mut emission = at.emission.get(lane);
                 if self.mis.is_some() {
-                    let facet = Facet { mesh: at.mesh[lane], side: at.side[lane] };
+                    let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
                     let place = (facet, at.position.get(lane));
                     emission *= self.emission_weight(scene, walks.path[lane], place);
                 }

@@ -4,7 +4,7 @@ use super::connections::Connections;
 use super::{CameraPass, CameraPaths};
 use crate::accel::Ray;
 use crate::base::math::Rgb;
-use crate::scene::bsdf::{Lobe, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
 use crate::scene::{LightSample, Lights, Surface};
 use crate::settings::{Direct, Roulette, Settings};
 use crate::simd::{LANES, Vec3s, lanes_of};
@@ -18,7 +18,7 @@ impl CameraPaths {
     pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
             let direction = walks.direction.get(lane);
-            let mut beyond = pass.scene.lights().beyond(direction);
+            let mut beyond = pass.scene.lights().environment_radiance(direction);
             if self.mis.is_some() {
                 beyond *= self.beyond_weight(pass.scene, walks.path[lane], direction);
             }
@@ -60,7 +60,7 @@ impl CameraPaths {
         let merges = self.at_other_vertex(pass, surface, &mut walk);
         // Cut here, the path still goes on where the surface mirrors besides.
         let cut = merges && vertex == merge_vertex;
-        let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
+        let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
         let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
         if !surface.agrees(&at, sample.wi) {
             return None;

@@ -86,9 +86,10 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric, Wanted,
+        Coated, Conductor, Dielectric, Glossy, LobeSet, Reflectance, RoughDielectric,
+        ThinDielectric,
     };
-    use crate::scene::diffuse::Facet;
+    use crate::scene::diffuse::TriangleSide;
     use crate::settings::{Direct, Roulette, Settings, Strategy};
     use crate::transport::gather::GatherView;
     use crate::transport::mis::Mis;
@@ -119,7 +120,7 @@ mod tests {
         let side = if front { 1.0 } else { -1.0 };
         Surface {
             position: Vec3::ZERO,
-            facet: Facet::default(),
+            facet: TriangleSide::default(),
             normal: Vec3::Z * side,
             interpolated: normal.map(|normal| normal * side),
             off_surface: 1e-4 * Vec3::Z * side,
@@ -157,7 +158,8 @@ mod tests {
                 // As light paths go on, and, where they pass through in any way, as camera paths do.
                 let from_camera = surface(&material, camera, normal);
                 let at = from_camera.vertex(Transport::Radiance);
-                let wanted = if bsdf.passes_through() { Wanted::PassThrough } else { Wanted::All };
+                let wanted =
+                    if bsdf.passes_through() { LobeSet::PassThrough } else { LobeSet::All };
                 let sample = bsdf.sample(&at, Transport::Radiance, wanted, &mut rng);
                 let Some(sample) = sample else { continue };
                 if sample.wi.z.abs() < 1e-2 || !from_camera.agrees(&at, sample.wi) {
@@ -193,7 +195,7 @@ mod tests {
             let at = surface(&material, Vec3::new(0.48, 0.36, 0.8), None).vertex(Transport::Flux);
             let (n, mut sum, mut square) = (100_000, 0.0, 0.0);
             for _ in 0..n {
-                let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut rng);
+                let sample = bsdf.sample(&at, Transport::Flux, LobeSet::All, &mut rng);
                 let sample = sample.filter(|s| s.lobe == Lobe::Diffuse && s.wi.z > 0.6);
                 let one =
                     sample.map_or(0.0, |s| 1.0 / f64::from(survival.density(&bsdf, &at, s.wi)));
@@ -218,7 +220,7 @@ mod tests {
             let from = surface(&smooth, camera, None);
             let at = from.vertex(Transport::Radiance);
             let sample =
-                smooth.bsdf.sample(&at, Transport::Radiance, Wanted::All, &mut rng).unwrap();
+                smooth.bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng).unwrap();
             if sample.wi.z.abs() < 0.2 || camera.z.abs() < 0.2 {
                 continue;
             }

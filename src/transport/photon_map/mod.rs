@@ -13,7 +13,7 @@ use super::light_paths::LightPaths;
 use super::pair_list::PairList;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
-use crate::simd::dispatch::{Simd, paired};
+use crate::simd::dispatch::{Simd, interleave_selected};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use build::Chunk;
 use glam::{BVec4A, Vec3, Vec3A, Vec4};
@@ -343,7 +343,7 @@ impl PhotonMap {
                 // All are written, but only those that count are kept: how many nobody foresees.
                 let counts = counts.bitmask();
                 let values = values.to_array().map(f32::to_bits);
-                let together = paired(simd, counts, light_paths, values);
+                let together = interleave_selected(simd, counts, light_paths, values);
                 space[found..found + QUAD].copy_from_slice(bytemuck::cast_slice(&together));
                 found += counts.count_ones() as usize;
             },

@@ -4,8 +4,8 @@
 //! that of paths from a place. In cells of volume `v` and mass `m v` it is least where `g` goes as the root of `m`,
 //! and then the square of the sum of `sqrt(v * mass)`: cells are cut where that falls the most. theory.md, section 10a.
 
-use super::{Cell, Guide, Start};
-use crate::scene::lights::Place;
+use super::{Cell, Guide, GuidedStart};
+use crate::scene::lights::PrimarySample;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::ops::Range;
@@ -14,7 +14,7 @@ use std::ops::Range;
 #[derive(Clone, Copy, Debug)]
 pub struct GuideSample {
     /// Where it started.
-    pub start: Start,
+    pub start: GuidedStart,
     /// The sum over the image of the squares of what it brought, weighted.
     pub square: f64,
 }
@@ -38,12 +38,12 @@ const LEAST_GAIN: f64 = 1e-4;
 /// A path from a place, and its part of the second moment.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
-    place: Place,
+    place: PrimarySample,
     mass: f64,
 }
 
 /// A cell that may be cut.
-struct Open {
+struct SplittableCell {
     cell: Cell,
     /// Of the paths that start in it.
     moments: Range<usize>,
@@ -65,9 +65,9 @@ impl Guide {
         let mut moments: Vec<_> =
             brought.iter().map(moment).filter(|moment| moment.mass > 0.0).collect();
         let cells = cut(&mut moments);
-        let root = |open: &Open| (open.mass * open.cell.volume()).sqrt();
+        let root = |open: &SplittableCell| (open.mass * open.cell.volume()).sqrt();
         let sum: f64 = cells.iter().map(root).sum();
-        let with_density = |open: &Open| {
+        let with_density = |open: &SplittableCell| {
             let share = if sum > 0.0 { root(open) / sum } else { open.cell.volume() };
             let density = EVEN_SHARE + (1.0 - EVEN_SHARE) * share / open.cell.volume();
             Cell { density, ..open.cell }
@@ -83,8 +83,8 @@ impl Guide {
 }
 
 /// Cuts the cube, the cell that gains the most first.
-fn cut(moments: &mut [Moment]) -> Vec<Open> {
-    let whole = Open::new(Cell::ALL, 0..moments.len(), moments);
+fn cut(moments: &mut [Moment]) -> Vec<SplittableCell> {
+    let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), moments);
     let least = LEAST_GAIN * whole.mass.sqrt();
     let (mut heap, mut done) = (BinaryHeap::from([whole]), Vec::new());
     while let Some(open) = heap.pop() {
@@ -97,7 +97,7 @@ fn cut(moments: &mut [Moment]) -> Vec<Open> {
     done
 }
 
-impl Open {
+impl SplittableCell {
     fn new(cell: Cell, range: Range<usize>, moments: &[Moment]) -> Self {
         let own = &moments[range.clone()];
         let (mut mass, mut square, mut parts) = (0.0, 0.0, [[0.0; PARTS]; 5]);
@@ -147,22 +147,22 @@ impl Open {
     }
 }
 
-impl Ord for Open {
+impl Ord for SplittableCell {
     fn cmp(&self, other: &Self) -> Ordering {
         self.gain.total_cmp(&other.gain)
     }
 }
 
-impl PartialOrd for Open {
+impl PartialOrd for SplittableCell {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Open {
+impl PartialEq for SplittableCell {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Open {}
+impl Eq for SplittableCell {}

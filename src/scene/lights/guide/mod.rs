@@ -1,12 +1,12 @@
 //! Where light paths start: more often where they bring more to the image.
 //!
-//! All ways to start a light path are a unit cube, [`Place`]: the light, where on it, and the direction. A guide
+//! All ways to start a light path are a unit cube, [`PrimarySample`]: the light, where on it, and the direction. A guide
 //! divides it into cells, in each of which the density is even, and which [`learn`](Guide::learn) finds from what light
 //! paths brought. Flux is divided by the density, so that means stay what they are, whatever the guide. theory.md, section 10a.
 
 mod learn;
 
-use super::{Emission, Lights, Place};
+use super::{Emission, Lights, PrimarySample};
 use crate::base::rng::Rng;
 pub use learn::GuideSample;
 
@@ -23,17 +23,17 @@ pub struct Guide {
 /// A box of the unit cube.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cell {
-    low: Place,
-    size: Place,
+    low: PrimarySample,
+    size: PrimarySample,
     /// Of places in it, where even is 1.
     density: f64,
 }
 
 /// A start of a light path.
 #[derive(Clone, Copy, Debug)]
-pub struct Start {
+pub struct GuidedStart {
     /// Where among all.
-    pub place: Place,
+    pub place: PrimarySample,
     /// How much denser than evenly.
     pub density: f64,
 }
@@ -81,7 +81,7 @@ impl Guide {
 
     /// Chooses a start.
     #[inline]
-    pub fn start(&self, rng: &mut Rng) -> Start {
+    pub fn start(&self, rng: &mut Rng) -> GuidedStart {
         let u = rng.next_f64();
         let index = self.cumulative.partition_point(|&end| end <= u).min(self.cells.len() - 1);
         let Cell { low, size, density } = &self.cells[index];
@@ -89,7 +89,7 @@ impl Guide {
         for (place, size) in place.iter_mut().zip(size) {
             *place += size * rng.next_f64();
         }
-        Start { place, density: *density }
+        GuidedStart { place, density: *density }
     }
 }
 
@@ -99,7 +99,7 @@ impl Lights {
     /// # Panics
     /// If there are no lights.
     pub fn emit_guided(&self, guide: &Guide, rng: &mut Rng) -> (usize, Emission) {
-        let Start { place, density } = guide.start(rng);
+        let GuidedStart { place, density } = guide.start(rng);
         let (index, emission) = self.emit_at(place);
         // theory.md (40a)
         (index, Emission { flux: emission.flux / density as f32, ..emission })
@@ -112,7 +112,7 @@ mod tests {
     use crate::base::rng::{Stream, StreamKey};
 
     /// Light paths from the places of `guide` bring this, whose mean over the even places is asked for.
-    fn brings(place: &Place) -> f64 {
+    fn brings(place: &PrimarySample) -> f64 {
         let near = |side: usize, from: f64, to: f64| (from..to).contains(&place[side]);
         if near(0, 0.7, 0.75) && near(3, 0.2, 0.8) { 1.0 + place[4] } else { 0.01 }
     }
@@ -143,10 +143,10 @@ mod tests {
         let guide = Guide::learn(&samples(&Guide::even(), 0, 100_000));
         assert!(guide.len() > 20, "{}", guide.len());
         let mut rng = StreamKey::new(9, Stream::Test, 1).rng(0);
-        let starts: Vec<Start> = (0..200_000).map(|_| guide.start(&mut rng)).collect();
+        let starts: Vec<GuidedStart> = (0..200_000).map(|_| guide.start(&mut rng)).collect();
         assert!(starts.iter().all(|s| s.place.iter().all(|x| (0.0..1.0).contains(x))));
         // The mean of any function over all places, by places where the guide puts them.
-        let functions: [fn(&Place) -> f64; 4] = [
+        let functions: [fn(&PrimarySample) -> f64; 4] = [
             |_| 1.0,
             |p| p[0] * p[3],
             |p| f64::from(p[1] < 0.3 && p[0] > 0.72),
