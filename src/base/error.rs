@@ -1,4 +1,4 @@
-//! The one error type: what is wrong, where, and what to do about it.
+//! The one error type: a problem, its location in a file, and advice.
 
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
@@ -19,11 +19,11 @@ pub struct Error {
     advice: String,
     location: Option<Box<Location>>,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
-    /// What else went wrong.
+    /// Further independent problems.
     others: Vec<Error>,
 }
 
-/// Where in a file a problem is.
+/// The file, and the line in it, that a problem is about.
 #[derive(Debug)]
 struct Location {
     path: PathBuf,
@@ -41,7 +41,7 @@ impl Error {
     /// Several independent problems, shown one after the other.
     ///
     /// # Errors
-    /// If there is any.
+    /// If `problems` is not empty.
     pub fn all(problems: impl IntoIterator<Item = Self>) -> Result<()> {
         let mut problems = problems.into_iter();
         match problems.next() {
@@ -68,17 +68,17 @@ impl Error {
         }
     }
 
-    /// What is wrong, without file and line.
+    /// The problem, without file and line.
     pub fn problem(&self) -> &str {
         &self.problem
     }
 
-    /// What to do about it.
+    /// The advice: how to solve the problem.
     pub fn advice(&self) -> &str {
         &self.advice
     }
 
-    /// Whether it names a file.
+    /// Returns true if the error names a file.
     pub fn has_location(&self) -> bool {
         self.location.is_some()
     }
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_file_line_text_and_advice() {
+    fn display_names_file_line_text_and_advice() {
         let text = "a = 1\nalbdo = 0.5\r\nb = 2\n";
         let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
         let shown = error.at_offset(text, 8).to_string();

@@ -137,7 +137,7 @@ impl Eye<'_> {
             return Rgb::ZERO;
         }
         let lights = self.scene.lights();
-        let Some(light) = lights.connect(surface.position, surface.lit_side(), rng) else {
+        let Some(light) = lights.connect(surface.receiver(), rng) else {
             return Rgb::ZERO;
         };
         let at = surface.vertex(Transport::Radiance);

@@ -7,7 +7,7 @@ use crate::accel::bvh::Bvh;
 use crate::base::error::{Error, Result};
 use std::fmt;
 
-/// What finds intersections.
+/// An intersection backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Backend {
@@ -18,7 +18,7 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// All, also those that this program was built without.
+    /// All backends, also those that this program was built without.
     pub const ALL: [Self; 2] = [Self::Embree, Self::Bvh];
 
     /// Its name on the command line.
@@ -65,7 +65,7 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
         #[cfg(not(feature = "embree"))]
         Backend::Embree => Err(Error::new(
             "this program was built without Embree",
-            "use --accel bvh, or build it with the feature `embree`, which is on by default",
+            "use the backend bvh, or build the program with the default feature `embree`",
         )),
     }
 }
@@ -74,6 +74,6 @@ fn refused(backend: Backend, error: &dyn fmt::Display) -> Error {
     let other = if backend == Backend::Embree { Backend::Bvh } else { Backend::Embree };
     Error::new(
         format!("{backend} cannot take the scene: {error}"),
-        format!("correct the mesh, or try --accel {other}"),
+        format!("correct the mesh, or try the backend {other}"),
     )
 }

@@ -1,11 +1,11 @@
-//! What the camera itself does not see: lamps that are in mirrors, behind glass and in no image.
+//! Surfaces that are invisible to the camera, but visible in mirrors and through glass.
 
 use super::Scene;
 use crate::accel::packet::used;
 use crate::accel::{Hit, HitPacket, Intersect, Ray, RayPacket, next_after};
 
 impl Scene {
-    /// Whether anything is hidden from the camera.
+    /// Returns true if any material is hidden from the camera.
     pub fn has_hidden_materials(&self) -> bool {
         self.materials.iter().any(|material| material.hidden_from_camera)
     }
@@ -15,7 +15,7 @@ impl Scene {
         self.materials[material as usize].hidden_from_camera
     }
 
-    /// What a ray of the camera meets, of which `hit` is the closest hit.
+    /// The first hit of a camera ray, from its closest hit `hit` on, that the camera sees.
     pub fn first_visible(&self, accel: &dyn Intersect, ray: &Ray, mut hit: Hit) -> Hit {
         let mut step = f32::EPSILON;
         while !hit.is_miss() && self.is_hidden(&hit) {
@@ -24,7 +24,7 @@ impl Scene {
         hit
     }
 
-    /// The same for the first `count` rays.
+    /// [`Self::first_visible`] for the first `count` rays.
     pub fn skip_hidden(
         &self,
         accel: &dyn Intersect,

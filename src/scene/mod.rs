@@ -29,7 +29,7 @@ pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
 pub use lights::packets::{Emissions, LightSamples};
 pub use lights::textured_emitter::TexturedTriangle;
-pub use lights::{Emission, LightSample, Lights};
+pub use lights::{Emission, LightSample, Lights, Receiver};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use normal_map::NormalMap;
@@ -211,18 +211,12 @@ impl Scene {
         self
     }
 
-    /// Density in solid angle with which a connection from `from`, lit as [`Lights::connect`] has it, chooses the
-    /// point `position` of a facet, 1/sr; 0 if it emits nothing.
-    pub fn connection_pdf_w(
-        &self,
-        (facet, position): (TriangleSide, Vec3),
-        from: Vec3,
-        normal: Option<Vec3>,
-    ) -> f32 {
-        let found = self.emitting.binary_search_by_key(&facet, |(facet, _)| *facet);
-        found.map_or(0.0, |at| {
-            let emitter = self.emitting[at].1 as usize;
-            self.lights.connection_pdf_w(emitter, position, from, normal)
+    /// Density in solid angle of connections of `at` with the point `position` of a triangle's side, 1/sr; 0 if the
+    /// side emits nothing.
+    pub fn connection_pdf_w(&self, side: TriangleSide, position: Vec3, at: Receiver) -> f32 {
+        let found = self.emitting.binary_search_by_key(&side, |(side, _)| *side);
+        found.map_or(0.0, |index| {
+            self.lights.connection_pdf_w(self.emitting[index].1 as usize, position, at)
         })
     }
 

@@ -38,7 +38,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
     };
     let wrong: Vec<_> = (0..5000).map(|i| GuideSample { start: corner(i), square: 1.0 }).collect();
     let wrong = Arc::new(Guide::learn(&wrong));
-    assert!(wrong.len() > 5);
+    assert!(wrong.cell_count() > 5);
     let blocks = |guide: Option<&Arc<Guide>>, seed: u64| -> Vec<Estimate> {
         let own = Settings { seed, ..settings.clone() };
         let renderer = Renderer::new(scene, &*accel, own).unwrap().guided(guide.cloned());
@@ -57,15 +57,15 @@ fn a_wrong_guide_does_not_change_the_mean() {
     let mut ratios: Vec<f64> =
         plain.iter().zip(&guided).map(|(a, b)| (b.error / a.error).powi(2)).collect();
     ratios.sort_by(f64::total_cmp);
-    let ratio = ratios[ratios.len() / 2];
-    println!("{} cells, {ratio} times the variance", wrong.len());
+    let ratio = ratios[ratios.cell_count() / 2];
+    println!("{} cells, {ratio} times the variance", wrong.cell_count());
     assert!(ratio > 1.5, "it is wrong enough to tell: {ratio}");
     let z2: f64 = plain
         .iter()
         .zip(&guided)
         .map(|(a, b)| ((a.mean - b.mean) / a.error.hypot(b.error)).powi(2))
         .sum::<f64>()
-        / plain.len() as f64;
+        / plain.cell_count() as f64;
     // 144 squares of about 1, which share light paths.
     assert!((0.5..1.6).contains(&z2), "{z2}");
 }
@@ -78,7 +78,7 @@ fn of_light_paths(scene: &Scene, settings: Settings) -> f64 {
     (0..60).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
     let noise = renderer.noise_image().unwrap();
     let sum: f64 = noise.pixels.iter().map(|p| p.noise.coefficients).map(|c| c.a + c.f).sum();
-    sum / noise.pixels.len() as f64
+    sum / noise.pixels.cell_count() as f64
 }
 
 #[test]
@@ -90,7 +90,7 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     let learned = renderer.learn_guide(|done, _| done < 32).unwrap();
     let plain = of_light_paths(scene, Settings { light_paths: 20_000, ..settings.clone() });
     let guided = of_light_paths(scene, Settings { light_paths: 20_000, guide: 32, ..settings });
-    println!("{} cells: {plain} to {guided}, told {}", learned.guide.len(), learned.second_moment);
+    println!("{} cells: {plain} to {guided}, told {}", learned.guide.cell_count(), learned.second_moment);
     assert!(guided < 0.35 * plain, "{plain} {guided}");
     // That is of relative errors at other radii.
     assert!((0.03..0.4).contains(&learned.second_moment), "{}", learned.second_moment);
@@ -114,7 +114,7 @@ fn what_is_learned_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
     };
     let own = Settings { guide: 9, ..settings(20, 20) };
     let one = learned(1, own.clone());
-    assert!(one.0.len() > 5);
+    assert!(one.0.cell_count() > 5);
     assert_eq!(one, learned(3, own.clone()));
     let counts = Settings { light_paths: 300, camera_paths: 1, seed: 8, ..own.clone() };
     assert_eq!(one.0, learned(2, counts).0);

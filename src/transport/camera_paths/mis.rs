@@ -4,7 +4,7 @@ use super::CameraPaths;
 use crate::base::math::luminance;
 use crate::scene::bsdf::{BsdfSample, Lobe, Vertex};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
-use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
+use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene, Surface};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::GatherView;
 use crate::transport::mis::densities::Directions;
@@ -118,9 +118,7 @@ impl CameraPaths {
 /// connected, too.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rough {
-    position: Vec3,
-    /// On the side that is lit, if it is one.
-    normal: Option<Vec3>,
+    receiver: Receiver,
     /// Of the path's direction, 1/sr; 0 if it came from anywhere else.
     pdf_w: f32,
 }
@@ -132,7 +130,7 @@ impl Rough {
             return Self::default();
         }
         let pdf_w = surface.bsdf.pdf_w(Lobe::Rough, at, sample.wi);
-        Self { position: surface.position, normal: surface.lit_side(), pdf_w }
+        Self { receiver: surface.receiver(), pdf_w }
     }
 
     /// Weight of light that the path hits, where connections are chosen with the density of `connection`.
@@ -155,7 +153,7 @@ impl CameraPaths {
             return 1.0;
         }
         self.roughs[path as usize]
-            .weight(|rough| scene.connection_pdf_w((facet, position), rough.position, rough.normal))
+            .weight(|rough| scene.connection_pdf_w(facet, position, rough.receiver))
     }
 
     /// The same of light from beyond.
@@ -165,7 +163,7 @@ impl CameraPaths {
         }
         let lights = scene.lights();
         self.roughs[path as usize]
-            .weight(|rough| lights.environment_pdf_w(direction, rough.position, rough.normal))
+            .weight(|rough| lights.environment_pdf_w(direction, rough.receiver))
     }
 }
 

@@ -92,18 +92,17 @@ impl CameraPaths {
         let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let lit_side = surface.lit_side();
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
-            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
+            let light = lights.connect(surface.receiver(), &mut walk.rng);
             self.connect_lobe(lights, surface, (walk, &at), (Lobe::Diffuse, light));
         }
         if bsdf.has_rough() && walk.depth.diffuse() == 0 {
             // Such lights cannot be hit, or, weighted, hits are not all; after a diffuse vertex photons carry such paths.
             let light = if self.mis.is_some() {
-                lights.connect(surface.position, lit_side, &mut walk.rng)
+                lights.connect(surface.receiver(), &mut walk.rng)
             } else {
-                lights.connect_delta(surface.position, lit_side, &mut walk.rng)
+                lights.connect_delta(surface.receiver(), &mut walk.rng)
             };
             self.connect_lobe(lights, surface, (walk, &at), (Lobe::Rough, light));
         }

@@ -1,8 +1,9 @@
-//! Finds the cells of a guide from what light paths brought.
+//! Learns the cells of a guide from the contributions of light paths.
 //!
-//! Of light paths with the density `g` the second moment of what they bring is the integral of `m/g`, where `m` is
-//! that of paths from a place. In cells of volume `v` and mass `m v` it is least where `g` goes as the root of `m`,
-//! and then the square of the sum of `sqrt(v * mass)`: cells are cut where that falls the most. theory.md, section 10a.
+//! Let light paths start with the density `g`, and let `m` be the second moment of the contributions of paths from
+//! one point of the cube. The second moment of all contributions is the integral of `m/g`. For cells of volume `v`
+//! and mass `m v` it is minimal if `g` is proportional to the root of `m`. Its value is then the square of the sum of
+//! `sqrt(v * mass)`: cells are cut where this sum falls most. theory.md, section 10a.
 
 use super::{Cell, Guide, GuidedStart};
 use crate::scene::lights::PrimarySample;
@@ -10,60 +11,60 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-/// What a light path brought.
+/// Contribution of a light path.
 #[derive(Clone, Copy, Debug)]
 pub struct GuideSample {
-    /// Where it started.
+    /// Start of the path.
     pub start: GuidedStart,
-    /// The sum over the image of the squares of what it brought, weighted.
+    /// Weighted sum over the image of its squared contributions.
     pub square: f64,
 }
 
-/// Cells at the most.
+/// Maximum number of cells.
 const MOST_CELLS: usize = 4096;
 
-/// Share of the light paths that starts evenly, so that nothing is missed: what is not learned has at most the
-/// reciprocal as many times the noise.
+/// Share of the light paths that starts evenly, so that none is missed: contributions that were not learned have at
+/// most the reciprocal times the unguided noise.
 const EVEN_SHARE: f64 = 0.2;
 
-/// Parts along a side by which it is judged whether to cut across: what lies in the middle is found only so.
+/// Number of parts along a side whose masses decide about a cut: halves alone would miss a peak in the middle.
 const PARTS: usize = 8;
 
-/// A cell is cut if that gains so much more than noise does, of as many equal values as it has.
+/// A cell is cut if the gain exceeds this factor times the gain of pure noise.
 const CERTAINTY: f64 = 3.0;
 
-/// Least share of the sum over all cells that cutting one gains.
+/// Minimum gain of a cut, relative to the sum over all cells.
 const LEAST_GAIN: f64 = 1e-4;
 
-/// A path from a place, and its part of the second moment.
+/// Start of a path, and its part of the second moment.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
     place: PrimarySample,
     mass: f64,
 }
 
-/// A cell that may be cut.
+/// A cell that can be cut.
 struct SplittableCell {
     cell: Cell,
-    /// Of the paths that start in it.
+    /// Range of the paths that start in the cell.
     moments: Range<usize>,
     mass: f64,
-    /// What cutting it gains, and along which side.
+    /// Gain of cutting the cell, and the side to cut.
     gain: f64,
     side: usize,
 }
 
 impl Guide {
-    /// For the least second moment of what light paths bring that start there; of those that brought
-    /// anything.
+    /// Learns the guide that minimizes the second moment of contributions; paths that contribute nothing may be
+    /// left out of `samples`.
     /// theory.md (40b).
-    pub fn learn(brought: &[GuideSample]) -> Self {
-        let moment = |brought: &GuideSample| Moment {
-            place: brought.start.place,
-            mass: brought.square * brought.start.density,
+    pub fn learn(samples: &[GuideSample]) -> Self {
+        let moment = |GuideSample { start, square }: &GuideSample| Moment {
+            place: start.place,
+            mass: square * start.density,
         };
-        let mut moments: Vec<_> =
-            brought.iter().map(moment).filter(|moment| moment.mass > 0.0).collect();
+        let moments = samples.iter().map(moment);
+        let mut moments: Vec<_> = moments.filter(|moment| moment.mass > 0.0).collect();
         let cells = cut(&mut moments);
         let root = |open: &SplittableCell| (open.mass * open.cell.volume()).sqrt();
         let sum: f64 = cells.iter().map(root).sum();
@@ -82,7 +83,7 @@ impl Guide {
     }
 }
 
-/// Cuts the cube, the cell that gains the most first.
+/// Cuts the cube, the cell of the highest gain first.
 fn cut(moments: &mut [Moment]) -> Vec<SplittableCell> {
     let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), moments);
     let least = LEAST_GAIN * whole.mass.sqrt();
@@ -118,8 +119,8 @@ impl SplittableCell {
                 (gain, side) = (root - cut, number);
             }
         }
-        // As many equal values are worth: what falls into the parts by chance lessens the sum of their roots by
-        // about an eighth of a part's share each.
+        // The gain of as many equal values at random: their spread over the parts lowers the sum of roots by about an
+        // eighth of a part's share each.
         let values = if square > 0.0 { mass * mass / square } else { 0.0 };
         let by_chance = root * (PARTS - 1) as f64 / (8.0 * values.max(1.0));
         if gain < CERTAINTY * by_chance {
