@@ -342,7 +342,7 @@ mod tests {
         let same = camera.view(12, 8).every(1);
         // 16 by 16 pixels have one in each row and each column.
         let grid = camera.view(16, 16).every(4);
-        let pixels = (0..16).map(|i| grid.place((i % 4) as f32, (i / 4) as f32));
+        let pixels = (0..16).map(|i| grid.full_image_point((i % 4) as f32, (i / 4) as f32));
         let (columns, rows): (HashSet<_>, HashSet<_>) =
             pixels.map(|[x, y]| (x as u32, y as u32)).unzip();
         assert_eq!((columns.len(), rows.len()), (16, 16));

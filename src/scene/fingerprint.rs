@@ -2,7 +2,8 @@
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
+    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics,
+    Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Reflectance};
@@ -191,8 +192,9 @@ impl Hash {
 
     fn environment(&mut self, environment: &Environment) {
         let ([width, height], radiance, turn) = environment.parts();
-        self.u32(width);
-        self.record(height, radiance, &[turn]);
+        [width, height].into_iter().for_each(|size| self.u32(size));
+        radiance.iter().for_each(|&pixel| self.vec3(pixel));
+        self.f32(turn);
     }
 
     fn emitter(&mut self, emitter: &Emitter) {

@@ -8,7 +8,6 @@ pub mod diffuse;
 mod fingerprint;
 mod camera_visibility;
 mod hit;
-mod lambertian;
 pub mod lights;
 pub mod material;
 mod mesh;
@@ -46,43 +45,43 @@ use crate::base::error::Result;
 use crate::base::math::Bounds;
 use diffuse::TriangleSide;
 use glam::Vec3;
-use lambertian::Lambertian;
+use hit::Lambertian;
 use triangle::Corners;
 
 /// Everything that light meets.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Name of the scene file or folder.
+    /// Name of the scene's file or folder.
     pub name: String,
-    /// Where the image is taken from.
+    /// The camera of the image.
     pub camera: Camera,
     /// Named parts of the image.
     pub regions: Vec<Region>,
-    // What the rest depends on: to change one, make another scene.
+    // The following fields depend on each other: to change one, build another scene.
     meshes: Vec<Mesh>,
     placements: Vec<Placement>,
     materials: Vec<Material>,
     lights: Lights,
     bounds: Bounds,
-    /// All triangles, mesh after mesh, in their mesh's space.
+    /// All triangles, mesh by mesh, in their mesh's space.
     triangles: Vec<Triangle>,
-    /// Of the triangles over which something varies.
+    /// Corners of the triangles with varying shading data.
     corners: Vec<Corners>,
-    /// Index in `triangles` of the first of each placement's mesh.
+    /// For each placement the index in `triangles` of its mesh's first triangle.
     first_triangle: Vec<u32>,
-    /// Of each material.
+    /// For each material its Lambertian part.
     lambertian: Vec<Lambertian>,
-    /// Sides that emit, in order, and the index of their emitter.
+    /// Sides that emit, sorted, and the indices of their emitters.
     emitting: Vec<(TriangleSide, u32)>,
 }
 
 impl Scene {
-    /// Puts a scene together; `lights` come on top of the emissive triangles.
+    /// Builds a scene; `lights` are added to the emissive triangles.
     ///
     /// # Errors
-    /// If a position is not finite, an index is out of range, normals, texture coordinates or tangents are
-    /// neither none nor one per position, a triangle without area emits, or there are 2^32 triangles; names
-    /// the mesh.
+    /// If a position is not finite, or an index is out of range. If there are normals, texture coordinates or
+    /// tangents, but not one per position. If a triangle without area emits, or there are 2^32 triangles. The
+    /// error names the mesh.
     pub fn new(
         name: String,
         arrangement: impl Into<Arrangement>,
@@ -95,7 +94,7 @@ impl Scene {
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
         let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
-        // What to put into stored triangles: of shared meshes, any of their materials.
+        // Corner index and material of stored triangles; a mesh with several placements has any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
         for Placement { mesh, material, transform } in &placements {
             varies[*mesh as usize] |= materials[*material as usize].varies();
@@ -137,7 +136,7 @@ impl Scene {
                 light.radius = bounds.enclosing_radius();
             }
         }
-        // As the lights number those that they keep.
+        // `Lights` keeps the emitters with power, in this order.
         let emitting = emitters
             .iter()
             .enumerate()
@@ -165,12 +164,12 @@ impl Scene {
         })
     }
 
-    /// All meshes, those at several places once.
+    /// All meshes, those with several placements once.
     pub fn meshes(&self) -> &[Mesh] {
         &self.meshes
     }
 
-    /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
+    /// Placements of the meshes, in the order of the mesh index of [`Hit`](crate::accel::Hit).
     pub fn placements(&self) -> &[Placement] {
         &self.placements
     }
@@ -190,7 +189,7 @@ impl Scene {
         &self.bounds
     }
 
-    /// The scene with light from all around, or without.
+    /// The scene with this environment, or without one.
     #[must_use]
     pub fn with_environment(mut self, environment: impl Into<Option<Environment>>) -> Self {
         let mut environment = environment.into();
@@ -199,7 +198,7 @@ impl Scene {
         self
     }
 
-    /// The scene with a light, which has power and is no triangle, before all others.
+    /// The scene with a further light before all others; it has power and is no triangle.
     #[must_use]
     pub fn with_light(mut self, light: Emitter) -> Self {
         assert!(light.has_power(), "a light without power would have no number");
@@ -225,8 +224,8 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
-    /// that is not the triangle's.
+    /// Returns true if merges at any surface need the direction of photons: for BSDFs that vary with it, or normals
+    /// that differ from the triangle's.
     pub fn merges_by_direction(&self) -> bool {
         self.materials.iter().any(Material::merges_by_direction)
             || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())

@@ -132,12 +132,7 @@ impl Transform {
         (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
     }
 
-    /// Orders a triangle's corners so that its front stays in front.
-    pub(crate) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
-        self.ordered([a, b, c])
-    }
-
-    /// What belongs to a triangle's corners, in the order of [`corners`](Self::corners).
+    /// Orders a triangle's corners, or data of them, so that its front stays in front.
     pub(crate) fn ordered<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }
     }

@@ -57,7 +57,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
     let mut ratios: Vec<f64> =
         plain.iter().zip(&guided).map(|(a, b)| (b.error / a.error).powi(2)).collect();
     ratios.sort_by(f64::total_cmp);
-    let ratio = ratios[ratios.cell_count() / 2];
+    let ratio = ratios[ratios.len() / 2];
     println!("{} cells, {ratio} times the variance", wrong.cell_count());
     assert!(ratio > 1.5, "it is wrong enough to tell: {ratio}");
     let z2: f64 = plain
@@ -65,7 +65,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
         .zip(&guided)
         .map(|(a, b)| ((a.mean - b.mean) / a.error.hypot(b.error)).powi(2))
         .sum::<f64>()
-        / plain.cell_count() as f64;
+        / plain.len() as f64;
     // 144 squares of about 1, which share light paths.
     assert!((0.5..1.6).contains(&z2), "{z2}");
 }
@@ -78,7 +78,7 @@ fn of_light_paths(scene: &Scene, settings: Settings) -> f64 {
     (0..60).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
     let noise = renderer.noise_image().unwrap();
     let sum: f64 = noise.pixels.iter().map(|p| p.noise.coefficients).map(|c| c.a + c.f).sum();
-    sum / noise.pixels.cell_count() as f64
+    sum / noise.pixels.len() as f64
 }
 
 #[test]
@@ -90,7 +90,11 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     let learned = renderer.learn_guide(|done, _| done < 32).unwrap();
     let plain = of_light_paths(scene, Settings { light_paths: 20_000, ..settings.clone() });
     let guided = of_light_paths(scene, Settings { light_paths: 20_000, guide: 32, ..settings });
-    println!("{} cells: {plain} to {guided}, told {}", learned.guide.cell_count(), learned.second_moment);
+    println!(
+        "{} cells: {plain} to {guided}, told {}",
+        learned.guide.cell_count(),
+        learned.second_moment
+    );
     assert!(guided < 0.35 * plain, "{plain} {guided}");
     // That is of relative errors at other radii.
     assert!((0.03..0.4).contains(&learned.second_moment), "{}", learned.second_moment);

@@ -64,7 +64,7 @@ impl Surfaces for SceneSurfaces<'_> {
         let mesh = self.scene.mesh(placement);
         let corners = mesh.triangles[hole.triangle as usize];
         // In the order of the placed triangle's corners, which mirroring turns around.
-        let corners = placement.transform.map_or(corners, |transform| transform.corners(corners));
+        let corners = placement.transform.map_or(corners, |transform| transform.ordered(corners));
         let [a, b, c] =
             corners.map(|index| mesh.uvs.get(index as usize).copied().unwrap_or_default());
         let weights = match placement.transform {
