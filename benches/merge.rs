@@ -107,7 +107,7 @@ fn merging(criterion: &mut Criterion) {
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
         let merge = Merge::new(&map, settings.merge_vertex, Kernel::disc(settings.radius));
-        let squares = Squares::new(&scene, &*accel, &settings, merge.together(false));
+        let squares = Squares::new(&scene, &accel, &settings, merge.together(false));
         let subject = (&photons[..], &settings);
         let (mut look_ups, mut expected) = (0, Sum::default());
         squares.each(|paths| {

@@ -48,7 +48,7 @@ fn random_number(ray: &Ray, hit: &Hit) -> f32 {
 
 /// A backend whose hits respect the alpha masks of the scene.
 pub struct AlphaMasks {
-    inner: Box<dyn Intersect>,
+    inner: Arc<dyn Intersect>,
     /// Masks by the mesh index of hits.
     masks: Vec<Option<MeshMask>>,
 }
@@ -62,7 +62,7 @@ struct MeshMask {
 
 impl AlphaMasks {
     /// Applies the alpha masks of the scene's materials to `inner`, if there are any.
-    pub fn wrap(inner: Box<dyn Intersect>, scene: &Scene) -> Box<dyn Intersect> {
+    pub fn wrap(inner: Arc<dyn Intersect>, scene: &Scene) -> Arc<dyn Intersect> {
         let uvs = |mesh: &Mesh| {
             let uv = |index: u32| mesh.uvs.get(index as usize).copied().unwrap_or_default();
             mesh.triangles.iter().map(|corners| corners.map(uv)).collect::<Arc<_>>()
@@ -74,7 +74,7 @@ impl AlphaMasks {
             Some(MeshMask { alpha_mask, uvs: uvs.clone() })
         };
         let masks: Vec<_> = scene.placements.iter().map(&mut masks).collect();
-        if masks.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, masks }) }
+        if masks.iter().all(Option::is_none) { inner } else { Arc::new(Self { inner, masks }) }
     }
 
     /// Returns true if the ray passes the surface that it hit.

@@ -71,7 +71,7 @@ pub struct Kernel<'a> {
     /// Merge radii, scene units.
     radii: ByClass<f32>,
     /// What could have sent the photons; discs if none.
-    areas: Option<&'a Areas<'a>>,
+    areas: Option<&'a Areas>,
     /// Which classes of photons have nested radii; those of the other are the radius again.
     nests: ByClass<bool>,
 }
@@ -113,7 +113,7 @@ impl<'a> Kernel<'a> {
     ///
     /// # Panics
     /// If they do and there are none.
-    pub fn new(settings: &Settings, areas: Option<&'a Areas<'a>>) -> Self {
+    pub fn new(settings: &Settings, areas: Option<&'a Areas>) -> Self {
         let radii = [settings.caustic_radius, settings.radius];
         match settings.kernel {
             settings::Kernel::Disc => Self::discs(radii),

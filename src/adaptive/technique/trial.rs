@@ -27,12 +27,12 @@ use std::time::Instant;
 /// Where trials take place.
 pub struct Site<'a> {
     /// Of the whole image, for what is learned beside it.
-    whole: Renderer<'a>,
+    whole: Renderer,
     ground: Ground<'a>,
     /// What areas cost at some vertices and radii.
     census: Vec<(u32, f64, Census)>,
     /// Some that know areas for different radii, which further trials use.
-    known: Vec<Renderer<'a>>,
+    known: Vec<Renderer>,
     /// Of so many by so many pixels one is taken.
     stride: u32,
     /// Where light paths of trials start.
@@ -96,7 +96,7 @@ impl<'a> Site<'a> {
     ///
     /// # Errors
     /// As [`Renderer::new`].
-    pub fn new(renderer: &Renderer<'a>, seconds: f64) -> Result<Self> {
+    pub fn new(renderer: &'a Renderer, seconds: f64) -> Result<Self> {
         let (scene, accel) = renderer.subject();
         let settings = renderer.settings();
         let stride = |paths: f64| {
@@ -111,14 +111,14 @@ impl<'a> Site<'a> {
         let paths = 0.5 * each / per_path;
         let paths = paths.clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
         let stride = stride(paths);
-        let (area, footprint) = (merging_area(scene), footprint(scene, accel, settings));
+        let (area, footprint) = (merging_area(scene), footprint(scene, &**accel, settings));
         let most_light_paths = renderer.most_light_paths();
         let view = scene.camera.view(settings.width, settings.height);
         let resolution = [settings.width, settings.height];
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
         Ok(Self {
             whole: renderer.with_settings(Settings { guide: 0, ..settings.clone() })?,
-            ground: Ground { scene, accel, view, resolution, seed },
+            ground: Ground { scene, accel: &**accel, view, resolution, seed },
             census: Vec::new(),
             known: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
             stride,
@@ -282,7 +282,7 @@ impl<'a> Site<'a> {
     }
 
     /// One that shares areas with another of the same reach: most of what trials see is the same.
-    fn renderer(&mut self, settings: Settings) -> Result<Renderer<'a>> {
+    fn renderer(&mut self, settings: Settings) -> Result<Renderer> {
         let is_same = |known: &&Renderer| {
             let known = known.settings();
             (known.kernel, known.reach()) == (settings.kernel, settings.reach())
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn equal_radii_tell_the_bias_of_each_class_alone() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
-        let loaded = load(folder.as_ref()).unwrap();
+        let loaded = load(folder).unwrap();
         let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
         let own = own.unwrap();
         // Light straight from the lamp is then merged, too.
@@ -390,7 +390,7 @@ mod tests {
         let own =
             Settings { direct, radius, caustic_radius: radius, width, height, light_paths, ..own };
         let accel = build(Backend::Bvh, &loaded.scene).unwrap();
-        let renderer = Renderer::new(&loaded.scene, &*accel, own.clone()).unwrap();
+        let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
         let mut site = Site::new(&renderer, 0.0).unwrap();
         // In no time: two iterations, the same ones each time.
         let mut nested = |class| -> Vec<f64> {

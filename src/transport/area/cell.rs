@@ -50,8 +50,8 @@ impl Cell {
 impl Maker<'_> {
     /// A cell of the side of a triangle, or how to split it.
     pub fn cell(&self, own: &Own, grid: &Grid, index: usize) -> Cell {
-        let geometry = self.surfaces.geometry();
-        let own_corners = corners(geometry, &geometry.instances[own.place as usize], own.triangle);
+        let place = &self.surfaces.places()[own.place as usize];
+        let own_corners = corners(self.surfaces, place, own.triangle);
         let (at, half) = grid.cell(index);
         let frame = Frame::new(own_corners, own.normal, self.radius).about(at);
         let spot = self.spot(&frame, own_corners, half);

@@ -71,15 +71,14 @@ impl Edge {
 impl Components {
     /// Of all meshes at their places.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
-        let geometry = surfaces.geometry();
-        let meshes: Vec<_> = geometry.meshes.par_iter().map(MeshComponents::new).collect();
+        let meshes: Vec<_> = surfaces.meshes().par_iter().map(MeshComponents::new).collect();
         let mut count = 0;
         let place = |place: &Instance| {
             let first = count;
             count += meshes[place.mesh as usize].count;
             (place.mesh, first)
         };
-        let places: Vec<_> = geometry.instances.iter().map(place).collect();
+        let places: Vec<_> = surfaces.places().iter().map(place).collect();
         let mut sets = Sets::new(count);
         join_places(surfaces, &meshes, &places, &mut sets);
         Self { joined: sets.flattened(), meshes, places }
@@ -177,13 +176,12 @@ fn join_places(
     places: &[(u32, u32)],
     sets: &mut Sets,
 ) {
-    let geometry = surfaces.geometry();
     let mut numbers = HashMap::new();
     let (mut edges, mut members) = (Vec::new(), Vec::new());
-    for (index, (place, &(mesh, first))) in (0..).zip(geometry.instances.iter().zip(places)) {
+    for (index, (place, &(mesh, first))) in (0..).zip(surfaces.places().iter().zip(places)) {
         let MeshComponents { of, borders, .. } = &meshes[mesh as usize];
         for &Border { triangle, corner } in borders {
-            let corners = corners(geometry, place, triangle);
+            let corners = corners(surfaces, place, triangle);
             let around = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let reversed = surfaces.normal(index, triangle).as_dvec3().dot(around) < 0.0;
             let welded = corners.map(|corner| number(&mut numbers, corner.as_vec3()));

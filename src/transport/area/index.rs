@@ -22,8 +22,8 @@ const CHUNK: usize = 64;
 
 /// The area that could have sent photons to a point, for all points of a scene and spheres of up to
 /// one radius.
-pub struct Areas<'a> {
-    ground: Arc<Ground<'a>>,
+pub struct Areas {
+    ground: Arc<Ground>,
     radius: f32,
     /// Of each side of each triangle, some at a time.
     patches: Box<[OnceLock<Chunk>]>,
@@ -32,8 +32,8 @@ pub struct Areas<'a> {
 }
 
 /// What areas of any radius rest on.
-struct Ground<'a> {
-    surfaces: Box<dyn Surfaces + 'a>,
+struct Ground {
+    surfaces: Box<dyn Surfaces>,
     sides: Sides,
     reach: Reach,
     /// Number of the first triangle of each place.
@@ -62,14 +62,14 @@ pub struct Memory {
     pub kept: usize,
 }
 
-impl<'a> Areas<'a> {
+impl Areas {
     /// For spheres of up to `radius`, keeping what takes up to about `budget` bytes; what does not fit is
     /// worked out each time it is asked for, with the same result.
-    pub fn new(surfaces: Box<dyn Surfaces + 'a>, sides: Sides, radius: f32, budget: usize) -> Self {
-        let (reach, geometry) = (Reach::new(&*surfaces), surfaces.geometry());
+    pub fn new(surfaces: Box<dyn Surfaces>, sides: Sides, radius: f32, budget: usize) -> Self {
+        let reach = Reach::new(&*surfaces);
         let mut first = vec![0];
-        for place in &geometry.instances {
-            let count = geometry.meshes[place.mesh as usize].triangles.len();
+        for place in surfaces.places() {
+            let count = surfaces.mesh(place.mesh).triangles.len();
             first.push(first[first.len() - 1] + count as u32);
         }
         Self::on(Arc::new(Ground { surfaces, sides, reach, first }), radius, budget)
@@ -81,7 +81,7 @@ impl<'a> Areas<'a> {
         Self::on(Arc::clone(&self.ground), radius, self.budget)
     }
 
-    fn on(ground: Arc<Ground<'a>>, radius: f32, budget: usize) -> Self {
+    fn on(ground: Arc<Ground>, radius: f32, budget: usize) -> Self {
         let facets = 2 * ground.first[ground.first.len() - 1] as usize;
         Self {
             ground,
@@ -210,9 +210,9 @@ impl<'a> Areas<'a> {
     fn elsewhere<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
         let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
         let make = || {
-            let geometry = self.ground.surfaces.geometry();
-            let place = &geometry.instances[own.place as usize];
-            let corners = corners(geometry, place, own.triangle);
+            let surfaces = &*self.ground.surfaces;
+            let place = &surfaces.places()[own.place as usize];
+            let corners = corners(surfaces, place, own.triangle);
             Box::new(Patch::new(corners, own.normal, self.radius.into()))
         };
         let slot = || {

@@ -137,7 +137,7 @@ impl Maker<'_> {
     }
 
     fn seen(&self, frame: &Frame, place: u32) -> Seen {
-        let to_scene = self.surfaces.geometry().instances[place as usize].to_scene;
+        let to_scene = self.surfaces.places()[place as usize].to_scene;
         let from_scene = frame.scene_to_local();
         Seen {
             place,

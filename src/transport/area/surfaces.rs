@@ -1,14 +1,20 @@
 //! What the area asks of a scene.
 
 use super::bvh::Box3;
-use crate::accel::{Geometry, Instance};
+use crate::accel::{Instance, TriangleMesh};
 use glam::{DVec3, Vec3};
 
 /// The surfaces of a scene. Triangles are named as in hits: by the index of their place, and theirs
 /// in the mesh.
 pub trait Surfaces: Send + Sync {
-    /// All meshes at their places.
-    fn geometry(&self) -> &Geometry<'_>;
+    /// All meshes, each in its own space.
+    fn meshes(&self) -> Vec<TriangleMesh<'_>>;
+
+    /// A mesh by its index in [`Self::meshes`].
+    fn mesh(&self, mesh: u32) -> TriangleMesh<'_>;
+
+    /// The meshes' places in the scene.
+    fn places(&self) -> &[Instance];
 
     /// Unit normal of a triangle's front in the scene, as vertices on it have it; zero of triangles
     /// without area.
@@ -45,8 +51,8 @@ pub struct Hole {
 }
 
 /// The corners of a triangle in the scene, in the order of the mesh.
-pub(super) fn corners(geometry: &Geometry, place: &Instance, triangle: u32) -> [DVec3; 3] {
-    let mesh = &geometry.meshes[place.mesh as usize];
+pub(super) fn corners(surfaces: &dyn Surfaces, place: &Instance, triangle: u32) -> [DVec3; 3] {
+    let mesh = surfaces.mesh(place.mesh);
     mesh.triangles[triangle as usize].map(|index| {
         let own = mesh.positions[index as usize].as_dvec3();
         place.to_scene.map_or(own, |to_scene| to_scene.transform_point3(own))

@@ -21,21 +21,20 @@ pub struct Reach {
 impl Reach {
     /// Of all triangles of a scene.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
-        let geometry = surfaces.geometry();
-        let tree = |(mesh, _): (usize, _)| {
+        let tree = |(mesh, own): (usize, &TriangleMesh)| {
             let place = Instance { mesh: mesh as u32, to_scene: None };
-            let count = geometry.meshes[mesh].triangles.len() as u32;
-            let around = |triangle| box_around(corners(geometry, &place, triangle).into_iter());
+            let count = own.triangles.len() as u32;
+            let around = |triangle| box_around(corners(surfaces, &place, triangle).into_iter());
             Bvh::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
         };
-        let meshes: Vec<_> = geometry.meshes.par_iter().enumerate().map(tree).collect();
+        let meshes: Vec<_> = surfaces.meshes().par_iter().enumerate().map(tree).collect();
         let around = |place: &Instance| {
             let own = meshes[place.mesh as usize].bounds();
             place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
         };
-        let places = Bvh::new(&geometry.instances.iter().map(around).collect::<Vec<_>>(), 1);
+        let places = Bvh::new(&surfaces.places().iter().map(around).collect::<Vec<_>>(), 1);
         let to_mesh = |place: &Instance| place.to_scene.map(|to_scene| to_scene.inverse());
-        Self { places, to_mesh: geometry.instances.iter().map(to_mesh).collect(), meshes }
+        Self { places, to_mesh: surfaces.places().iter().map(to_mesh).collect(), meshes }
     }
 
     /// Visits triangles, by place and index, with their corners in the mesh's space, until a visit says
@@ -47,10 +46,10 @@ impl Reach {
         mut visit: impl FnMut(u32, u32, [Vec3; 3]) -> bool,
     ) -> bool {
         self.places.find(around, |place| {
-            let mesh = surfaces.geometry().instances[place as usize].mesh;
+            let mesh = surfaces.places()[place as usize].mesh;
             let to_mesh = &self.to_mesh[place as usize];
             let around = to_mesh.map_or(*around, |to_mesh| moved(around, &to_mesh));
-            let TriangleMesh { positions, triangles } = &surfaces.geometry().meshes[mesh as usize];
+            let TriangleMesh { positions, triangles } = surfaces.mesh(mesh);
             self.meshes[mesh as usize].find(&around, |triangle| {
                 let corners = triangles[triangle as usize].map(|index| positions[index as usize]);
                 let own = corners.into_iter().fold(Box3::EMPTY, |own, p| own.with(p.into()));
