@@ -268,7 +268,7 @@ impl Lights {
         self.by_power.total as f32
     }
 
-    /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
+    /// [`Self::connect`] with lights that no ray can hit; `None` if there are none.
     #[inline(never)] // rare
     pub fn connect_delta(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
         let (index, prob) = self.delta_by_estimate.choose(at, rng.next_f64())?;
