@@ -34,7 +34,7 @@ use std::time::Duration;
 use subject::scene;
 
 const LIGHT_PATHS: [u32; 3] = [1000, 100_000, 1_000_000];
-/// What the map is held against.
+/// The reference that the map is compared with.
 const OTHERS: [&str; 2] = ["kiddo", "point queries"];
 
 /// Rounds in which both sides take turns.

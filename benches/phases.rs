@@ -205,7 +205,7 @@ fn one_over_two(mut work: impl FnMut() + Send) -> Ratio {
 fn raw_scene(scene: &Arc<Scene>) -> RawScene {
     let geometry = scene.geometry();
     let copy = |place| (geometry.positions(place), geometry.mesh(place).triangles);
-    let copies: Vec<_> = geometry.places.iter().map(copy).collect();
+    let copies: Vec<_> = geometry.instances.iter().map(copy).collect();
     RawScene::new(copies.iter().map(|(positions, triangles)| TriangleMesh { positions, triangles }))
 }
 

@@ -70,7 +70,7 @@ fn batches_of_every_length_answer_as_single_rays_do() {
 
     for length in 0..=rays.len() {
         for coherence in BOTH {
-            // What the slots held before must not show through, nor the slots behind be touched.
+            // Old contents of the slots must not show through, and later slots stay unchanged.
             let stale = Hit { t: -7.0, u: 7.0, v: 7.0, mesh: 7, triangle: 7 };
             let mut batch = vec![stale; length + 1];
             scene.closest_hits(&rays[..length], &mut batch[..length], coherence);

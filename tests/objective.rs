@@ -81,7 +81,7 @@ fn one_element_is_a_thin_lens() {
     let pitch = f64::from(width) / side as f64;
     let real = Picture { pixels: squares(camera, meshes, side), side: side as usize, pitch };
 
-    // The same plane sharp, through the same stop, at the same scale.
+    // One plane in focus, through one stop, at one scale.
     let across = f64::from(width) / -magnification;
     let field_of_view = FieldOfView::X(2.0 * (0.5 * across / SHARP).atan().to_degrees() as f32);
     let (aperture_radius, focus_distance) = (2.5, SHARP as f32);
@@ -105,7 +105,7 @@ fn one_element_is_a_thin_lens() {
         let arriving = solid_angle * RADIANCE * (2.0 * half).powi(2);
         real.energy.assert_is(glass * arriving, 3e-3);
         transmitted.push([real.energy.mean / arriving, real.energy.error / arriving]);
-        // The thin lens tells radiance.
+        // The thin lens measures radiance.
         let irradiance = glass * solid_angle * (distance / SHARP / magnification).powi(2);
         let error = real.energy.error / irradiance;
         Estimate { mean: real.energy.mean / irradiance, error: error.hypot(ideal.energy.error) }

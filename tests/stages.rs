@@ -59,7 +59,7 @@ fn at_root(first: &Ident, mut rest: &[TokenTree], depth: usize) -> Vec<Named> {
     Vec::new()
 }
 
-/// What each branch of a tree of imports begins with.
+/// The first names of each branch of a tree of imports.
 fn firsts(branches: TokenStream) -> Vec<Named> {
     let trees: Vec<TokenTree> = branches.into_iter().collect();
     let is_comma = |tree: &TokenTree| tree.to_string() == ",";
@@ -107,7 +107,7 @@ impl Stages {
         stages
     }
 
-    /// What is wrong with a file of a stage: `file:line` and why.
+    /// Violations in a file of a stage: `file:line` and the reason.
     fn problems(&self, stage: usize, file: &str, depth: usize, code: TokenStream) -> Vec<String> {
         let name = &self.order[stage];
         let problem = |Named { what, line }| match self.origin.get(&what) {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Rounds of both.
 const ROUNDS: usize = 41;
 
-/// How long one takes over how long the other does.
+/// Time of one piece of work over that of the other.
 #[derive(Clone, Copy, Debug)]
 pub struct Ratio {
     /// Over all rounds.
@@ -25,7 +25,7 @@ pub fn measures() -> bool {
     has("--bench") && !has("--profile-time")
 }
 
-/// How long it takes.
+/// Time of the work.
 pub fn timed<T>(work: impl FnOnce() -> T) -> Duration {
     let start = Instant::now();
     std::hint::black_box(work());
@@ -40,12 +40,12 @@ fn quartile(values: impl Iterator<Item = f64>, which: usize) -> f64 {
 }
 
 impl Ratio {
-    /// Of two pieces of work that tell their own times.
+    /// Ratio of two pieces of work that report their own times.
     pub fn new(one: impl FnMut() -> Duration, other: impl FnMut() -> Duration) -> Self {
         Self::of(ROUNDS, one, other)
     }
 
-    /// The same with so many rounds.
+    /// The ratio from this number of rounds.
     pub fn of(
         rounds: usize,
         mut one: impl FnMut() -> Duration,

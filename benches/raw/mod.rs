@@ -132,7 +132,7 @@ impl Packets {
     }
 }
 
-/// How many rays the last packet has.
+/// Number of rays of the last packet.
 fn last(rays: &[Ray]) -> usize {
     rays.len() - rays.len().saturating_sub(1) / 16 * 16
 }

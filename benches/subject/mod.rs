@@ -1,4 +1,4 @@
-//! What the benches of single phases work on.
+//! The scene and data that benches of single phases work on.
 #![allow(dead_code)] // each bench takes its part
 
 #[path = "../../tests/common/shapes.rs"]

@@ -4,7 +4,7 @@ use crate::mesh::Mesh;
 use glam::DVec3;
 use std::fmt::Write;
 
-/// What an OBJ file holds: meshes with names and materials.
+/// Content of an OBJ file: meshes with names and materials.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The comment at its top, one line or more.

@@ -6,7 +6,7 @@ use glam::{DVec2, dvec2};
 #[derive(Clone, Copy, Debug)]
 pub struct ProfilePoint {
     pub at: DVec2,
-    /// Of the front, of length 1; without one the surface is flat between the points of a ring.
+    /// Unit normal of the front; without one the surface is flat between the points of a ring.
     pub normal: Option<DVec2>,
 }
 

@@ -1,4 +1,4 @@
-//! The same random numbers everywhere and always: `SplitMix64` (Steele, Lea and Flood 2014).
+//! Reproducible random numbers: `SplitMix64` (Steele, Lea and Flood 2014).
 
 pub struct Random(pub u64);
 

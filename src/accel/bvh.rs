@@ -1,7 +1,7 @@
 //! The pure-Rust backend: `obvhs`'s BVH with our own watertight triangle test.
 //!
-//! It needs no library, runs everywhere, and is the reference that Embree is checked against. So it
-//! stays simple: shared meshes are copied to each of their places.
+//! It needs no library, runs everywhere, and is the reference that Embree is checked against. It stays
+//! simple: it copies a mesh for each of its instances.
 
 use super::packet::used;
 use super::{
@@ -27,7 +27,7 @@ pub enum BvhError {
     Mesh {
         /// Index of the mesh.
         mesh: u32,
-        /// What is wrong with it.
+        /// The rule that it breaks.
         #[source]
         problem: MeshError,
     },
@@ -42,14 +42,14 @@ pub enum BvhError {
 /// An immutable BVH over copies of triangle meshes.
 pub struct Bvh {
     tree: Bvh2,
-    /// Entries that a traversal's stack must hold.
+    /// Maximum number of entries of a traversal's stack.
     depth: usize,
     /// In the order of the tree's leaves, so that a leaf's triangles are neighbors in memory.
     triangles: Vec<Triangle>,
     build_time: Duration,
 }
 
-/// A triangle with the names that a [`Hit`] gives it.
+/// A triangle with its indices in a [`Hit`].
 #[derive(Clone, Copy)]
 struct Triangle {
     vertices: [Vec3; 3],
@@ -77,20 +77,20 @@ impl Bvh {
         Self::new(&Geometry::of_meshes(meshes))
     }
 
-    /// Builds the BVH of meshes at their places; the indices are those of the places.
+    /// Builds the BVH of instances, whose indices the hits have.
     ///
     /// # Errors
     /// As [`build`](Self::build).
     pub fn new(geometry: &Geometry<'_>) -> Result<Self, BvhError> {
         let start = Instant::now();
-        let count = geometry.placed_triangles();
+        let count = geometry.instanced_triangles();
         if count >= u32::MAX as usize / 2 {
-            return Err(BvhError::TooManyTriangles { count }); // nodes are numbered too
+            return Err(BvhError::TooManyTriangles { count }); // nodes share the 32-bit indices
         }
         let mut triangles = Vec::with_capacity(count);
-        for (mesh, place) in (0..).zip(&geometry.places) {
-            let positions = &*geometry.positions(place);
-            let data = TriangleMesh { positions, ..geometry.mesh(place) };
+        for (mesh, instance) in (0..).zip(&geometry.instances) {
+            let positions = &*geometry.positions(instance);
+            let data = TriangleMesh { positions, ..geometry.mesh(instance) };
             data.validate().map_err(|problem| BvhError::Mesh { mesh, problem })?;
             triangles.extend((0..).zip(data.triangles).map(|(triangle, indices)| Triangle {
                 vertices: indices.map(|index| positions[index as usize]),
@@ -108,8 +108,8 @@ impl Bvh {
         Ok(Self { tree, depth, triangles, build_time: start.elapsed() })
     }
 
-    /// Calls `visit` with triangles near the ray, nearer boxes first, until it answers false.
-    /// `visit` may lower the distance beyond which nothing is looked for.
+    /// Calls `visit` with triangles near the ray, nearer boxes first, until it returns false.
+    /// `visit` may lower the maximum distance.
     #[inline(always)]
     fn traverse(&self, ray: &PreparedRay, mut visit: impl FnMut(&Triangle, &mut f32) -> bool) {
         let Some(root) = self.tree.nodes.first() else { return };
@@ -122,7 +122,7 @@ impl Bvh {
             stack.push((0, 0.0));
             while let Some((index, entry)) = stack.pop() {
                 if entry > t_max {
-                    continue; // something nearer was found since
+                    continue; // a nearer triangle was hit meanwhile
                 }
                 let node = &nodes[index as usize];
                 let first = node.first_index as usize;
@@ -148,7 +148,7 @@ impl Bvh {
     }
 }
 
-/// Entries that a traversal's stack must hold: a sibling per level, and the node itself.
+/// Maximum number of entries of a traversal's stack: a sibling per level, and the node itself.
 fn stack_depth(nodes: &[Bvh2Node]) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0, 2)];
@@ -161,11 +161,11 @@ fn stack_depth(nodes: &[Bvh2Node]) -> usize {
     deepest
 }
 
-/// A ray with what every box and triangle test of it has in common.
+/// A ray with the terms that all its box and triangle tests share.
 ///
-/// The triangle test is the watertight one of Woop, Benthin and Wald (2013), equations as there:
-/// space is sheared so that the ray runs along an axis, and edge functions of neighbors that share
-/// an edge are computed from the same numbers, so they agree on which side a ray passes.
+/// The triangle test is the watertight one of Woop, Benthin and Wald (2013), with their equations. Space is
+/// sheared so that the ray runs along an axis. Neighbors that share an edge compute its edge function from
+/// the same numbers, so they agree on which side a ray passes.
 struct PreparedRay {
     origin: Vec3,
     /// Componentwise, of the scaled direction.
@@ -180,15 +180,15 @@ struct PreparedRay {
 
 impl PreparedRay {
     fn new(ray: &Ray) -> Self {
-        // Scaled by a power of two (exact) to a length near one: box tests work with reciprocals,
-        // and those of very long or short directions leave the range of f32.
+        // Scale by a power of two (exact) to a length near one: box tests use reciprocals, and those of
+        // very long or short directions leave the range of f32.
         let largest = ray.direction.abs().max_element();
         let exponent = (largest.to_bits() >> 23).clamp(1, 253);
         let scale = f32::from_bits((254 - exponent) << 23);
         let direction = ray.direction * scale;
 
-        // A component of zero gets a huge reciprocal instead of an infinite one, which times zero
-        // would be NaN: the ray then stays within a slab that holds its origin, for all distances.
+        // A zero component gets a huge reciprocal, because an infinite one times zero would be NaN. The
+        // ray then stays within a slab that contains its origin, for all distances.
         let reciprocal = |x: f32| if x.abs() < 1e-30 { 1e30_f32.copysign(x) } else { 1.0 / x };
         let inverse = Vec3::from_array(direction.to_array().map(reciprocal));
         let (t_near, t_far) = (ray.t_near / scale, ray.t_far / scale);
@@ -205,8 +205,8 @@ impl PreparedRay {
     /// Distance at which the ray enters a node's box, at least `t_near`; infinite if it misses it.
     #[inline(always)]
     fn enters(&self, node: &Bvh2Node, t_max: f32) -> f32 {
-        /// More than the relative error of a slab's two distances (Ize 2013), so that rounding
-        /// never loses a box that the ray touches.
+        /// More than the relative error of a slab's two distances (Ize 2013): rounding never loses a box
+        /// that the ray touches.
         const CONSERVATIVE: f32 = 1.0 + 4.0 * f32::EPSILON;
         let (origin, inverse) = (Vec3A::from(self.origin), Vec3A::from(self.inverse));
         let bounds = node.aabb();
@@ -230,7 +230,7 @@ impl PreparedRay {
         let mut v = ax * cy - ay * cx;
         let mut w = bx * ay - by * ax;
         if u == 0.0 || v == 0.0 || w == 0.0 {
-            // On an edge, as far as f32 can tell: products of f32 are exact in f64.
+            // On an edge to within f32: repeat in f64, where products of f32 are exact.
             let cross = |x1: f32, y1: f32, x2: f32, y2: f32| {
                 (f64::from(x1) * f64::from(y2) - f64::from(y1) * f64::from(x2)) as f32
             };

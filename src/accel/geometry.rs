@@ -1,61 +1,61 @@
-//! What a backend intersects: meshes at their places.
+//! The input of a backend: meshes and their instances.
 
 use super::{MeshError, TriangleMesh};
 use glam::{Affine3A, DAffine3, Vec3};
 use std::borrow::Cow;
 
-/// Meshes, and where each is seen. [`Hit::mesh`](super::Hit::mesh) is an index into the places.
+/// Meshes and their instances. [`Hit::mesh`](super::Hit::mesh) is an index into the instances.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry<'a> {
-    /// Held once each.
+    /// Each mesh once.
     pub meshes: Vec<TriangleMesh<'a>>,
     /// In the order of their indices.
-    pub places: Vec<Place>,
+    pub instances: Vec<Instance>,
 }
 
-/// Where a mesh is.
+/// A mesh placed in the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct Instance {
     /// Index of the mesh.
     pub mesh: u32,
-    /// From the mesh's space to the scene's; none for a mesh in the scene's, which should have no
-    /// other place.
+    /// Transform from the mesh's space to the scene's; `None` for a mesh in scene space, which should have
+    /// no other instance.
     pub to_scene: Option<DAffine3>,
 }
 
 impl<'a> Geometry<'a> {
-    /// Each mesh where it is, in the order of the slice.
+    /// One instance per mesh, in scene space, in the order of the slice.
     pub fn of_meshes(meshes: &[TriangleMesh<'a>]) -> Self {
-        let places = (0..).zip(meshes).map(|(mesh, _)| Place { mesh, to_scene: None });
-        Self { meshes: meshes.to_vec(), places: places.collect() }
+        let instances = (0..).zip(meshes).map(|(mesh, _)| Instance { mesh, to_scene: None });
+        Self { meshes: meshes.to_vec(), instances: instances.collect() }
     }
 
-    /// Number of triangles, counted at each place.
-    pub fn placed_triangles(&self) -> usize {
-        self.places.iter().map(|place| self.mesh(place).triangles.len()).sum()
+    /// Number of triangles, counted at each instance.
+    pub fn instanced_triangles(&self) -> usize {
+        self.instances.iter().map(|instance| self.mesh(instance).triangles.len()).sum()
     }
 
-    /// The mesh of a place, in its own space.
+    /// The mesh of an instance, in its own space.
     ///
     /// # Panics
     /// If there is no such mesh.
-    pub fn mesh(&self, place: &Place) -> TriangleMesh<'a> {
-        self.meshes[place.mesh as usize]
+    pub fn mesh(&self, instance: &Instance) -> TriangleMesh<'a> {
+        self.meshes[instance.mesh as usize]
     }
 
-    /// The vertices of a place's mesh in the scene.
+    /// The vertices of an instance in scene space.
     ///
     /// # Panics
     /// If there is no such mesh.
-    pub fn positions(&self, place: &Place) -> Cow<'a, [Vec3]> {
-        let positions = self.mesh(place).positions;
-        let Some(to_scene) = place.to_scene else { return Cow::Borrowed(positions) };
+    pub fn positions(&self, instance: &Instance) -> Cow<'a, [Vec3]> {
+        let positions = self.mesh(instance).positions;
+        let Some(to_scene) = instance.to_scene else { return Cow::Borrowed(positions) };
         let placed = positions.iter().map(|p| to_scene.transform_point3(p.as_dvec3()).as_vec3());
         Cow::Owned(placed.collect())
     }
 }
 
-/// The transform of an instance in f32, if rays can be taken through it and back.
+/// The transform of an instance in f32, if rays can be transformed by it and its inverse.
 ///
 /// # Errors
 /// If it is too far from a rotation of about the same size.
@@ -63,11 +63,12 @@ pub fn instance_transform(to_scene: DAffine3) -> Result<Affine3A, MeshError> {
     let scale = to_scene.matrix3;
     let inverse = scale.inverse();
     // Products of three numbers must be normal in f32, for determinants; written so that NaN fails.
-    let tame = |x: glam::DMat3| x.to_cols_array().iter().all(|x| x.abs() < MAX_SCALE);
+    let is_bounded = |x: glam::DMat3| x.to_cols_array().iter().all(|x| x.abs() < MAX_SCALE);
     let far = to_scene.translation.abs().max_element();
-    let fits = tame(scale) && tame(inverse) && far < f64::from(TriangleMesh::MAX_COORDINATE);
+    let fits =
+        is_bounded(scale) && is_bounded(inverse) && far < f64::from(TriangleMesh::MAX_COORDINATE);
     if fits { Ok(to_scene.as_affine3a()) } else { Err(MeshError::Transform) }
 }
 
-/// Bounds the entries of an instance's transform and of its inverse.
+/// Bound of the entries of an instance's transform and of its inverse.
 const MAX_SCALE: f64 = 1e9;

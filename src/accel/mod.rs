@@ -1,7 +1,7 @@
 //! Ray-scene intersection behind one small trait, batched from the ground up.
 //!
 //! Two backends implement [`Intersect`]: Intel Embree 4 (feature `embree`) and a pure-Rust BVH.
-//! They are interchangeable at run time, so each cross-checks the other.
+//! They are interchangeable at run time, so tests check each against the other.
 
 use crate::simd::{LANES, Mask};
 use glam::Vec3;
@@ -12,7 +12,7 @@ pub mod embree;
 mod geometry;
 pub(crate) mod packet;
 
-pub use geometry::{Geometry, Place, instance_transform};
+pub use geometry::{Geometry, Instance, instance_transform};
 pub use packet::{HitPacket, RayPacket};
 
 /// A ray segment: `origin + t * direction` for `t` in `(t_near, t_far)`.
@@ -55,15 +55,15 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric weight of the triangle's third vertex.
     pub v: f32,
-    /// Index of the mesh or, where it may have several, of its place, in the order in which they were
-    /// added; `u32::MAX` for a miss.
+    /// Index of the mesh, or of its instance if meshes are instanced, in the order in which they were added;
+    /// `u32::MAX` for a miss.
     pub mesh: u32,
     /// Index of the triangle within its mesh.
     pub triangle: u32,
 }
 
 impl Hit {
-    /// What a ray that hits nothing returns.
+    /// The result of a ray that hits nothing.
     pub const MISS: Self =
         Self { t: f32::INFINITY, u: 0.0, v: 0.0, mesh: u32::MAX, triangle: u32::MAX };
 
@@ -74,8 +74,8 @@ impl Hit {
     }
 }
 
-/// What `ray` meets beyond `hit`, beginning a relative `step` behind it, and the step to take from there: rounding may
-/// find the same place again.
+/// The next hit of `ray` that begins a relative `step` behind `hit`, and the step to take from there. Rounding may
+/// return the same point again: the step then doubles.
 pub(crate) fn next_after(accel: &dyn Intersect, ray: &Ray, hit: &Hit, step: f32) -> (Hit, f32) {
     let t_near = (hit.t * (1.0 + step)).max(f32::MIN_POSITIVE);
     let next = accel.closest_hit(&Ray { t_near, ..*ray });
@@ -83,8 +83,8 @@ pub(crate) fn next_after(accel: &dyn Intersect, ray: &Ray, hit: &Hit, step: f32)
     (next, if again { 2.0 * step } else { f32::EPSILON })
 }
 
-/// What the caller knows about neighboring rays of a batch; a hint that never changes results (of rays
-/// whose numbers are finite).
+/// Coherence of neighboring rays of a batch: a hint that never changes the results of rays whose numbers are
+/// finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coherence {
     /// Neighbors start close together and point the same way (camera rays, shadow rays to one point).
@@ -98,11 +98,11 @@ pub enum Coherence {
 /// Queries never fail and may run from any number of threads at once. Triangles are hit from both
 /// sides. The two edges of the open interval `(t_near, t_far)` are unspecified to within rounding.
 pub trait Intersect: Send + Sync {
-    /// Writes the closest hits of the first `count` rays of all packets, or [`Hit::MISS`], to the same
-    /// places in `hits`; what the last packet holds besides is left alone or overwritten.
+    /// Writes the closest hits of the first `count` rays of all packets, or [`Hit::MISS`], to the same lanes
+    /// of `hits`. The unused lanes of the last packet stay unchanged or are overwritten.
     ///
     /// # Panics
-    /// If there are other than as many packets as `count` rays take.
+    /// If `count` rays take another number of packets.
     fn intersect(
         &self,
         rays: &[RayPacket],
@@ -157,7 +157,7 @@ pub trait Intersect: Send + Sync {
         }
     }
 
-    /// What the backend says of itself, for `bdpm info`.
+    /// Facts about the backend, for `bdpm info`.
     fn describe(&self) -> AccelInfo;
 }
 
@@ -168,7 +168,7 @@ pub struct AccelInfo {
     pub name: String,
     /// Rays per packet of the batched queries; 1 if they loop over single rays.
     pub packet_size: usize,
-    /// Number of triangles that it holds: those of shared meshes once, if it can.
+    /// Number of triangles in memory: those of an instanced mesh once, if the backend supports instances.
     pub triangles: usize,
     /// Bytes of the structure and its copy of the geometry.
     pub bytes: usize,
@@ -259,7 +259,7 @@ pub enum MeshError {
         /// Its position.
         position: Vec3,
     },
-    /// Rays cannot be taken through the transform of an instance and back.
+    /// Rays cannot be transformed by an instance's transform and its inverse.
     #[error("the transform is not finite, cannot be undone or scales by more than 1e9")]
     Transform,
     /// An instance reaches beyond [`TriangleMesh::MAX_COORDINATE`].

@@ -20,13 +20,13 @@ pub struct RayPacket {
 }
 
 impl RayPacket {
-    /// Rays that all end at the same multiple of their direction's length, with nothing else set.
+    /// Rays with only their far end set, in units of the direction's length.
     pub fn until(t_far: f32) -> Self {
         let (origin, direction) = <(Vec3s, Vec3s)>::default();
         Self { origin, direction, t_near: [0.0; LANES], t_far: [t_far; LANES] }
     }
 
-    /// These rays, sixteen at most; what is beyond them repeats the first.
+    /// A packet of at most sixteen rays; the lanes after them repeat the first.
     ///
     /// # Panics
     /// If there are none.
@@ -69,7 +69,7 @@ pub struct HitPacket {
     pub u: [f32; LANES],
     /// Barycentric weights of the triangles' third vertices.
     pub v: [f32; LANES],
-    /// Indices of the meshes or their places; `u32::MAX` for a miss.
+    /// Indices of the instances; `u32::MAX` for a miss.
     pub mesh: [u32; LANES],
     /// Indices of the triangles within their meshes.
     pub triangle: [u32; LANES],
@@ -100,17 +100,17 @@ impl HitPacket {
 }
 
 impl Default for HitPacket {
-    /// Nothing was hit.
+    /// Sixteen misses.
     fn default() -> Self {
         let [t, u, v] = [Hit::MISS.t, Hit::MISS.u, Hit::MISS.v].map(|number| [number; LANES]);
         Self { t, u, v, mesh: [Hit::MISS.mesh; LANES], triangle: [Hit::MISS.triangle; LANES] }
     }
 }
 
-/// The lanes in use of each of so many `packets` that hold `count` rays.
+/// The lanes in use of each of `packets` packets that hold `count` rays.
 ///
 /// # Panics
-/// If `count` rays take other than so many.
+/// If `count` rays take another number of packets.
 pub(crate) fn used(count: usize, packets: usize) -> impl Iterator<Item = Range<usize>> {
     assert_eq!(packets, count.div_ceil(LANES), "packets for {count} rays");
     (0..packets).map(move |packet| 0..(count - packet * LANES).min(LANES))

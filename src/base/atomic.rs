@@ -7,14 +7,14 @@ use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// Around the names of files that are being written.
+/// Prefix and suffix of the names of files that are being written.
 const TEMPORARY: [&str; 2] = [".bdpm-", ".tmp"];
 
-/// Lets `write` fill a temporary file beside `path`, which takes its place when all is written. A symbolic
-/// link stays, and what it leads to is replaced.
+/// Lets `write` fill a temporary file beside `path`, then renames it to `path`. A symbolic link stays;
+/// the file that it leads to is replaced.
 ///
 /// # Errors
-/// Names `path`. Whatever was there before is then still there.
+/// Names `path`. A file that was there before is then unchanged.
 pub fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut (dyn WriteSeek + '_)) -> std::io::Result<()>,
@@ -22,11 +22,11 @@ pub fn write_atomically(
     let target = destination(path);
     let file = temporary(&folder(&target)).map_err(|e| Error::io("write", path, e))?;
     let save = || {
-        // To the file itself: errors are about `path`, not about its temporary name.
+        // Write to the `File` itself: errors then name `path`, not the temporary file.
         let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
         write(&mut buffered)?;
         buffered.into_inner()?;
-        // Without this, a power failure after the renaming could leave an empty file.
+        // Without `sync_all`, a power failure after the renaming could leave an empty file.
         file.as_file().sync_all()?;
         file.persist(&target)?;
         Ok(())
@@ -34,13 +34,13 @@ pub fn write_atomically(
     save().map_err(|e| Error::io("write", path, e))
 }
 
-/// What [`write_atomically`] writes to.
+/// A seekable target of [`write_atomically`].
 pub trait WriteSeek: Write + Seek {}
 
 impl<T: Write + Seek> WriteSeek for T {}
 
-/// Finds out before hours of rendering whether `path` can be written, without touching it. Removes what
-/// programs that were killed left in its folder.
+/// Checks before hours of rendering that `path` can be written, without touching it. Removes temporary
+/// files that killed programs left in its folder.
 ///
 /// # Errors
 /// If its extension is not `extension` (if given), its folder is missing or not writable, or it is
@@ -90,14 +90,14 @@ pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
     temporary(&folder).map(drop).map_err(|e| Error::io("write", path, e))
 }
 
-/// A file in `folder` that vanishes unless it is renamed. It is locked for as long as it is being written,
-/// which tells it from what a killed program left.
+/// A file in `folder` that vanishes unless it is renamed. It is locked while it is being written: the lock
+/// distinguishes it from a file that a killed program left.
 fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
     let [prefix, suffix] = TEMPORARY;
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
-        // Like any new file, less the user's umask; the crate's own default is private.
+        // The permissions of any new file, less the user's umask; the crate's own default is private.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
@@ -111,7 +111,7 @@ fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
     }
 }
 
-/// Removes temporary files that nobody writes to any more. What cannot be removed does no harm.
+/// Removes temporary files that no process writes to. A file that cannot be removed does no harm.
 pub fn sweep(folder: &Path) {
     let [prefix, suffix] = TEMPORARY;
     let Ok(entries) = folder.read_dir() else { return };
@@ -120,7 +120,7 @@ pub fn sweep(folder: &Path) {
         let name = name.to_string_lossy();
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         if is_file && name.starts_with(prefix) && name.ends_with(suffix) {
-            // The lock of a dead process is gone, on whatever machine it was.
+            // The lock of a dead process is gone, whatever machine it ran on.
             let lock = File::open(entry.path());
             if lock.as_ref().is_ok_and(|file| file.try_lock().is_ok()) {
                 let _ = std::fs::remove_file(entry.path());
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+    fn failed_write_leaves_old_file_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         fs::write(&path, "old").unwrap();
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn the_check_finds_what_would_fail_and_touches_nothing() {
+    fn check_writable_reports_bad_targets_and_touches_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("folder.exr")).unwrap();
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_dead_left_is_swept_away_and_what_the_living_write_stays() {
+    fn stale_temporary_files_are_removed_and_locked_ones_stay() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         for name in [".bdpm-x1Y2z3.tmp", ".bdpm-.exr", "bdpm-a.tmp"] {
@@ -217,7 +217,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_link_stays_and_what_it_leads_to_is_written() {
+    fn symbolic_link_stays_and_its_target_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::create_dir(at("disk")).unwrap();

@@ -1,4 +1,4 @@
-//! The one error type: what is wrong, where, and what to do about it.
+//! The one error type: a problem, its location in a file, and advice.
 
 use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
@@ -17,15 +17,15 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub struct Error {
     problem: String,
     advice: String,
-    place: Option<Box<Place>>,
+    location: Option<Box<Location>>,
     source: Option<Box<dyn std::error::Error + Send + Sync>>,
-    /// What else went wrong.
+    /// Further independent problems.
     others: Vec<Error>,
 }
 
-/// Where in a file a problem is.
+/// The file, and the line in it, that a problem is about.
 #[derive(Debug)]
-struct Place {
+struct Location {
     path: PathBuf,
     /// One-based line number and the line's text.
     line: Option<(usize, String)>,
@@ -35,13 +35,13 @@ impl Error {
     /// A problem in one sentence without a full stop, and what to do about it.
     pub fn new(problem: impl Into<String>, advice: impl Into<String>) -> Self {
         let (problem, advice) = (problem.into(), advice.into());
-        Self { problem, advice, place: None, source: None, others: Vec::new() }
+        Self { problem, advice, location: None, source: None, others: Vec::new() }
     }
 
     /// Several independent problems, shown one after the other.
     ///
     /// # Errors
-    /// If there is any.
+    /// If `problems` is not empty.
     pub fn all(problems: impl IntoIterator<Item = Self>) -> Result<()> {
         let mut problems = problems.into_iter();
         match problems.next() {
@@ -68,33 +68,33 @@ impl Error {
         }
     }
 
-    /// What is wrong, without file and line.
+    /// The problem, without file and line.
     pub fn problem(&self) -> &str {
         &self.problem
     }
 
-    /// What to do about it.
+    /// The advice: how to solve the problem.
     pub fn advice(&self) -> &str {
         &self.advice
     }
 
-    /// Whether it names a file.
-    pub fn is_placed(&self) -> bool {
-        self.place.is_some()
+    /// Returns true if the error names a file.
+    pub fn has_location(&self) -> bool {
+        self.location.is_some()
     }
 
     /// Names the file.
     #[must_use]
     pub fn at(mut self, path: impl Into<PathBuf>) -> Self {
-        self.place = Some(Box::new(Place { path: path.into(), line: None }));
+        self.location = Some(Box::new(Location { path: path.into(), line: None }));
         self
     }
 
     /// Names the one-based line and shows its text; needs [`Self::at`] first.
     #[must_use]
     pub fn line(mut self, number: usize, text: impl Into<String>) -> Self {
-        if let Some(place) = &mut self.place {
-            place.line = Some((number, text.into()));
+        if let Some(location) = &mut self.location {
+            location.line = Some((number, text.into()));
         }
         self
     }
@@ -119,9 +119,9 @@ pub(crate) fn visible(c: char) -> char {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(place) = &self.place {
-            write!(f, "{}", place.path.display())?;
-            if let Some((number, _)) = place.line {
+        if let Some(location) = &self.location {
+            write!(f, "{}", location.path.display())?;
+            if let Some((number, _)) = location.line {
                 write!(f, ":{number}")?;
             }
             write!(f, ": ")?;
@@ -129,7 +129,9 @@ impl fmt::Display for Error {
         for c in self.problem.chars() {
             f.write_char(visible(c))?;
         }
-        if let Some((number, text)) = self.place.as_ref().and_then(|place| place.line.as_ref()) {
+        if let Some((number, text)) =
+            self.location.as_ref().and_then(|location| location.line.as_ref())
+        {
             // A minified file may be one long line: show its beginning only.
             let shown: String = text.chars().take(120).map(visible).collect();
             write!(f, "\n  {number} | {shown}")?;
@@ -144,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_file_line_text_and_advice() {
+    fn display_names_file_line_text_and_advice() {
         let text = "a = 1\nalbdo = 0.5\r\nb = 2\n";
         let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
         let shown = error.at_offset(text, 8).to_string();

@@ -1,33 +1,33 @@
-//! Which file a path stands for, however it is spelled.
+//! Identity of a file, whatever path it is named by.
 
 use std::ffi::OsString;
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 
-/// A file, or the place where there is none yet. Equal for all paths to the same: relative or absolute,
-/// through symbolic links or hard ones.
+/// A file, or a name that no file has yet. Equal for all paths to one file: relative or absolute, through
+/// symbolic links or hard ones.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum FileId {
-    /// What is there.
-    There(Key),
-    /// A name in a folder.
-    Missing(Key, OsString),
+    /// An existing file.
+    Existing(FileKey),
+    /// An unused name in a folder.
+    Missing(FileKey, OsString),
 }
 
 /// Device and number of a file.
 #[cfg(unix)]
-pub type Key = (u64, u64);
+pub type FileKey = (u64, u64);
 
 /// The one path of a file without links.
 #[cfg(not(unix))]
-pub type Key = PathBuf;
+pub type FileKey = PathBuf;
 
 impl FileId {
-    /// Of what writing to `path` would replace; `None` if its folder cannot be found.
+    /// The file that writing to `path` would replace; `None` if its folder cannot be found.
     pub fn of(path: &Path) -> Option<Self> {
         let path = destination(path);
         if let Ok(metadata) = path.metadata() {
-            return Some(Self::There(key(&path, &metadata)?));
+            return Some(Self::Existing(key(&path, &metadata)?));
         }
         let folder = folder(&path);
         let metadata = folder.metadata().ok()?;
@@ -36,20 +36,20 @@ impl FileId {
 }
 
 #[cfg(unix)]
-fn key(_: &Path, metadata: &Metadata) -> Option<Key> {
+fn key(_: &Path, metadata: &Metadata) -> Option<FileKey> {
     use std::os::unix::fs::MetadataExt;
     Some((metadata.dev(), metadata.ino()))
 }
 
 #[cfg(not(unix))]
-fn key(path: &Path, _: &Metadata) -> Option<Key> {
+fn key(path: &Path, _: &Metadata) -> Option<FileKey> {
     path.canonicalize().ok()
 }
 
-/// Links that are followed at most, as Linux does.
+/// Maximum number of links that are followed, the limit of Linux.
 const MOST_LINKS: usize = 40;
 
-/// Where symbolic links lead that the last part of `path` may be, whether or not a file is there.
+/// Follows the symbolic links of the last component of `path`, also to a file that does not exist.
 pub fn destination(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -76,7 +76,7 @@ mod tests {
     use std::os::unix::fs::symlink;
 
     #[test]
-    fn all_ways_to_a_file_are_one_file() {
+    fn all_paths_to_one_file_have_one_id() {
         let root = tempfile::tempdir().unwrap();
         let at = |name: &str| root.path().join(name);
         fs::create_dir(at("a")).unwrap();
@@ -86,7 +86,7 @@ mod tests {
         symlink("soft", at("softer")).unwrap();
         symlink("a", at("b")).unwrap();
         let file = FileId::of(&at("a/file"));
-        assert!(matches!(file, Some(FileId::There(_))));
+        assert!(matches!(file, Some(FileId::Existing(_))));
         for same in ["a/./file", "a/../a/file", "hard", "soft", "softer", "b/file"] {
             assert_eq!(FileId::of(&at(same)), file, "{same}");
         }
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn links_that_lead_nowhere_end() {
+    fn circular_links_terminate() {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("loop");
         symlink("loop", &path).unwrap();

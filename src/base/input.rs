@@ -1,4 +1,4 @@
-//! Files that are read. All are opened here, where they are remembered: no output may replace one.
+//! Opens input files and remembers them, so that no output replaces one.
 
 use super::error::{Error, Result};
 use super::file_id::FileId;
@@ -9,19 +9,19 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Most bytes of a text: settings, times and lists are far smaller.
+/// Maximum size of a text, bytes: settings, times and lists are far smaller.
 pub const MAX_TEXT: u64 = 16 << 20;
 
-/// What this process has read, by the last name for each file.
+/// Files that this process has read, each with the path last used for it.
 static READ: Mutex<BTreeMap<FileId, PathBuf>> = Mutex::new(BTreeMap::new());
 
-/// Opens a regular file for reading. Folders are refused with a better word than the system's; devices
-/// and pipes because they may never end.
+/// Opens a regular file for reading. Folders get a clearer error than the system's; devices and pipes are
+/// refused because they may never end.
 ///
 /// # Errors
 /// Names `path`.
 pub fn open(path: &Path) -> Result<File> {
-    // Look before opening: opening a pipe waits for its writer.
+    // Check before opening: opening a pipe waits for its writer.
     let metadata = std::fs::metadata(path).map_err(|e| Error::io("read the file", path, e))?;
     if metadata.is_dir() {
         return Err(Error::new("this is a folder, not a file", "name a file in it").at(path));
@@ -36,7 +36,7 @@ pub fn open(path: &Path) -> Result<File> {
     open_any(path)
 }
 
-/// Opens whatever there is, which may have no end.
+/// Opens a file, device or pipe; its content may have no end.
 fn open_any(path: &Path) -> Result<File> {
     let file = File::open(path).map_err(|e| Error::io("read", path, e))?;
     if let Some(identity) = FileId::of(path) {
@@ -46,17 +46,16 @@ fn open_any(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// The name by which this process has read the file that writing to `path` would replace, if it has.
+/// The path by which this process has read the file that writing to `path` would replace, if it has.
 pub fn read_as(path: &Path) -> Option<PathBuf> {
     let identity = FileId::of(path)?;
     let read = READ.lock().unwrap_or_else(PoisonError::into_inner);
     let name = read.get(&identity)?;
-    // Systems give the numbers of files that are gone to new ones.
+    // Systems reuse the numbers of deleted files.
     (FileId::of(name)? == identity).then(|| name.clone())
 }
 
-/// Refuses a path for writing where this process has read the file that is there; `what` is to be
-/// written.
+/// Refuses to write `what` to `path` if this process has read that file.
 ///
 /// # Errors
 /// Names `path`.
@@ -77,7 +76,7 @@ pub fn read_text(path: &Path) -> Result<String> {
         .map_err(|_| Error::new("this is no UTF-8 text", "check the path").at(path))
 }
 
-/// Reads what begins with `magic`, also from a pipe, as far as memory allows; else at most the beginning.
+/// Reads a file or pipe that begins with `magic`, up to half the available memory; of others at most the beginning.
 ///
 /// # Errors
 /// If it cannot be read or memory does not suffice; names `path`.
@@ -85,7 +84,7 @@ pub fn read_if_begins(path: &Path, magic: &[u8]) -> Result<Vec<u8>> {
     let mut file = open_any(path)?;
     let mut bytes = read_at_most(&mut (&mut file).take(magic.len() as u64), path, u64::MAX)?;
     if bytes == magic {
-        // What is read takes as much again when it is decoded.
+        // Decoding takes as much memory again.
         let most = available_memory().map_or(u64::MAX >> 1, |bytes| (0.5 * bytes) as u64);
         bytes.extend(read_at_most(&mut file, path, most)?);
     }

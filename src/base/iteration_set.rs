@@ -1,10 +1,10 @@
-//! Sets of iteration numbers: what an image holds, and who renders what.
+//! Sets of iteration numbers: those that an image contains, or that a process renders.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::Range;
 
-/// A set of numbers, as ranges that neither touch nor overlap, in ascending order.
+/// A set of iteration numbers, as ranges that neither touch nor overlap, in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct IterationSet(Vec<Range<u64>>);
 
@@ -15,17 +15,17 @@ impl From<Range<u64>> for IterationSet {
 }
 
 impl IterationSet {
-    /// All that there are.
+    /// The set of all iterations.
     pub fn all() -> Self {
         Self::from(0..u64::MAX)
     }
 
-    /// Whether there is none.
+    /// Returns true if the set is empty.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// How many.
+    /// Number of iterations in the set.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|range| range.end - range.start).sum()
     }
@@ -35,18 +35,18 @@ impl IterationSet {
         &self.0
     }
 
-    /// The least.
+    /// Smallest iteration number.
     pub fn first(&self) -> Option<u64> {
         self.0.first().map(|range| range.start)
     }
 
-    /// Whether the ranges are in order (they may come from a file).
+    /// Returns true if the ranges are in order, which a file may violate.
     pub fn is_consistent(&self) -> bool {
         self.0.iter().all(|range| !range.is_empty())
             && self.0.windows(2).all(|pair| pair[0].end < pair[1].start)
     }
 
-    /// Adds one.
+    /// Adds one iteration.
     pub fn add(&mut self, number: u64) {
         match self.0.last_mut() {
             Some(last) if last.end == number => last.end += 1,
@@ -54,7 +54,7 @@ impl IterationSet {
         }
     }
 
-    /// These and the others.
+    /// Union of two sets.
     #[must_use]
     pub fn with(&self, others: &Self) -> Self {
         let mut all: Vec<_> = self.0.iter().chain(&others.0).cloned().collect();
@@ -69,7 +69,7 @@ impl IterationSet {
         Self(merged)
     }
 
-    /// Those that are not among the others.
+    /// Iterations of this set that are not in `others`.
     #[must_use]
     pub fn without(&self, others: &Self) -> Self {
         let mut left = Vec::new();
@@ -87,13 +87,13 @@ impl IterationSet {
         Self(left)
     }
 
-    /// Those that are among the others as well.
+    /// Intersection of two sets.
     #[must_use]
     pub fn within(&self, others: &Self) -> Self {
         self.without(&self.without(others))
     }
 
-    /// The first `count` of them, or as many as there are.
+    /// The first `count` iterations, or all if there are fewer.
     #[must_use]
     pub fn take(&self, count: u64) -> Self {
         let mut left = count;
@@ -106,7 +106,7 @@ impl IterationSet {
         Self(taken)
     }
 
-    /// Share `index` of `of` shares in ascending order whose sizes differ by one at the most.
+    /// Part `index` of `of` parts in ascending order, whose sizes differ by at most one.
     ///
     /// # Panics
     /// Unless `index` is below `of`.

@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
 /// Linear Rec. 709 color: radiance, flux, albedo or throughput per channel.
 pub type Rgb = Vec3;
 
-/// What each channel of a linear Rec. 709 color adds to its luminance.
+/// Weight of each channel of a linear Rec. 709 color in its luminance.
 /// theory.md (4).
 pub const LUMINANCE: Rgb = Rgb::new(0.2126, 0.7152, 0.0722);
 
@@ -108,7 +108,7 @@ fn fold([x, y]: [f32; 2], z: f32) -> [f32; 2] {
     [(1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y)]
 }
 
-/// Sine and cosine of so many turns in [0, 1], within 1.1e-7, without a branch or a call.
+/// Sine and cosine of an angle in full turns, in [0, 1], within 1.1e-7, without a branch or a call.
 ///
 /// Polynomials on the eighth of a turn to each side of the nearest quarter, with the coefficients of
 /// the Cephes library (Moshier 1992).
@@ -227,8 +227,8 @@ mod tests {
             assert_close(mean(|u| cos(u).powi(2)), 0.5);
             let side = n.any_orthonormal_vector();
             assert_close(mean(|u| f64::from(cosine_hemisphere(n, u).dot(side))), 0.0);
-            // The mean of 1/pdf over directions is the solid angle where the pdf is positive; its
-            // variance is infinite at the horizon, so stop at cos = 0.1, which leaves 2 pi 0.9.
+            // The mean of 1/pdf over directions is the solid angle where the pdf is positive. Its
+            // variance is infinite at the horizon: stop at cos = 0.1, which leaves 2 pi 0.9.
             let inverse = |u| {
                 let c = cos(u);
                 if c < 0.1 { 0.0 } else { 1.0 / f64::from(cosine_hemisphere_pdf_w(c as f32)) }
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn sines_and_cosines_are_close() {
+    fn sines_and_cosines_are_within_their_bound() {
         for i in 0..=1 << 20 {
             let turns = i as f32 / (1 << 20) as f32;
             let (sin, cos) = sin_cos_turns(turns);
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn packed_directions_are_close() {
+    fn packed_directions_are_within_their_bound() {
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.6, -0.8, 0.0)];
         let all = (0..100_000).map(|_| uniform_sphere(rng.next_2d()));
@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn triangle_moments() {
+    fn triangle_samples_have_uniform_moments() {
         assert_close(mean(|u| f64::from(uniform_triangle(u)[0])), 1.0 / 3.0);
         assert_close(mean(|u| f64::from(uniform_triangle(u)[1])), 1.0 / 3.0);
         let product = mean(|u| f64::from(uniform_triangle(u)[0] * uniform_triangle(u)[1]));

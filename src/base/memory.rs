@@ -1,13 +1,13 @@
-//! How much memory there is.
+//! Available memory.
 
 use std::fs::read_to_string;
 use std::path::Path;
 
-/// Bytes.
+/// Bytes of one GiB.
 pub(crate) const GIB: f64 = (1u64 << 30) as f64;
 
-/// Memory that can still be had, bytes, where the system tells (Linux): of the machine, of this process,
-/// and of the container that it runs in, whichever is the least.
+/// Available memory, bytes, if the system reports it (Linux): the minimum over the machine, this process and
+/// its container.
 pub(crate) fn available_memory() -> Option<f64> {
     let groups = read_to_string("/proc/self/cgroup").ok();
     let container = groups.and_then(|groups| of_groups(&groups, Path::new("/sys/fs/cgroup")));
@@ -19,7 +19,7 @@ fn of_machine() -> Option<f64> {
     kib(&read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
 }
 
-/// Addresses up to the limit that `ulimit -v` shows.
+/// Address space left below the limit of `ulimit -v`, bytes.
 fn of_process() -> Option<f64> {
     let limits = read_to_string("/proc/self/limits").ok()?;
     let limit = limits.lines().find_map(|line| line.strip_prefix("Max address space"))?;
@@ -27,16 +27,16 @@ fn of_process() -> Option<f64> {
     Some(limit - kib(&read_to_string("/proc/self/status").ok()?, "VmSize:")?)
 }
 
-/// Up to the least limit of the control groups (version 2) that it is in, which are folders of `root`.
+/// Memory left below the lowest limit of this process's control groups (version 2), folders of `root`; bytes.
 fn of_groups(groups: &str, root: &Path) -> Option<f64> {
     let group = groups.lines().find_map(|line| line.strip_prefix("0::/"))?;
     let left = |folder: &Path| {
         let number = |name: &str| -> Option<f64> {
             read_to_string(folder.join(name)).ok()?.trim().parse().ok()
         };
-        let limit = number("memory.max")?; // `max` where there is none
+        let limit = number("memory.max")?; // `max` if there is no limit
         let stat = read_to_string(folder.join("memory.stat")).ok()?;
-        // Pages of files that are given back when they are needed.
+        // Cached pages of files, which the system frees on demand.
         let cache = stat.lines().find_map(|line| line.strip_prefix("inactive_file "));
         let cache: f64 = cache.and_then(|bytes| bytes.parse().ok()).unwrap_or(0.0);
         Some(limit - number("memory.current")? + cache)
@@ -46,7 +46,7 @@ fn of_groups(groups: &str, root: &Path) -> Option<f64> {
     folders.filter_map(left).reduce(f64::min)
 }
 
-/// A number of KiB after its name, in bytes.
+/// The number of KiB after `name`, in bytes.
 fn kib(text: &str, name: &str) -> Option<f64> {
     let number = text.lines().find_map(|line| line.strip_prefix(name))?;
     let kib: f64 = number.trim().strip_suffix("kB")?.trim().parse().ok()?;
@@ -58,14 +58,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_some_memory_and_no_more_than_the_machine_has() {
+    fn available_memory_is_positive_and_below_that_of_the_machine() {
         let available = available_memory().unwrap();
         let all = kib(&read_to_string("/proc/meminfo").unwrap(), "MemTotal:").unwrap();
         assert!(available > 0.0 && available < all, "{available} of {all} bytes");
     }
 
     #[test]
-    fn the_least_limit_of_all_groups_counts() {
+    fn lowest_limit_of_all_groups_counts() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("a/b");
         std::fs::create_dir_all(&folder).unwrap();

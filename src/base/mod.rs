@@ -1,5 +1,4 @@
-//! What all stages use: errors, vectors and sampling, random numbers, sets of numbers, memory, files: which one a path
-//! stands for, those that are read, and those that appear whole.
+//! Common ground of all stages: errors, vectors and sampling, random numbers, iteration sets, memory and files.
 
 pub mod atomic;
 pub mod error;

@@ -10,14 +10,14 @@ use std::sync::{Mutex, PoisonError};
 pub struct Pool<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Pool<T> {
-    /// A workspace that nobody else uses; it returns to the pool when dropped.
+    /// A workspace for exclusive use; it returns to the pool when dropped.
     pub fn lease(&self) -> Lease<'_, T> {
-        // A panic elsewhere leaves whole workspaces behind: each is reset where it is used.
+        // A poisoned lock is harmless: each workspace is reset where it is used.
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         Lease { pool: self, workspace: free.unwrap_or_default() }
     }
 
-    /// All workspaces that are not leased; with no lease out, all there are.
+    /// All workspaces that are not leased.
     pub fn free_mut(&mut self) -> &mut [T] {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner)
     }

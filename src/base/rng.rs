@@ -1,9 +1,9 @@
 //! Keyed random streams: path `index` of `iteration` draws the same numbers on any thread.
 //!
-//! The generator is xoshiro128++ (Blackman and Vigna 2021), here rather than from a crate because
-//! [`lanes`](crate::simd) steps sixteen of them side by side; a test holds it against the crate.
+//! The generator is xoshiro128++ (Blackman and Vigna 2021). It is not from a crate because [`simd`](crate::simd)
+//! steps sixteen generators side by side; a test compares it with the crate.
 
-/// Which part of the renderer draws; streams of different parts never coincide.
+/// The part of the renderer that draws; streams of different parts never coincide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stream {
     /// One stream per light path, indexed by its id.
@@ -44,7 +44,7 @@ impl StreamKey {
         // For one key, index -> a is a bijection: no two paths share a state.
         let a = mix(self.0.wrapping_add(index.wrapping_mul(GOLDEN)));
         let b = mix(a ^ self.0.rotate_left(32));
-        // Never all zero, where the generator would stand still, unless the key is 0: only 0 mixes to 0.
+        // Only 0 mixes to 0: the state is never all zero, where the generator would stand still, unless the key is 0.
         Rng([a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32])
     }
 }
@@ -55,7 +55,7 @@ pub struct Rng(pub(crate) [u32; 4]);
 
 impl Rng {
     /// 32 random bits.
-    #[inline(always)] // as those below: parts of vector loops
+    #[inline(always)] // like those below: parts of vector loops
     pub(crate) fn next_u32(&mut self) -> u32 {
         let [a, b, c, d] = self.0;
         let bits = a.wrapping_add(d).rotate_left(7).wrapping_add(a);
@@ -67,11 +67,11 @@ impl Rng {
     /// Uniform in [0, 1), a multiple of 2^-24.
     #[inline(always)]
     pub fn next_1d(&mut self) -> f32 {
-        // By way of `i32`, from which there are vector instructions.
+        // Convert from `i32`, which has vector instructions.
         (self.next_u32() >> 8) as i32 as f32 * (1.0 / (1 << 24) as f32)
     }
 
-    /// Uniform in [0, 1), a multiple of 2^-53: for choices among many.
+    /// Uniform in [0, 1), a multiple of 2^-53: for choices among many items.
     #[inline(always)]
     pub fn next_f64(&mut self) -> f64 {
         unit_f64([self.next_u32(), self.next_u32()])
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_key_gives_the_same_numbers_and_another_key_others() {
+    fn equal_keys_give_equal_numbers_and_other_keys_other_numbers() {
         let draw = |seed, stream, iteration, index| {
             let mut rng = StreamKey::new(seed, stream, iteration).rng(index);
             [rng.next_2d(), rng.next_2d()]
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn the_generator_is_xoshiro128_plus_plus() {
+    fn generator_is_xoshiro128_plus_plus() {
         use rand_core::{Rng as _, SeedableRng};
         for index in 0..100 {
             let mut own = StreamKey::new(9, Stream::Test, 0).rng(index);
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_stay_below_one() {
+    fn uniform_numbers_stay_below_one() {
         let mut rng = StreamKey::new(0, Stream::Test, 0).rng(0);
         assert!((0..1_000_000).map(|_| rng.next_1d()).all(|x| (0.0..1.0).contains(&x)));
     }

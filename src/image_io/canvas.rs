@@ -1,4 +1,4 @@
-//! An 8-bit picture to draw numbers and captions on.
+//! An 8-bit canvas for numbers and captions.
 
 use super::write_png_bytes;
 use crate::base::error::Result;
@@ -8,7 +8,7 @@ use std::path::Path;
 const WEIGHT: FontWeight = FontWeight::Regular;
 const HEIGHT: RasterHeight = RasterHeight::Size16;
 
-/// Pixels with the origin at the top left; what lies outside is not drawn.
+/// Pixels with the origin at the top left; drawing is clipped to them.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     width: u32,
@@ -22,7 +22,7 @@ impl Canvas {
     /// Width of a character, pixels.
     pub const CHARACTER: u32 = get_raster_width(WEIGHT, HEIGHT) as u32;
 
-    /// All of one color.
+    /// A canvas of one color.
     pub fn new(width: u32, height: u32, color: [u8; 3]) -> Self {
         Self { width, height, bytes: color.repeat(width as usize * height as usize) }
     }
@@ -61,7 +61,7 @@ impl Canvas {
         }
     }
 
-    /// Writes it as PNG.
+    /// Writes the canvas as PNG.
     ///
     /// # Errors
     /// If the file cannot be written; names it.

@@ -17,17 +17,17 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
-/// Goes before the name of every custom attribute.
+/// Prefix of the name of every custom attribute.
 const PREFIX: &str = "bdpm.";
 
-/// What every EXR file begins with.
+/// First bytes of every EXR file.
 const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Bytes of pixels that a byte of a file stands for at most: ZIP comes to about a thousand, and methods
-/// with losses to a few thousand where all pixels are the same.
+/// Maximum bytes of pixels per byte of a file: ZIP reaches about a thousand, lossy methods a few thousand if
+/// all pixels are equal.
 const MAX_RATIO: u128 = 100_000;
 
-/// Bytes of memory that a number of an image takes while it is read: as decoded, and as 32-bit float.
+/// Bytes of memory per number of an image while it is read: as decoded, and as 32-bit float.
 const COPIES: f64 = 8.0;
 
 /// Chromaticities of Rec. 709 with its white point D65.
@@ -38,7 +38,7 @@ const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Writes all layers and metadata to `path`. Equal images become equal files.
+/// Writes all layers and metadata to `path`. Equal images give equal files.
 ///
 /// # Errors
 /// If the file cannot be written; names it.
@@ -58,7 +58,7 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
             channels.push(AnyChannel::new(text(&name), FlatSamples::F32(values.clone())));
         }
     }
-    // Increasing lines, so that the pixels' bytes do not depend on the threads that compress them.
+    // Increasing lines: the bytes then do not depend on the threads that compress them.
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
@@ -85,7 +85,7 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     })
 }
 
-/// Reads the first part of any EXR file; of its attributes, those that [`write_exr`] wrote.
+/// Reads the first part of any EXR file, and those of its attributes that [`write_exr`] wrote.
 ///
 /// # Errors
 /// If the file cannot be read, or is no EXR file with flat channels; names it.
@@ -101,7 +101,7 @@ pub fn read_exr(path: &Path) -> Result<Image> {
         .at(path),
         e => Error::new(
             format!("the EXR image is cut off or damaged: {e}"),
-            "copy it again from where it came, or make it anew",
+            "copy it again from where it came, or write it again",
         )
         .at(path),
     };
@@ -156,7 +156,7 @@ pub fn read_exr(path: &Path) -> Result<Image> {
     Ok(Image { width, height, layers, metadata })
 }
 
-/// Refuses what is no EXR file at all; goes back to the beginning.
+/// Refuses files that are no EXR files; rewinds the others.
 fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
     let mut begin = Vec::new();
     file.take(MAGIC.len() as u64).read_to_end(&mut begin)?;
@@ -169,7 +169,7 @@ fn check_magic(mut file: &File) -> std::io::Result<Result<()>> {
     Ok(Err(Error::new(problem, "give an .exr file")))
 }
 
-/// Refuses more pixels than a file of `length` bytes or the memory can hold, before they are read.
+/// Refuses more pixels than `length` bytes of a file or the memory can hold, before they are read.
 fn check_size(meta: &MetaData, length: u64, available: Option<f64>) -> Result<()> {
     for header in &meta.headers {
         let area = |size: Vec2<usize>| size.width() as u128 * size.height() as u128;

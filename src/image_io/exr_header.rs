@@ -1,5 +1,5 @@
-//! Equal images as equal files: attributes of an EXR header in the order of their names. The crate `exr`
-//! keeps them in a hash table, whose order differs from run to run; any order is a valid one.
+//! Writes equal images as equal files: sorts the attributes of an EXR header by name. The crate `exr` keeps
+//! them in a hash table, whose order differs from run to run. Any order is valid.
 
 use std::io::{self, Seek, SeekFrom, Write};
 
@@ -9,12 +9,12 @@ const BEGIN: usize = 8;
 /// Writes a file of one part; its header is held back until it is complete.
 pub(super) struct SortedHeader<W> {
     to: W,
-    /// While it is incomplete.
+    /// Bytes of the header until it is complete.
     header: Option<Vec<u8>>,
 }
 
 impl<W: Write> SortedHeader<W> {
-    /// For a file that begins where `to` is.
+    /// A writer of a file that begins at the position of `to`.
     pub fn new(to: W) -> Self {
         Self { to, header: Some(Vec::new()) }
     }
@@ -48,7 +48,7 @@ impl<W: Write + Seek> Seek for SortedHeader<W> {
     }
 }
 
-/// Each attribute of a header (its name, type, size and value, as in *OpenEXR File Layout*), and where they
+/// Bytes of each attribute of a header (name, type, size and value, as in *OpenEXR File Layout*), and where they
 /// end; `None` if the header is not complete.
 fn attributes(header: &[u8]) -> Option<(Vec<&[u8]>, usize)> {
     let text_end = |from: usize| {

@@ -1,7 +1,7 @@
-//! Image files: EXR with layers and metadata, and a tone-mapped PNG to look at.
+//! Image files: EXR with layers and metadata, and a tone-mapped PNG for viewing.
 //!
-//! Every file is written under a temporary name in its folder and renamed when it is complete, so
-//! nobody ever reads half an image and a failure leaves the old file as it was.
+//! Every file is written under a temporary name in its folder and renamed when it is complete. Half an
+//! image is never visible, and a failure leaves the old file unchanged.
 
 #[cfg(feature = "cli")]
 mod canvas;
@@ -64,16 +64,16 @@ impl Layer {
     }
 }
 
-/// What an EXR file holds: linear Rec. 709 radiance, W/(m^2 sr), and whatever layers come with it.
+/// Content of an EXR file: linear Rec. 709 radiance, W/(m^2 sr), and other layers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// The image itself and others.
+    /// The image itself and its other layers.
     pub layers: Vec<Layer>,
-    /// Facts about it.
+    /// Facts about the image.
     pub metadata: Metadata,
 }
 

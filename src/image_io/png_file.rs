@@ -1,4 +1,4 @@
-//! The PNG beside an EXR.
+//! PNG files: tone-mapped previews and plots.
 
 use super::{auto_exposure, tone_map};
 use crate::base::atomic::write_atomically;
@@ -7,10 +7,10 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// The text by which our files are known.
+/// The text chunk that marks files of this program.
 const SOFTWARE: [&str; 2] = ["Software", "bdpm"];
 
-/// Bytes of a file's beginning within which that text is.
+/// Bytes at the beginning of a file that contain that text.
 const BEGINNING: u64 = 1 << 10;
 
 /// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`]; returns the exposure.
@@ -45,7 +45,7 @@ pub fn write_png_bytes(path: &Path, width: u32, height: u32, bytes: &[u8]) -> cr
     })
 }
 
-/// Whether `path` is a PNG file that this program has written.
+/// Returns true if `path` is a PNG file that this program has written.
 pub fn is_ours(path: &Path) -> bool {
     if !path.is_file() {
         return false; // opening a pipe would wait for its writer
@@ -87,7 +87,7 @@ mod tests {
     use std::io::BufReader;
 
     #[test]
-    fn pixels_arrive_in_order() {
+    fn written_pixels_are_read_in_order() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let pixels: Vec<Rgb> =
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn our_files_are_known() {
+    fn is_ours_accepts_only_files_of_this_program() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         write_png(&at("ours.png"), 2, 1, &[Rgb::ONE; 2]).unwrap();

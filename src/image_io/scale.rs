@@ -1,6 +1,6 @@
-//! Scales of pictures and plots, and numbers with as many digits as they deserve.
+//! Scales of plots, and numbers rounded to their significant digits.
 
-/// The value that this share of them does not exceed, in \[0, 1\]; positive, 1 if it were not.
+/// The value that the given share (in \[0, 1\]) of `values` does not exceed; 1 if it is not positive.
 pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let index = (share * values.len().saturating_sub(1) as f64).ceil() as usize;
@@ -8,8 +8,8 @@ pub fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     if found > 0.0 { found } else { 1.0 }
 }
 
-/// 1, 2 or 5 times a power of ten, such that at most `steps` whole steps fill the scale, and more
-/// than a third of them.
+/// 1, 2 or 5 times a power of ten, such that the scale has at most `steps` whole steps, and more than a
+/// third as many.
 pub fn tick_step(scale: f64, steps: f64) -> f64 {
     let rough = scale / steps;
     let power = 10f64.powf(rough.log10().floor());
@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scales_have_4_to_10_steps_of_round_numbers() {
+    fn tick_steps_divide_scales_into_4_to_10_round_steps() {
         for (scale, step) in [(1.0, 0.1), (1.9, 0.2), (2.1, 0.5), (0.00499, 5e-4), (740.0, 100.0)] {
             let found = tick_step(scale, 10.0);
             assert!((found / step - 1.0).abs() < 1e-9, "{scale}: {found}");
@@ -54,14 +54,14 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_short() {
+    fn numbers_have_only_significant_digits() {
         let numbers = [0.05, 120.0, 1e-5, -1.5, 0.0].map(number);
         assert_eq!(numbers, ["0.05", "120", "1.00e-5", "-1.5", "0"]);
         assert_eq!([digits(1.23456, 0.0123), digits(1234.5, 210.0), digits(0.5, 0.0)], [3, 0, 4]);
     }
 
     #[test]
-    fn a_scale_leaves_out_the_brightest() {
+    fn quantile_leaves_out_the_brightest_values() {
         assert_eq!(quantile((1..=1000).map(f64::from).collect(), 0.995), 996.0);
         assert_eq!(quantile(vec![-1.0, -2.0], 0.5), 1.0);
         assert_eq!(quantile(Vec::new(), 0.5), 1.0);

@@ -2,13 +2,13 @@
 
 use crate::base::math::{Rgb, luminance};
 
-/// Where the geometric mean of the image's luminance goes, in units of display white.
+/// Display value of the geometric mean of the image's luminance, in units of display white.
 const KEY: f64 = 0.2;
 
-/// Display values below this are shown as they are, brighter ones bend toward white.
+/// Display values below this are unchanged; brighter ones bend toward white.
 const SHOULDER: f32 = 0.7;
 
-/// The factor that brings radiance to display brightness, where 1 is white.
+/// The factor from radiance to display brightness, where 1 is white.
 ///
 /// It puts the geometric mean of the luminance at 0.2, about the reflectance of a room's walls seen
 /// in the light of the room. Black and nearly black pixels (below 1/1000 of the mean: a background,
@@ -41,7 +41,7 @@ pub fn tone_map(radiance: Rgb, exposure: f32) -> [u8; 3] {
     })
 }
 
-/// FileId below the shoulder, then an exponential approach to 1; value and slope are continuous.
+/// The identity below the shoulder, then an exponential approach to 1; value and slope are continuous.
 fn roll_off(value: f32) -> f32 {
     let room = 1.0 - SHOULDER;
     if value <= SHOULDER { value } else { 1.0 - room * ((SHOULDER - value) / room).exp() }

@@ -112,7 +112,7 @@ impl PathVisitor for Eye<'_> {
     }
 
     fn sample_light(&self, surface: &Surface, rng: &mut Rng) -> Option<LightSample> {
-        self.scene.lights().connect(surface.position, surface.lit_side(), rng)
+        self.scene.lights().connect(surface.receiver(), rng)
     }
 
     /// Tests whether anything but glass blocks the light.

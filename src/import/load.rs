@@ -226,7 +226,7 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         } else {
             let own = table.get_ref().environment(folder, &mut builder.warnings);
             // Problems of the map are about its own file.
-            let place = |error: Error| match error.is_placed() {
+            let place = |error: Error| match error.has_location() {
                 true => error,
                 false => at(error, table.span().start),
             };

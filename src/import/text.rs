@@ -21,7 +21,7 @@ pub(super) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
 
 /// Names the file, unless the error names one already.
 pub(super) fn placed_at(error: Error, path: &Path) -> Error {
-    if error.is_placed() { error } else { error.at(path) }
+    if error.has_location() { error } else { error.at(path) }
 }
 
 /// The advice for a file whose name is wrong in a scene file.

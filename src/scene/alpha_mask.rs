@@ -1,9 +1,9 @@
-//! Cut-outs: parts of surfaces that rays pass as if nothing were there, all of them or a share.
+//! Alpha masks: parts of surfaces that some or all rays pass as if they did not exist.
 //!
-//! Where a share passes, chance decides for each ray at each triangle. The chance is a hash of both, so that the
-//! same ray finds the same whoever asks and how often; no two rays of an image are the same, for each begins or
-//! goes where random numbers say. Camera paths, light paths and connections so meet a surface of opacity `a`
-//! with probability `a`, and what they carry needs no weight.
+//! If a share of the rays passes, a random number decides for each ray and triangle. It is a hash of both: repeated
+//! queries of one ray agree. No two rays of an image are equal, because their origins or directions are random.
+//! Camera paths, light paths and connections therefore meet a surface of opacity `a` with probability `a`, and need
+//! no weight.
 //! theory.md, section 4.
 
 use super::{Mesh, Placement, Scene, Texture};
@@ -15,19 +15,19 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Surfaces of less opacity are not there, if it is no share.
+/// Opacity below which a binary mask lets all rays pass.
 const THRESHOLD: f32 = 0.5;
 
-/// How much of a surface is there.
+/// The opacity of a surface.
 #[derive(Clone, Debug)]
-pub struct CutOut {
+pub struct AlphaMask {
     pub(super) texture: Option<Arc<Texture>>,
-    /// What the opacity is multiplied with, if it is the share of the rays that meet the surface.
+    /// Factor of the opacity if it is the share of rays that meet the surface; `None` for a binary mask.
     pub(super) factor: Option<f32>,
 }
 
-impl CutOut {
-    /// Share of the rays that meet the surface at `uv`.
+impl AlphaMask {
+    /// Share of the rays that meet the surface at `uv`, in [0, 1].
     pub(crate) fn opacity(&self, uv: Vec2) -> f32 {
         let own = self.texture.as_ref().map_or(1.0, |texture| texture.opacity(uv));
         match self.factor {
@@ -38,73 +38,73 @@ impl CutOut {
     }
 }
 
-/// A number in [0, 1) that is the same for the same ray and triangle, and for others unrelated.
-fn chance(ray: &Ray, hit: &Hit) -> f32 {
+/// A number in [0, 1) from a hash of the ray and the triangle.
+fn random_number(ray: &Ray, hit: &Hit) -> f32 {
     let [x, y, z] = ray.origin.to_array().map(f32::to_bits);
     let [dx, dy, dz] = ray.direction.to_array().map(f32::to_bits);
     let words = [x, y, z, dx, dy, dz, hit.mesh, hit.triangle];
     (xxh3_64(bytemuck::cast_slice(&words.map(u32::to_le))) >> 40) as f32 / (1 << 24) as f32
 }
 
-/// A backend in which some meshes have holes.
-pub struct CutOuts {
+/// A backend whose hits respect the alpha masks of the scene.
+pub struct AlphaMasks {
     inner: Arc<dyn Intersect>,
-    /// By the mesh index of hits.
-    holes: Vec<Option<Holes>>,
+    /// Masks by the mesh index of hits.
+    masks: Vec<Option<MeshMask>>,
 }
 
-/// The holes of a mesh at one of its places.
-struct Holes {
-    cut_out: CutOut,
+/// The mask of an instance.
+struct MeshMask {
+    alpha_mask: AlphaMask,
     /// Texture coordinates of each triangle's corners.
     uvs: Arc<[[Vec2; 3]]>,
 }
 
-impl CutOuts {
-    /// Cuts the holes of the scene's materials out of `inner`, if there are any.
+impl AlphaMasks {
+    /// Applies the alpha masks of the scene's materials to `inner`, if there are any.
     pub fn wrap(inner: Arc<dyn Intersect>, scene: &Scene) -> Arc<dyn Intersect> {
         let uvs = |mesh: &Mesh| {
             let uv = |index: u32| mesh.uvs.get(index as usize).copied().unwrap_or_default();
             mesh.triangles.iter().map(|corners| corners.map(uv)).collect::<Arc<_>>()
         };
         let mut known: HashMap<u32, Arc<_>> = HashMap::new();
-        let mut holes = |placement: &Placement| {
-            let cut_out = scene.materials[placement.material as usize].cut_out()?;
+        let mut masks = |placement: &Placement| {
+            let alpha_mask = scene.materials[placement.material as usize].alpha_mask()?;
             let uvs = known.entry(placement.mesh).or_insert_with(|| uvs(scene.mesh(placement)));
-            Some(Holes { cut_out, uvs: uvs.clone() })
+            Some(MeshMask { alpha_mask, uvs: uvs.clone() })
         };
-        let holes: Vec<_> = scene.placements.iter().map(&mut holes).collect();
-        if holes.iter().all(Option::is_none) { inner } else { Arc::new(Self { inner, holes }) }
+        let masks: Vec<_> = scene.placements.iter().map(&mut masks).collect();
+        if masks.iter().all(Option::is_none) { inner } else { Arc::new(Self { inner, masks }) }
     }
 
-    /// Whether there is nothing where a ray hit.
-    fn is_hole(&self, ray: &Ray, hit: &Hit) -> bool {
+    /// Returns true if the ray passes the surface that it hit.
+    fn is_passed(&self, ray: &Ray, hit: &Hit) -> bool {
         if hit.is_miss() {
             return false;
         }
-        self.holes[hit.mesh as usize].as_ref().is_some_and(|holes| {
-            let [a, b, c] = holes.uvs[hit.triangle as usize];
+        self.masks[hit.mesh as usize].as_ref().is_some_and(|masks| {
+            let [a, b, c] = masks.uvs[hit.triangle as usize];
             let uv = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-            match holes.cut_out.opacity(uv) {
-                // Certain without a hash.
+            match masks.alpha_mask.opacity(uv) {
+                // These need no hash.
                 opacity if opacity <= 0.0 => true,
                 opacity if opacity >= 1.0 => false,
-                opacity => chance(ray, hit) >= opacity,
+                opacity => random_number(ray, hit) >= opacity,
             }
         })
     }
 
-    /// The closest hit from `hit` on that is no hole.
-    fn solid(&self, ray: &Ray, mut hit: Hit) -> Hit {
+    /// The first hit, from `hit` on, that the ray does not pass.
+    fn first_met(&self, ray: &Ray, mut hit: Hit) -> Hit {
         let mut step = f32::EPSILON;
-        while self.is_hole(ray, &hit) {
+        while self.is_passed(ray, &hit) {
             (hit, step) = next_after(&*self.inner, ray, &hit, step);
         }
         hit
     }
 }
 
-impl Intersect for CutOuts {
+impl Intersect for AlphaMasks {
     fn intersect(
         &self,
         rays: &[RayPacket],
@@ -116,8 +116,8 @@ impl Intersect for CutOuts {
         for ((rays, hits), lanes) in rays.iter().zip(&mut *hits).zip(used(count, rays.len())) {
             for lane in lanes {
                 let (ray, hit) = (rays.get(lane), hits.get(lane));
-                if self.is_hole(&ray, &hit) {
-                    hits.set(lane, &self.solid(&ray, hit));
+                if self.is_passed(&ray, &hit) {
+                    hits.set(lane, &self.first_met(&ray, hit));
                 }
             }
         }
@@ -141,7 +141,7 @@ impl Intersect for CutOuts {
     }
 
     fn closest_hit(&self, ray: &Ray) -> Hit {
-        self.solid(ray, self.inner.closest_hit(ray))
+        self.first_met(ray, self.inner.closest_hit(ray))
     }
 
     fn is_occluded(&self, ray: &Ray) -> bool {

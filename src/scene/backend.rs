@@ -1,14 +1,14 @@
 //! The choice of an intersection backend at run time.
 
 use super::Scene;
-use super::alpha_mask::CutOuts;
+use super::alpha_mask::AlphaMasks;
 use crate::accel::Intersect;
 use crate::accel::bvh::Bvh;
 use crate::base::error::{Error, Result};
 use std::fmt;
 use std::sync::Arc;
 
-/// What finds intersections.
+/// An intersection backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Backend {
     /// Intel Embree 4.
@@ -18,7 +18,7 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// All, also those that this program was built without.
+    /// All backends, also those that this program was built without.
     pub const ALL: [Self; 2] = [Self::Embree, Self::Bvh];
 
     /// The backend of this name.
@@ -57,7 +57,7 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Arc<dyn Intersect>> {
     match backend {
         Backend::Bvh => {
             let bvh = Bvh::new(&geometry).map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Arc::new(bvh), scene))
+            Ok(AlphaMasks::wrap(Arc::new(bvh), scene))
         }
         #[cfg(feature = "embree")]
         Backend::Embree => {
@@ -65,12 +65,12 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Arc<dyn Intersect>> {
             let committed = Device::new()
                 .and_then(|device| CommittedScene::new(&device, &geometry))
                 .map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Arc::new(committed), scene))
+            Ok(AlphaMasks::wrap(Arc::new(committed), scene))
         }
         #[cfg(not(feature = "embree"))]
         Backend::Embree => Err(Error::new(
             "this program was built without Embree",
-            "use --accel bvh, or build it with the feature `embree`, which is on by default",
+            "use the backend bvh, or build the program with the default feature `embree`",
         )),
     }
 }
@@ -79,6 +79,6 @@ fn refused(backend: Backend, error: &dyn fmt::Display) -> Error {
     let other = if backend == Backend::Embree { Backend::Bvh } else { Backend::Embree };
     Error::new(
         format!("{backend} cannot take the scene: {error}"),
-        format!("correct the mesh, or try --accel {other}"),
+        format!("correct the mesh, or try the backend {other}"),
     )
 }

@@ -6,7 +6,7 @@ use crate::base::math::{disc_area, uniform_disc};
 use crate::simd::{LANES, Vec3s};
 use glam::Vec3;
 
-/// A camera: where it is, and how it gathers light.
+/// A camera: its position, orientation and optics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     position: Vec3,
@@ -14,13 +14,13 @@ pub struct Camera {
     right: Vec3,
     up: Vec3,
     optics: Optics,
-    /// How far the image lies to the right and up, in widths and heights of it.
+    /// Shift of the image to the right and up, in its widths and heights.
     shift: [f32; 2],
-    /// Direction and up vector as they were given: they alone lead to the same frame bit by bit.
+    /// Direction and up vector as given: a copy of the camera from them has the same frame bit by bit.
     aim: [Vec3; 2],
 }
 
-/// How a camera gathers light.
+/// The optics of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Optics {
     /// A pinhole at the position. A pixel's value is the mean radiance along its rays.
@@ -28,19 +28,18 @@ pub enum Optics {
     /// An ideal lens with its center at the position, perpendicular to the direction. A pixel's value
     /// is the mean radiance over the pixel and the aperture.
     ThinLens {
-        /// As of the pinhole in its center.
+        /// Field of view of the pinhole in its center.
         field_of_view: FieldOfView,
         /// Radius of the aperture, scene units.
         aperture_radius: f32,
         /// Distance of the plane that is sharp, along the direction, scene units.
         focus_distance: f32,
     },
-    /// A sensor whose center is the position and that faces the direction, behind real lenses in the
-    /// scene. It gathers the light that comes through a disc before it, such as the rear element of
-    /// the objective. A pixel's value is its mean radiant exposure, J/m^2; at an exposure of 1 s that
-    /// is its irradiance, W/m^2.
+    /// A sensor with its center at the position, facing the direction, behind real lenses in the scene. It
+    /// receives light through a disc in front of it, such as the rear element of the objective. A pixel's
+    /// value is its mean radiant exposure, J/m^2; at an exposure of 1 s that is its irradiance, W/m^2.
     Sensor {
-        /// Width, scene units; its height follows, for pixels are square.
+        /// Width, scene units; the height follows from square pixels.
         width: f32,
         /// Distance of the disc's center along the direction, scene units.
         disc_distance: f32,
@@ -72,7 +71,7 @@ impl FieldOfView {
 }
 
 impl Optics {
-    /// Refuses what no camera can be.
+    /// Refuses impossible optics.
     fn validate(&self) -> Result<()> {
         if let Self::Pinhole(field_of_view) | Self::ThinLens { field_of_view, .. } = self {
             let (FieldOfView::X(degrees) | FieldOfView::Y(degrees)) = *field_of_view;
@@ -146,11 +145,11 @@ impl Camera {
         Ok(Self { position, forward, right, up, optics, shift: [0.0; 2], aim })
     }
 
-    /// The same with the image moved to the right and up in its plane, by shares of its width and height: what
-    /// lenses that shift do, and how a part of an image is rendered alone.
+    /// The camera with its image shifted to the right and up in its plane, in widths and heights of the image, as
+    /// shift lenses do. A shift also renders a part of an image alone.
     ///
     /// # Errors
-    /// If a number is not finite, or it is a sensor, whose lenses are in the scene.
+    /// If a number is not finite, or the camera is a sensor, whose lenses are in the scene.
     pub fn shifted(self, shift: [f32; 2]) -> Result<Self> {
         if !shift.iter().all(|share| share.is_finite()) {
             let problem = format!("the camera's shift is {shift:?}");
@@ -178,17 +177,17 @@ impl Camera {
         self.up
     }
 
-    /// Direction and up vector as they were given.
+    /// Direction and up vector as given.
     pub(crate) fn aim(&self) -> [Vec3; 2] {
         self.aim
     }
 
-    /// How far the image lies to the right and up, in widths and heights of it.
+    /// Shift of the image to the right and up, in its widths and heights.
     pub fn shift(&self) -> [f32; 2] {
         self.shift
     }
 
-    /// How it gathers light.
+    /// The camera's optics.
     pub fn optics(&self) -> Optics {
         self.optics
     }
@@ -197,8 +196,8 @@ impl Camera {
     pub fn view(&self, width: u32, height: u32) -> View {
         let (w, h) = (width as f32, height as f32);
         let disc = |radius: f32| [radius * self.right, radius * self.up];
-        // The plane of the pixels at a distance along the direction, and the side of a pixel there. A
-        // sensor is behind its lenses, which turn the image upside down.
+        // Distance of the plane of the pixels along the direction, and the side of a pixel there. A sensor
+        // is behind its lenses, which turn the image upside down.
         let (distance, pixel, aperture) = match self.optics {
             Optics::Pinhole(field_of_view) => (1.0, field_of_view.pixel(w, h), None),
             Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => (
@@ -209,7 +208,7 @@ impl Camera {
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 let [x, y] = disc(disc_radius);
                 let center = disc_distance * self.forward;
-                // theory.md (6), with the next use of `weight
+                // theory.md (6), with the next use of `weight`
                 let weight = exposure * disc_area(disc_radius) * disc_distance * disc_distance;
                 (0.0, -width / w, Some(Aperture::Disc { center, x, y, weight }))
             }
@@ -224,7 +223,7 @@ impl Camera {
 /// A camera bound to a resolution.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Where a pinhole is, scene units.
+    /// Position of the camera, scene units.
     pub position: Vec3,
     /// From the position to the top left corner of the plane of the pixels.
     corner: Vec3,
@@ -232,34 +231,34 @@ pub struct View {
     dx: Vec3,
     /// One pixel down.
     dy: Vec3,
-    /// Of so many by so many pixels one is taken.
+    /// One pixel of each square of `stride` by `stride` pixels is taken.
     stride: f32,
     /// `None` for a pinhole.
     aperture: Option<Aperture>,
 }
 
-/// What light comes through.
+/// The opening that light passes.
 #[derive(Clone, Copy, Debug)]
 enum Aperture {
-    /// A disc around the position, by two radii; the plane of the pixels is the sharp one.
+    /// A disc around the position, given by two radii; the plane of the pixels is in focus.
     Lens([Vec3; 2]),
-    /// A disc before the plane of the pixels, by its center and two radii; the latter's product of
-    /// area, squared distance of the planes, and exposure.
+    /// A disc in front of the plane of the pixels, given by its center and two radii. The weight is the product
+    /// of its area, the squared distance of the planes, and the exposure.
     Disc { center: Vec3, x: Vec3, y: Vec3, weight: f32 },
 }
 
 impl View {
-    /// The same with one pixel of each square of so many by so many, as large as it is: a sample of the image that has
-    /// as many times fewer pixels across and down. The pixels are those of a turned grid, so that in each row and column
-    /// of the image there are as many: else nothing would be seen of what is as narrow as a pixel.
+    /// The view of one pixel, of unchanged size, in each square of `stride` by `stride` pixels. The pixels form a
+    /// rotated grid that has as many in each row as in each column: a regular grid could miss objects that are one
+    /// pixel wide.
     #[must_use]
     pub fn every(self, stride: u32) -> Self {
         Self { stride: stride as f32, ..self }
     }
 
-    /// Where a point of the image lies in the view of all pixels: exactly the same if none is left out.
+    /// A point of the image in the view of all pixels; bit by bit the same point at a stride of 1.
     #[inline(always)]
-    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+    fn full_image_point(&self, x: f32, y: f32) -> [f32; 2] {
         let stride = self.stride;
         if stride == 1.0 {
             return [x, y];
@@ -269,18 +268,18 @@ impl View {
         [x + (stride - 1.0) * column + within(row), y + (stride - 1.0) * row + within(column)]
     }
 
-    /// Whether rays depend on a point of the aperture.
+    /// Returns true if rays depend on a point of the aperture.
     #[inline]
     pub fn has_aperture(&self) -> bool {
         self.aperture.is_some()
     }
 
-    /// The ray of unit direction for the point `(x, y)`, in pixels from the image's top left corner,
-    /// through the point of the aperture that `lens` in [0, 1)^2 selects; with the weight of the
-    /// radiance along it in the pixel's value.
+    /// The ray for the point `(x, y)`, in pixels from the image's top left corner. It has a unit direction and
+    /// passes the point of the aperture that `lens` in [0, 1)^2 selects. Also returns the weight of its radiance in
+    /// the pixel's value.
     /// theory.md (5).
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
-        let [x, y] = self.place(x, y);
+        let [x, y] = self.full_image_point(x, y);
         let to_pixel = self.corner + x * self.dx + y * self.dy;
         match self.aperture {
             None => (Ray::new(self.position, to_pixel.normalize()), 1.0),
@@ -293,14 +292,14 @@ impl View {
     pub fn pinhole_directions(&self, x: &[f32; LANES], y: &[f32; LANES]) -> Vec3s {
         let mut directions = Vec3s::default();
         for lane in 0..LANES {
-            let [x, y] = self.place(x[lane], y[lane]);
+            let [x, y] = self.full_image_point(x[lane], y[lane]);
             let to_pixel = self.corner + x * self.dx + y * self.dy;
             directions.set(lane, to_pixel.normalize());
         }
         directions
     }
 
-    /// The same for cameras that are no pinhole.
+    /// [`Self::ray`] for cameras with an aperture.
     #[inline(never)]
     fn ray_through(&self, aperture: Aperture, to_pixel: Vec3, lens: [f32; 2]) -> (Ray, f32) {
         match aperture {
@@ -327,13 +326,13 @@ mod tests {
     use std::collections::HashSet;
     use std::f32::consts::PI;
 
-    /// Toward a point of the image of a pinhole camera.
+    /// Direction toward a point of the image of a pinhole camera.
     fn direction(view: &View, x: f32, y: f32) -> Vec3 {
         view.ray(x, y, [0.5; 2]).0.direction
     }
 
     #[test]
-    fn a_sample_of_the_pixels_sees_what_they_see() {
+    fn strided_view_has_the_rays_of_its_pixels() {
         let camera = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
         let (all, some) = (camera.view(12, 8), camera.view(12, 8).every(4));
         for (x, y, at) in [(0.25, 0.5, [0.25, 0.5]), (2.75, 1.0, [9.75, 6.0])] {
@@ -341,9 +340,9 @@ mod tests {
             assert!(off.length() < 1e-6, "{off}");
         }
         let same = camera.view(12, 8).every(1);
-        // Of 16 by 16 pixels one in each row and each column.
+        // 16 by 16 pixels have one in each row and each column.
         let grid = camera.view(16, 16).every(4);
-        let pixels = (0..16).map(|i| grid.place((i % 4) as f32, (i / 4) as f32));
+        let pixels = (0..16).map(|i| grid.full_image_point((i % 4) as f32, (i / 4) as f32));
         let (columns, rows): (HashSet<_>, HashSet<_>) =
             pixels.map(|[x, y]| (x as u32, y as u32)).unzip();
         assert_eq!((columns.len(), rows.len()), (16, 16));
@@ -351,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_point_lands_where_the_pinhole_says() {
+    fn pinhole_projects_a_known_point_to_its_pixel() {
         // The paper's camera: +x on the left; tan(39.3077 deg / 2) = 0.025 / 0.07.
         let fov = FieldOfView::X(39.3077);
         let camera = Camera::look(Vec3::new(278.0, 273.0, -800.0), Vec3::Z, Vec3::Y, fov).unwrap();
@@ -364,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shifted_camera_sees_what_lies_beside() {
+    fn shifted_camera_shows_the_adjacent_image() {
         let camera = Camera::look(Vec3::ZERO, -Vec3::Z, Vec3::Y, FieldOfView::X(60.0)).unwrap();
         let (view, shifted) =
             (camera.view(40, 20), camera.shifted([0.25, -0.5]).unwrap().view(40, 20));
@@ -380,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn the_vertical_angle_spans_the_height() {
+    fn vertical_field_of_view_spans_the_height() {
         let camera = Camera::look(Vec3::ZERO, -Vec3::Z, Vec3::Y, FieldOfView::Y(90.0)).unwrap();
         let top = direction(&camera.view(30, 20), 15.0, 0.0);
         assert!((top.y / -top.z - 1.0).abs() < 1e-5, "{top}");
@@ -394,13 +393,13 @@ mod tests {
         steps().flat_map(move |u| steps().map(move |v| [u, v]))
     }
 
-    /// Where a ray crosses the plane at `z`.
+    /// The point where a ray crosses the plane at `z`.
     fn at(ray: &Ray, z: f32) -> Vec3 {
         ray.origin + (z - ray.origin.z) / ray.direction.z * ray.direction
     }
 
     #[test]
-    fn a_thin_lens_is_sharp_at_its_focus_and_blurs_by_the_circle_of_confusion() {
+    fn thin_lens_is_sharp_at_its_focus_and_blurs_by_the_circle_of_confusion() {
         let (aperture_radius, focus_distance) = (0.25, 4.0);
         let field_of_view = FieldOfView::X(40.0);
         let thin = Optics::ThinLens { field_of_view, aperture_radius, focus_distance };
@@ -425,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_before_a_uniform_disc_has_the_irradiance_of_the_formula() {
+    fn sensor_before_a_uniform_disc_has_the_irradiance_of_the_formula() {
         // On the axis, E = pi L R^2 / (R^2 + d^2).
         let (disc_distance, disc_radius) = (2.0, 1.5);
         let sensor = Optics::Sensor { width: 1e-6, disc_distance, disc_radius, exposure: 3.0 };
@@ -445,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sensor_is_turned_so_that_its_picture_is_upright() {
+    fn image_of_a_sensor_is_upright() {
         let sensor =
             Optics::Sensor { width: 0.4, disc_distance: 1.0, disc_radius: 1e-4, exposure: 1.0 };
         let view = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, sensor).unwrap().view(20, 10);

@@ -1,4 +1,4 @@
-//! Diffuse vertices, sixteen paths at a time: what both kinds of paths do most.
+//! Diffuse vertices of sixteen paths at a time.
 
 use super::LightSamples;
 use crate::base::math::{Rgb, cosine_hemisphere};
@@ -8,31 +8,31 @@ use std::f32::consts::FRAC_1_PI;
 
 /// A side of a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Facet {
-    /// Index of its mesh at its place, as in hits.
+pub struct TriangleSide {
+    /// Index of its instance, as in hits.
     pub mesh: u32,
     /// Twice the index of the triangle in its mesh, plus one for the back.
     pub side: u32,
 }
 
-impl Facet {
-    /// A side of a triangle of such indices in a hit.
+impl TriangleSide {
+    /// A side of a triangle, from the indices of a hit.
     #[inline(always)] // part of a vector loop
     pub fn new(mesh: u32, triangle: u32, front: bool) -> Self {
         Self { mesh, side: triangle << 1 | u32::from(!front) }
     }
 }
 
-/// Where a path arrived at a Lambertian surface, on the side that it came from.
+/// A point of a path on a Lambertian surface, on the side that the path came from.
 #[derive(Clone, Copy, Debug)]
 pub struct DiffusePoint {
     /// The point that was hit.
     pub position: Vec3,
-    /// Where on the surface it is.
-    pub facet: Facet,
+    /// The side of the triangle that was hit.
+    pub facet: TriangleSide,
     /// Unit normal of the triangle.
     pub normal: Vec3,
-    /// The point, moved off the surface: where new rays start.
+    /// Start of new rays: the point, moved off the surface.
     pub off_surface: Vec3,
     /// Reflected share of the incident flux, in [0, 1].
     pub albedo: Rgb,
@@ -40,24 +40,24 @@ pub struct DiffusePoint {
     pub emission: Rgb,
 }
 
-/// Vertices of sixteen paths, as far as these have one; see [`DiffusePoint`].
+/// Vertices of up to sixteen paths; see [`DiffusePoint`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DiffuseVertices {
-    /// Which paths have one; numbers of the others mean nothing.
+    /// Paths that have a vertex; numbers of the others mean nothing.
     pub active: Mask,
-    /// Whether any has an emission.
+    /// True if any vertex emits.
     pub any_emits: bool,
-    /// Which are on the front side.
+    /// Vertices on the front side.
     pub front: Mask,
     /// The points that were hit.
     pub position: Vec3s,
-    /// Which facets they are on; see [`Facet`].
+    /// Instances that they are on; see [`TriangleSide`].
     pub mesh: [u32; LANES],
-    /// Their sides.
+    /// Sides of triangles that they are on.
     pub side: [u32; LANES],
     /// Unit normals.
     pub normal: Vec3s,
-    /// Where new rays start.
+    /// Start points of new rays.
     pub off_surface: Vec3s,
     /// Reflected shares.
     pub albedo: Vec3s,
@@ -66,8 +66,8 @@ pub struct DiffuseVertices {
 }
 
 impl DiffuseVertices {
-    /// No path has one.
-    #[inline(always)] // as most of those below: parts of the loops over vertices
+    /// Removes all vertices.
+    #[inline(always)] // like most functions below: parts of the loops over vertices
     pub fn clear(&mut self) {
         self.active = Mask::default();
         if self.any_emits {
@@ -76,7 +76,7 @@ impl DiffuseVertices {
         }
     }
 
-    /// Adds the vertex of a path that has none so far.
+    /// Adds the vertex of a path that has none.
     pub fn set(&mut self, lane: usize, point: &DiffusePoint) {
         (self.active[lane], self.front[lane]) = (true, true);
         (self.mesh[lane], self.side[lane]) = (point.facet.mesh, point.facet.side);
@@ -88,7 +88,7 @@ impl DiffuseVertices {
         self.emission.set(lane, point.emission);
     }
 
-    /// What each path `carried` there times the BSDF, 1/sr.
+    /// Throughput `carried` by each path to its vertex, times the BSDF, 1/sr.
     #[inline(always)]
     pub fn weights(&self, carried: &Vec3s) -> Vec3s {
         let mut weights = Vec3s::default();
@@ -99,8 +99,7 @@ impl DiffuseVertices {
         weights
     }
 
-    /// What so much light from these directions contributes to paths of these
-    /// [`weights`](Self::weights).
+    /// Contribution of the light samples to paths of these [`weights`](Self::weights).
     #[inline(always)]
     pub fn contributions(&self, weights: &Vec3s, light: &LightSamples) -> Vec3s {
         let mut contributions = Vec3s::default();
@@ -113,8 +112,7 @@ impl DiffuseVertices {
         contributions
     }
 
-    /// Samples where each path goes on, in proportion to the cosine: the weight of each direction is
-    /// the albedo.
+    /// Samples a new direction for each path, in proportion to the cosine: its weight is the albedo.
     #[inline(always)]
     pub fn sample(&self, rngs: &mut Rngs) -> Vec3s {
         let mut directions = Vec3s::default();

@@ -1,8 +1,9 @@
-//! What makes two scenes the same, in 64 bits.
+//! A 64-bit fingerprint that identifies a scene.
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics, Placement, Scene,
+    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics,
+    Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Reflectance};
@@ -10,19 +11,18 @@ use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 
 impl Scene {
-    /// A hash (XXH3) of all that an image depends on: geometry, materials, lights and camera, bit
-    /// by bit and in order. Names and regions do not count, nor does where the files are. The same
-    /// on every machine.
+    /// A hash (XXH3) of everything that an image depends on: geometry, materials, lights and camera, bit by bit
+    /// and in order. Names, regions and paths of files do not count. It is the same on every machine.
     pub fn fingerprint(&self) -> u64 {
         let mut hash = Hash(Xxh3Default::new());
-        // Every list starts with its length, so that no two scenes write the same bytes.
+        // Every list starts with its length: no two scenes write the same bytes.
         hash.count(self.placements.len());
         for Placement { mesh, material, transform } in &self.placements {
             hash.u32(*material);
             let mesh = &self.meshes[*mesh as usize];
             match transform {
                 None => hash.mesh(mesh),
-                // Whether it is held once does not show.
+                // Instances and copies have one fingerprint.
                 Some(transform) => hash.mesh(&mesh.moved(transform)),
             }
         }
@@ -63,29 +63,31 @@ impl Hash {
         value.to_array().into_iter().for_each(|value| self.f32(value));
     }
 
-    fn rgb(&mut self, value: Rgb) {
-        self.vec3(value);
+    /// Writes a tag and vectors, then numbers.
+    fn record(&mut self, tag: u32, vectors: &[Vec3], numbers: &[f32]) {
+        self.u32(tag);
+        vectors.iter().for_each(|&vector| self.vec3(vector));
+        numbers.iter().for_each(|&number| self.f32(number));
+    }
+
+    /// Writes a list of vectors after its name; nothing if it is empty.
+    fn vertex_list(&mut self, name: &str, vectors: &[Vec3]) {
+        if !vectors.is_empty() {
+            self.text(name);
+            vectors.iter().for_each(|&vector| self.vec3(vector));
+        }
     }
 
     fn mesh(&mut self, mesh: &Mesh) {
         self.count(mesh.positions.len());
         mesh.positions.iter().for_each(|&position| self.vec3(position));
-        if !mesh.normals.is_empty() {
-            self.text("normals");
-            mesh.normals.iter().for_each(|&normal| self.vec3(normal));
-        }
+        self.vertex_list("normals", &mesh.normals);
         if !mesh.uvs.is_empty() {
             self.text("uvs");
             mesh.uvs.iter().for_each(|uv| uv.to_array().into_iter().for_each(|x| self.f32(x)));
         }
-        if !mesh.tangents.is_empty() {
-            self.text("tangents");
-            mesh.tangents.iter().for_each(|&tangent| self.vec3(tangent));
-        }
-        if !mesh.colors.is_empty() {
-            self.text("colors");
-            mesh.colors.iter().for_each(|&color| self.rgb(color));
-        }
+        self.vertex_list("tangents", &mesh.tangents);
+        self.vertex_list("colors", &mesh.colors);
         self.count(mesh.triangles.len());
         mesh.triangles.iter().flatten().for_each(|&index| self.u32(index));
     }
@@ -101,7 +103,7 @@ impl Hash {
             normal_map,
             emission,
             emission_texture,
-            hidden,
+            hidden_from_camera,
         } = material;
         for (name, texture) in [
             ("albedo", albedo_texture),
@@ -123,11 +125,11 @@ impl Hash {
             self.text("translucent");
             self.f32(*opacity);
         }
-        if *hidden {
+        if *hidden_from_camera {
             self.text("hidden");
         }
         self.bsdf(bsdf);
-        self.rgb(*emission);
+        self.vec3(*emission);
     }
 
     fn texture(&mut self, texture: &Texture) {
@@ -143,63 +145,40 @@ impl Hash {
 
     fn bsdf(&mut self, bsdf: &Bsdf) {
         match bsdf {
-            Bsdf::Lambertian { albedo, two_sided } => {
-                self.u32(if *two_sided { 1 } else { 2 });
-                self.rgb(*albedo);
-            }
-            Bsdf::Mirror { reflectance } => {
-                self.u32(3);
-                self.rgb(*reflectance);
-            }
+            Bsdf::Lambertian { albedo, two_sided: true } => self.record(1, &[*albedo], &[]),
+            Bsdf::Lambertian { albedo, two_sided: false } => self.record(2, &[*albedo], &[]),
+            Bsdf::Mirror { reflectance } => self.record(3, &[*reflectance], &[]),
             Bsdf::Dielectric(interface) => {
-                self.u32(4);
-                self.f32(interface.eta);
+                self.record(4, &[], &[interface.eta]);
                 self.transmittance(interface.transmittance);
             }
             Bsdf::ThinDielectric(sheet) => {
-                self.u32(5);
-                self.f32(sheet.eta);
+                self.record(5, &[], &[sheet.eta]);
                 self.transmittance(sheet.transmittance);
             }
             Bsdf::Conductor(conductor) => {
+                let alpha = conductor.alpha();
                 match conductor.reflectance() {
-                    Reflectance::Measured { eta, k } => {
-                        self.u32(6);
-                        self.rgb(eta);
-                        self.rgb(k);
-                    }
-                    Reflectance::Artist { normal } => {
-                        self.u32(7);
-                        self.rgb(normal);
-                    }
+                    Reflectance::Measured { eta, k } => self.record(6, &[eta, k], &[alpha]),
+                    Reflectance::Artist { normal } => self.record(7, &[normal], &[alpha]),
                 }
-                self.f32(conductor.alpha());
                 if let Some((model, tint)) = conductor.single() {
                     self.text("once");
-                    self.u32(model as u32);
-                    self.rgb(tint);
+                    self.record(model as u32, &[tint], &[]);
                 }
             }
             Bsdf::RoughDielectric(interface) => {
-                self.u32(8);
-                self.f32(interface.eta());
-                self.f32(interface.alpha());
+                self.record(8, &[], &[interface.eta(), interface.alpha()]);
                 if interface.model() != FacetModel::Correlated {
                     self.text("facets");
                     self.u32(interface.model() as u32);
                 }
                 self.transmittance(interface.transmittance());
             }
-            Bsdf::Coated(coated) => {
-                self.u32(9);
-                self.rgb(coated.albedo());
-                self.f32(coated.eta());
-            }
+            Bsdf::Coated(coated) => self.record(9, &[coated.albedo()], &[coated.eta()]),
             Bsdf::Glossy(glossy) => {
-                self.u32(10);
-                self.rgb(glossy.albedo());
                 let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
-                numbers.into_iter().for_each(|number| self.f32(number));
+                self.record(10, &[glossy.albedo()], &numbers);
             }
         }
     }
@@ -207,46 +186,34 @@ impl Hash {
     fn transmittance(&mut self, color: Rgb) {
         if color != Rgb::ONE {
             self.text("tinted");
-            self.rgb(color);
+            self.vec3(color);
         }
     }
 
     fn environment(&mut self, environment: &Environment) {
         let ([width, height], radiance, turn) = environment.parts();
-        self.u32(width);
-        self.u32(height);
-        radiance.iter().for_each(|pixel| self.rgb(*pixel));
+        [width, height].into_iter().for_each(|size| self.u32(size));
+        radiance.iter().for_each(|&pixel| self.vec3(pixel));
         self.f32(turn);
     }
 
     fn emitter(&mut self, emitter: &Emitter) {
         match emitter {
-            Emitter::Point { position, intensity } => {
-                self.u32(1);
-                self.vec3(*position);
-                self.rgb(*intensity);
-            }
+            Emitter::Point { position, intensity } => self.record(1, &[*position, *intensity], &[]),
             Emitter::Spot(spot) => {
-                self.u32(2);
-                self.vec3(spot.position);
-                self.vec3(spot.direction);
-                self.rgb(spot.intensity);
-                self.f32(spot.cos_inner);
-                self.f32(spot.cos_outer);
+                let vectors = [spot.position, spot.direction, spot.intensity];
+                self.record(2, &vectors, &[spot.cos_inner, spot.cos_outer]);
             }
-            Emitter::Directional(light) => {
-                self.u32(3);
-                self.vec3(light.direction);
-                self.rgb(light.irradiance);
+            Emitter::Directional(Directional { direction, irradiance, .. }) => {
+                self.record(3, &[*direction, *irradiance], &[]);
             }
             Emitter::Triangle { .. } | Emitter::Textured(_) => {}
         }
     }
 
     fn camera(&mut self, camera: &Camera) {
-        self.vec3(camera.position());
-        self.vec3(camera.direction());
-        self.vec3(camera.up());
+        let frame = [camera.position(), camera.direction(), camera.up()];
+        frame.into_iter().for_each(|vector| self.vec3(vector));
         if camera.shift() != [0.0; 2] {
             self.text("shifted");
             camera.shift().into_iter().for_each(|share| self.f32(share));
@@ -260,21 +227,16 @@ impl Hash {
                 self.f32(focus_distance);
             }
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
-                self.u32(4);
-                for value in [width, disc_distance, disc_radius, exposure] {
-                    self.f32(value);
-                }
+                self.record(4, &[], &[width, disc_distance, disc_radius, exposure]);
             }
         }
     }
 
     fn field_of_view(&mut self, field_of_view: FieldOfView) {
-        let (tag, degrees) = match field_of_view {
-            FieldOfView::X(degrees) => (1, degrees),
-            FieldOfView::Y(degrees) => (2, degrees),
-        };
-        self.u32(tag);
-        self.f32(degrees);
+        match field_of_view {
+            FieldOfView::X(degrees) => self.record(1, &[], &[degrees]),
+            FieldOfView::Y(degrees) => self.record(2, &[], &[degrees]),
+        }
     }
 }
 
@@ -285,7 +247,7 @@ mod tests {
         Coated, Conductor, Dielectric, Facets, Glossy, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::Wrap;
-    use crate::scene::{Directional, Region, Spot};
+    use crate::scene::{Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 
@@ -313,7 +275,7 @@ mod tests {
     }
 
     #[derive(Clone)]
-    struct Parts {
+    struct SceneParts {
         name: &'static str,
         mesh: Mesh,
         material: Material,
@@ -324,7 +286,7 @@ mod tests {
         regions: Vec<Region>,
     }
 
-    impl Parts {
+    impl SceneParts {
         fn fingerprint(self) -> u64 {
             let camera = Camera::with_optics(self.eye, Vec3::Z, self.up, self.optics).unwrap();
             let (meshes, materials) = (vec![self.mesh], vec![self.material]);
@@ -353,10 +315,10 @@ mod tests {
         Optics::Sensor { width, disc_distance, disc_radius, exposure }
     }
 
-    fn parts() -> Parts {
+    fn parts() -> SceneParts {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE];
         let bsdf = Bsdf::diffuse(Rgb::splat(0.5));
-        Parts {
+        SceneParts {
             name: "a",
             mesh: Mesh {
                 name: "m".into(),
@@ -374,8 +336,8 @@ mod tests {
     }
 
     #[test]
-    fn every_change_that_shows_is_seen() {
-        let changes: [fn(&mut Parts); 66] = [
+    fn every_visible_change_changes_the_fingerprint() {
+        let changes: [fn(&mut SceneParts); 66] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],

@@ -1,41 +1,41 @@
-//! The look of a surface: how it scatters, and what it emits.
+//! Materials: scattering and emission of a surface.
 
-use super::alpha_mask::CutOut;
+use super::alpha_mask::AlphaMask;
 use super::{NormalMap, Texture};
 use crate::base::math::Rgb;
 use crate::scene::bsdf::Bsdf;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// The look of a surface.
+/// The material of a surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// Name as in the scene or MTL file.
+    /// Name in the scene or MTL file.
     pub name: String,
-    /// How it scatters.
+    /// The scattering function.
     pub bsdf: Bsdf,
-    /// What the albedo of a diffuse, coated or glossy surface is multiplied with, place by place.
+    /// Factor of the albedo of a diffuse, coated or glossy surface.
     pub albedo_texture: Option<Arc<Texture>>,
-    /// What a glossy surface's roughness (green) and metallic share (blue) are multiplied with.
+    /// Factors of a glossy surface's roughness (green) and metallic share (blue).
     pub metallic_roughness_texture: Option<Arc<Texture>>,
-    /// Where there is a surface at all: where its opacity is at least a half.
+    /// Alpha mask: rays meet the surface only where the opacity is at least a half.
     pub opacity_texture: Option<Arc<Texture>>,
-    /// If given, there is instead a surface for this share of the rays, in [0, 1], times the texture's opacity.
+    /// If set, this share of the rays, in [0, 1], times the texture's opacity meets the surface instead.
     pub opacity: Option<f32>,
-    /// How its normals are bent.
+    /// Map that bends the normals.
     pub normal_map: Option<NormalMap>,
-    /// Radiance emitted from the front side, W/(m^2 sr); the front sees the vertices
+    /// Radiance emitted from the front side, W/(m^2 sr); seen from the front, vertices are
     /// counterclockwise.
     pub emission: Rgb,
-    /// What the emission is multiplied with.
+    /// Factor of the emission.
     pub emission_texture: Option<Arc<Texture>>,
-    /// Whether rays of the camera pass it until they meet something else: a lamp that is not to be in the image, but
-    /// is seen in mirrors and through glass.
-    pub hidden: bool,
+    /// If true, camera rays pass the surface: a lamp that is not in the image, but visible in mirrors and through
+    /// glass.
+    pub hidden_from_camera: bool,
 }
 
 impl Material {
-    /// A material that is the same everywhere and emits nothing.
+    /// A uniform material that emits nothing.
     pub fn new(name: &str, bsdf: Bsdf) -> Self {
         Self {
             name: name.to_owned(),
@@ -47,23 +47,23 @@ impl Material {
             normal_map: None,
             emission: Rgb::ZERO,
             emission_texture: None,
-            hidden: false,
+            hidden_from_camera: false,
         }
     }
 
-    /// Whether it is not the same everywhere where there is a surface.
+    /// Returns true if scattering, normals or emission vary over the surface.
     pub fn varies(&self) -> bool {
         let Self { albedo_texture, metallic_roughness_texture, emission_texture, .. } = self;
         let textures = [albedo_texture, metallic_roughness_texture, emission_texture];
         textures.into_iter().any(Option::is_some) || self.normal_map.is_some()
     }
 
-    /// Whether it has any texture.
+    /// Returns true if the material has any texture.
     pub fn is_textured(&self) -> bool {
         self.varies() || self.opacity_texture.is_some()
     }
 
-    /// All textures that it has.
+    /// All textures of the material.
     pub(crate) fn textures(&self) -> impl Iterator<Item = &Arc<Texture>> {
         let normals = self.normal_map.as_ref().map(|map| &map.texture);
         let Self { albedo_texture, metallic_roughness_texture, .. } = self;
@@ -72,8 +72,8 @@ impl Material {
         own.into_iter().flatten().chain(normals)
     }
 
-    /// Whether it may ask photons where they came from: with a BSDF that varies, or a normal that is
-    /// not the triangle's.
+    /// Returns true if merges may need the direction of photons: for BSDFs that vary with it, or normals that
+    /// differ from the triangle's.
     pub(super) fn merges_by_direction(&self) -> bool {
         let lambertian = matches!(self.bsdf, Bsdf::Lambertian { .. });
         let merges = self.bsdf.merges() || self.metallic_roughness_texture.is_some();
@@ -86,15 +86,20 @@ impl Material {
         self.emission * self.emission_texture.as_ref().map_or(Rgb::ONE, color)
     }
 
-    /// Where rays pass; lights let none, because they emit from all of a triangle.
-    pub fn cut_out(&self) -> Option<CutOut> {
+    /// The alpha mask; `None` if no ray passes. Lights have none, because they emit from the whole triangle.
+    pub fn alpha_mask(&self) -> Option<AlphaMask> {
         let Self { opacity_texture, opacity, emission, .. } = self;
         let passes = opacity_texture.is_some() || opacity.is_some_and(|opacity| opacity < 1.0);
-        let cut_out = || CutOut { texture: opacity_texture.clone(), factor: *opacity };
-        (passes && *emission == Rgb::ZERO).then(cut_out)
+        let alpha_mask = || AlphaMask { texture: opacity_texture.clone(), factor: *opacity };
+        (passes && *emission == Rgb::ZERO).then(alpha_mask)
     }
 
-    /// How it scatters at `uv` of a mesh of this color there, if that varies.
+    /// Returns true if the surface, at least in part, is met by a share of the rays only.
+    pub fn is_translucent(&self) -> bool {
+        self.opacity.is_some() && self.alpha_mask().is_some()
+    }
+
+    /// The BSDF at `uv`, where the mesh has this color; `None` if it does not vary.
     pub(super) fn bsdf_at(&self, uv: Vec2, color: Option<Rgb>) -> Option<Bsdf> {
         let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
         if albedo.is_none() && data.is_none() && color.is_none() {
@@ -121,13 +126,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn opacity_below_one_lets_rays_pass_unless_the_material_emits() {
+    fn materials_that_a_share_of_rays_pass_are_translucent() {
         let plain =
             Material::new("plain", Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: true });
-        assert!(plain.cut_out().is_none());
+        assert!(plain.alpha_mask().is_none());
         let share = |opacity| Material { opacity: Some(opacity), ..plain.clone() };
-        assert!(share(0.5).cut_out().is_some() && share(1.0).cut_out().is_none());
+        assert!(share(0.5).alpha_mask().is_some() && share(1.0).alpha_mask().is_none());
         let lamp = Material { emission: Rgb::ONE, ..share(0.5) };
-        assert!(lamp.cut_out().is_none(), "lights let no ray pass");
+        assert!(lamp.alpha_mask().is_none(), "lights let no ray pass");
     }
 }

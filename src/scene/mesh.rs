@@ -1,14 +1,14 @@
-//! Triangle meshes, as they are read.
+//! Triangle meshes, as files define them.
 
 use super::triangle::{Corners, to_front};
 use crate::accel::TriangleMesh;
 use crate::base::math::Rgb;
 use glam::{Vec2, Vec3};
 
-/// A triangle mesh of one material: in the scene's space or, if it has several places, its own.
+/// A triangle mesh of one material: in the scene's space, or in its own space if it is instanced.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Name as in its file.
+    /// Name in its file.
     pub name: String,
     /// Vertex positions, scene units.
     pub positions: Vec<Vec3>,
@@ -17,10 +17,10 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or none; `v` points up in the picture.
     pub uvs: Vec<Vec2>,
-    /// Directions of growing `u` for maps of normals, one per position, or none: then those of each
-    /// triangle's texture coordinates. Which way `v` grows, these tell.
+    /// Directions of growing `u` for normal maps, one per position, or none. Without them, and always for the
+    /// direction of `v`, normal maps use each triangle's texture coordinates.
     pub tangents: Vec<Vec3>,
-    /// What the albedo is multiplied with, linear and in [0, 1], one per position, or none.
+    /// Factors of the albedo, linear and in [0, 1], one per position, or none.
     pub colors: Vec<Rgb>,
     /// Three vertex indices per triangle, counterclockwise seen from the front.
     pub triangles: Vec<[u32; 3]>,
@@ -29,12 +29,12 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Whether anything varies over its triangles, whatever they are made of.
+    /// Returns true if normals or colors vary over its triangles.
     pub(super) fn varies(&self) -> bool {
         !(self.normals.is_empty() && self.colors.is_empty())
     }
 
-    /// IterationSet vertices by their first use, as readers do, and leaves out those that no triangle uses.
+    /// Renumbers vertices by their first use, as readers do, and removes those that no triangle uses.
     pub(crate) fn renumber(&mut self) {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut order = Vec::with_capacity(self.positions.len());
@@ -56,12 +56,12 @@ impl Mesh {
         pick(uvs, &order);
     }
 
-    /// The geometry alone.
+    /// The geometry, without shading data.
     pub fn as_triangles(&self) -> TriangleMesh<'_> {
         TriangleMesh { positions: &self.positions, triangles: &self.triangles }
     }
 
-    /// What varies over the triangle of these corners and this normal.
+    /// The shading data of the triangle with these vertices and this normal.
     pub(super) fn corners(&self, indices: [usize; 3], normal: Vec3) -> Corners {
         let own =
             |index: usize| to_front(self.normals.get(index).copied().unwrap_or_default(), normal);

@@ -8,7 +8,6 @@ pub mod diffuse;
 mod fingerprint;
 mod camera_visibility;
 mod hit;
-mod lambertian;
 pub mod lights;
 pub mod material;
 mod mesh;
@@ -23,14 +22,14 @@ pub(crate) mod transform;
 mod triangle;
 mod validate;
 
-pub use alpha_mask::CutOut;
+pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, FieldOfView, Optics, View};
-pub use hit::Seen;
+pub use hit::HitScratch;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
 pub use lights::packets::{Emissions, LightSamples};
 pub use lights::textured_emitter::TexturedTriangle;
-pub use lights::{Emission, LightSample, Lights};
+pub use lights::{Emission, LightSample, Lights, Receiver};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use normal_map::NormalMap;
@@ -45,45 +44,45 @@ pub(crate) use triangle::triangle_area;
 
 use crate::base::error::Result;
 use crate::base::math::Bounds;
-use diffuse::Facet;
+use diffuse::TriangleSide;
 use glam::Vec3;
-use lambertian::Lambertian;
+use hit::Lambertian;
 use triangle::Corners;
 
 /// Everything that light meets.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Name of the scene file or folder.
+    /// Name of the scene's file or folder.
     pub name: String,
-    /// Where the image is taken from.
+    /// The camera of the image.
     pub camera: Camera,
     /// Named parts of the image.
     pub regions: Vec<Region>,
-    // What the rest depends on: to change one, make another scene.
+    // The following fields depend on each other: to change one, build another scene.
     meshes: Vec<Mesh>,
     placements: Vec<Placement>,
     materials: Vec<Material>,
     lights: Lights,
     bounds: Bounds,
-    /// All triangles, mesh after mesh, in their mesh's space.
+    /// All triangles, mesh by mesh, in their mesh's space.
     triangles: Vec<Triangle>,
-    /// Of the triangles over which something varies.
+    /// Corners of the triangles with varying shading data.
     corners: Vec<Corners>,
-    /// Index in `triangles` of the first of each placement's mesh.
+    /// For each placement the index in `triangles` of its mesh's first triangle.
     first_triangle: Vec<u32>,
-    /// Of each material.
+    /// For each material its Lambertian part.
     lambertian: Vec<Lambertian>,
-    /// Sides that emit, in order, and the index of their emitter.
-    emitting: Vec<(Facet, u32)>,
+    /// Sides that emit, sorted, and the indices of their emitters.
+    emitting: Vec<(TriangleSide, u32)>,
 }
 
 impl Scene {
-    /// Puts a scene together; `lights` come on top of the emissive triangles.
+    /// Builds a scene; `lights` are added to the emissive triangles.
     ///
     /// # Errors
-    /// If a position is not finite, an index is out of range, normals, texture coordinates or tangents are
-    /// neither none nor one per position, a triangle without area emits, or there are 2^32 triangles; names
-    /// the mesh.
+    /// If a position is not finite, or an index is out of range. If there are normals, texture coordinates or
+    /// tangents, but not one per position. If a triangle without area emits, or there are 2^32 triangles. The
+    /// error names the mesh.
     pub fn new(
         name: String,
         arrangement: impl Into<Arrangement>,
@@ -96,7 +95,7 @@ impl Scene {
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
         let mut varies: Vec<_> = meshes.iter().map(Mesh::varies).collect();
-        // What to put into stored triangles: of shared meshes, any of their materials.
+        // Corner index and material of stored triangles; a mesh with several placements has any of their materials.
         let mut looks = vec![(Triangle::FLAT, 0); meshes.len()];
         for Placement { mesh, material, transform } in &placements {
             varies[*mesh as usize] |= materials[*material as usize].varies();
@@ -138,7 +137,7 @@ impl Scene {
                 light.radius = bounds.enclosing_radius();
             }
         }
-        // As the lights number those that they keep.
+        // `Lights` keeps the emitters with power, in this order.
         let emitting = emitters
             .iter()
             .enumerate()
@@ -166,12 +165,12 @@ impl Scene {
         })
     }
 
-    /// All meshes, those at several places once.
+    /// All meshes, those with several placements once.
     pub fn meshes(&self) -> &[Mesh] {
         &self.meshes
     }
 
-    /// Where they are; the order is the mesh index of [`Hit`](crate::accel::Hit).
+    /// Placements of the meshes, in the order of the mesh index of [`Hit`](crate::accel::Hit).
     pub fn placements(&self) -> &[Placement] {
         &self.placements
     }
@@ -191,7 +190,7 @@ impl Scene {
         &self.bounds
     }
 
-    /// The scene with light from all around, or without.
+    /// The scene with this environment, or without one.
     #[must_use]
     pub fn with_environment(mut self, environment: impl Into<Option<Environment>>) -> Self {
         let mut environment = environment.into();
@@ -200,7 +199,7 @@ impl Scene {
         self
     }
 
-    /// The scene with a light, which has power and is no triangle, before all others.
+    /// The scene with a further light before all others; it has power and is no triangle.
     #[must_use]
     pub fn with_light(mut self, light: Emitter) -> Self {
         assert!(light.has_power(), "a light without power would have no number");
@@ -212,18 +211,12 @@ impl Scene {
         self
     }
 
-    /// Density in solid angle with which a connection from `from`, lit as [`Lights::connect`] has it, chooses the
-    /// point `position` of a facet, 1/sr; 0 if it emits nothing.
-    pub fn connection_pdf_w(
-        &self,
-        (facet, position): (Facet, Vec3),
-        from: Vec3,
-        normal: Option<Vec3>,
-    ) -> f32 {
-        let found = self.emitting.binary_search_by_key(&facet, |(facet, _)| *facet);
-        found.map_or(0.0, |at| {
-            let emitter = self.emitting[at].1 as usize;
-            self.lights.connection_pdf_w(emitter, position, from, normal)
+    /// Density in solid angle of connections of `at` with the point `position` of a triangle's side, 1/sr; 0 if the
+    /// side emits nothing.
+    pub fn connection_pdf_w(&self, side: TriangleSide, position: Vec3, at: Receiver) -> f32 {
+        let found = self.emitting.binary_search_by_key(&side, |(side, _)| *side);
+        found.map_or(0.0, |index| {
+            self.lights.connection_pdf_w(self.emitting[index].1 as usize, position, at)
         })
     }
 
@@ -232,8 +225,8 @@ impl Scene {
         self.bounds.longest_side()
     }
 
-    /// Whether any surface asks photons where they came from: with a BSDF that varies, or a normal
-    /// that is not the triangle's.
+    /// Returns true if merges at any surface need the direction of photons: for BSDFs that vary with it, or normals
+    /// that differ from the triangle's.
     pub fn merges_by_direction(&self) -> bool {
         self.materials.iter().any(Material::merges_by_direction)
             || self.meshes.iter().any(|mesh| !mesh.normals.is_empty())

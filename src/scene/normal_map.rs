@@ -1,19 +1,19 @@
-//! Normals bent by a picture.
+//! Normal maps.
 
 use super::Texture;
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 
-/// Least cosine between a bent normal and that of the triangle.
+/// Minimum cosine between a bent normal and that of the triangle.
 const LEAST_COSINE: f32 = 1e-2;
 
-/// A map of normals in tangent space: red points along growing `u`, green along growing `v` (up in
-/// the picture), blue off the surface.
+/// A map of normals in tangent space: red is along growing `u`, green along growing `v` (up in the texture),
+/// blue off the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NormalMap {
-    /// Its vectors, [`Texture::vector`].
+    /// The texture whose [`Texture::vector`] are the normals.
     pub texture: Arc<Texture>,
-    /// What red and green are multiplied with.
+    /// Factor of red and green.
     pub scale: f32,
 }
 
@@ -22,12 +22,12 @@ pub struct NormalMap {
 pub(super) struct Tangent {
     /// Along growing `u`, of any length.
     pub along_u: Vec3,
-    /// 1 if growing `v` is to the left of it, seen from the front, else -1: a mirrored picture.
+    /// 1 if growing `v` is to the left of it, seen from the front; -1 for a mirrored texture.
     pub turn: f32,
 }
 
 impl Tangent {
-    /// Of a triangle with these edges and texture coordinates; `None` where they lie on a line.
+    /// The tangent of a triangle with these edges and texture coordinates; `None` if the latter lie on a line.
     pub(super) fn new([edge1, edge2]: [Vec3; 2], [a, b, c]: [Vec2; 3]) -> Option<Self> {
         let (b, c) = (b - a, c - a);
         let area = b.perp_dot(c);
@@ -38,8 +38,8 @@ impl Tangent {
 }
 
 impl NormalMap {
-    /// The unit normal at `uv` of a triangle of the normal `flat`, where the vertices' normals come to
-    /// `normal`, all on the front; `None` where the map does not bend it.
+    /// The bent unit normal at `uv` of a triangle with the normal `flat` and the interpolated normal `normal`, all on
+    /// the front side. `None` if the map does not bend it.
     pub(super) fn bend(
         &self,
         uv: Vec2,
@@ -56,7 +56,7 @@ impl NormalMap {
         let up_of = turn * normal.cross(right_of);
         let bent = right * right_of + up * up_of + vector.z.max(0.0) * normal;
         let bent = bent.try_normalize()?;
-        // Not below the surface.
+        // Keep it above the surface.
         Some((bent + (LEAST_COSINE - bent.dot(flat)).max(0.0) * flat).normalize())
     }
 }
@@ -65,7 +65,7 @@ impl NormalMap {
 mod tests {
     use super::*;
 
-    /// The normal on the triangle (0, 0), (1, 0), (0, 1) of these coordinates where all texels are `rgb`.
+    /// The normal of a uniform map `rgb` on the triangle (0, 0), (1, 0), (0, 1) with these coordinates.
     fn bent(rgb: [u8; 3], scale: f32, uvs: [Vec2; 3]) -> Option<Vec3> {
         let texels = vec![[rgb[0], rgb[1], rgb[2], 255]];
         let map = NormalMap { texture: Arc::new(Texture::new(1, 1, texels)), scale };
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn flat_maps_and_pictures_without_a_direction_bend_nothing() {
+    fn flat_maps_and_degenerate_coordinates_bend_nothing() {
         let (o, u, v) = (Vec2::ZERO, Vec2::X, Vec2::Y);
         assert_eq!(bent([128, 128, 255], 1.0, [o, u, v]), None);
         assert_eq!(bent([255, 128, 255], 0.0, [o, u, v]), None);

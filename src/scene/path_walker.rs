@@ -1,6 +1,6 @@
 //! A scalar path tracer for tests and quick looks at a scene, which need no speed: one path at a time, without photons.
 
-use super::bsdf::{Lobe, Transport, Wanted};
+use super::bsdf::{Lobe, LobeSet, Transport};
 use super::lights::LightSample;
 use super::{Scene, Surface};
 use crate::accel::{Hit, Intersect, Ray};
@@ -42,7 +42,7 @@ pub fn radiance<V: PathVisitor>(
         let hit = visitor.hit(accel, &ray, segment);
         if hit.is_miss() {
             if is_unconnected {
-                radiance += throughput * scene.lights().beyond(ray.direction);
+                radiance += throughput * scene.lights().environment_radiance(ray.direction);
             }
             break;
         }
@@ -53,7 +53,7 @@ pub fn radiance<V: PathVisitor>(
         // theory.md (96)
         radiance += throughput * connected(accel, &surface, rng, visitor);
         let at = surface.vertex(Transport::Radiance);
-        let sample = surface.bsdf.sample(&at, Transport::Radiance, Wanted::All, rng);
+        let sample = surface.bsdf.sample(&at, Transport::Radiance, LobeSet::All, rng);
         let Some(sample) = sample.filter(|sample| surface.agrees(&at, sample.wi)) else { break };
         is_unconnected = sample.lobe == Lobe::Delta;
         throughput *= sample.weight;

@@ -1,7 +1,7 @@
-//! Where meshes are: those that are seen at several places are held once.
+//! Placements of meshes: a mesh with several placements is stored once.
 
-use super::diffuse::Facet;
-use super::lights::textured_emitter::Glow;
+use super::diffuse::TriangleSide;
+use super::lights::textured_emitter::TextureEmission;
 use super::transform::Transform;
 use super::{Corners, Emitter, Material, Mesh, Scene, Triangle};
 use crate::accel;
@@ -9,29 +9,29 @@ use crate::accel::Geometry;
 use crate::base::math::Bounds;
 use glam::Vec3;
 
-/// Where a mesh is, and what it is made of there.
+/// A placed mesh and its material.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// From the mesh's space to the scene's; none for a mesh in the scene's, which has no other
-    /// place.
+    /// Transform from the mesh's space to the scene's; `None` for a mesh in scene space, which has no other
+    /// placement.
     pub transform: Option<Transform>,
 }
 
-/// Meshes with their places.
+/// Meshes and their placements.
 #[derive(Clone, Debug, Default)]
 pub struct Arrangement {
-    /// Held once each. What they are made of, their places say.
+    /// Each mesh once; the materials are those of the placements.
     pub meshes: Vec<Mesh>,
     /// In the order of their indices in hits.
     pub placements: Vec<Placement>,
 }
 
 impl From<Vec<Mesh>> for Arrangement {
-    /// Each mesh where it is.
+    /// One placement per mesh, in scene space.
     fn from(meshes: Vec<Mesh>) -> Self {
         let place = |(mesh, Mesh { material, .. }): (u32, &Mesh)| Placement {
             mesh,
@@ -43,8 +43,8 @@ impl From<Vec<Mesh>> for Arrangement {
 }
 
 impl Mesh {
-    /// A copy at a place, where all points must stay in the range of coordinates. Where corners change their
-    /// order, vertices are numbered anew by their first use, so that copies are what readers make of them.
+    /// A transformed copy; all points must stay in the range of coordinates. If corners change their order,
+    /// vertices are renumbered by their first use, as readers number them.
     #[must_use]
     pub fn moved(&self, transform: &Transform) -> Self {
         let point = |point: &Vec3| transform.point(*point).unwrap_or_default();
@@ -55,10 +55,10 @@ impl Mesh {
             uvs: self.uvs.clone(),
             colors: self.colors.clone(),
             tangents: self.tangents.iter().map(|t| transform.tangent(*t)).collect(),
-            triangles: self.triangles.iter().map(|t| transform.corners(*t)).collect(),
+            triangles: self.triangles.iter().map(|t| transform.ordered(*t)).collect(),
             material: self.material,
         };
-        if transform.corners([0, 1, 2]) != [0, 1, 2] {
+        if transform.ordered([0, 1, 2]) != [0, 1, 2] {
             moved.renumber();
         }
         moved
@@ -66,15 +66,15 @@ impl Mesh {
 }
 
 impl Scene {
-    /// The meshes at their places as an intersection backend takes them.
+    /// The meshes and placements as the input of an intersection backend.
     pub fn geometry(&self) -> Geometry<'_> {
-        let place = |placement: &Placement| accel::Place {
+        let place = |placement: &Placement| accel::Instance {
             mesh: placement.mesh,
             to_scene: placement.transform.map(|transform| transform.map()),
         };
         Geometry {
             meshes: self.meshes.iter().map(Mesh::as_triangles).collect(),
-            places: self.placements.iter().map(place).collect(),
+            instances: self.placements.iter().map(place).collect(),
         }
     }
 
@@ -108,7 +108,7 @@ impl Scene {
         triangles
     }
 
-    /// A copy of each mesh at each of its places, of the material that it has there.
+    /// A copy of each mesh for each of its placements, with its material.
     pub fn copies(&self) -> Vec<Mesh> {
         let copy = |placement: &Placement| {
             let mesh = self.mesh(placement);
@@ -119,12 +119,12 @@ impl Scene {
         self.placements.iter().map(copy).collect()
     }
 
-    /// Number of triangles, counted at each place.
+    /// Number of triangles, counted for each placement.
     pub fn triangle_count(&self) -> usize {
         self.placements.iter().map(|placement| self.mesh(placement).triangles.len()).sum()
     }
 
-    /// Number of triangles that are held, those of a mesh at several places once.
+    /// Number of triangles in memory, those of a mesh with several placements once.
     pub fn stored_triangle_count(&self) -> usize {
         self.triangles.len()
     }
@@ -137,7 +137,7 @@ impl Placement {
         self.transform.map_or(triangle, |transform| transform.triangle(&triangle))
     }
 
-    /// The smallest box that also holds the mesh's triangles here.
+    /// The smallest box that contains `bounds` and the placed triangles of the mesh.
     pub(crate) fn enclose(&self, bounds: Bounds, mesh: &Mesh) -> Bounds {
         let corners = mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize]);
         match self.transform {
@@ -148,14 +148,14 @@ impl Placement {
         }
     }
 
-    /// Adds the mesh's triangles, which are `stored`, to the emitters if they emit here, and the side that does to
-    /// `facets`; this is the placement of that number.
+    /// Adds the mesh's triangles, which are `stored`, to the emitters if this placement emits, and their front sides
+    /// to `facets`; this is placement `number`.
     pub(crate) fn emit(
         &self,
         mesh: &Mesh,
         stored: &[Triangle],
         materials: &[Material],
-        (number, facets): (u32, &mut Vec<Facet>),
+        (number, facets): (u32, &mut Vec<TriangleSide>),
         emitters: &mut Vec<Emitter>,
     ) {
         let material = &materials[self.material as usize];
@@ -164,15 +164,16 @@ impl Placement {
             return;
         }
         let picture = material.emission_texture.as_ref();
-        let glow = picture.map(|picture| Glow::new(picture, radiance, mesh.triangles.len()));
+        let glow =
+            picture.map(|picture| TextureEmission::new(picture, radiance, mesh.triangles.len()));
         let all = (0..).zip(mesh.triangles.iter().zip(stored));
         emitters.extend(all.filter_map(|(index, (indices, stored))| {
             let shape = self.triangle(stored);
-            // Where a mesh is made tiny it may end up with none.
+            // A very small scale may leave no area.
             if shape.area() <= 0.0 {
                 return None;
             }
-            facets.push(Facet::new(number, index, true));
+            facets.push(TriangleSide::new(number, index, true));
             Some(match &glow {
                 None => Emitter::Triangle { shape, radiance },
                 Some(glow) => {

@@ -1,4 +1,4 @@
-//! Named parts of the image.
+//! Named regions of the image.
 
 use crate::base::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// Whether the center of pixel `(x, y)` lies in it.
+    /// Returns true if the center of pixel `(x, y)` lies in the region.
     pub fn contains(&self, x: u32, y: u32, width: u32, height: u32) -> bool {
         let u = (f64::from(x) + 0.5) / f64::from(width);
         let v = (f64::from(y) + 0.5) / f64::from(height);
@@ -22,10 +22,10 @@ impl Region {
     }
 }
 
-/// Refuses rectangles that no region can have.
+/// Refuses invalid rectangles of a region.
 ///
 /// # Errors
-/// If there is none, or one is empty or not within the image.
+/// If there is no rectangle, or one is empty or not within the image.
 pub fn check_rectangles(rectangles: &[[f64; 4]]) -> Result<()> {
     let advice = "give [[x0, y0, x1, y1], ...] in fractions of the image with x0 < x1 and \
                   y0 < y1, the origin at the top left";

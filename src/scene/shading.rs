@@ -1,16 +1,16 @@
-//! Scattering by normals that are not the triangle's: interpolated, or bent by a map.
+//! Scattering by shading normals: interpolated, or bent by a map.
 
 use super::Surface;
 use crate::base::math::uniform_disc;
 use crate::base::rng::Rng;
-use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Bsdf, BsdfSample, Lobe, LobeSet, Transport, Vertex};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Least cosine between a shading normal and the direction that it is seen from.
+/// Minimum cosine between a shading normal and the direction that it is seen from.
 const GRAZING: f32 = 1e-3;
 
-/// By which normal a surface scatters what comes from `wo`, given the interpolated one and the triangle's.
+/// The normal by which a surface scatters, seen from `wo`, given its interpolated normal and the triangle's.
 #[inline(never)] // keeps the common case short
 pub(crate) fn shading_normal(
     bsdf: &Bsdf,
@@ -20,11 +20,11 @@ pub(crate) fn shading_normal(
     transport: Transport,
 ) -> Vec3 {
     match (bsdf, transport) {
-        // Its value does not depend on where it is seen from, also below the horizon of the
-        // normal. Flux leaves by the cosine of the triangle; see `adjoint_correction`.
+        // The value does not depend on the viewing direction, even below the horizon of the normal. Flux
+        // leaves by the cosine of the triangle; see `adjoint_correction`.
         (Bsdf::Lambertian { .. }, Transport::Radiance) => interpolated,
         (Bsdf::Lambertian { .. }, Transport::Flux) => triangle,
-        // A normal that is not seen is bent until it is; its surface would be black.
+        // A normal that faces away is bent until it is visible; its surface would be black.
         // theory.md (33)
         _ => (interpolated + (GRAZING - interpolated.dot(wo)).max(0.0) * wo).normalize(),
     }
@@ -35,7 +35,7 @@ impl Surface<'_> {
         shading_normal(&self.bsdf, normal, self.normal, self.wo, transport)
     }
 
-    /// [`Self::scatter_flux`] by a normal that is not the triangle's.
+    /// [`Self::scatter_flux`] by a shading normal.
     #[inline(never)] // keeps the common case short
     pub(super) fn scatter_flux_by(&self, normal: Vec3, rng: &mut Rng) -> Option<BsdfSample> {
         let hidden = self.hidden_share(normal);
@@ -43,14 +43,14 @@ impl Surface<'_> {
             return Some(self.scatter_below(normal, rng));
         }
         let at = self.vertex(Transport::Flux);
-        let sample = self.bsdf.sample(&at, Transport::Flux, Wanted::All, rng)?;
+        let sample = self.bsdf.sample(&at, Transport::Flux, LobeSet::All, rng)?;
         let scale = self.adjoint_correction(normal, &at, sample.wi) / (1.0 - hidden);
         let agrees = self.agrees(&at, sample.wi);
         agrees.then_some(BsdfSample { weight: sample.weight * scale, ..sample })
     }
 
-    /// What the flux of a light path is multiplied with where it goes on from `at` toward `wi`:
-    /// shading normals make scattering asymmetric (Veach 1997, Section 5.3).
+    /// Factor of a light path's flux where it continues from `at` toward `wi`: shading normals make scattering
+    /// asymmetric (Veach 1997, Section 5.3).
     /// theory.md (34), (35).
     fn adjoint_correction(&self, normal: Vec3, at: &Vertex, wi: Vec3) -> f32 {
         let arriving = |normal: Vec3| normal.dot(self.wo) / self.normal.dot(self.wo);
@@ -60,10 +60,10 @@ impl Surface<'_> {
         }
     }
 
-    /// Share of the light that a diffuse surface would send above the triangle and below the horizon
-    /// of `normal`. Camera paths from there see wide facets by a normal bent toward them, while a BSDF
-    /// sends nothing there. Narrow lobes get no such share: hits of their peaks would be rare and bright.
-    /// Light paths lose that light, 1 % of what a floor with bumps of 37 degrees sends to a wall.
+    /// Share of the light that a diffuse surface would send above the triangle and below the horizon of `normal`.
+    /// Camera paths from there see wide facets by a normal bent toward them, while a BSDF sends nothing there.
+    /// Narrow lobes get no such share: hits of their peaks would be rare and bright. Light paths lose that light:
+    /// 1 % of the light that a floor with bumps of 37 degrees sends to a wall.
     /// theory.md (36).
     fn hidden_share(&self, normal: Vec3) -> f32 {
         let bsdf = &self.bsdf;
@@ -72,8 +72,8 @@ impl Surface<'_> {
         if bent { 0.5 * (1.0 - normal.dot(self.normal)).max(0.0) } else { 0.0 }
     }
 
-    /// Samples a direction above the triangle and below the horizon of `normal`, with the density of
-    /// diffuse light times the probability of coming here.
+    /// Samples a direction above the triangle and below the horizon of `normal`, with the density of diffuse light
+    /// times the probability of this case.
     fn scatter_below(&self, normal: Vec3, rng: &mut Rng) -> BsdfSample {
         let cos = normal.dot(self.normal);
         let toward = normal.reject_from_normalized(self.normal).normalize_or_zero();
@@ -84,7 +84,7 @@ impl Surface<'_> {
         let away = cos * half + (1.0 - cos) * x.abs();
         let up = (1.0 - away * away - y * y).max(0.0).sqrt();
         let wi = up * self.normal - away * toward + y * self.normal.cross(toward);
-        // As a camera there sees it: scattering from the light, which is at `wo`, toward `wi`.
+        // Evaluate it as seen by a camera there: scattering from the light, which is at `wo`, toward `wi`.
         let seen = Surface { wo: wi, ..*self };
         let normal = seen.shading_normal(normal, Transport::Radiance);
         let at = Vertex { normal, wo: wi, front: self.front };

@@ -1,55 +1,54 @@
-//! Pictures on surfaces, of 8 bits per channel.
+//! Textures of 8 bits per channel.
 
 use crate::base::math::Rgb;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
-/// A picture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; beyond it goes on as its
-/// [`Sampling`] says.
+/// A texture of 8 bits per channel. `u` runs right and `v` up over [0, 1]; [`Sampling`] defines values outside.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub struct Texture {
     width: u32,
     height: u32,
-    /// Red, green, blue and opacity, rows from the top. Clones share them.
+    /// Red, green, blue and opacity, rows from the top. Clones share the texels.
     texels: Arc<[[u8; 4]]>,
     has_opacity: bool,
     sampling: Sampling,
 }
 
-/// What a picture is between its texels and beyond its edges.
+/// Values of a texture between its texels and outside its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sampling {
-    /// Annulus the edges, along `u` and `v`.
+    /// Wrapping outside the edges, along `u` and `v`.
     pub wrap: [Wrap; 2],
-    /// Whether each texel is of one value; else they are interpolated.
+    /// If true, the nearest texel is the value; otherwise texels are interpolated.
     pub nearest: bool,
 }
 
-/// How a picture goes on beyond its edges.
+/// Continuation of a texture outside its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// Again and again.
+    /// Repeated.
     #[default]
     Repeat,
-    /// Every other time mirrored.
+    /// Repeated, every other time mirrored.
     Mirror,
-    /// As it is at its edge.
+    /// The value at the edge.
     Clamp,
 }
 
 impl Wrap {
-    /// The place within [0, 1] that stands for `x`.
+    /// The coordinate within [0, 1] that `x` maps to.
     #[inline]
     fn fold(self, x: f32) -> f32 {
         match self {
-            // Remainders may round up, and are no number if `x` is infinite.
+            // Remainders may round up, and are NaN if `x` is infinite.
             Self::Repeat => x.rem_euclid(1.0).min(1.0),
             Self::Mirror => (1.0 - (x.rem_euclid(2.0) - 1.0).abs()).max(0.0),
             Self::Clamp => x.clamp(0.0, 1.0),
         }
     }
 
-    /// The texel that stands for number `i`, at most one off the picture.
+    /// The texel that index `i`, at most one outside, maps to.
     #[inline]
     fn texel(self, i: i64, size: u32) -> usize {
         let size = i64::from(size);
@@ -76,11 +75,11 @@ static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
 });
 
 impl Texture {
-    /// From `width` times `height` texels: red, green, blue and opacity, rows from the top.
-    /// Repeated and interpolated.
+    /// A repeated, interpolated texture of `width` times `height` texels: red, green, blue and opacity, rows from
+    /// the top.
     ///
     /// # Panics
-    /// If their number is another, or there is none.
+    /// If the number of texels differs, or is 0.
     pub fn new(width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
         assert!(!texels.is_empty() && texels.len() == width as usize * height as usize);
         let has_opacity = texels.iter().any(|texel| texel[3] != 255);
@@ -88,13 +87,13 @@ impl Texture {
         Self { width, height, texels, has_opacity, sampling }
     }
 
-    /// The same picture, sampled in another way.
+    /// The texture with another sampling; it shares the texels.
     #[must_use]
     pub fn sampled(self, sampling: Sampling) -> Self {
         Self { sampling, ..self }
     }
 
-    /// Texels across and down.
+    /// Width and height, texels.
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }
@@ -104,12 +103,12 @@ impl Texture {
         &self.texels
     }
 
-    /// What it is between texels and beyond its edges.
+    /// Sampling of the texture.
     pub fn sampling(&self) -> Sampling {
         self.sampling
     }
 
-    /// Linear color at `uv`, where the picture is sRGB.
+    /// Linear color at `uv` of a texture in sRGB.
     pub fn color(&self, uv: Vec2) -> Rgb {
         let linear = |[r, g, b, _]: [u8; 4]| {
             let table = &*SRGB;
@@ -120,12 +119,14 @@ impl Texture {
 
     /// Mean of the linear color.
     pub(crate) fn mean_color(&self) -> Rgb {
-        let mut sum = DVec3::ZERO;
-        for texel in self.texels.iter() {
-            let [r, g, b, _] = texel.map(|code| f64::from(SRGB[usize::from(code)]));
-            sum += DVec3::new(r, g, b);
-        }
+        let table = &*SRGB;
+        let sum = self.sum(|code| f64::from(table[usize::from(code)]));
         (sum / self.texels.len() as f64).as_vec3()
+    }
+
+    /// Sum of the texels' `value` of red, green and blue.
+    fn sum(&self, value: impl Fn(u8) -> f64) -> DVec3 {
+        self.texels.iter().map(|&[r, g, b, _]| DVec3::from([r, g, b].map(&value))).sum()
     }
 
     /// Mean of the alpha channel, in [0, 1].
@@ -134,30 +135,25 @@ impl Texture {
         (sum as f64 / (255.0 * self.texels.len() as f64)) as f32
     }
 
-    /// Mean of each channel as it is stored, in [0, 1].
+    /// Mean of each channel as stored, in [0, 1].
     pub(crate) fn mean_data(&self) -> Vec3 {
-        let mut sum = DVec3::ZERO;
-        for texel in self.texels.iter() {
-            let [r, g, b, _] = texel.map(f64::from);
-            sum += DVec3::new(r, g, b);
-        }
-        (sum / (255.0 * self.texels.len() as f64)).as_vec3()
+        (self.sum(f64::from) / (255.0 * self.texels.len() as f64)).as_vec3()
     }
 
-    /// The numbers at `uv` as they are stored, in [0, 1].
+    /// The numbers at `uv` as stored, in [0, 1].
     pub fn data(&self, uv: Vec2) -> Vec3 {
         let stored = |[r, g, b, _]: [u8; 4]| Vec4::from([r, g, b, 0].map(f32::from)) / 255.0;
         self.filtered(uv, stored).truncate()
     }
 
-    /// The vector at `uv` of a map of normals, of any length: right, up, and off the surface. Code 128
-    /// is 0, as those mean it who write maps; 1/2 would tilt flat ones by 0.2 degrees.
+    /// The vector at `uv` of a normal map, of any length: right, up, and off the surface. Code 128 is 0, the
+    /// convention of programs that write maps; 127.5 would tilt flat maps by 0.2 degrees.
     pub fn vector(&self, uv: Vec2) -> Vec3 {
         (self.data(uv) * 255.0 - 128.0) / 127.0
     }
 
-    /// Opacity at `uv`, in [0, 1]: the alpha channel if the picture has one, else its brightness as
-    /// it is stored.
+    /// Opacity at `uv`, in [0, 1]: the alpha channel if the texture has one, else the mean of the channels as
+    /// stored.
     pub fn opacity(&self, uv: Vec2) -> f32 {
         let value = |[r, g, b, a]: [u8; 4]| {
             let sum = u32::from(r) + u32::from(g) + u32::from(b);
@@ -166,15 +162,15 @@ impl Texture {
         self.filtered(uv, value).x
     }
 
-    /// The nearest texel, or the mean of the four around `uv` by their distance.
+    /// The nearest texel, or the bilinear interpolation of the four around `uv`.
     fn filtered(&self, uv: Vec2, value: impl Fn([u8; 4]) -> Vec4) -> Vec4 {
         let Sampling { wrap: [across, up], nearest } = self.sampling;
         // Texel centers lie at halves.
         let along = |wrap: Wrap, x: f32, size: u32| {
-            let place = x * size as f32 - if nearest { 0.0 } else { 0.5 };
-            let low = place.floor();
+            let position = x * size as f32 - if nearest { 0.0 } else { 0.5 };
+            let low = position.floor();
             let index = |i: f32| wrap.texel(i as i64, size);
-            (index(low), index(low + 1.0), place - low)
+            (index(low), index(low + 1.0), position - low)
         };
         let (left, right, x) = along(across, across.fold(uv.x), self.width);
         let (top, bottom, y) = along(up, 1.0 - up.fold(uv.y), self.height);
@@ -211,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_repeat() {
+    fn textures_repeat_outside_their_edges() {
         for (u, v) in [(0.3, 0.9), (0.0, 0.0), (0.99, 0.5)] {
             let once = picture().color(Vec2::new(u, v));
             for shift in [-3.0, 1.0, 7.0] {
@@ -219,7 +215,7 @@ mod tests {
                 assert!((once - again).length() < 1e-4, "{u} {v} {shift}");
             }
         }
-        // Rounding leads nowhere.
+        // Rounding stays within the texels.
         for uv in [Vec2::splat(-1e-20), Vec2::splat(1e15), Vec2::splat(-1e15), Vec2::splat(1.0)] {
             assert!(picture().color(uv).is_finite());
         }
@@ -235,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_go_on_as_they_are_told() {
+    fn textures_continue_by_their_wrapping() {
         let at = |wrap, u, v| {
             picture().sampled(Sampling { wrap: [wrap; 2], nearest: false }).color(Vec2::new(u, v))
         };
@@ -269,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_read_as_they_are_stored() {
+    fn data_are_read_as_stored() {
         let texture = Texture::new(1, 1, vec![[0, 51, 255, 255]]);
         assert!((texture.data(Vec2::ZERO) - Vec3::new(0.0, 0.2, 1.0)).length() < 1e-6);
         let flat = Texture::new(1, 1, vec![[128, 128, 255, 255]]);

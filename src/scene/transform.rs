@@ -1,4 +1,4 @@
-//! Placing a mesh in the scene: affine maps that keep front sides in front.
+//! Transforms of meshes: affine maps that preserve front sides.
 
 use super::Triangle;
 use crate::accel::{TriangleMesh, instance_transform};
@@ -6,7 +6,7 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
 use glam::{DAffine3, DMat3, DMat4, DVec3, Vec3};
 
-/// Largest accepted coordinate, scene units: what finds intersections takes no larger ones.
+/// Maximum coordinate, scene units: the limit of the intersection backends.
 pub(crate) const MAX_COORDINATE: f32 = TriangleMesh::MAX_COORDINATE;
 
 /// An invertible affine map, kept in f64 so that only the result is rounded.
@@ -15,17 +15,17 @@ pub struct Transform {
     map: DAffine3,
     /// Inverse transpose of its matrix.
     normals: DMat3,
-    /// Of its matrix; less than 0 if it mirrors.
+    /// Determinant of its matrix; negative if it mirrors.
     determinant: f64,
-    /// So many times as large as coordinates' own are rounding errors of points that are taken through
-    /// the map and back, component by component: 1 for moving and scaling along the axes.
+    /// Factor by which the map and its inverse magnify rounding errors of coordinates, component by component: 1
+    /// for translation and scaling along the axes.
     magnification: f64,
-    /// Whether the order of a triangle's corners must be reversed.
+    /// If true, the order of a triangle's corners is reversed.
     reverse: bool,
 }
 
 impl Transform {
-    /// Moves nothing.
+    /// The identity.
     pub const IDENTITY: Self = Self {
         map: DAffine3::IDENTITY,
         normals: DMat3::IDENTITY,
@@ -34,11 +34,11 @@ impl Transform {
         reverse: false,
     };
 
-    /// First scales, then turns about the x, y and z axis of the scene in this order
-    /// (counterclockwise, degrees), then moves.
+    /// Scales, then rotates about the x, y and z axis of the scene in this order (counterclockwise, degrees), then
+    /// translates.
     ///
     /// # Errors
-    /// If it cannot be undone.
+    /// If the map is not invertible.
     pub fn from_parts(translate: DVec3, rotate_deg: DVec3, scale: DVec3) -> Result<Self> {
         let [x, y, z] = rotate_deg.to_array().map(sin_cos);
         let about_x =
@@ -54,10 +54,10 @@ impl Transform {
         ))
     }
 
-    /// From the rows of a matrix that multiplies column vectors.
+    /// The transform of a matrix, given by rows, that multiplies column vectors.
     ///
     /// # Errors
-    /// If it is not affine, or cannot be undone.
+    /// If it is not affine or not invertible.
     pub fn from_rows(rows: [[f64; 4]; 4]) -> Result<Self> {
         if rows[3] != [0.0, 0.0, 0.0, 1.0] {
             return Err(Error::new(
@@ -74,12 +74,12 @@ impl Transform {
         DMat4::from(self.map).transpose().to_cols_array_2d()
     }
 
-    /// Whether front and back sides are swapped, besides what a mirror does.
+    /// Returns true if front and back sides are swapped, apart from mirroring.
     pub fn is_flipped(&self) -> bool {
         self.reverse != (self.determinant < 0.0)
     }
 
-    /// Refuses maps that cannot be undone.
+    /// The transform of an invertible map; refuses others.
     pub(crate) fn new(map: DAffine3) -> Result<Self> {
         let determinant = map.matrix3.determinant();
         if !(map.is_finite() && determinant.is_finite() && determinant != 0.0) {
@@ -95,70 +95,65 @@ impl Transform {
         Ok(Self { map, normals, determinant, magnification, reverse })
     }
 
-    /// Swaps front and back sides on top.
+    /// Additionally swaps front and back sides if `flip` is true.
     #[must_use]
     pub fn flipped(self, flip: bool) -> Self {
         Self { reverse: self.reverse != flip, ..self }
     }
 
-    /// Moves a point; `None` if it ends up beyond [`MAX_COORDINATE`].
+    /// Transforms a point; `None` if the result exceeds [`MAX_COORDINATE`].
     pub(crate) fn point(&self, point: Vec3) -> Option<Vec3> {
         let moved = self.map.transform_point3(point.as_dvec3()).as_vec3() + Vec3::ZERO;
         // Written so that NaN fails.
         (moved.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()).then_some(moved)
     }
 
-    /// Turns a normal along with its surface, to unit length; zero stays zero. Where front sides are
-    /// swapped the normal is as well.
+    /// Transforms a normal with its surface, to unit length; zero stays zero. If front sides are swapped, so is
+    /// the normal.
     pub(crate) fn normal(&self, normal: Vec3) -> Vec3 {
         self.turn(normal).0
     }
 
-    /// The same, and so many times as long as before the map's own result is.
+    /// The transformed unit normal, and its length before normalization.
     #[inline]
     fn turn(&self, normal: Vec3) -> (Vec3, f64) {
         let turned = self.normals * normal.as_dvec3();
         let length = turned.length();
         let swapped = self.reverse != (self.determinant < 0.0);
         let unit = if swapped { -length } else { length }.recip();
-        // Infinite for zero, and where the length is too small for a number.
+        // Infinite for zero, and for lengths below the smallest normal number.
         let turned = if unit.is_finite() { (turned * unit).as_vec3() } else { Vec3::ZERO };
-        // Of zeros the positive one, so that turning by nothing changes no bit.
+        // Adding 0 makes zeros positive: the identity changes no bit.
         (turned + Vec3::ZERO, length)
     }
 
-    /// Turns a direction along a surface with it, to unit length; zero stays zero.
+    /// Transforms a tangent with its surface, to unit length; zero stays zero.
     pub(crate) fn tangent(&self, tangent: Vec3) -> Vec3 {
         (self.map.matrix3 * tangent.as_dvec3()).normalize_or_zero().as_vec3()
     }
 
-    /// Orders a triangle's corners so that its front stays in front.
-    pub(crate) fn corners(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
-        self.ordered([a, b, c])
-    }
-
-    /// What belongs to a triangle's corners, in the order of [`corners`](Self::corners).
+    /// Orders a triangle's corners, or data of them, so that its front stays in front.
     pub(crate) fn ordered<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
         if self.reverse { [a, c, b] } else { [a, b, c] }
     }
 
-    /// Barycentric weights of the second and third corner, in the same order.
+    /// Barycentric weights of the second and third corner, in the order of [`ordered`](Self::ordered).
     pub(crate) fn weights(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         if self.reverse { [v, u] } else { [u, v] }
     }
 
-    /// The map alone.
+    /// The map, without a swap of sides.
     pub(crate) fn map(&self) -> DAffine3 {
         self.map
     }
 
-    /// Whether an instance can have it: without ado for numbers, and without making rounding errors of
-    /// rays much larger than those of the coordinates.
+    /// Returns true if an instance can have the transform: its numbers are in range, and rounding errors of rays
+    /// stay close to those of the coordinates.
     pub(crate) fn suits_instances(&self) -> bool {
         instance_transform(self.map).is_ok() && self.magnification < 100.0
     }
 
-    /// The largest coordinate of a box's corners after moving; any number if it is empty.
+    /// Largest coordinate of the transformed corners of a box; arbitrary if the box is empty.
     pub(crate) fn reach(&self, Bounds { min, max }: &Bounds) -> f64 {
         let sides = [min.as_dvec3(), max.as_dvec3()];
         (0..8).fold(0.0, |reach: f64, corner| {
@@ -168,7 +163,7 @@ impl Transform {
         })
     }
 
-    /// Moves a triangle, with room for the rounding of rays that an instance transforms.
+    /// Transforms a triangle; its offset covers the rounding errors of rays that an instance transforms.
     pub(crate) fn triangle(&self, stored: &Triangle) -> Triangle {
         let Triangle { origin, edge1, edge2, normal, area, .. } = *stored;
         let edge = |edge: Vec3| (self.map.matrix3 * edge.as_dvec3()).as_vec3();
@@ -193,7 +188,7 @@ impl Transform {
     }
 }
 
-/// Of unit length, with a single rounding; zero stays zero.
+/// Normalizes with a single rounding; zero stays zero.
 pub(crate) fn normalized(vector: Vec3) -> Vec3 {
     vector.as_dvec3().normalize_or_zero().as_vec3()
 }
@@ -217,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_is_scale_x_y_z_translate() {
+    fn from_parts_applies_scale_x_y_z_translate() {
         let scaled = parts([0.0; 3], [90.0, 0.0, 0.0], [2.0, 3.0, 4.0]);
         assert_eq!(scaled.point(Vec3::Y), Some(Vec3::new(0.0, 0.0, 3.0)));
         // About x first: +y goes to +z; then about y: +z goes to +x; then about z: +x goes to +y.
@@ -252,15 +247,15 @@ mod tests {
     }
 
     #[test]
-    fn the_identity_changes_nothing() {
+    fn identity_changes_no_bit() {
         let point = Vec3::new(0.1, -1e11, 1e-30);
         assert_eq!(Transform::IDENTITY.point(point), Some(point));
         assert_eq!(parts([0.0; 3], [0.0; 3], [1.0; 3]).point(point), Some(point));
-        assert_eq!(Transform::IDENTITY.corners([1, 2, 3]), [1, 2, 3]);
+        assert_eq!(Transform::IDENTITY.ordered([1, 2, 3]), [1, 2, 3]);
     }
 
     #[test]
-    fn a_matrix_is_given_row_by_row() {
+    fn from_rows_reads_a_matrix_row_by_row() {
         let rows = [
             [0.0, -1.0, 0.0, 5.0],
             [1.0, 0.0, 0.0, 6.0],
@@ -288,13 +283,13 @@ mod tests {
         ] {
             let mirror = parts([0.0; 3], [0.0; 3], scale).flipped(flip);
             let [a, b, c] =
-                mirror.corners([0, 1, 2]).map(|i| mirror.point(corners[i as usize]).unwrap());
+                mirror.ordered([0, 1, 2]).map(|i| mirror.point(corners[i as usize]).unwrap());
             assert_eq!((b - a).cross(c - a).z, up, "{scale:?} {flip}");
         }
     }
 
     #[test]
-    fn what_cannot_be_undone_or_represented_is_refused() {
+    fn singular_and_overflowing_transforms_are_refused() {
         let bad = |scale: f64| Transform::from_parts(DVec3::ZERO, DVec3::ZERO, DVec3::splat(scale));
         for scale in [0.0, f64::NAN, f64::INFINITY, 1e200] {
             assert!(bad(scale).is_err(), "{scale}");

@@ -1,10 +1,10 @@
-//! Triangles, as shading reads them.
+//! Triangles in the layout of shading.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{Add, Mul};
 
-/// A triangle as shading needs it: one cache line.
+/// The shading data of a triangle: one cache line.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Triangle {
@@ -16,16 +16,16 @@ pub struct Triangle {
     pub edge2: Vec3,
     /// Unit normal of the front side.
     pub normal: Vec3,
-    /// Distance off the surface at which rays start, past the rounding of points on it.
+    /// Distance off the surface at which rays start: more than the rounding errors of points on it.
     pub offset: f32,
     /// Index into [`Scene::materials`](super::Scene::materials).
     pub material: u32,
     pub(super) area: f32,
-    /// Which corners of the scene, or [`Triangle::FLAT`].
+    /// Index of its corners in the scene, or [`Triangle::FLAT`].
     pub(super) corners: u32,
 }
 
-/// What varies over a triangle.
+/// Shading data of a triangle's corners.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corners {
     /// Unit normals on the front side.
@@ -33,7 +33,7 @@ pub(super) struct Corners {
     pub uvs: [Vec2; 3],
 }
 
-/// A vertex's normal, turned to the front of its triangle of this `normal`, and never in its plane.
+/// A vertex's normal, turned to the front of its triangle with this `normal`, and never in its plane.
 pub(super) fn to_front(given: Vec3, normal: Vec3) -> Vec3 {
     match given.dot(normal) {
         0.0 => normal,
@@ -63,9 +63,9 @@ pub(crate) fn triangle_area(corners: [Vec3; 3]) -> f32 {
 }
 
 impl Triangle {
-    /// Nothing varies over it.
+    /// Nothing varies over the triangle.
     pub(super) const FLAT: u32 = u32::MAX;
-    /// The same, but it has several places.
+    /// Nothing varies over the triangle, but it has several placements.
     pub(super) const PLACED: u32 = u32::MAX - 1;
 
     pub(super) fn new(corners: [Vec3; 3], material: u32) -> Self {

@@ -1,13 +1,13 @@
-//! What a scene may be put together from.
+//! Validation of the parts of a scene.
 
 use super::{Arrangement, Material, Mesh, Placement, triangle_area};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 
-/// Refuses what [`Scene::new`](super::Scene::new) could not make a scene of.
+/// Refuses parts that do not make a scene.
 ///
 /// # Errors
-/// Names the mesh and what is wrong with it.
+/// Names the mesh and the rule that it breaks.
 pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result<()> {
     let Arrangement { meshes, placements } = arrangement;
     let refused = |mesh: &Mesh, problem: String| {
@@ -18,7 +18,7 @@ pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result
         check_mesh(mesh).map_err(|problem| refused(mesh, problem))?;
     }
     let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-    // The last two numbers have meanings of their own.
+    // The last two indices have special meanings.
     if count >= u32::MAX as usize - 1 {
         let problem = format!("{count} triangles are more than 32 bits can number");
         return Err(Error::new(problem, "simplify some meshes"));
@@ -41,7 +41,7 @@ pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result
 }
 
 fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
-    // How far out coordinates may be, backends say.
+    // The backends check the range of coordinates.
     if let Some(vertex) = mesh.positions.iter().position(|position| !position.is_finite()) {
         return Err(format!("vertex {vertex} is not finite"));
     }
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_wrong_is_named() {
+    fn errors_name_the_broken_rule() {
         checked(|_| {}).unwrap();
         let refused = |change: fn(&mut Arrangement), part: &str| {
             let shown = checked(change).unwrap_err();

@@ -1,7 +1,7 @@
-//! Vector instructions that the compiler does not find by itself, on words of several paths side by side.
+//! Vector instructions that the compiler does not emit by itself, on words of several paths side by side.
 //!
-//! Each has the same in plain Rust for processors without AVX2.
-#![cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))] // tokens of nothing
+//! Each function has an equivalent in plain Rust for processors without AVX2.
+#![cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))] // `Simd` is empty there
 
 use super::{LANES, Mask};
 use bytemuck::Pod;
@@ -9,9 +9,9 @@ use bytemuck::Pod;
 use pulp::x86::V3;
 use std::array::from_fn;
 
-/// Does `work`, compiled for AVX2 where the processor has it: the program itself is built for any. What
-/// it calls must be inlined to gain from that. Results do not depend on it, since numbers are added and
-/// multiplied in the same order.
+/// Runs `work`, compiled for AVX2 if the processor has it; the rest of the program runs on any processor.
+/// Functions that `work` calls must be inlined to profit. Results do not depend on AVX2, because the order
+/// of additions and multiplications is the same.
 #[inline(always)]
 pub fn vectorized<T>(work: impl FnOnce(Simd) -> T) -> T {
     #[cfg(target_arch = "x86_64")]
@@ -21,11 +21,11 @@ pub fn vectorized<T>(work: impl FnOnce(Simd) -> T) -> T {
     work(Simd::default())
 }
 
-/// The vector instructions that [`vectorized`] work may use where the compiler does not find them.
+/// Proof that [`vectorized`] work may use AVX2, if it may.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Simd(#[cfg(target_arch = "x86_64")] Option<V3>);
 
-/// What [`vectorized`] does with AVX2.
+/// The work of [`vectorized`] with AVX2.
 #[cfg(target_arch = "x86_64")]
 struct Work<F>(F, V3);
 
@@ -40,14 +40,14 @@ impl<T, F: FnOnce(Simd) -> T> pulp::WithSimd for Work<F> {
     }
 }
 
-/// How eight lanes are put in another order: those that are kept first, and then anything.
+/// An order of eight lanes: the kept ones first, then any others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reorder {
     /// A bit for each lane that is kept.
     bits: usize,
 }
 
-/// By the bits of a [`Reorder`]: which lane comes where.
+/// For the bits of a [`Reorder`]: the lane at each position.
 static ORDERS: [[u8; 8]; 256] = {
     let mut orders = [[0; 8]; 256];
     let mut bits = 0;
@@ -66,10 +66,10 @@ static ORDERS: [[u8; 8]; 256] = {
 };
 
 impl Reorder {
-    /// For both halves of a mask.
+    /// The orders of both halves of a mask.
     #[inline(always)]
     pub fn kept_first(mask: &Mask) -> [Self; 2] {
-        // Multiplied with this, the lowest bits of eight bytes come together in the highest byte.
+        // This factor moves the lowest bits of eight bytes into the highest byte.
         let gathered = |bytes: u64| bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56;
         bytemuck::cast::<_, [u64; 2]>(mask.map(u8::from))
             .map(|bytes| Self { bits: gathered(bytes.to_le()) as usize })
@@ -81,13 +81,13 @@ impl Reorder {
         self.bits as u32
     }
 
-    /// How many lanes are kept.
+    /// Number of lanes that are kept.
     #[inline(always)]
     pub fn kept(self) -> usize {
         self.bits.count_ones() as usize
     }
 
-    /// Takes eight words `from` each of `N` columns and gives them in their new order `to` it.
+    /// Reorders eight words of each of `N` columns: reads them with `from`, passes them to `to`.
     #[inline(always)]
     pub fn columns<const N: usize>(
         self,
@@ -98,7 +98,7 @@ impl Reorder {
         let order = ORDERS[self.bits];
         #[cfg(target_arch = "x86_64")]
         if let Simd(Some(V3 { avx2, .. })) = simd {
-            // One instruction for all eight, which the compiler does not find by itself.
+            // One instruction reorders all eight words.
             let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
             for column in 0..N {
                 let words = bytemuck::cast(from(column));
@@ -116,8 +116,8 @@ fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
     order.map(|lane| words[usize::from(lane) % 8])
 }
 
-/// By four bits: for each that is set, a lane of the first four words and the same of the last four, and
-/// then anything.
+/// For four bits: for each set bit a lane of the first four words and the same lane of the last four, then
+/// any others.
 static PAIRS: [[u8; 8]; 16] = {
     let mut pairs = [[0; 8]; 16];
     let mut bits = 0;
@@ -136,13 +136,18 @@ static PAIRS: [[u8; 8]; 16] = {
     pairs
 };
 
-/// One of the first words and one of the second for each bit that is set, and then anything.
+/// Pairs of a word of `first` and one of `second` for each set bit of `bits`, then any others.
 #[inline(always)]
-pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -> [[u32; 2]; 4] {
+pub(crate) fn interleave_selected(
+    simd: Simd,
+    bits: u32,
+    first: [u32; 4],
+    second: [u32; 4],
+) -> [[u32; 2]; 4] {
     let order = PAIRS[bits as usize % 16];
     #[cfg(target_arch = "x86_64")]
     if let Simd(Some(V3 { avx, avx2, .. })) = simd {
-        // Put together in a register: eight words just written as two halves could not be read at once.
+        // Join them in a register: reading eight words just stored as two halves would stall.
         let words = avx._mm256_set_m128i(bytemuck::cast(second), bytemuck::cast(first));
         let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
         return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order));
@@ -150,9 +155,9 @@ pub(crate) fn paired(simd: Simd, bits: u32, first: [u32; 4], second: [u32; 4]) -
     bytemuck::cast(reordered(bytemuck::cast([first, second]), order))
 }
 
-/// The rows of a packet of eight columns of words, one by one.
+/// Calls `each` with each row of a packet of eight columns of words.
 #[inline(always)]
-pub(crate) fn one_by_one(
+pub(crate) fn for_each_row(
     simd: Simd,
     columns: &[[u32; LANES]; 8],
     mut each: impl FnMut(usize, [[u32; 4]; 2]),
@@ -168,7 +173,7 @@ pub(crate) fn one_by_one(
     }
 }
 
-/// Four words of each of eight as four columns of eight.
+/// Transposes eight rows of four words to four columns of eight.
 #[inline(always)]
 pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
     #[cfg(target_arch = "x86_64")]
@@ -182,9 +187,9 @@ pub(crate) fn columns_of(simd: Simd, rows: [&[u32; 4]; 8]) -> [[u32; 8]; 4] {
     from_fn(|column| rows.map(|row| row[column]))
 }
 
-/// Sixteen `rows` of words as one packet of columns.
+/// Transposes sixteen `rows` of words to one packet of columns.
 #[inline(always)]
-pub(crate) fn side_by_side<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
+pub(crate) fn transpose_rows<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packet: &mut P) {
     const { assert!(size_of::<P>() == LANES * size_of::<T>() && size_of::<T>().is_multiple_of(16)) };
     let quads = bytemuck::cast_slice_mut(std::slice::from_mut(packet));
     for (quad, columns) in quads.as_chunks_mut::<4>().0.iter_mut().enumerate() {
@@ -199,7 +204,7 @@ pub(crate) fn side_by_side<T: Pod, P: Pod>(simd: Simd, rows: &[&T; LANES], packe
     }
 }
 
-/// Four columns of eight words as four words of each of eight.
+/// Transposes four columns of eight words to eight rows of four.
 #[inline(always)]
 pub(crate) fn rows_of(simd: Simd, columns: [[u32; 8]; 4]) -> [[u32; 4]; 8] {
     #[cfg(target_arch = "x86_64")]
@@ -210,7 +215,7 @@ pub(crate) fn rows_of(simd: Simd, columns: [[u32; 8]; 4]) -> [[u32; 4]; 8] {
     from_fn(|row| columns.map(|column| column[row]))
 }
 
-/// Swaps rows and columns of the first four words of each, and of the last four.
+/// Transposes the first four words of each row, and the last four.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn transposed(V3 { avx2, .. }: V3, quads: [[u32; 8]; 4]) -> [[u32; 8]; 4] {
@@ -227,14 +232,14 @@ mod tests {
     use super::*;
     use crate::simd::lanes_of;
 
-    /// Without and with vector instructions.
+    /// Runs `check` without and with vector instructions.
     fn both(check: impl Fn(Simd)) {
         check(Simd::default());
         vectorized(check);
     }
 
     #[test]
-    fn lanes_that_are_kept_come_first() {
+    fn kept_lanes_come_first() {
         both(|simd| {
             for bits in 0..=u16::MAX {
                 let mask: Mask = from_fn(|lane| bits >> lane & 1 == 1);
@@ -251,27 +256,27 @@ mod tests {
     }
 
     #[test]
-    fn pairs_are_of_the_bits_that_are_set() {
+    fn interleave_selected_pairs_words_of_set_bits() {
         let (first, second) = ([10, 11, 12, 13], [20, 21, 22, 23]);
         both(|simd| {
             for bits in 0..16 {
                 let set: Vec<_> = lanes_of(bits).map(|lane| [first[lane], second[lane]]).collect();
-                assert_eq!(paired(simd, bits, first, second)[..set.len()], set);
+                assert_eq!(interleave_selected(simd, bits, first, second)[..set.len()], set);
             }
         });
     }
 
     #[test]
-    fn columns_hold_the_words_of_rows() {
+    fn transposed_columns_hold_words_of_rows() {
         let rows: [[u32; 8]; LANES] = from_fn(|row| from_fn(|column| (8 * row + column) as u32));
         both(|simd| {
             let mut columns = [[0; LANES]; 8];
-            side_by_side(simd, &rows.each_ref(), &mut columns);
+            transpose_rows(simd, &rows.each_ref(), &mut columns);
             for (column, words) in columns.iter().enumerate() {
                 assert_eq!(*words, rows.map(|row| row[column]));
             }
             let mut seen = 0;
-            one_by_one(simd, &columns, |row, words| {
+            for_each_row(simd, &columns, |row, words| {
                 assert_eq!(words.as_flattened(), rows[row]);
                 seen += 1;
             });

@@ -1,4 +1,4 @@
-//! IterationSet of several paths side by side.
+//! Numbers of sixteen paths side by side, one path per lane.
 //!
 //! Loops over the lanes of these arrays become vector instructions as long as their bodies have neither
 //! calls nor branches.
@@ -10,19 +10,19 @@ use bytemuck::{Pod, Zeroable};
 use dispatch::Reorder;
 use glam::Vec3;
 
-/// Paths side by side: two registers of AVX2, four of SSE.
+/// Number of paths side by side: two registers of AVX2, four of SSE.
 pub const LANES: usize = 16;
 
-/// Which paths something holds for.
+/// A condition for each path.
 pub type Mask = [bool; LANES];
 
-/// Whether it holds for any.
+/// Returns true if the condition holds for any path.
 #[inline(always)]
 pub fn any(mask: &Mask) -> bool {
     mask.iter().fold(false, |any, &lane| any | lane)
 }
 
-/// A bit for each lane that it holds for.
+/// The mask as bits, that of lane 0 lowest.
 #[inline(always)]
 pub fn bits(mask: &Mask) -> u32 {
     let [low, high] = Reorder::kept_first(mask).map(Reorder::bits);
@@ -52,40 +52,40 @@ pub struct Vec3s {
 }
 
 impl Vec3s {
-    /// The same for all paths.
+    /// One vector for all paths.
     #[inline(always)]
     pub fn splat(vector: Vec3) -> Self {
         let [x, y, z] = vector.to_array().map(|number| [number; LANES]);
         Self { x, y, z }
     }
 
-    /// That of one path.
+    /// The vector of one path.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> Vec3 {
         Vec3::new(self.x[lane], self.y[lane], self.z[lane])
     }
 
-    /// Replaces that of one path.
+    /// Replaces the vector of one path.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, vector: Vec3) {
         (self.x[lane], self.y[lane], self.z[lane]) = vector.into();
     }
 }
 
-/// The random numbers of each path.
+/// The random number generator of each path.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Rngs([[u32; LANES]; 4]);
 
 impl Rngs {
-    /// Those of one path.
+    /// The generator of one path.
     #[inline(always)]
     pub fn get(&self, lane: usize) -> Rng {
         let [a, b, c, d] = &self.0;
         Rng([a[lane], b[lane], c[lane], d[lane]])
     }
 
-    /// Replaces those of one path.
+    /// Replaces the generator of one path.
     #[inline(always)]
     pub fn set(&mut self, lane: usize, rng: Rng) {
         for (words, word) in self.0.iter_mut().zip(rng.0) {
@@ -93,7 +93,7 @@ impl Rngs {
         }
     }
 
-    /// One number of each path, uniform in [0, 1).
+    /// Draws one number per path, uniform in [0, 1).
     #[inline(always)]
     pub fn next_1d(&mut self) -> [f32; LANES] {
         let mut numbers = [0.0; LANES];
@@ -105,7 +105,7 @@ impl Rngs {
         numbers
     }
 
-    /// 64 bits of each path, the lower half first, for a number in [0, 1) of 53 of them.
+    /// Draws 64 bits per path, the lower half first, for a number in [0, 1) of 53 bits.
     #[inline(always)]
     pub fn next_bits(&mut self) -> [[u32; LANES]; 2] {
         let mut bits = [[0; LANES]; 2];
@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn masks_are_bits() {
+    fn masks_convert_to_bits_and_lanes() {
         for bits in 0..=u16::MAX {
             let mask: Mask = std::array::from_fn(|lane| bits >> lane & 1 == 1);
             assert_eq!(any(&mask), bits != 0);

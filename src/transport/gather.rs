@@ -4,7 +4,7 @@ use super::mis::densities::PathKind;
 use super::photon::Photon;
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
-use crate::scene::diffuse::{DiffuseVertices, Facet};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::shading_normal;
 use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3;
@@ -26,7 +26,7 @@ pub struct GatherPoint {
     /// Unit normal on the side that the camera path sees.
     pub normal: Vec3,
     /// The side of the triangle that the camera path sees.
-    pub facet: Facet,
+    pub facet: TriangleSide,
     /// Index in [`CameraPaths::views`](crate::transport::camera_paths::CameraPaths::views), or
     /// [`GatherPoint::NO_VIEW`] if the BSDF is constant.
     pub view: u32,
@@ -57,7 +57,7 @@ pub(crate) struct GatherPacket {
     pub path: [u32; LANES],
     pub vertex: [u32; LANES],
     pub view: [u32; LANES],
-    /// Meshes and sides of the [`Facet`]s.
+    /// Meshes and sides of the [`TriangleSide`]s.
     pub mesh: [u32; LANES],
     pub side: [u32; LANES],
     /// Lanes that gather.
@@ -82,7 +82,7 @@ impl GatherPacket {
             vertex: self.vertex[lane],
             normal: self.normal.get(lane),
             view: self.view[lane],
-            facet: Facet { mesh: self.mesh[lane], side: self.side[lane] },
+            facet: TriangleSide { mesh: self.mesh[lane], side: self.side[lane] },
         }
     }
 }

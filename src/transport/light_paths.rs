@@ -11,7 +11,7 @@ use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::lights::guide::Guide;
-use crate::scene::{Lights, Scene, Seen, Surface};
+use crate::scene::{HitScratch, Lights, Scene, Surface};
 use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, any, lanes_of};
@@ -247,7 +247,7 @@ impl Tracer {
     fn bounce(&mut self, simd: Simd, scene: &Scene) {
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let (mut states, mut seen, mut at) = <(PathStates, Seen, DiffuseVertices)>::default();
+        let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut states);
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);

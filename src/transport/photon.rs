@@ -1,7 +1,7 @@
 //! Photons: the records of light paths at the surfaces where they arrive.
 
 use crate::base::math::{Bounds, Rgb, pack_direction, unpack_direction};
-use crate::simd::dispatch::{Simd, one_by_one};
+use crate::simd::dispatch::{Simd, for_each_row};
 use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec3A};
@@ -86,7 +86,7 @@ impl PhotonPacket {
     /// Calls `each` with every lane and its photon, whose packed direction is in `from`.
     #[inline(always)] // part of the loop over vertices
     pub fn one_by_one(&self, simd: Simd, from: &[u32; LANES], mut each: impl FnMut(usize, Photon)) {
-        one_by_one(simd, bytemuck::cast_ref(self), |lane, words| {
+        for_each_row(simd, bytemuck::cast_ref(self), |lane, words| {
             let mut photon = [from[lane]; 9];
             photon[..8].copy_from_slice(words.as_flattened());
             each(lane, bytemuck::cast(photon));

@@ -70,7 +70,7 @@ struct Visitor<'a>(&'a Scene);
 impl PathVisitor for Visitor<'_> {
     fn hit(&mut self, accel: &dyn Intersect, ray: &Ray, segment: u32) -> Hit {
         let hit = accel.closest_hit(ray);
-        if segment == 0 { self.0.first_seen(accel, ray, hit) } else { hit }
+        if segment == 0 { self.0.first_visible(accel, ray, hit) } else { hit }
     }
 
     fn sample_light(&self, surface: &Surface, rng: &mut Rng) -> Option<LightSample> {

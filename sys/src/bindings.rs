@@ -1,6 +1,6 @@
-//! What bindgen made of the header, and what must hold of any header.
+//! The bindings that bindgen generates from the header, and assertions about any header.
 
-/// Its style is C's.
+/// Generated code in the style of C.
 #[allow(non_camel_case_types, non_snake_case, non_upper_case_globals, missing_docs)]
 #[allow(clippy::all, clippy::undocumented_unsafe_blocks, unsafe_op_in_unsafe_fn)]
 mod generated {

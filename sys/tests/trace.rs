@@ -135,7 +135,7 @@ impl<T> Guarded<T> {
         Self { before: [CANARY; 64], inside, after: [CANARY; 1024] }
     }
 
-    /// Of the struct, by way of the whole: what is written beside it is still ours.
+    /// Take the struct's address from the whole: the words beside it belong to this test.
     fn pointer(&mut self) -> *mut T {
         let whole = &raw mut *self;
         // SAFETY: a field of a live struct.

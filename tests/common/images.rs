@@ -9,7 +9,7 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct Pixels {
     pub mean: Vec<f64>,
-    /// Of the means.
+    /// Standard errors of the means.
     pub variance: Vec<f64>,
     /// Of the sum of the means, which share light paths.
     pub variance_of_sum: f64,

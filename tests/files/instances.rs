@@ -66,7 +66,7 @@ fn ply_meshes_are_placed_by_each_matrix_of_an_array() {
     assert_eq!(meshes[1].normals[2], Vec3::Z);
     assert_eq!(meshes[1].uvs[2], Vec2::new(1.0, 0.25), "v points up");
     assert_eq!(meshes[1].colors[2], Vec3::new(0.5, 1.0, 1.0), "clamped");
-    assert!(scene.materials()[0].hidden);
+    assert!(scene.materials()[0].hidden_from_camera);
     assert_eq!(scene.camera.shift(), [0.25, -0.5]);
     let twice = "material = 'lamp'\n[[mesh]]\nfile = 'a.ply'\nmaterial = 'lamp'\n";
     let by_hand =

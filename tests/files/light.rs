@@ -109,7 +109,7 @@ fn placed_lights_suffice_if_they_light_a_fifth() {
     assert!(wide.scene.lights().environment().is_none(), "{}", wide.warnings_text());
     // It lights 0.03 of an area of 4, with a radiance of 0.5/pi/683 in the middle.
     let narrow = spot(0.1);
-    let above = narrow.scene.lights().beyond(Vec3::Y).x;
+    let above = narrow.scene.lights().environment_radiance(Vec3::Y).x;
     let typical = 0.5 / std::f32::consts::PI / 683.0;
     assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.warnings_text());
 }
@@ -127,7 +127,8 @@ fn metals_without_surroundings_get_an_environment() {
         warnings.contains("nothing emits light; added soft gray light around it"),
         "{warnings}"
     );
-    let [below, above] = [-1.0, 1.0].map(|y| scene.lights().beyond(Vec3::new(0.0, y, 0.0)).x);
+    let [below, above] =
+        [-1.0, 1.0].map(|y| scene.lights().environment_radiance(Vec3::new(0.0, y, 0.0)).x);
     assert!(below < 0.01 && above > 1.19, "{below} {above}");
 }
 
@@ -144,7 +145,7 @@ fn requested_environments_apply_to_every_format() {
     for files in [&bare, &obj, &toml] {
         let own = load(&files.1).unwrap().scene;
         let loaded = load_with(&files.1, &given).unwrap();
-        assert_eq!(loaded.scene.lights().beyond(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
+        assert_eq!(loaded.scene.lights().environment_radiance(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
         assert_ne!(loaded.scene.fingerprint(), own.fingerprint());
         assert!(!loaded.warnings_text().contains("nothing emits"));
     }
@@ -185,7 +186,7 @@ fn invalid_environment_pixels_become_black() {
         let longitude = TAU * ((index % 4) as f32 + 0.5 - 2.0) / 4.0;
         let (sin, cos) = longitude.sin_cos();
         let y = if index < 4 { 1.0 } else { -1.0 };
-        let found = loaded.scene.lights().beyond(Vec3::new(sin, y, -cos).normalize());
+        let found = loaded.scene.lights().environment_radiance(Vec3::new(sin, y, -cos).normalize());
         assert_eq!(found, Vec3::splat(expected), "{index}");
     }
 }

@@ -160,7 +160,7 @@ fn materials_scene_has_every_material() {
     assert!(has(|b| matches!(b, Bsdf::Conductor(metal) if metal.alpha() == 0.0)));
     assert!(has(|b| matches!(b, Bsdf::Conductor(metal) if metal.alpha() > 0.4)));
     assert!(materials.iter().any(|m| m.albedo_texture.is_some()));
-    assert!(materials.iter().any(|m| m.cut_out().is_some()));
+    assert!(materials.iter().any(|m| m.alpha_mask().is_some()));
     assert!(has(|b| matches!(b, Bsdf::Glossy(_))));
     assert!(materials.iter().any(|m| m.metallic_roughness_texture.is_some()));
     assert!(materials.iter().any(|m| m.normal_map.is_some()));
@@ -412,7 +412,7 @@ fn obj_files_get_a_camera_and_light() {
     // A white surface that faces up has radiance 1 in it: see `import::environment`.
     let light = scene.lights();
     assert!(light.emitters().is_empty());
-    assert!(light.beyond(Vec3::Y).x > 1.19 && light.beyond(-Vec3::Y).x < 0.01);
+    assert!(light.environment_radiance(Vec3::Y).x > 1.19 && light.environment_radiance(-Vec3::Y).x < 0.01);
     let warnings = loaded.warnings_text();
     assert!(warnings.contains("no camera") && warnings.contains("nothing emits"), "{warnings}");
 

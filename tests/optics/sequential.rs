@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, dvec3};
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     pub origin: DVec3,
-    /// Of length 1.
+    /// Unit direction.
     pub direction: DVec3,
     /// What Fresnel's formula left of it.
     pub share: f64,

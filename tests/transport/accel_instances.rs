@@ -4,7 +4,7 @@
 use crate::shapes::{Mesh, Random};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
-use bdpm::accel::{Coherence, Geometry, Hit, Intersect, MeshError, Place, Ray};
+use bdpm::accel::{Coherence, Geometry, Hit, Instance, Intersect, MeshError, Ray};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 fn device() -> Device {
@@ -16,7 +16,7 @@ fn turned(axis: DVec3, angle: f64) -> DMat3 {
 }
 
 /// A closed room with balls and boxes in it: turned, stretched, sheared and mirrored.
-fn room() -> (Vec<Mesh>, Vec<Place>) {
+fn room() -> (Vec<Mesh>, Vec<Instance>) {
     let meshes = vec![
         Mesh::cuboid(Vec3::ZERO, Vec3::ONE, 0.0),
         Mesh::bumpy_ball(40),
@@ -26,13 +26,13 @@ fn room() -> (Vec<Mesh>, Vec<Place>) {
     let tilt = turned(DVec3::new(1.0, 2.0, -0.5), 1.1);
     let stretch = DMat3::from_diagonal(DVec3::new(0.1, 0.3, 0.2));
     let mirror = DMat3::from_diagonal(DVec3::new(-0.2, 0.2, 0.2));
-    let place = |mesh, matrix: DMat3, [x, y, z]: [f64; 3]| Place {
+    let place = |mesh, matrix: DMat3, [x, y, z]: [f64; 3]| Instance {
         mesh,
         to_scene: Some(DAffine3::from_mat3_translation(matrix, DVec3::new(x, y, z))),
     };
     let places = vec![
         place(1, tilt * stretch, [0.5, 0.4, 0.1]),
-        Place { mesh: 0, to_scene: None },
+        Instance { mesh: 0, to_scene: None },
         place(1, mirror * tilt, [-0.5, 0.4, -0.3]),
         place(2, tilt, [0.0; 3]),
         place(3, 0.1 * tilt, [-0.4, -0.5, 0.3]),
@@ -45,13 +45,13 @@ fn room() -> (Vec<Mesh>, Vec<Place>) {
     (meshes, places)
 }
 
-fn geometry<'a>(meshes: &'a [Mesh], places: &[Place]) -> Geometry<'a> {
-    Geometry { meshes: meshes.iter().map(Mesh::view).collect(), places: places.to_vec() }
+fn geometry<'a>(meshes: &'a [Mesh], places: &[Instance]) -> Geometry<'a> {
+    Geometry { meshes: meshes.iter().map(Mesh::view).collect(), instances: places.to_vec() }
 }
 
 /// The point of a hit by its barycentric weights.
 fn point(geometry: &Geometry, hit: &Hit) -> Vec3 {
-    let place = &geometry.places[hit.mesh as usize];
+    let place = &geometry.instances[hit.mesh as usize];
     let positions = geometry.positions(place);
     let [a, b, c] = geometry.mesh(place).triangles[hit.triangle as usize];
     let at = |index: u32| positions[index as usize];
@@ -107,12 +107,12 @@ fn instances_are_hit_where_their_copies_are() {
 fn a_shared_mesh_is_held_once() {
     let meshes = [Mesh::bumpy_ball(60)];
     let count = meshes[0].triangles.len();
-    let places: Vec<Place> = (0..100)
+    let places: Vec<Instance> = (0..100)
         .map(|i| DVec3::new(f64::from(i), 0.0, 0.0))
-        .map(|at| Place { mesh: 0, to_scene: Some(DAffine3::from_translation(at)) })
+        .map(|at| Instance { mesh: 0, to_scene: Some(DAffine3::from_translation(at)) })
         .collect();
     let geometry = geometry(&meshes, &places);
-    assert_eq!(geometry.placed_triangles(), 100 * count);
+    assert_eq!(geometry.instanced_triangles(), 100 * count);
     let many = CommittedScene::new(&device(), &geometry).unwrap().describe();
     let one = CommittedScene::from_meshes(&device(), &geometry.meshes).unwrap().describe();
     assert_eq!((many.triangles, one.triangles), (count, count));

@@ -3,8 +3,8 @@
 use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::scene::bsdf::{
-    Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, Reflectance,
-    RoughDielectric, ThinDielectric, Transport, Vertex, Wanted,
+    Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, LobeSet,
+    Reflectance, RoughDielectric, ThinDielectric, Transport, Vertex,
 };
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
@@ -130,7 +130,7 @@ fn scattered(bsdf: &Bsdf, at: &Vertex, rng: &mut Rng) -> (f64, f64) {
     let n = 40_000;
     let (mut sum, mut square) = (0.0, 0.0);
     for _ in 0..n {
-        let sample = bsdf.sample(at, Transport::Flux, Wanted::All, rng);
+        let sample = bsdf.sample(at, Transport::Flux, LobeSet::All, rng);
         let weight = sample.map_or(0.0, |s| f64::from(luminance(s.weight)));
         sum += weight / f64::from(n);
         square += weight * weight / f64::from(n);
@@ -198,8 +198,12 @@ fn rough_glass_loses_what_its_documentation_says() {
         let mut kept = 0.0;
         for _ in 0..n {
             let cos = rng.next_1d().sqrt().max(1e-3);
-            let sample =
-                rough_glass(alpha).sample(&seen(cos, true), Transport::Flux, Wanted::All, &mut rng);
+            let sample = rough_glass(alpha).sample(
+                &seen(cos, true),
+                Transport::Flux,
+                LobeSet::All,
+                &mut rng,
+            );
             kept += sample.map_or(0.0, |s| f64::from(s.weight.x)) / f64::from(n);
         }
         let lost = 1.0 - kept;
@@ -215,7 +219,7 @@ fn the_weight_of_a_sample_is_value_times_cosine_over_density() {
             let mut compared = 0;
             for _ in 0..500 {
                 let Some(BsdfSample { wi, weight, lobe }) =
-                    bsdf.sample(&at, Transport::Radiance, Wanted::All, &mut rng)
+                    bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng)
                 else {
                     continue;
                 };
@@ -286,7 +290,7 @@ fn directions_come_as_often_as_their_density_says() {
             let mut spread = 0.0;
             for _ in 0..n {
                 if let Some(BsdfSample { wi, lobe, .. }) =
-                    bsdf.sample(&at, Transport::Radiance, Wanted::All, &mut rng)
+                    bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng)
                     && lobe != Lobe::Delta
                 {
                     counts[cell(wi)] += 1.0;
@@ -346,7 +350,7 @@ fn delta_lobes_go_where_optics_sends_them() {
     ] {
         let mut passed = 0;
         for _ in 0..1000 {
-            let s = bsdf.sample(&at, Transport::Radiance, Wanted::PassThrough, &mut rng).unwrap();
+            let s = bsdf.sample(&at, Transport::Radiance, LobeSet::PassThrough, &mut rng).unwrap();
             assert_eq!(s.lobe, Lobe::Delta);
             if s.wi.dot(NORMAL) > 0.0 {
                 assert!((s.wi - mirror).length() < 1e-5 && s.weight == Vec3::ONE);
@@ -362,7 +366,7 @@ fn delta_lobes_go_where_optics_sends_them() {
     let glass = Bsdf::Dielectric(Dielectric::new(1.5));
     for _ in 0..1000 {
         let sample =
-            glass.sample(&seen(0.7, false), Transport::Flux, Wanted::All, &mut rng).unwrap();
+            glass.sample(&seen(0.7, false), Transport::Flux, LobeSet::All, &mut rng).unwrap();
         assert!(sample.wi.dot(NORMAL) > 0.0);
     }
 }
@@ -389,7 +393,7 @@ fn lobes_tell_what_a_path_does() {
         assert_eq!(bsdf.merges(), spread == Some(Lobe::Diffuse));
         for _ in 0..200 {
             let sample =
-                bsdf.sample(&seen(0.6, true), Transport::Flux, Wanted::PassThrough, &mut rng);
+                bsdf.sample(&seen(0.6, true), Transport::Flux, LobeSet::PassThrough, &mut rng);
             assert!(sample.is_none_or(|s| s.lobe.passes_through()), "{bsdf:?}");
             assert!(passes || sample.is_none(), "{bsdf:?}");
         }

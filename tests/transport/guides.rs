@@ -5,7 +5,7 @@ use crate::common::*;
 use crate::strategies::{ALL, assert_same_guided};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
-use bdpm::scene::lights::guide::{Guide, GuideSample, Start};
+use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use std::sync::Arc;
@@ -31,14 +31,14 @@ fn a_wrong_guide_does_not_change_the_mean() {
     let scene = &boxes::named("window");
     let accel = accel(scene);
     let settings = &window_settings(Direct::PhotonMap);
-    let start = |place| Start { place, density: 1.0 };
+    let start = |place| GuidedStart { place, density: 1.0 };
     let corner = |i: u32| {
         let share = f64::from(i % 100) / 100.0;
         start([0.5, 0.3 * share, 0.2 * (1.0 - share), 0.1 * share, 0.05])
     };
     let wrong: Vec<_> = (0..5000).map(|i| GuideSample { start: corner(i), square: 1.0 }).collect();
     let wrong = Arc::new(Guide::learn(&wrong));
-    assert!(wrong.len() > 5);
+    assert!(wrong.cell_count() > 5);
     let blocks = |guide: Option<&Arc<Guide>>, seed: u64| -> Vec<Estimate> {
         let own = Settings { seed, ..settings.clone() };
         let renderer = Renderer::new(scene, &accel, own).unwrap().guided(guide.cloned());
@@ -58,7 +58,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
         plain.iter().zip(&guided).map(|(a, b)| (b.error / a.error).powi(2)).collect();
     ratios.sort_by(f64::total_cmp);
     let ratio = ratios[ratios.len() / 2];
-    println!("{} cells, {ratio} times the variance", wrong.len());
+    println!("{} cells, {ratio} times the variance", wrong.cell_count());
     assert!(ratio > 1.5, "it is wrong enough to tell: {ratio}");
     let z2: f64 = plain
         .iter()
@@ -90,7 +90,11 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     let learned = renderer.learn_guide(|done, _| done < 32).unwrap();
     let plain = of_light_paths(scene, Settings { light_paths: 20_000, ..settings.clone() });
     let guided = of_light_paths(scene, Settings { light_paths: 20_000, guide: 32, ..settings });
-    println!("{} cells: {plain} to {guided}, told {}", learned.guide.len(), learned.second_moment);
+    println!(
+        "{} cells: {plain} to {guided}, told {}",
+        learned.guide.cell_count(),
+        learned.second_moment
+    );
     assert!(guided < 0.35 * plain, "{plain} {guided}");
     // That is of relative errors at other radii.
     assert!((0.03..0.4).contains(&learned.second_moment), "{}", learned.second_moment);
@@ -114,7 +118,7 @@ fn what_is_learned_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
     };
     let own = Settings { guide: 9, ..settings(20, 20) };
     let one = learned(1, own.clone());
-    assert!(one.0.len() > 5);
+    assert!(one.0.cell_count() > 5);
     assert_eq!(one, learned(3, own.clone()));
     let counts = Settings { light_paths: 300, camera_paths: 1, seed: 8, ..own.clone() };
     assert_eq!(one.0, learned(2, counts).0);

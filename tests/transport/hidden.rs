@@ -11,7 +11,7 @@ use glam::Vec3;
 const RADIANCE: f32 = 3.0;
 
 fn lamp(hidden: bool) -> Material {
-    Material { hidden, ..gray(0.0, RADIANCE) }
+    Material { hidden_from_camera: hidden, ..gray(0.0, RADIANCE) }
 }
 
 fn looking_down() -> Camera {

@@ -166,10 +166,14 @@ fn environments_come_from_exr_and_hdr_files() {
     for file in ["map.exr", "map.hdr"] {
         let scene = load(&format!("file = \"{file}\"\nradiance = 3")).unwrap().scene;
         // The left half of the map is on the left of somebody who looks toward -z.
-        let radiance = |x: f32| scene.lights().beyond(Vec3::new(x, 0.0, -1.0).normalize());
+        let radiance =
+            |x: f32| scene.lights().environment_radiance(Vec3::new(x, 0.0, -1.0).normalize());
         assert_eq!([radiance(-0.5), radiance(0.5)], pixels.map(|pixel| 3.0 * pixel), "{file}");
     }
-    assert_eq!(load("radiance = [1, 2, 3]").unwrap().scene.lights().beyond(Vec3::X).y, 2.0);
+    assert_eq!(
+        load("radiance = [1, 2, 3]").unwrap().scene.lights().environment_radiance(Vec3::X).y,
+        2.0
+    );
     std::fs::write(at("bad.hdr"), "#?RADIANCE\n\n-Y 9999 +X 9999\n").unwrap();
     std::fs::write(at("bad.exr"), "no").unwrap();
     for (environment, expected) in [

@@ -5,7 +5,9 @@ use crate::common::*;
 use bdpm::base::math::{Rgb, luminance};
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
-use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Sampling, Scene, Texture};
+use bdpm::scene::{
+    Camera, Emitter, FieldOfView, Material, Mesh, Receiver, Sampling, Scene, Texture,
+};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Settings};
 use glam::{DVec3, Vec2, Vec3};
@@ -106,7 +108,8 @@ fn connections_give_the_irradiance_of_the_picture() {
         let samples: Vec<f64> = (0..200_000)
             .map(|_| {
                 let from = Vec3::new(x as f32, y as f32, 0.0);
-                let light = scene.lights().connect(from, Some(Vec3::Z), &mut rng);
+                let at = Receiver { position: from, normal: Some(Vec3::Z) };
+                let light = scene.lights().connect(at, &mut rng);
                 light.map_or(0.0, |light| f64::from(luminance(light.irradiance) * light.wi.z))
             })
             .collect();

@@ -1,4 +1,4 @@
-//! What readers use: tables, chairs, lamps with green shades, books that lie about, and a globe.
+//! Furniture of readers: tables, chairs, lamps with green shades, books that lie about, and a globe.
 
 use crate::mesh::Mesh;
 use crate::obj::Model;

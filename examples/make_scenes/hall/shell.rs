@@ -1,4 +1,4 @@
-//! What encloses the hall: floor, walls, gallery, entablature, apse, and the coffered vault.
+//! The shell of the hall: floor, walls, gallery, entablature, apse, and the coffered vault.
 
 use super::measures::*;
 use crate::mesh::{Mesh, Vertex};

@@ -1,4 +1,4 @@
-//! What casts the caustics: a goblet, a ring and a gem.
+//! The objects that cast caustics: a goblet, a ring and a gem.
 
 use crate::mesh::Mesh;
 use crate::obj::Model;

@@ -1,22 +1,22 @@
-//! How a device runs.
+//! Settings of a device.
 
 use std::ffi::CString;
 use std::fmt::Write;
 use std::num::NonZero;
 
-/// How a [`Device`](super::Device) runs; to begin with, as Embree thinks best.
+/// Settings of a [`Device`](super::Device); the default is Embree's choice.
 ///
-/// Embree reads a text, and other settings in it reach memory safety (sizes of its blocks of memory,
-/// builders for other data, floating-point traps), so there are only these.
+/// Embree reads its settings from a text. Others than these affect memory safety (block sizes, builders for
+/// other data, floating-point traps), so they cannot be set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceConfig {
-    /// Vector instructions; if not set, the best that the processor has.
+    /// Vector instructions; by default the best that the processor has.
     pub isa: Option<Isa>,
-    /// Threads that build scenes, as many as the processor runs at once at most; if not set, so many.
+    /// Threads that build scenes, at most the number of hardware threads, which is the default.
     pub threads: Option<NonZero<u16>>,
 }
 
-/// Vector instructions that Embree was compiled for.
+/// Vector instruction sets that Embree is compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
     /// 4 floats wide; every processor of 64 bits from Intel and AMD has them.
@@ -32,7 +32,7 @@ pub enum Isa {
 }
 
 impl DeviceConfig {
-    /// In Embree's words.
+    /// The settings in Embree's syntax.
     pub(super) fn text(self) -> CString {
         let mut text = String::new();
         if let Some(isa) = self.isa {

@@ -1,4 +1,4 @@
-//! The device: Embree's context, its error reports and its memory count.
+//! The device: Embree's context, its errors and its memory count.
 
 use super::scene::SceneBuilder;
 use super::{DeviceConfig, EmbreeError, guard};
@@ -48,7 +48,7 @@ struct ErrorSink {
 }
 
 impl ErrorSink {
-    /// Bounds the list: messages of Embree's worker threads are never asked for.
+    /// Bound of the list: messages of Embree's worker threads are never read.
     const MAX_MESSAGES: usize = 64;
 
     fn push(&self, message: String) {
@@ -96,8 +96,8 @@ impl Device {
     /// A device with Embree's defaults: the best instruction set, all cores for builds.
     ///
     /// # Errors
-    /// If Embree does not run on this processor, or the library does not fit the header that this
-    /// program was built with, by its version or by where it writes the hit of a ray.
+    /// If Embree does not run on this processor, or the library does not fit the header of the build: by its
+    /// version, or by the address where it writes a hit.
     pub fn new() -> Result<Self, EmbreeError> {
         Self::with_config(DeviceConfig::default())
     }
@@ -146,7 +146,7 @@ impl Device {
         version_text(self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION))
     }
 
-    /// The widest ray packet that this device traces as one: 16, 8, 4, or 1 for none.
+    /// Size of the widest ray packet that this device traces as one: 16, 8, 4, or 1 for none.
     pub fn native_packet_size(&self) -> usize {
         use sys::RTCDeviceProperty as Property;
         [
@@ -159,7 +159,7 @@ impl Device {
         .map_or(1, |(size, _)| size)
     }
 
-    /// Bytes that Embree holds for this device's scenes and buffers, by its own count.
+    /// Bytes of this device's scenes and buffers, by Embree's own count.
     pub fn bytes(&self) -> usize {
         usize::try_from(self.inner.sink.bytes.load(Ordering::Relaxed)).unwrap_or(0)
     }
@@ -174,14 +174,14 @@ impl Device {
         doing: &'static str,
         call: impl FnOnce() -> T,
     ) -> Result<T, EmbreeError> {
-        // The error code stays until it is read: an older one must not be blamed on this call.
+        // The error code stays until it is read: clear an older one, which is not of this call.
         self.take_error(doing).ok();
         let value = call();
         self.take_error(doing)?;
         Ok(value)
     }
 
-    /// As [`checked`](Self::checked), for calls that return what they made.
+    /// Like [`checked`](Self::checked), for calls that return a new object.
     pub(super) fn made<T>(
         &self,
         doing: &'static str,
@@ -218,7 +218,7 @@ impl Device {
         Err(EmbreeError::Version { library: version_text(library), header: version_text(header) })
     }
 
-    /// Refuses builds of Embree that would leave out what other backends hit.
+    /// Refuses builds of Embree that would miss triangles that other backends hit.
     fn check_features(&self) -> Result<(), EmbreeError> {
         use sys::RTCDeviceProperty as Property;
         if self.property(Property::RTC_DEVICE_PROPERTY_TRIANGLE_GEOMETRY_SUPPORTED) == 0 {
@@ -231,8 +231,8 @@ impl Device {
     }
 }
 
-/// An older library lacks what the header declares, and another major version means other things by
-/// it. That a newer one still writes where this header says, no version can tell: `guard` tries it.
+/// An older library lacks functions of the header, and another major version gives them other meanings. The
+/// version does not show whether a newer library writes to the addresses of this header: `guard` tests it.
 fn fits(library: isize, header: isize) -> bool {
     library / 10_000 == header / 10_000 && library >= header
 }

@@ -1,4 +1,4 @@
-//! What is attached to scenes: geometries, complete and committed from the start.
+//! Geometries of scenes, complete and committed when they are attached.
 
 use super::scene::CommittedScene;
 use super::{Device, EmbreeError};
@@ -19,10 +19,10 @@ impl Drop for GeometryHandle {
     }
 }
 
-/// Plain numbers, as one of Embree's buffers holds them.
+/// Element type of an Embree buffer.
 trait Element: Pod {
     const BUFFER: sys::RTCBufferType;
-    /// Of the size of `Self`, which is the stride.
+    /// Format of the size of `Self`, which is the stride.
     const FORMAT: sys::RTCFormat;
 }
 
@@ -37,10 +37,10 @@ impl Element for [u32; 3] {
 }
 
 impl GeometryHandle {
-    /// A copy of a mesh; none if it has no triangles.
+    /// A copy of a mesh; `None` if it has no triangles.
     ///
     /// # Errors
-    /// [`EmbreeError::Mesh`] with `id` if [`TriangleMesh::validate`] refuses it; what Embree refuses.
+    /// [`EmbreeError::Mesh`] with `id` if [`TriangleMesh::validate`] refuses it, or an error of Embree.
     pub(super) fn of_mesh(
         device: &Device,
         mesh: TriangleMesh<'_>,

@@ -1,20 +1,20 @@
-//! Whether the library that was loaded writes where the header says, tried when a device is made.
+//! Tests when a device is made that the loaded library writes hits to the addresses of the header.
 //!
-//! Its version does not tell: hits have one size before 4.3.0 and another from then on, and options of
-//! the library's own build (instance arrays, levels of instances) change it within one version.
+//! The version is not enough: hits have one size before 4.3.0 and another from then on, and build options of
+//! the library (instance arrays, levels of instances) change it within one version.
 
 use super::packets::{self, PacketSize};
 use super::{CommittedScene, Device, EmbreeError, single};
 use crate::accel::{Hit, Ray, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Words behind a query: enough for 32 more levels of instances in packets of 16.
+/// Number of words behind a query: enough for 32 more levels of instances in packets of 16.
 const GUARD: usize = 1024;
 
-/// No identifier, index or number of the scene that is traced.
+/// Pattern that is no identifier, index or number of the traced scene.
 const UNTOUCHED: u32 = 0xdead_beef;
 
-/// What a library writes to, and behind it what it must leave alone.
+/// A query that the library writes to, and behind it words that it must not change.
 #[repr(C)]
 pub(super) struct Guarded<T> {
     query: T,
@@ -26,22 +26,21 @@ impl<T: Copy> Guarded<T> {
         Self { query, guard: [UNTOUCHED; GUARD] }
     }
 
-    /// To the query, but good for the guard too.
+    /// Pointer to the query that is also valid for the guard.
     pub(super) fn as_mut_ptr(&mut self) -> *mut T {
         (&raw mut *self).cast()
     }
 
-    /// The query, if its guard was left alone.
+    /// The query, if its guard is unchanged.
     pub(super) fn get(&self) -> Option<T> {
         (self.guard == [UNTOUCHED; GUARD]).then_some(self.query)
     }
 }
 
-/// Traces a ray alone and in packets as wide as `device` uses, to an instance, where a hit has all that
-/// a hit can have.
+/// Traces a ray alone and in a packet as wide as `device` uses, to an instance, whose hit sets all fields.
 ///
 /// # Errors
-/// [`EmbreeError::Layout`] if something else comes back than what was hit, or lands elsewhere.
+/// [`EmbreeError::Layout`] if the result is not that hit, or the guard changes.
 pub(super) fn check(device: &Device) -> Result<(), EmbreeError> {
     let scene = scene(device)?;
     let hits = traced(&scene, PacketSize::of(device));
@@ -55,15 +54,15 @@ pub(super) fn check(device: &Device) -> Result<(), EmbreeError> {
     Err(EmbreeError::Layout { library: device.version() })
 }
 
-/// The hits of a ray alone and in a packet, if nothing was written behind them.
+/// The hits of a ray alone and in a packet; `None` if the library wrote behind them.
 fn traced(scene: &CommittedScene, size: PacketSize) -> [Option<Hit>; 2] {
     let ray = Ray::new(Vec3::new(10.25, 0.5, 2.0), Vec3::NEG_Z);
     // SAFETY: the scene is committed and lives until the end of this function.
     unsafe { [single::guarded(scene.handle(), &ray), packets::guarded(scene.handle(), size, &ray)] }
 }
 
-/// An instance, at x = 10, of a mesh whose second triangle the ray hits. All its numbers differ: the
-/// instance is 1, the mesh in it 1, so the hit is on mesh 2 of the scene.
+/// A scene with an instance, at x = 10, of a mesh whose second triangle the ray hits. All numbers differ: the
+/// instance is 1 and the mesh in it 1, so the hit is on mesh 2 of the scene.
 fn scene(device: &Device) -> Result<CommittedScene, EmbreeError> {
     let nothing = TriangleMesh { positions: &[], triangles: &[] };
     let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NEG_X];

@@ -1,8 +1,7 @@
 //! A safe layer over Intel Embree 4: triangle scenes and ray queries.
 //!
-//! It does not depend on the renderer. Life goes one way: [`Device`] -> [`SceneBuilder`] ->
-//! [`CommittedScene`]. Everything that can fail happens before the last; queries return a plain
-//! value and may run from any number of threads.
+//! It does not depend on the renderer. The order is [`Device`] -> [`SceneBuilder`] -> [`CommittedScene`].
+//! Only the first two can fail; queries return a plain value and may run from any number of threads.
 //!
 //! ```
 //! use bdpm::accel::embree::Device;
@@ -34,7 +33,7 @@
 //!
 //! # Misuse does not compile
 //!
-//! A committed scene never changes; a mesh comes too late once `commit` has taken the builder:
+//! A committed scene never changes; `commit` consumes the builder:
 //! ```compile_fail,E0382
 //! # use bdpm::accel::{embree::*, TriangleMesh};
 //! # fn main() -> Result<(), EmbreeError> {
@@ -52,8 +51,8 @@
 //! # Ok(())
 //! # }
 //! ```
-//! A scene that is not committed answers no query, and one that is cannot be placed in another, so there
-//! is one level of instances:
+//! A scene that is not committed has no queries, and a committed scene cannot be an instance in another, so
+//! there is one level of instances:
 //! ```compile_fail,E0599
 //! # use bdpm::accel::{embree::*, Intersect, Ray};
 //! # fn misuse(builder: SceneBuilder, ray: Ray) {
@@ -92,7 +91,7 @@
 //! # }
 //! ```
 
-// The only unsafe code of the package: calls into a C library.
+// Calls into a C library.
 #![allow(unsafe_code)]
 
 mod config;
@@ -111,7 +110,7 @@ pub use scene::{CommittedScene, GeomId, SceneBuilder};
 
 use super::MeshError;
 
-/// Why Embree could not do what was asked. Queries never fail.
+/// An error of the Embree layer. Queries never fail.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EmbreeError {
     /// A mesh breaks a rule that memory safety or agreement between backends rests on.
@@ -119,11 +118,11 @@ pub enum EmbreeError {
     Mesh {
         /// Index of the mesh, in the order in which meshes were added.
         mesh: u32,
-        /// What is wrong with it.
+        /// The rule that it breaks.
         #[source]
         problem: MeshError,
     },
-    /// There are more meshes and places of shared ones than 32 bits can number.
+    /// There are more meshes and instances of shared ones than 32 bits can number.
     #[error("a scene cannot number more than {} meshes", u32::MAX)]
     TooManyMeshes,
     /// The library that was loaded does not fit the header that this program was built with.
@@ -137,8 +136,7 @@ pub enum EmbreeError {
         /// Version of the header.
         header: String,
     },
-    /// The library that was loaded has the right version, but other structs than the header that this
-    /// program was built with.
+    /// The loaded library has the right version, but other structs than the header of the build.
     #[error(
         "the Embree library, version {library}, writes hits elsewhere than the header says that this \
          program was built with; build it again with EMBREE_DIR set to the folder of both"
@@ -153,11 +151,11 @@ pub enum EmbreeError {
     /// Embree reported an error.
     #[error("Embree failed to {doing}: {code} ({message})")]
     Library {
-        /// What it was asked to do.
+        /// The operation that failed.
         doing: &'static str,
         /// The error code's name.
         code: &'static str,
-        /// Embree's own words, where it gave any.
+        /// Embree's own message, if any.
         message: String,
     },
 }

@@ -1,7 +1,7 @@
 //! Scenes: built once, then immutable.
 
 use super::geometry::GeometryHandle;
-use super::instance::{Placed, Shared};
+use super::instance::{PendingInstance, SharedMeshes};
 use super::packets::{self, PacketSize};
 use super::{Device, EmbreeError, single};
 use crate::accel::{
@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 pub struct GeomId(pub(super) u32);
 
 impl GeomId {
-    /// The number that [`Hit::mesh`] holds: meshes, and places of shared ones, count from 0 in the
-    /// order of adding.
+    /// The number in [`Hit::mesh`]: meshes, and instances of shared ones, count from 0 in the order of
+    /// adding.
     pub const fn index(self) -> u32 {
         self.0
     }
@@ -41,18 +41,18 @@ impl Drop for SceneHandle {
     }
 }
 
-/// A scene that still takes meshes. It may move between threads but not be shared by them.
+/// A scene that still accepts meshes. It may move between threads but not be shared by them.
 #[derive(Debug)]
 pub struct SceneBuilder {
     // Dropped in this order: the scene's handle before the device's.
     pub(super) handle: SceneHandle,
-    /// Meshes and places of shared ones.
+    /// Number of meshes and of instances of shared ones.
     pub(super) meshes: u32,
-    pub(super) shared: Vec<Shared>,
-    pub(super) placed: Vec<Placed>,
+    pub(super) shared: Vec<SharedMeshes>,
+    pub(super) pending: Vec<PendingInstance>,
     pub(super) watertight: bool,
     pub(super) triangles: usize,
-    /// What the device held before this scene.
+    /// Bytes of the device before this scene.
     bytes_before: usize,
     pub(super) device: Device,
 }
@@ -72,7 +72,7 @@ impl SceneBuilder {
             handle,
             meshes: 0,
             shared: Vec::new(),
-            placed: Vec::new(),
+            pending: Vec::new(),
             watertight: false,
             triangles: 0,
             bytes_before,
@@ -86,13 +86,12 @@ impl SceneBuilder {
         Ok(scene)
     }
 
-    /// Turns Embree's robust mode on or off; off to begin with.
+    /// Turns Embree's robust mode on or off; the default is off.
     ///
-    /// Without it about one ray in a million slips through between two triangles of a closed mesh
-    /// (measured: 11 of 8 million on 217,000 triangles, none of 33 million in a box of 36), more
-    /// if rays are aimed right at edges. With it practically none does, for about 1.5 times the
-    /// tracing time: choose it where a dim room must keep out a light that is a million times as
-    /// bright.
+    /// Without it about one ray in a million passes between two triangles of a closed mesh, more if rays
+    /// aim at edges. Measured: 11 of 8 million on 217,000 triangles, none of 33 million in a box of 36.
+    /// With it practically no ray does, for about 1.5 times the tracing time. Choose it if a dim room must
+    /// keep out a light that is a million times as bright.
     ///
     /// # Errors
     /// If Embree refuses.
@@ -110,12 +109,12 @@ impl SceneBuilder {
         self.shared.iter_mut().try_for_each(|shared| shared.scene.set_watertight(on))
     }
 
-    /// Copies a mesh into the scene. An empty one takes an id too.
+    /// Copies a mesh into the scene. An empty mesh takes an id too.
     ///
     /// # Errors
     /// [`EmbreeError::Mesh`] if [`TriangleMesh::validate`] refuses it; [`EmbreeError::TooManyMeshes`] if
     /// there is no id left; [`EmbreeError::Library`] if Embree refuses, as when memory runs out. The
-    /// scene then holds what it held before.
+    /// scene is then unchanged.
     pub fn add_mesh(&mut self, mesh: TriangleMesh<'_>) -> Result<GeomId, EmbreeError> {
         let id = self.meshes;
         let meshes = self.meshes_with(1)?;
@@ -127,12 +126,12 @@ impl SceneBuilder {
         Ok(GeomId(id))
     }
 
-    /// The number of meshes with so many more. The largest id stays below the one that means "nothing".
+    /// The number of meshes plus `more`. The largest id stays below the one that means "nothing".
     pub(super) fn meshes_with(&self, more: u32) -> Result<u32, EmbreeError> {
         self.meshes.checked_add(more).ok_or(EmbreeError::TooManyMeshes)
     }
 
-    /// Makes `geometry`, which must be of the same device, part of this scene.
+    /// Attaches `geometry`, which must be of the same device, to this scene.
     pub(super) fn attach(&mut self, geometry: &GeometryHandle, id: u32) -> Result<(), EmbreeError> {
         self.device.checked("add a geometry to the scene", || {
             // SAFETY: both handles are valid, and `&mut self` means that nobody else uses the scene.
@@ -162,8 +161,9 @@ impl SceneBuilder {
 
 /// An immutable scene that answers ray queries, from any number of threads at once.
 ///
-/// It keeps the device alive. Origins and directions should be finite; a ray that is not gets some
-/// answer, no fault, and in a coherent batch so may its neighbors, which Embree bounds together with it.
+/// It keeps the device alive. Origins and directions should be finite. A ray that is not finite gets an
+/// arbitrary result without a fault. In a coherent batch its neighbors may get one too, because Embree bounds
+/// them together.
 #[derive(Debug)]
 pub struct CommittedScene {
     // Dropped in this order: the scene's handle before the device's.
@@ -190,13 +190,13 @@ impl CommittedScene {
         Self::new(device, &Geometry::of_meshes(meshes))
     }
 
-    /// Builds a scene of meshes at their places; the indices are those of the places.
+    /// Builds a scene of instances, whose indices the hits have.
     ///
     /// # Errors
     /// As [`SceneBuilder::add`] and [`SceneBuilder::commit`].
     ///
     /// # Panics
-    /// If a place names a mesh that there is not.
+    /// If an instance names a mesh that does not exist.
     pub fn new(device: &Device, geometry: &Geometry<'_>) -> Result<Self, EmbreeError> {
         let mut builder = device.scene_builder()?;
         builder.add(geometry)?;
@@ -250,11 +250,11 @@ impl Intersect for CommittedScene {
         unsafe { single::is_occluded(self.handle(), ray) }
     }
 
-    /// `bytes` is Embree's own count for the device, before and after; scenes that other threads
-    /// build on the same device meanwhile would be counted in.
+    /// `bytes` is the growth of Embree's own count for the device: it includes scenes that other threads
+    /// build on the device at the same time.
     fn describe(&self) -> AccelInfo {
-        // Embree tells its version but not its instruction set; the widest packet that it traces as
-        // one says which family it chose.
+        // Embree reports its version but not its instruction set; the widest packet that it traces as one
+        // shows the family.
         let isa = match self.device.native_packet_size() {
             16 => "AVX-512",
             8 => "AVX or AVX2",
@@ -275,9 +275,9 @@ mod tests {
     use super::*;
     use glam::{DAffine3, Vec3};
 
-    /// The last id is one below that of a miss, and what finds none left changes nothing.
+    /// The last id is one below that of a miss, and a call without an id left changes nothing.
     #[test]
-    fn meshes_beyond_the_last_id_are_refused() {
+    fn meshes_after_the_last_id_are_refused() {
         let nothing = TriangleMesh { positions: &[], triangles: &[] };
         let corner = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let triangle = TriangleMesh { positions: &corner, triangles: &[[0, 1, 2]] };

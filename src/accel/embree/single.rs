@@ -1,11 +1,11 @@
-//! Single rays, and what they have in common with packets.
+//! Queries of single rays, and helpers that packets share.
 
 use super::guard::Guarded;
 use crate::accel::{Hit, Ray};
 use embree4_sys as sys;
 use std::ptr::null_mut;
 
-/// What every ray has in common, whatever its width: visible to all masks, at time 0, no flags.
+/// A ray or packet without its geometry: visible to all masks, at time 0, no flags.
 macro_rules! fresh_ray {
     ($ray:ident, $mask:expr) => {
         sys::$ray { mask: $mask, ..Default::default() }
@@ -13,21 +13,21 @@ macro_rules! fresh_ray {
 }
 pub(super) use fresh_ray;
 
-/// The far end of a ray. Embree marks occluded rays by minus infinity there, so one that comes with it,
-/// or with no number, gets the next: nothing lies before that either.
+/// The far end of a ray. Embree marks occluded rays by minus infinity there. A ray with that or NaN gets the
+/// smallest finite number instead: nothing lies before that either.
 #[inline(always)]
 pub(super) fn far_end(t_far: f32) -> f32 {
     if t_far > f32::MIN { t_far } else { f32::MIN }
 }
 
-/// Whether Embree marked the ray.
+/// Returns true if Embree marked the ray as occluded.
 #[inline(always)]
 pub(super) fn is_hit(t_far: f32) -> bool {
     t_far == f32::NEG_INFINITY
 }
 
-/// The mesh of a hit: instances are named as the first of the meshes that they show, of which the
-/// builder has counted all. So nothing wraps, but in what `guard` may find a library to have written.
+/// The mesh index of a hit. An instance has the index of its first mesh, and the builder has counted all its
+/// meshes: the sum wraps only if a library writes to other addresses, which `guard` detects.
 #[inline(always)]
 pub(super) fn named(instance: u32, geometry: u32) -> u32 {
     if instance == sys::RTC_INVALID_ID { geometry } else { instance.wrapping_add(geometry) }
@@ -79,7 +79,7 @@ pub(super) unsafe fn closest_hit(scene: sys::RTCScene, ray: &Ray) -> Hit {
     answer(&query)
 }
 
-/// Whether anything is hit.
+/// Returns true if anything is hit.
 ///
 /// # Safety
 /// As [`closest_hit`].
@@ -90,7 +90,7 @@ pub(super) unsafe fn is_occluded(scene: sys::RTCScene, ray: &Ray) -> bool {
     is_hit(query.tfar)
 }
 
-/// The closest hit, unless Embree wrote behind what it is given.
+/// The closest hit; `None` if Embree wrote behind the query.
 ///
 /// # Safety
 /// As [`closest_hit`].

@@ -288,8 +288,7 @@ impl<'a> TrialRunner<'a> {
     /// but `mis` find these lamps only by random sampling.
     pub fn mirrors_lamps_roughly(&self) -> bool {
         let lights = self.scene.lights();
-        let are_hit =
-            lights.shine_from_beyond() || !lights.emitters().iter().all(Emitter::is_delta);
+        let are_hit = lights.has_environment() || !lights.emitters().iter().all(Emitter::is_delta);
         are_hit && self.scene.materials().iter().any(|material| material.bsdf.has_rough())
     }
 

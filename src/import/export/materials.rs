@@ -97,7 +97,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     if material.emission != Rgb::ZERO || material.emission_texture.is_some() {
         let _ = writeln!(text, "emission = {}", color(material.emission));
     }
-    if material.hidden {
+    if material.hidden_from_camera {
         text += "hidden = true\n";
     }
     if let Some(opacity) = material.opacity {

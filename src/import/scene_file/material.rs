@@ -172,7 +172,7 @@ impl MaterialTable {
             opacity: self.opacity.map(|opacity| opacity.0),
             normal_map: self.normal_map(texture(&self.normal_texture)?)?,
             emission_texture: texture(&self.emission_texture)?,
-            hidden: self.hidden,
+            hidden_from_camera: self.hidden,
             ..Material::new(name, bsdf)
         })
     }

@@ -1,4 +1,4 @@
-//! Beckmann's distribution of microfacet normals: slopes are normally distributed.
+//! The Beckmann distribution of microfacet normals: slopes are normally distributed.
 //!
 //! Directions are local: the surface's normal is z. Walter et al. 2007 (distribution, masking), Heitz and d'Eon
 //! 2014 (sampling by slopes).
@@ -13,12 +13,12 @@ pub(super) struct Beckmann {
     pub alpha: f32,
 }
 
-/// Annulus so many widths there are no slopes: 3e-9 of all.
+/// Maximum slope in widths: a share of 3e-9 of all slopes is steeper.
 const STEEPEST: f64 = 4.2;
 
 impl Beckmann {
     /// Density of normals `m` over the surface, 1/sr.
-    /// theory.md (97), as the next three.
+    /// theory.md (97), like the next functions.
     pub fn d(&self, m: Vec3) -> f32 {
         if m.z <= 0.0 {
             return 0.0;
@@ -40,8 +40,8 @@ impl Beckmann {
         (1.0 / (1.0 + lambda.max(0.0))) as f32
     }
 
-    /// A normal as seen from `wo`. Where the surface is squeezed to width 1, facets of slope `p` toward the viewer,
-    /// whose own slope is `a`, have the density `(a + p) exp(-p^2)`; across, slopes are normally distributed.
+    /// A visible normal as seen from `wo`. On the surface squeezed to width 1, let the viewer have the slope `a`.
+    /// Slopes `p` toward the viewer have the density `(a + p) exp(-p^2)`; slopes across are normally distributed.
     pub fn sample_visible(&self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
         let squeezed = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z);
         let across = squeezed.x.hypot(squeezed.y);
@@ -73,7 +73,7 @@ impl Beckmann {
 /// The root of pi.
 const PI_ROOT: f64 = 1.772_453_850_905_516;
 
-/// Where a rising function takes a value, by Newton's steps within shrinking bounds.
+/// Solves `function(x) = value` for a rising function, by Newton's method within shrinking bounds.
 fn solve(
     value: f64,
     [mut low, mut high]: [f64; 2],
@@ -141,8 +141,8 @@ mod tests {
     }
 
     #[test]
-    fn visible_normals_come_as_often_as_their_density_says() {
-        // Means of 1/pdf over what is visible of a cap of normals give its solid angle.
+    fn visible_normals_have_their_density() {
+        // Means of 1/pdf over the visible part of a cap of normals give its solid angle.
         let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
         for (alpha, wo) in [
             (0.05, Vec3::new(0.3, -0.2, 0.8)),

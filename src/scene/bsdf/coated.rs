@@ -1,19 +1,19 @@
 //! A Lambertian base under a smooth, clear dielectric coat, with all reflections in between.
 
-use super::{BsdfSample, Lobe, Wanted, fresnel, mirrored};
+use super::{BsdfSample, Lobe, LobeSet, fresnel, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// A diffuse base under a coat, on both sides of the surface. The coat mirrors (a delta lobe); what
-/// enters, `T = 1 - F`, is reflected by the base `n` times, `n >= 1`, and by the coat's inside in
-/// between: `f = T(wo) T(wi) / eta^2 * albedo / (pi (1 - albedo F_in))`. Lossless for a white base.
+/// A diffuse base under a coat, on both sides of the surface. The coat mirrors (a delta lobe). The light that
+/// enters, `T = 1 - F`, is reflected by the base `n >= 1` times, and by the coat's inside in between:
+/// `f = T(wo) T(wi) / eta^2 * albedo / (pi (1 - albedo F_in))`. Lossless for a white base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coated {
     albedo: Rgb,
     eta: f32,
-    /// The value over the two transmittances, 1/sr.
+    /// Value of the base over both transmittances, 1/sr.
     base: Rgb,
     /// Mean transmittance of diffuse light from outside.
     mean_transmittance: f32,
@@ -23,16 +23,14 @@ impl Coated {
     /// A base that reflects `albedo` under a coat of refractive index `eta` over its surroundings.
     pub fn new(albedo: Rgb, eta: f32) -> Self {
         let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
-        // What passes the interface is in balance: (1 - F_in) eta^2 = 1 - F_out.
         let mean_transmittance = 1.0 - outside;
-        let inside = 1.0 - mean_transmittance / (eta * eta);
-        let base = albedo * FRAC_1_PI / (eta * eta * (Rgb::ONE - albedo * inside));
-        Self { albedo, eta, base, mean_transmittance }
+        Self { albedo, eta, base: Rgb::ZERO, mean_transmittance }.with_albedo(albedo)
     }
 
-    /// The same coat over another base.
+    /// This coat over another base.
     #[must_use]
     pub fn with_albedo(&self, albedo: Rgb) -> Self {
+        // The transmitted fluxes are in balance: (1 - F_in) eta^2 = 1 - F_out.
         let inside = 1.0 - self.mean_transmittance / (self.eta * self.eta);
         let base = albedo * FRAC_1_PI / (self.eta * self.eta * (Rgb::ONE - albedo * inside));
         Self { albedo, base, ..*self }
@@ -52,7 +50,7 @@ impl Coated {
         fresnel::dielectric(cos, self.eta).0
     }
 
-    /// Share of the light from the cosine `cos` that the base sends off.
+    /// Share of the light from the cosine `cos` that leaves after reflection by the base.
     fn diffuse_albedo(&self, cos: f32) -> Rgb {
         let scale = (1.0 - self.reflected(cos)) * self.mean_transmittance;
         self.base * (std::f32::consts::PI * scale)
@@ -77,9 +75,9 @@ impl Coated {
         (1.0 - self.mirror_prob(wo)) * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> BsdfSample {
+    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> BsdfSample {
         let reflected = self.reflected(wo.z);
-        if wanted == Wanted::PassThrough {
+        if wanted == LobeSet::PassThrough {
             return mirrored(wo, Rgb::splat(reflected));
         }
         let prob = self.mirror_prob(wo);

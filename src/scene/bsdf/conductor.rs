@@ -1,4 +1,4 @@
-//! Metals: smooth, or rough by GGX with the light of multiple scattering added, or as Walter et al. 2007 have it.
+//! Metals: smooth, rough by GGX with multiple scattering, or rough with single scattering (Walter et al. 2007).
 
 use super::ggx::{Ggx, reflect};
 use super::{BsdfSample, DIFFUSE_ALPHA, FacetModel, Facets, Lobe, SMOOTH_ALPHA, fresnel, mirrored};
@@ -7,17 +7,17 @@ use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// How much a metal reflects.
+/// The reflectance of a metal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reflectance {
-    /// By measured complex refractive index, relative to the medium in front.
+    /// From a measured complex refractive index, relative to the medium in front.
     Measured {
         /// Real part.
         eta: Rgb,
         /// Imaginary part.
         k: Rgb,
     },
-    /// By its color at normal incidence; white at grazing (Schlick 1994).
+    /// From the color at normal incidence; white at grazing incidence (Schlick 1994).
     Artist {
         /// Reflectance at normal incidence, in [0, 1].
         normal: Rgb,
@@ -25,7 +25,7 @@ pub enum Reflectance {
 }
 
 impl Reflectance {
-    /// Metals that are known by name.
+    /// Names of the built-in metals.
     pub const NAMES: [&str; 4] = ["aluminum", "copper", "gold", "silver"];
 
     /// The metal called `name`: index at wavelengths of about 650, 550 and 450 nm, from the tables
@@ -41,7 +41,7 @@ impl Reflectance {
         })
     }
 
-    /// Its mean under diffuse light.
+    /// Mean reflectance under diffuse light.
     fn mean(&self) -> Rgb {
         match *self {
             Self::Measured { eta, k } => {
@@ -60,19 +60,18 @@ impl Reflectance {
     }
 }
 
-/// What comes back of the light that leaves facets of the mean reflectance `mean` after more than one
-/// reflection, over the two directions' losses, 1/sr (Kulla and Conty 2017).
+/// Multiple scattering of facets with the mean reflectance `mean`, over the two directions' losses, 1/sr (Kulla
+/// and Conty 2017).
 /// theory.md (26), `M/(pi (1 - e_m))`.
 pub(super) fn multiple_scattering(facets: &Ggx, mean: Rgb) -> Rgb {
     let once = facets.mean_single_albedo();
-    // Of the light that does not get away at once, the share `once` does each time.
+    // At each reflection the share `once` of the remaining light leaves.
     let share = mean * mean * once / (Rgb::ONE - mean * (1.0 - once));
     share * FRAC_1_PI / (1.0 - once).max(1e-6)
 }
 
-/// A metal. Its rough lobe is reciprocal and, where it reflects all light, lossless: what single
-/// scattering between facets loses comes back as a wide lobe (Kulla and Conty 2017); but for a metal of single
-/// scattering ([`Self::once`]).
+/// A metal. Its rough lobe is reciprocal, and lossless if the reflectance is 1: a wide lobe returns the light that
+/// single scattering loses (Kulla and Conty 2017). [`Self::once`] makes a metal without that lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conductor {
     reflectance: Reflectance,
@@ -80,12 +79,12 @@ pub struct Conductor {
     scattering: Scattering,
 }
 
-/// What becomes of light that facets send into each other.
+/// Treatment of light that facets reflect into each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scattering {
-    /// Share of the lost light that leaves in the end, over pi and the mean loss, 1/sr.
+    /// Multiple scattering: the share of that light that leaves in the end, over pi and the mean loss, 1/sr.
     All { multiple: Rgb },
-    /// It is lost; the rest is multiplied with a tint.
+    /// Single scattering: that light is lost; a tint multiplies the rest.
     Once { tint: Rgb },
 }
 
@@ -97,9 +96,8 @@ impl Conductor {
         Self { reflectance, facets, scattering: Scattering::All { multiple } }
     }
 
-    /// A metal of single scattering, as Mitsuba's is: darker, the rougher it is. `tint` multiplies what it
-    /// reflects, in [0, 1]. Smooth below [`SMOOTH_ALPHA`]. Facets hide each other independently, whatever the
-    /// model says.
+    /// A metal of single scattering, like Mitsuba's: rougher metals are darker. `tint`, in [0, 1], multiplies the
+    /// reflected light. Smooth below [`SMOOTH_ALPHA`]. Masking and shadowing are independent for all models.
     pub fn once(reflectance: Reflectance, facets: Facets, tint: Rgb) -> Self {
         let model = match facets.model {
             FacetModel::Beckmann => FacetModel::Beckmann,
@@ -109,22 +107,22 @@ impl Conductor {
         Self { reflectance, facets, scattering: Scattering::Once { tint } }
     }
 
-    /// How much it reflects.
+    /// Reflectance of the metal.
     pub fn reflectance(&self) -> Reflectance {
         self.reflectance
     }
 
-    /// Its reflectance at normal incidence.
+    /// Reflectance at normal incidence.
     pub fn normal_reflectance(&self) -> Rgb {
         self.reflectance.at(1.0)
     }
 
-    /// Width of its facets' distribution; 0 if it is smooth.
+    /// Width of the facets' distribution; 0 if the metal is smooth.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha
     }
 
-    /// Of a metal of single scattering, the model of its facets and its tint.
+    /// Model of the facets and tint of a metal of single scattering; `None` for others.
     pub fn single(&self) -> Option<(FacetModel, Rgb)> {
         match self.scattering {
             Scattering::All { .. } => None,
@@ -141,7 +139,7 @@ impl Conductor {
         }
     }
 
-    /// What is given back of the light at the cosine `cos` that single scattering loses.
+    /// Share of the light from the cosine `cos` that single scattering loses and the wide lobe returns.
     #[inline]
     fn loss(&self, cos: f32) -> f32 {
         match self.scattering {
@@ -198,7 +196,7 @@ impl Conductor {
     }
 }
 
-/// As kept: 0 if it is smooth.
+/// The stored width: 0 if the metal is smooth.
 fn width(alpha: f32) -> f32 {
     if alpha < SMOOTH_ALPHA { 0.0 } else { alpha.min(1.0) }
 }

@@ -5,18 +5,18 @@ use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
 
-/// A smooth interface between two dielectrics. Media nest by interfaces: each tells the ratio of
-/// the indices on its two sides.
+/// A smooth interface between two dielectrics. Media nest by interfaces: each has the ratio of the indices on
+/// its two sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dielectric {
     /// Refractive index behind the surface over that in front.
     pub eta: f32,
-    /// What light that crosses the surface is multiplied with, in [0, 1].
+    /// Factor of light that crosses the surface, in [0, 1].
     pub transmittance: Rgb,
 }
 
 impl Dielectric {
-    /// A clear one.
+    /// Without color.
     pub const fn new(eta: f32) -> Self {
         Self { eta, transmittance: Rgb::ONE }
     }
@@ -45,8 +45,8 @@ pub(super) fn relative(eta: f32, front: bool) -> f32 {
     if front { eta } else { eta.recip() }
 }
 
-/// What the carried quantity is multiplied with across an interface: radiance spreads over a solid
-/// angle that changes as `1/n^2`, and the camera's side is that of `wo`.
+/// Factor of the carried quantity across an interface: radiance spreads over a solid angle that changes as
+/// `1/n^2`, and the camera's side is that of `wo`.
 /// theory.md (21).
 #[inline]
 pub(super) fn transmission_scale(transport: Transport, eta: f32) -> f32 {
@@ -62,12 +62,12 @@ pub(super) fn transmission_scale(transport: Transport, eta: f32) -> f32 {
 pub struct ThinDielectric {
     /// Refractive index of the sheet over that of its surroundings.
     pub eta: f32,
-    /// What light that goes straight on is multiplied with, in [0, 1].
+    /// Factor of light that goes straight on, in [0, 1].
     pub transmittance: Rgb,
 }
 
 impl ThinDielectric {
-    /// A clear one.
+    /// Without color.
     pub const fn new(eta: f32) -> Self {
         Self { eta, transmittance: Rgb::ONE }
     }

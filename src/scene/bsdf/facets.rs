@@ -1,32 +1,32 @@
-//! Models of facets: this renderer's own, and those of Walter et al. 2007 as Mitsuba has them.
+//! Models of microfacets: the renderer's own, and those of Walter et al. 2007 that Mitsuba uses.
 
 use super::beckmann::Beckmann;
 use super::ggx::Ggx;
 use glam::Vec3;
 
-/// How facets are distributed, and how they hide each other.
+/// Distribution of microfacets, and their masking and shadowing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FacetModel {
     /// GGX, with the heights of neighbors correlated (Heitz 2014).
     #[default]
     Correlated,
-    /// GGX; what each direction sees is independent of the other's (Walter et al. 2007).
+    /// GGX, with independent masking and shadowing (Walter et al. 2007).
     Ggx,
-    /// Beckmann's, with the same independence.
+    /// Beckmann, with independent masking and shadowing.
     Beckmann,
 }
 
-/// Facets of a model and a width.
+/// Microfacets of a model and a width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Facets {
-    /// How they are distributed.
+    /// Model of the facets.
     pub model: FacetModel,
     /// Width, above 0 up to 1.
     pub alpha: f32,
 }
 
 impl Facets {
-    /// Our own model.
+    /// The GGX distribution of this width.
     #[inline]
     pub(super) fn ggx(&self) -> Ggx {
         Ggx { alpha: self.alpha }

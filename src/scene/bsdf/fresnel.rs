@@ -2,9 +2,8 @@
 
 use crate::base::math::Rgb;
 
-/// Reflectance of an interface between dielectrics, and the cosine of the refracted direction
-/// (0 beyond the critical angle). `cos_i` in [0, 1]; `eta` is the index behind over the index
-/// before the interface.
+/// Reflectance of an interface between dielectrics, and the cosine of the refracted direction (0 for total
+/// reflection). `cos_i` is in [0, 1]; `eta` is the index behind the interface over that in front.
 /// theory.md (22).
 #[inline]
 pub fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
@@ -49,7 +48,7 @@ pub fn schlick_mean(normal: Rgb) -> Rgb {
 
 /// `2 * integral of f(cos) cos d(cos)`: the mean of a reflectance over a diffuse illumination.
 pub fn diffuse_mean(reflectance: impl Fn(f32) -> Rgb) -> Rgb {
-    /// Midpoints; exact to 1e-6 for all that are here.
+    /// Number of midpoints; exact to 1e-6 for the functions of this module.
     const STEPS: u16 = 1024;
     let mut sum = glam::DVec3::ZERO;
     for i in 0..STEPS {
@@ -64,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_reflectances() {
+    fn reflectances_match_known_values() {
         // Normal incidence: ((n - 1)/(n + 1))^2, and ((n-1)^2 + k^2)/((n+1)^2 + k^2).
         assert!((dielectric(1.0, 1.5).0 - 0.04).abs() < 1e-6);
         assert!((dielectric(1.0, 1.0 / 1.5).0 - 0.04).abs() < 1e-6);
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reflectance_is_the_same_from_both_sides() {
+    fn reflectance_is_equal_from_both_sides() {
         for cos_i in [0.05, 0.3, 0.7, 1.0] {
             let (forth, cos_t) = dielectric(cos_i, 1.33);
             let (back, cos) = dielectric(cos_t, 1.0 / 1.33);
@@ -96,11 +95,11 @@ mod tests {
     }
 
     #[test]
-    fn diffuse_means() {
+    fn diffuse_means_match_closed_forms() {
         // Schlick: 2 * integral (F0 + (1 - F0)(1 - x)^5) x dx = F0 + (1 - F0)/21.
         let mean = diffuse_mean(|cos| schlick(cos, Rgb::splat(0.3)));
         assert!((mean - schlick_mean(Rgb::splat(0.3))).length() < 1e-6, "{mean}");
-        // What passes into glass and out of it again, in balance: (1 - F_in) = (1 - F_out)/n^2.
+        // Fluxes into glass and out of it are in balance: (1 - F_in) = (1 - F_out)/n^2.
         let outside = diffuse_mean(|cos| Rgb::splat(dielectric(cos, 1.5).0));
         let inside = diffuse_mean(|cos| Rgb::splat(dielectric(cos, 1.0 / 1.5).0));
         assert!(((1.0 - inside.x) * 2.25 - (1.0 - outside.x)).abs() < 1e-4, "{outside} {inside}");

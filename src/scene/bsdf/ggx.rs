@@ -18,7 +18,7 @@ pub struct Ggx {
 
 impl Ggx {
     /// Density of normals `m` over the surface, 1/sr.
-    /// theory.md (25), as the next four.
+    /// theory.md (25), like the next functions.
     #[inline]
     pub fn d(&self, m: Vec3) -> f32 {
         let alpha2 = self.alpha * self.alpha;
@@ -46,14 +46,8 @@ impl Ggx {
         (1.0 + self.lambda(wo) + self.lambda(wi)).recip()
     }
 
-    /// Density of [`Self::sample_visible`], 1/sr: the normals as `wo` sees them.
-    #[inline]
-    pub fn visible_pdf_w(&self, wo: Vec3, m: Vec3) -> f32 {
-        self.g1(wo) * wo.dot(m).max(0.0) * self.d(m) / wo.z
-    }
-
-    /// A normal as seen from `wo`: of the hemisphere that the surface becomes when it is squeezed
-    /// by `alpha`, mirrored directions of a beam fill a spherical cap uniformly.
+    /// A visible normal as seen from `wo`. The surface squeezed by `alpha` is a hemisphere, whose mirrored
+    /// directions of a beam fill a spherical cap uniformly.
     #[inline]
     pub fn sample_visible(&self, wo: Vec3, [u, v]: [f32; 2]) -> Vec3 {
         let squeeze = |w: Vec3| Vec3::new(self.alpha * w.x, self.alpha * w.y, w.z).normalize();
@@ -64,8 +58,8 @@ impl Ggx {
         squeeze(Vec3::new(ring * cos, ring * sin, z) + beam)
     }
 
-    /// Share of the light from the cosine `cos` that perfectly reflecting facets send off after one
-    /// reflection, from a table.
+    /// Share of the light from the cosine `cos` that leaves perfectly reflecting facets after one reflection,
+    /// from a table.
     #[inline]
     pub fn single_albedo(&self, cos: f32) -> f32 {
         TABLE.albedos(self.alpha, cos).x
@@ -89,8 +83,8 @@ impl Ggx {
         by_schlick(TABLE.means(self.alpha), normal)
     }
 
-    /// Albedos by integration over the visible normals, midpoints of `n` times `n`; closer at the
-    /// flat ones, `u -> 1`, where narrow lobes lose all that they lose.
+    /// Albedos by integration over the visible normals, with `n` times `n` midpoints; denser near flat normals,
+    /// `u -> 1`, where narrow lobes have their losses.
     fn integrate_albedos(&self, cos: f32, n: u16) -> Vec2 {
         let wo = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos);
         let midpoint = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
@@ -126,13 +120,13 @@ pub fn reflect(w: Vec3, m: Vec3) -> Vec3 {
 /// Nodes of the table along each axis.
 const NODES: usize = 33;
 
-/// Albedos over cosine and width, linear in between: `x` of facets that reflect all, `y` of those
-/// that reflect the share `(1 - cos)^5`, of which Schlick's approximation is made.
+/// Albedos over cosine and width, interpolated linearly: `x` for facets that reflect all light, `y` for facets that
+/// reflect the share `(1 - cos)^5`, the variable term of Schlick's approximation.
 struct Table {
-    /// Rows of `alpha = (row / 32)^2`, along them `cos = (column / 32)^2`: narrow lobes change most,
-    /// and near the horizon.
+    /// Rows have `alpha = (row / 32)^2`, columns `cos = (column / 32)^2`: albedos change most for narrow lobes and
+    /// near the horizon.
     albedos: Vec<[Vec2; NODES]>,
-    /// Under diffuse light.
+    /// Means under diffuse light.
     means: [Vec2; NODES],
 }
 
@@ -172,16 +166,17 @@ impl Table {
     }
 }
 
-/// Node at or below `x` and the place between it and the next.
+/// Node at or below `x`, and the position between it and the next, in [0, 1].
 #[inline]
 fn node(x: f32) -> (usize, f32) {
-    let place = x.clamp(0.0, 1.0).sqrt() * (NODES - 1) as f32;
-    let low = (place as usize).min(NODES - 2);
-    (low, place - low as f32)
+    let position = x.clamp(0.0, 1.0).sqrt() * (NODES - 1) as f32;
+    let low = (position as usize).min(NODES - 2);
+    (low, position - low as f32)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{FacetModel, Facets};
     use super::*;
     use crate::base::math::uniform_sphere;
     use crate::base::rng::{Rng, Stream, StreamKey};
@@ -220,11 +215,12 @@ mod tests {
     }
 
     #[test]
-    fn visible_normals_come_as_often_as_their_density_says() {
+    fn visible_normals_have_their_density() {
         // Means of 1/pdf over a cap of normals give its solid angle.
         let mut rng = rng(1);
         for alpha in [0.05, 0.4, 1.0] {
             let ggx = Ggx { alpha };
+            let facets = Facets { model: FacetModel::Correlated, alpha };
             let wo = Vec3::new(0.3, -0.2, 0.8).normalize();
             let cap = 1.0 - 0.5 * alpha.min(0.6); // cosine of its edge
             let expected = std::f64::consts::TAU * f64::from(1.0 - cap);
@@ -232,7 +228,7 @@ mod tests {
             let (mut sum, mut square) = (0.0, 0.0);
             for _ in 0..n {
                 let m = ggx.sample_visible(wo, rng.next_2d());
-                let x = if m.z > cap { 1.0 / f64::from(ggx.visible_pdf_w(wo, m)) } else { 0.0 };
+                let x = if m.z > cap { 1.0 / f64::from(facets.visible_pdf_w(wo, m)) } else { 0.0 };
                 sum += x / f64::from(n);
                 square += x * x / f64::from(n);
             }
@@ -243,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_of_albedos_is_what_integration_gives() {
+    fn table_of_albedos_matches_integration() {
         let mut rng = rng(2);
         for _ in 0..200 {
             let ggx = Ggx { alpha: 0.02 + 0.98 * rng.next_1d() };

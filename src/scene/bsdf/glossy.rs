@@ -1,8 +1,8 @@
-//! Rough facets over a diffuse base, between dielectric and metal: glTF's metallic-roughness model.
+//! Rough facets over a diffuse base, a mixture of dielectric and metal: glTF's metallic-roughness model.
 
 use super::conductor::multiple_scattering;
 use super::ggx::{Ggx, reflect};
-use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, SMOOTH_ALPHA, Wanted, fresnel, mirrored};
+use super::{BsdfSample, DIFFUSE_ALPHA, Lobe, LobeSet, SMOOTH_ALPHA, fresnel, mirrored};
 use crate::base::math::{Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
 use crate::base::rng::Rng;
 use glam::Vec3;
@@ -11,11 +11,11 @@ use std::f32::consts::{FRAC_1_PI, PI};
 /// The material of glTF 2.0 (Appendix B): a dielectric and a metal of the same GGX facets, mixed by
 /// `metallic`, on both sides of the surface. Facets reflect by Schlick's approximation.
 ///
-/// It has two lobes. The *facets'* is that of both parts; it merges or passes through by its width,
-/// as metals do. The *base* is what enters the dielectric and leaves it again, with the probability
-/// `albedo`: `f = albedo (1 - E(wo)) (1 - E(wi)) / (pi (1 - E_mean))`, where `E` is the share that
-/// the facets reflect (Kulla and Conty 2017). It is diffuse. Where facets are narrow or smooth, paths
-/// merge by the one lobe and pass through by the other, as at a coat.
+/// It has two lobes. The lobe of the *facets* is that of both parts; it merges or passes through by its width, like
+/// that of metals. The *base* scatters light that enters the dielectric, and is diffuse:
+/// `f = albedo (1 - E(wo)) (1 - E(wi)) / (pi (1 - E_mean))`, where `E` is the share that the facets reflect (Kulla
+/// and Conty 2017). If facets are narrow or smooth, paths merge by the base and pass through by the facets, as at a
+/// coat.
 ///
 /// Reciprocal; lossless where `albedo` is white.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,16 +25,16 @@ pub struct Glossy {
     /// Reflectance of the dielectric at normal incidence.
     normal: f32,
     facets: Ggx,
-    /// The base's value over albedo and the two shares that enter, 1/sr.
+    /// Value of the base over its albedo and both shares that enter, 1/sr.
     base: f32,
-    /// The metal's multiple scattering over the two shares that are lost, 1/sr.
+    /// Multiple scattering of the metal over both shares that are lost, 1/sr.
     multiple: Rgb,
 }
 
 impl Glossy {
-    /// A surface that is `metallic` to this share in [0, 1]; `albedo` is the color of the base, and of
-    /// the metal at normal incidence. The dielectric has the refractive index `eta` over its
-    /// surroundings; `alpha` is the GGX width in [0, 1], smooth below [`SMOOTH_ALPHA`].
+    /// A surface with the share `metallic` of metal, in [0, 1]. `albedo` is the color of the base, and of the metal
+    /// at normal incidence. The dielectric has the refractive index `eta` over its surroundings. `alpha` is the GGX
+    /// width in [0, 1], smooth below [`SMOOTH_ALPHA`].
     pub fn new(albedo: Rgb, metallic: f32, eta: f32, alpha: f32) -> Self {
         let normal = ((eta - 1.0) / (eta + 1.0)).powi(2);
         Self::with_normal(albedo, metallic.clamp(0.0, 1.0), normal, alpha)
@@ -48,16 +48,16 @@ impl Glossy {
         Self { albedo, metallic, normal, facets, base, multiple }
     }
 
-    /// The same with all of albedo, metallic share and roughness (the square root of the width)
-    /// multiplied, as textures do.
+    /// The surface with albedo, metallic share and roughness (the square root of the width) multiplied by factors,
+    /// as textures do.
     #[must_use]
     pub fn scaled(&self, albedo: Rgb, metallic: f32, roughness: f32) -> Self {
         let alpha = self.facets.alpha * roughness * roughness;
         Self::with_normal(self.albedo * albedo, self.metallic * metallic, self.normal, alpha)
     }
 
-    /// The same with the reflectance of the dielectric at normal incidence multiplied by a factor of at least 0,
-    /// up to all. Toward grazing incidence it still grows to 1.
+    /// The surface with the dielectric's reflectance at normal incidence multiplied by a factor of at least 0, and
+    /// limited to 1. Toward grazing incidence it still grows to 1.
     #[must_use]
     pub fn reflecting(&self, factor: f32) -> Self {
         let normal = (self.normal * factor).min(1.0);
@@ -94,7 +94,7 @@ impl Glossy {
         }
     }
 
-    /// Whether a lobe is of this class.
+    /// Returns true if the surface has a lobe of this class.
     #[inline]
     pub(super) fn has(&self, lobe: Lobe) -> bool {
         let has_base = self.base * self.albedo.max_element() > 0.0;
@@ -114,13 +114,13 @@ impl Glossy {
         (1.0 - self.facets.schlick_albedo(cos, self.normal)).max(0.0)
     }
 
-    /// What single scattering of a white metal loses of light from the cosine `cos`.
+    /// Share of the light from the cosine `cos` that single scattering of a white metal loses.
     #[inline]
     fn loss(&self, cos: f32) -> f32 {
         (1.0 - self.facets.single_albedo(cos)).max(0.0)
     }
 
-    /// Probability of the facets' lobe among both: about its share of what is reflected.
+    /// Probability of the facets' lobe: about its share of the reflected light.
     pub(super) fn facets_prob(&self, wo: Vec3) -> f32 {
         let once = self.facets.schlick_albedo(wo.z, self.mixed_normal().max_element());
         let facets = once + self.metallic * self.loss(wo.z);
@@ -155,7 +155,7 @@ impl Glossy {
         fresnel::schlick(wo.dot(m), self.mixed_normal()) * once + again
     }
 
-    /// Density of sampling the lobes of one class, less than 1 in all if there are others.
+    /// Density of sampling the lobes of one class, 1/sr; its integral is less than 1 if there are other classes.
     pub(super) fn pdf_w(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
         if wi.z <= 0.0 {
             return 0.0;
@@ -177,9 +177,9 @@ impl Glossy {
         (1.0 - again) * once + again * cosine_hemisphere_pdf_w(wi.z)
     }
 
-    pub(super) fn sample(&self, wo: Vec3, wanted: Wanted, rng: &mut Rng) -> Option<BsdfSample> {
+    pub(super) fn sample(&self, wo: Vec3, wanted: LobeSet, rng: &mut Rng) -> Option<BsdfSample> {
         let lobe = self.facets_lobe();
-        let prob = if wanted == Wanted::All { self.facets_prob(wo) } else { 1.0 };
+        let prob = if wanted == LobeSet::All { self.facets_prob(wo) } else { 1.0 };
         let facets = prob >= 1.0 || rng.next_1d() < prob;
         if facets && lobe == Lobe::Delta {
             let reflected = fresnel::schlick(wo.z, self.mixed_normal());
@@ -190,7 +190,7 @@ impl Glossy {
             return None; // into another facet
         }
         if lobe == Lobe::Diffuse {
-            // Both lobes may have it: one density for both.
+            // Both lobes may have this class: one density for both.
             let pdf = self.pdf_w(lobe, wo, wi);
             let weight = self.eval(lobe, wo, wi) * (wi.z / pdf);
             return (pdf > 0.0).then_some(BsdfSample { wi, weight, lobe });

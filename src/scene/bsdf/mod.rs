@@ -1,9 +1,8 @@
 //! Scattering at surfaces: the closed set of BSDFs.
 //!
-//! Directions are unit vectors that point away from the surface. Photon mapping asks one more
-//! question than path tracing: what does a path do at a vertex, *merge* or *pass through*? The
-//! answer belongs to the lobe ([`Lobe`]), not to the surface: a coat over a diffuse base has both.
-//! At such a vertex photons merge with, and lights connect to, the diffuse lobe alone.
+//! Directions are unit vectors that point away from the surface. In photon mapping a path either *merges* at a
+//! vertex or *passes through*. This is a property of the lobe ([`Lobe`]), not of the surface: a coat over a diffuse
+//! base has lobes of both kinds. At such a vertex photons merge with, and lights connect to, the diffuse lobe alone.
 
 mod beckmann;
 mod coated;
@@ -27,14 +26,14 @@ use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// GGX widths from here on merge and connect as diffuse surfaces do. Narrower lobes pass through:
-/// within them a merged or connected direction would seldom carry any light.
+/// Minimum GGX width of lobes that merge and connect like diffuse surfaces. Narrower lobes pass through: merged or
+/// connected directions would seldom carry light.
 pub const DIFFUSE_ALPHA: f32 = 0.3;
 
-/// GGX widths below are perfectly smooth.
+/// Minimum GGX width of rough surfaces; smaller widths are perfectly smooth.
 pub const SMOOTH_ALPHA: f32 = 1e-3;
 
-/// What a path does where this lobe scatters it.
+/// Class of a lobe: the behavior of paths that it scatters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
     /// Wide: a numbered vertex, at which photons are merged and lights connected.
@@ -46,14 +45,14 @@ pub enum Lobe {
 }
 
 impl Lobe {
-    /// Whether vertices of this lobe are not numbered.
+    /// Returns true if vertices of this lobe are not numbered.
     #[inline]
     pub fn passes_through(self) -> bool {
         self != Self::Diffuse
     }
 }
 
-/// What a path carries. Radiance changes with the square of the refractive index, flux does not.
+/// Quantity that a path carries. Radiance changes with the square of the refractive index, flux does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
     /// Camera paths: `wo` points back along the path, and light comes from the sampled direction.
@@ -62,14 +61,14 @@ pub enum Transport {
     Flux,
 }
 
-/// Where and from where a surface is seen.
+/// A point of a surface as seen from a direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex {
     /// Unit normal on the side of `wo`.
     pub normal: Vec3,
-    /// Back along the path.
+    /// Unit vector back along the path.
     pub wo: Vec3,
-    /// Whether that side is the front.
+    /// True if that side is the front.
     pub front: bool,
 }
 
@@ -81,16 +80,16 @@ pub struct BsdfSample {
     /// `f |cos(theta)| / pdf_w`, of a delta lobe its limit.
     /// theory.md (20).
     pub weight: Rgb,
-    /// The lobe that it was sampled from.
+    /// Class of the sampled lobe.
     pub lobe: Lobe,
 }
 
-/// Which lobes to sample.
+/// The lobes to sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wanted {
-    /// All.
+pub enum LobeSet {
+    /// All lobes.
     All,
-    /// Those that pass through.
+    /// Lobes that pass through.
     PassThrough,
 }
 
@@ -101,7 +100,7 @@ pub enum Bsdf {
     Lambertian {
         /// Reflected share of the incident flux, in [0, 1].
         albedo: Rgb,
-        /// Whether the back reflects as well; else it is black.
+        /// If true, the back reflects as well; otherwise it is black.
         two_sided: bool,
     },
     /// A perfect mirror on both sides.
@@ -111,7 +110,7 @@ pub enum Bsdf {
     },
     /// A smooth interface between two dielectrics.
     Dielectric(Dielectric),
-    /// A smooth sheet, thin against everything else in the scene.
+    /// A smooth sheet of negligible thickness.
     ThinDielectric(ThinDielectric),
     /// A metal, smooth or rough.
     Conductor(Conductor),
@@ -119,7 +118,7 @@ pub enum Bsdf {
     RoughDielectric(RoughDielectric),
     /// A diffuse base under a smooth dielectric coat.
     Coated(Coated),
-    /// Facets over a diffuse base, between dielectric and metal.
+    /// Facets over a diffuse base, a mixture of dielectric and metal.
     Glossy(Glossy),
 }
 
@@ -129,7 +128,7 @@ impl Bsdf {
         Self::Lambertian { albedo, two_sided: true }
     }
 
-    /// The widest lobe; `None` if all are single directions.
+    /// Class of the widest lobe; `None` if all are single directions.
     #[inline]
     pub fn spread(&self) -> Option<Lobe> {
         match self {
@@ -143,13 +142,13 @@ impl Bsdf {
         }
     }
 
-    /// Whether any lobe is diffuse.
+    /// Returns true if any lobe is diffuse.
     #[inline]
     pub fn merges(&self) -> bool {
         self.spread() == Some(Lobe::Diffuse)
     }
 
-    /// Whether any lobe passes through.
+    /// Returns true if any lobe passes through.
     #[inline]
     pub fn passes_through(&self) -> bool {
         match self {
@@ -159,7 +158,7 @@ impl Bsdf {
         }
     }
 
-    /// Whether any lobe is [`Lobe::Rough`].
+    /// Returns true if any lobe is [`Lobe::Rough`].
     #[inline]
     pub fn has_rough(&self) -> bool {
         match self {
@@ -168,13 +167,13 @@ impl Bsdf {
         }
     }
 
-    /// Whether any lobe leads to the other side.
+    /// Returns true if any lobe transmits light to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
         matches!(self, Self::Dielectric(_) | Self::ThinDielectric(_) | Self::RoughDielectric(_))
     }
 
-    /// Share of the incident flux that the front or the back reflects diffusely, if it does no other.
+    /// Albedo of the front or the back of a Lambertian surface; `None` for others.
     #[inline]
     pub fn diffuse_albedo(&self, front: bool) -> Option<Rgb> {
         match *self {
@@ -185,8 +184,8 @@ impl Bsdf {
         }
     }
 
-    /// The value of all lobes that are no single direction, 1/sr, for light that arrives from `wi`
-    /// and leaves toward `wo` ([`Transport::Radiance`]).
+    /// The value of all lobes but single directions, 1/sr, for light that arrives from `wi` and leaves toward `wo`
+    /// ([`Transport::Radiance`]).
     #[inline]
     pub fn eval(&self, at: &Vertex, wi: Vec3) -> Rgb {
         if let Some(albedo) = self.diffuse_albedo(at.front) {
@@ -195,7 +194,7 @@ impl Bsdf {
         self.eval_locally(at, wi, None)
     }
 
-    /// [`Self::eval`] of the lobes of one class.
+    /// [`Self::eval`] for the lobes of one class.
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
         match self {
@@ -205,8 +204,7 @@ impl Bsdf {
         }
     }
 
-    /// The value of what is not Lambertian, in the frame of the normal; of lobes of several classes
-    /// that of one or all.
+    /// The value of BSDFs that are not Lambertian, in the frame of the normal: of the lobes of one class, or of all.
     fn eval_locally(&self, at: &Vertex, wi: Vec3, lobe: Option<Lobe>) -> Rgb {
         let frame = Frame::new(at.normal);
         let (wo, wi) = (frame.to_local(at.wo), frame.to_local(wi));
@@ -225,8 +223,8 @@ impl Bsdf {
         }
     }
 
-    /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class, that is no single
-    /// direction; less than 1 in all if there are others.
+    /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than single directions. Its
+    /// integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
         if !matches!(self, Self::Glossy(_)) && self.spread() != Some(lobe) {
             return 0.0;
@@ -248,7 +246,7 @@ impl Bsdf {
         }
     }
 
-    /// Probability that [`Self::sample`] passes through, as [`Self::pdf_w`] has it.
+    /// Probability that [`Self::sample`] passes through, consistent with [`Self::pdf_w`].
     pub fn pass_prob(&self, at: &Vertex) -> f32 {
         let wo = Frame::new(at.normal).to_local(at.wo);
         match self {
@@ -259,8 +257,8 @@ impl Bsdf {
         }
     }
 
-    /// Refractive index beyond the surface over that on the side of its front or its back; 1 of what does
-    /// not refract.
+    /// Refractive index behind the surface over that in front, as seen from the front or the back; 1 for BSDFs that
+    /// do not refract.
     pub fn relative_index(&self, front: bool) -> f32 {
         match self {
             Self::Dielectric(interface) => dielectric::relative(interface.eta, front),
@@ -273,11 +271,11 @@ impl Bsdf {
         &self,
         at: &Vertex,
         transport: Transport,
-        wanted: Wanted,
+        wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
         if let Self::Lambertian { albedo, two_sided } = *self {
-            let sampled = wanted == Wanted::All && (at.front || two_sided);
+            let sampled = wanted == LobeSet::All && (at.front || two_sided);
             return sampled.then(|| {
                 let wi = cosine_hemisphere(at.normal, rng.next_2d());
                 BsdfSample { wi, weight: albedo, lobe: Lobe::Diffuse }
@@ -286,15 +284,15 @@ impl Bsdf {
         self.sample_locally(at, transport, wanted, rng)
     }
 
-    /// [`Self::sample`] of what is not Lambertian, in the frame of the normal.
+    /// [`Self::sample`] for BSDFs that are not Lambertian, in the frame of the normal.
     fn sample_locally(
         &self,
         at: &Vertex,
         transport: Transport,
-        wanted: Wanted,
+        wanted: LobeSet,
         rng: &mut Rng,
     ) -> Option<BsdfSample> {
-        if wanted == Wanted::PassThrough && !self.passes_through() {
+        if wanted == LobeSet::PassThrough && !self.passes_through() {
             return None;
         }
         let frame = Frame::new(at.normal);
@@ -315,8 +313,8 @@ impl Bsdf {
         Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
     }
 
-    /// The color of what is neither a mirror nor clear, as denoisers are told it: of a coated or glossy surface that
-    /// of its base, of a metal its reflectance at normal incidence, of rough glass what passes it.
+    /// The albedo feature for denoisers. Coated and glossy surfaces have the color of their base, metals their
+    /// reflectance at normal incidence, rough glass its transmittance. Mirrors and clear glass are white.
     pub fn color(&self, front: bool) -> Rgb {
         match self {
             Self::Lambertian { albedo, two_sided } if front || *two_sided => *albedo,
@@ -329,8 +327,8 @@ impl Bsdf {
         }
     }
 
-    /// An upper bound of the share of the incident flux that is scattered, per channel; of
-    /// Lambertian surfaces and mirrors the share itself.
+    /// An upper bound of the scattered share of the incident flux, per channel; exact for Lambertian surfaces and
+    /// mirrors.
     #[inline]
     pub fn albedo(&self) -> Rgb {
         match self {

@@ -1,4 +1,4 @@
-//! A rough interface between two dielectrics (Walter et al. 2007) of single scattering.
+//! A rough interface between two dielectrics, with single scattering (Walter et al. 2007).
 
 use super::dielectric::{relative, transmission_scale};
 use super::ggx::reflect;
@@ -7,14 +7,14 @@ use crate::base::math::Rgb;
 use crate::base::rng::Rng;
 use glam::Vec3;
 
-/// A rough interface between two dielectrics. Light that facets send into other facets is lost: at
-/// an index of 1.5, of diffuse light, 0.9 % for `alpha = 0.1`, 3.7 % for 0.3 and 20 % for 1 (tested).
-/// All of it passes through, however rough: photons from beyond the surface are not merged.
+/// A rough interface between two dielectrics. Light that facets scatter into other facets is lost. At an index of 1.5
+/// diffuse light loses 0.9 % for `alpha = 0.1`, 3.7 % for 0.3 and 20 % for 1 (tested). All lobes pass through, however
+/// rough: photons from behind the surface are not merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoughDielectric {
     /// Refractive index behind the surface over that in front.
     eta: f32,
-    /// What light that crosses the surface is multiplied with, in [0, 1].
+    /// Factor of light that crosses the surface, in [0, 1].
     transmittance: Rgb,
     facets: Facets,
 }
@@ -31,13 +31,13 @@ impl RoughDielectric {
         Self { eta, transmittance: Rgb::ONE, facets }
     }
 
-    /// The same where light that crosses it is multiplied with `transmittance`, in [0, 1].
+    /// The interface with this factor of light that crosses it, in [0, 1].
     #[must_use]
     pub fn tinted(self, transmittance: Rgb) -> Self {
         Self { transmittance, ..self }
     }
 
-    /// What light that crosses it is multiplied with.
+    /// Factor of light that crosses the interface.
     pub fn transmittance(&self) -> Rgb {
         self.transmittance
     }
@@ -47,22 +47,22 @@ impl RoughDielectric {
         self.eta
     }
 
-    /// How its facets are distributed.
+    /// Model of the facets.
     pub fn model(&self) -> FacetModel {
         self.facets.model
     }
 
-    /// Width of its facets' distribution.
+    /// Width of the facets' distribution.
     pub fn alpha(&self) -> f32 {
         self.facets.alpha
     }
 
-    /// The facet between two directions, on the side of `wo`; `None` if no facet does that.
+    /// Normal of the facet that joins two directions, on the side of `wo`; `None` if no facet does.
     fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<Vec3> {
         let sum = if wi.z > 0.0 { wo + wi } else { wo + eta * wi };
         let m = sum.try_normalize()?;
         let m = if m.z < 0.0 { -m } else { m };
-        // Facets are seen from their outside, and from where refraction bends them.
+        // Both directions must see the facet's outside.
         let seen = wo.dot(m) > 0.0 && wi.dot(m) * wi.z > 0.0;
         seen.then_some(m)
     }
@@ -111,7 +111,7 @@ impl RoughDielectric {
             let wi = ((cos / eta - cos_t) * m - wo / eta).normalize();
             (wi, self.transmittance * transmission_scale(transport, eta))
         };
-        // On the wrong side of the surface it meets another facet, and is lost.
+        // A direction on the wrong side of the surface meets another facet: its light is lost.
         if wi.z == 0.0 || (wi.z > 0.0) != mirrored {
             return None;
         }

@@ -1,5 +1,5 @@
-//! What bounds a set of emitters in place and direction, for the tree that chooses among them (Conty
-//! Estevez and Kulla 2018, Section 4).
+//! Bounds of a set of emitters in position and direction, for the light tree (Conty Estevez and Kulla 2018,
+//! Section 4).
 
 use super::emitter::Emitter;
 use crate::base::math::{Bounds, Rgb, luminance};
@@ -7,38 +7,38 @@ use crate::scene::Triangle;
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Where a cluster of emitters is and where it shines.
+/// Bounds of a cluster of emitters, and its intensity.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::scene) struct Cluster {
-    pub(in crate::scene) bounds: Bounds,
-    pub(in crate::scene) beam: Beam,
+pub(super) struct Cluster {
+    pub(super) bounds: Bounds,
+    pub(super) beam: Beam,
     /// Luminance of the radiant intensity along the axes of its emitters, W/sr.
-    pub(in crate::scene) intensity: f32,
-    /// Sum of the emitters' axes, each of the length of its intensity: where all emitters face a direction and shine
-    /// by its cosine, the intensity there is the product with it. 0 for those that shine alike all around.
-    pub(in crate::scene) net: Vec3,
-    /// The intensity's mean over all directions.
-    pub(in crate::scene) mean: f32,
+    pub(super) intensity: f32,
+    /// Sum of the emitters' axes, each as long as its intensity. If all emitters face a direction and shine by its
+    /// cosine, the intensity there is the dot product with the sum. Isotropic emitters contribute 0.
+    pub(super) net: Vec3,
+    /// Mean intensity over all directions, W/sr.
+    pub(super) mean: f32,
 }
 
-/// The directions into which a cluster shines: its emitters' axes are within `spread` of `axis`, and
-/// each shines within `reach` of its own (Section 4.1).
+/// The directions into which a cluster shines: its emitters' axes are within `spread` of `axis`, and each
+/// emitter shines within `reach` of its own axis (Section 4.1).
 #[derive(Clone, Copy, Debug)]
-pub(in crate::scene) struct Beam {
-    pub(in crate::scene) axis: Vec3,
+pub(super) struct Beam {
+    pub(super) axis: Vec3,
     /// Radians, up to pi.
-    pub(in crate::scene) spread: f32,
+    pub(super) spread: f32,
     /// Radians, up to pi/2.
-    pub(in crate::scene) reach: f32,
+    pub(super) reach: f32,
 }
 
 impl Beam {
-    /// The smallest that holds both, nearly.
+    /// Nearly the smallest beam that contains both.
     fn with(self, other: Self) -> Self {
         let (wide, narrow) =
             if self.spread >= other.spread { (self, other) } else { (other, self) };
         let reach = wide.reach.max(narrow.reach);
-        // Exact also for small angles, which their cosine is not.
+        // Exact also for small angles, unlike the arc cosine.
         let (difference, sum) = (wide.axis - narrow.axis, wide.axis + narrow.axis);
         let between = 2.0 * difference.length().atan2(sum.length());
         if (between + narrow.spread).min(PI) <= wide.spread {
@@ -48,15 +48,15 @@ impl Beam {
         if spread >= PI {
             return Self { spread: PI, reach, ..wide };
         }
-        // The wide one's axis turns toward the narrow one's.
+        // The axis of the wide beam turns toward that of the narrow one.
         let across = narrow.axis - wide.axis.dot(narrow.axis) * wide.axis;
         let across = across.normalize_or(wide.axis.any_orthonormal_vector());
         let (sin, cos) = (spread - wide.spread).sin_cos();
         Self { axis: (cos * wide.axis + sin * across).normalize(), spread, reach }
     }
 
-    /// The measure of the directions that it shines into, weighted with the cosine beyond the spread:
-    /// `M_Omega` of Equation 1.
+    /// Measure of the directions of the beam, weighted with the cosine outside the spread: `M_Omega` of
+    /// Equation 1.
     /// theory.md (19).
     fn measure(&self) -> f32 {
         let Self { spread, reach, .. } = *self;
@@ -69,8 +69,8 @@ impl Beam {
 }
 
 impl Cluster {
-    /// `None` for light from afar, which has no place.
-    pub(in crate::scene) fn of(emitter: &Emitter) -> Option<Self> {
+    /// `None` for parallel light, which has no position.
+    pub(super) fn of(emitter: &Emitter) -> Option<Self> {
         let at = |position| Bounds::EMPTY.with(position);
         let panel = |shape: &Triangle, radiance: Rgb| {
             let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| shape.point(uv));
@@ -84,7 +84,7 @@ impl Cluster {
                 (at(*position), all, *intensity)
             }
             Emitter::Spot(spot) => {
-                // Annulus the reach of the estimate's heights, anywhere.
+                // Spots wider than the reach of the estimate may shine anywhere.
                 let spread = if spot.cos_outer < 0.0 { PI } else { 0.0 };
                 let reach = spot.cos_outer.max(0.0).acos();
                 let cone = Beam { axis: spot.direction, spread, reach };
@@ -105,7 +105,7 @@ impl Cluster {
         Some(Self { bounds, beam, intensity, net, mean })
     }
 
-    pub(in crate::scene) fn with(self, other: Self) -> Self {
+    pub(super) fn with(self, other: Self) -> Self {
         Self {
             bounds: self.bounds.with(other.bounds.min).with(other.bounds.max),
             beam: self.beam.with(other.beam),
@@ -115,10 +115,10 @@ impl Cluster {
         }
     }
 
-    /// What it costs to have it as one cluster (Equation 2), with the square of its
-    /// diameter as its size: the area of a box around lamps in a row would be 0.
+    /// Cost of the cluster (Equation 2), with the square of its diameter as its size: the area of a box around lamps
+    /// in a row would be 0.
     /// theory.md (19).
-    pub(in crate::scene) fn cost(&self) -> f32 {
+    pub(super) fn cost(&self) -> f32 {
         let size = (self.bounds.max - self.bounds.min).length_squared();
         self.intensity * self.beam.measure() * size
     }

@@ -11,12 +11,12 @@ use crate::scene::{TexturedTriangle, Triangle};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// The smallest unit that emits.
+/// A light source; a mesh that emits has one per triangle.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Emitter {
     /// An isotropic point.
     Point {
-        /// Where it is.
+        /// Position, scene units.
         position: Vec3,
         /// Radiant intensity, W/sr.
         intensity: Rgb,
@@ -25,39 +25,39 @@ pub enum Emitter {
     Spot(Spot),
     /// Parallel light from far away, such as the sun's.
     Directional(Directional),
-    /// A triangle that emits the same radiance from each point of its front to all sides.
+    /// A triangle that emits uniform radiance from its front.
     Triangle {
         /// Its geometry.
         shape: Triangle,
         /// Emitted radiance, W/(m^2 sr).
         radiance: Rgb,
     },
-    /// A triangle that emits by a picture.
+    /// A triangle that emits by a texture.
     Textured(Box<TexturedTriangle>),
 }
 
-/// A point that emits into a cone: all of its intensity within the inner angle, none beyond the outer
-/// one, and in between the square of the cosine's share of the way.
+/// A point that emits into a cone: its full intensity within the inner angle, none outside the outer angle.
+/// Between them it falls off with the square of a linear function of the cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
-    /// Where it is.
+    /// Position, scene units.
     pub position: Vec3,
     /// Unit vector along the axis.
     pub direction: Vec3,
     /// Radiant intensity along the axis, W/sr.
     pub intensity: Rgb,
-    /// Cosine of the angle from the axis up to which it is the same.
+    /// Cosine of the largest angle from the axis with the full intensity.
     pub cos_inner: f32,
-    /// Cosine of the angle from which on it is 0; less than `cos_inner`.
+    /// Cosine of the smallest angle without intensity; less than `cos_inner`.
     pub cos_outer: f32,
 }
 
 /// Parallel light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directional {
-    /// Unit vector along which it travels.
+    /// Unit vector along which the light travels.
     pub direction: Vec3,
-    /// Irradiance of surfaces that face it, W/m^2.
+    /// Irradiance of surfaces that face the light, W/m^2.
     pub irradiance: Rgb,
     /// Center of a sphere around the scene; [`Scene::new`](crate::Scene::new) sets it.
     pub center: Vec3,
@@ -66,20 +66,20 @@ pub struct Directional {
 }
 
 impl Spot {
-    /// Solid angle of the cone that holds as much light at the full intensity, sr: the falloff has a
-    /// third of its solid angle.
+    /// Power over the full intensity, sr: the solid angle of the inner cone, and a third of that of the
+    /// falloff.
     pub fn solid_angle(&self) -> f32 {
         let [full, falloff] = self.solid_angles();
         full + falloff
     }
 
-    /// Of the full intensity, and of what the falloff is worth.
+    /// Solid angle of the inner cone, and the equivalent solid angle of the falloff, sr.
     /// theory.md (12).
     fn solid_angles(&self) -> [f32; 2] {
         [TAU * (1.0 - self.cos_inner), TAU / 3.0 * (self.cos_inner - self.cos_outer)]
     }
 
-    /// Share of the intensity in a direction at this cosine to the axis.
+    /// Share of the intensity in a direction at this cosine to the axis, in [0, 1].
     /// theory.md (12).
     #[inline]
     pub fn falloff(&self, cosine: f32) -> f32 {
@@ -87,17 +87,17 @@ impl Spot {
         share.clamp(0.0, 1.0).powi(2)
     }
 
-    /// Starts a light path in proportion to the intensity, of two uniform numbers.
+    /// Starts a light path in proportion to the intensity, from two uniform numbers.
     /// theory.md (13).
     fn emit(&self, prob: f32, [choice, around]: [f32; 2]) -> Emission {
         let [full, falloff] = self.solid_angles();
-        // What is left of the choice is uniform again.
-        let place = choice * (full + falloff);
-        let cosine = if place < full {
-            1.0 - place / full * (1.0 - self.cos_inner)
+        // The rest of the number that chose is uniform again.
+        let chosen = choice * (full + falloff);
+        let cosine = if chosen < full {
+            1.0 - chosen / full * (1.0 - self.cos_inner)
         } else {
-            // The share of the way has the density 3 t^2.
-            let u = ((place - full) / falloff).min(1.0);
+            // The linear function t of the cosine has the density 3 t^2.
+            let u = ((chosen - full) / falloff).min(1.0);
             self.cos_outer + (1.0 - u).cbrt() * (self.cos_inner - self.cos_outer)
         };
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -111,27 +111,20 @@ impl Spot {
     }
 
     fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
-        let to_light = self.position - position;
-        let distance2 = to_light.length_squared();
-        let wi = to_light * distance2.sqrt().recip();
+        let (wi, distance2) = toward(self.position, position);
         let share = self.falloff(-wi.dot(self.direction));
-        (share > 0.0).then(|| LightSample {
-            target: self.position,
-            wi,
-            irradiance: self.intensity * (share / (distance2 * prob)),
-            relative: 1.0,
-            inverse_pdf_w: 0.0,
-        })
+        let irradiance = self.intensity * (share / (distance2 * prob));
+        (share > 0.0).then(|| LightSample::of_delta(self.position, wi, irradiance))
     }
 }
 
 impl Directional {
-    /// Along `direction` (a unit vector), for a scene that is put together later.
+    /// Light along `direction` (a unit vector), for a scene that is built later.
     pub fn new(direction: Vec3, irradiance: Rgb) -> Self {
         Self { direction, irradiance, center: Vec3::ZERO, radius: 0.0 }
     }
 
-    /// Area of the disc that all light passes that may meet the scene.
+    /// Area of the disc that contains all light that can meet the scene, scene units squared.
     fn area(&self) -> f32 {
         PI * self.radius * self.radius
     }
@@ -148,22 +141,39 @@ impl Directional {
     }
 
     fn connect(&self, position: Vec3, prob: f32) -> LightSample {
-        // From the disc where its light paths start.
+        // The target is on the disc where its light paths start.
         let along = (position - self.center).dot(self.direction) + self.radius;
-        LightSample {
-            target: position - along.max(self.radius) * self.direction,
-            wi: -self.direction,
-            irradiance: self.irradiance / prob,
-            relative: 1.0,
-            inverse_pdf_w: 0.0,
-        }
+        let target = position - along.max(self.radius) * self.direction;
+        LightSample::of_delta(target, -self.direction, self.irradiance / prob)
     }
 }
 
+/// Unit vector from `position` to `target`, and the square of their distance.
+fn toward(target: Vec3, position: Vec3) -> (Vec3, f32) {
+    let to_light = target - position;
+    let distance2 = to_light.length_squared();
+    (to_light * distance2.sqrt().recip(), distance2)
+}
+
 impl Triangle {
-    /// Connects `position` with a point that emits `radiance` of its barycentric weights; `None` from
+    /// Starts a light path from a point that emits `radiance`, a function of its barycentric weights.
+    pub(super) fn emit(
+        &self,
+        radiance: impl FnOnce([f32; 2]) -> Rgb,
+        prob: f32,
+        [a, b, c, d]: [f32; 4],
+    ) -> Emission {
+        let at = uniform_triangle([a, b]);
+        Emission {
+            origin: self.point(at) + self.normal * self.offset,
+            direction: cosine_hemisphere(self.normal, [c, d]),
+            flux: radiance(at) * (PI * self.area() / prob),
+        }
+    }
+
+    /// Connects `position` with a point that emits `radiance`, a function of its barycentric weights; `None` from
     /// behind.
-    pub(in crate::scene) fn connect(
+    pub(super) fn connect(
         &self,
         position: Vec3,
         radiance: impl FnOnce([f32; 2]) -> Rgb,
@@ -171,37 +181,25 @@ impl Triangle {
         rng: &mut Rng,
     ) -> Option<LightSample> {
         let random = rng.next_2d();
-        let near = SphericalTriangle::is_near(self, position)
-            .then(|| SphericalTriangle::new(self, position))
-            .flatten();
-        let at = near.as_ref().map_or_else(|| uniform_triangle(random), |seen| seen.sample(random));
+        let near = SphericalTriangle::if_near(self, position);
+        let at = near.as_ref().map_or_else(|| uniform_triangle(random), |near| near.sample(random));
         let target = self.point(at) + self.normal * self.offset;
-        let to_light = target - position;
-        let distance2 = to_light.length_squared();
-        let wi = to_light * distance2.sqrt().recip();
+        let (wi, distance2) = toward(target, position);
         let cos_light = -wi.dot(self.normal);
         // The reciprocal of the density in solid angle.
         // theory.md (14) where it is near
-        let seen =
-            near.map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle());
-        let irradiance = radiance(at) * (seen / prob);
-        let inverse_pdf_w = seen / prob;
-        (cos_light > 0.0).then_some(LightSample {
-            target,
-            wi,
-            irradiance,
-            relative: 1.0,
-            inverse_pdf_w,
-        })
+        let inverse_pdf_w = near
+            .map_or_else(|| cos_light * self.area() / distance2, |near| near.solid_angle())
+            / prob;
+        let irradiance = radiance(at) * inverse_pdf_w;
+        let sample = LightSample { target, wi, irradiance, relative: 1.0, inverse_pdf_w };
+        (cos_light > 0.0).then_some(sample)
     }
 
-    /// The reciprocal of the density in solid angle with which [`Self::connect`] chooses a point `origin`, from
-    /// which `direction` leads to `position`, sr.
-    fn seen(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
-        let near = SphericalTriangle::is_near(self, position)
-            .then(|| SphericalTriangle::new(self, position))
-            .flatten();
-        near.map_or_else(
+    /// Reciprocal of the density in solid angle with which [`Self::connect`] chooses the point `origin`, sr;
+    /// `direction` leads from it to `position`.
+    fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
+        SphericalTriangle::if_near(self, position).map_or_else(
             || direction.dot(self.normal) * self.area() / origin.distance_squared(position),
             |near| near.solid_angle(),
         )
@@ -209,7 +207,7 @@ impl Triangle {
 }
 
 impl Emitter {
-    /// Radiant power, W; of parallel light what meets the sphere around the scene.
+    /// Radiant power, W; that of parallel light is the part that meets the sphere around the scene.
     pub fn power(&self) -> Rgb {
         match self {
             Self::Point { intensity, .. } => 4.0 * PI * *intensity,
@@ -220,64 +218,52 @@ impl Emitter {
         }
     }
 
-    /// Whether no ray can hit it: light from it is found by connections and photons only.
-    pub fn is_delta(&self) -> bool {
-        !matches!(self, Self::Triangle { .. } | Self::Textured(_))
+    /// The triangle that emits; `None` for point and parallel lights.
+    fn shape(&self) -> Option<&Triangle> {
+        match self {
+            Self::Triangle { shape, .. } => Some(shape),
+            Self::Textured(panel) => Some(&panel.shape),
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => None,
+        }
     }
 
-    /// Starts a light path of four uniform numbers, if it was chosen with probability `prob`: the first two are of the
-    /// place on a surface, the last two of the direction; a light that has one of these alone takes the first.
-    pub(in crate::scene) fn emit(&self, prob: f32, at: [f64; 4]) -> Emission {
-        let [a, b, c, d] = at.map(below_one);
+    /// Returns true if no ray can hit the light: only connections and photons then carry its light.
+    pub fn is_delta(&self) -> bool {
+        self.shape().is_none()
+    }
+
+    /// Starts a light path from four uniform numbers; the light was chosen with probability `prob`. The first two
+    /// numbers select a point on the surface, the last two a direction. Lights with only one of these use the first two.
+    pub(super) fn emit(&self, prob: f32, at: [f64; 4]) -> Emission {
+        let numbers @ [a, b, ..] = at.map(below_one);
         match self {
             Self::Point { position, intensity } => Emission {
                 origin: *position,
                 direction: uniform_sphere([a, b]),
                 flux: *intensity * (4.0 * PI / prob),
             },
-            Self::Triangle { shape, radiance } => {
-                let point = shape.point(uniform_triangle([a, b]));
-                Emission {
-                    origin: point + shape.normal * shape.offset,
-                    direction: cosine_hemisphere(shape.normal, [c, d]),
-                    flux: *radiance * (PI * shape.area() / prob),
-                }
-            }
+            Self::Triangle { shape, radiance } => shape.emit(|_| *radiance, prob, numbers),
             Self::Spot(spot) => spot.emit(prob, [a, b]),
             Self::Directional(light) => light.emit(prob, [a, b]),
-            Self::Textured(panel) => panel.emit(prob, [a, b, c, d]),
+            Self::Textured(panel) => panel.emit(prob, numbers),
         }
     }
 
-    /// Whether it emits anything.
+    /// Returns true if the light emits anything.
     pub(in crate::scene) fn has_power(&self) -> bool {
         luminance(self.power()) > 0.0
     }
 
-    /// Of triangles the reciprocal of the density in solid angle of connections with a point `origin`, from which
-    /// `direction` leads to `position`, if it is certain to be chosen, sr.
-    pub(in crate::scene) fn seen(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        position: Vec3,
-    ) -> Option<f32> {
-        let shape = match self {
-            Self::Triangle { shape, .. } => shape,
-            Self::Textured(panel) => &panel.shape,
-            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => return None,
-        };
-        Some(shape.seen(origin, direction, position)).filter(|&seen| seen > 0.0)
+    /// Reciprocal of the density in solid angle of connections with the point `origin` of a triangle that is certain
+    /// to be chosen, sr; `direction` leads from it to `position`. `None` if it cannot be connected.
+    pub(super) fn inverse_pdf_w(&self, origin: Vec3, direction: Vec3, at: Vec3) -> Option<f32> {
+        let inverse = self.shape()?.inverse_pdf_w(origin, direction, at);
+        Some(inverse).filter(|&inverse| inverse > 0.0)
     }
 
-    /// Luminance of the irradiance that a connection of `position` with `origin` carries if the emitter is
-    /// certain to be chosen and emits its mean radiance there, W/m^2; `direction` leads to `position`.
-    pub(in crate::scene) fn irradiance(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        position: Vec3,
-    ) -> f32 {
+    /// Luminance of the irradiance of a connection of `position` with `origin`, W/m^2, if the light is certain to be
+    /// chosen and emits its mean radiance there. `direction` leads from `origin` to `position`.
+    pub(super) fn irradiance(&self, origin: Vec3, direction: Vec3, position: Vec3) -> f32 {
         let distance2 = || origin.distance_squared(position);
         match self {
             Self::Point { intensity, .. } => luminance(*intensity) / distance2(),
@@ -287,32 +273,21 @@ impl Emitter {
             }
             Self::Directional(light) => luminance(light.irradiance),
             Self::Triangle { shape, radiance } => {
-                luminance(*radiance) * shape.seen(origin, direction, position)
+                luminance(*radiance) * shape.inverse_pdf_w(origin, direction, position)
             }
             Self::Textured(panel) => {
-                luminance(panel.mean()) * panel.shape.seen(origin, direction, position)
+                luminance(panel.mean()) * panel.shape.inverse_pdf_w(origin, direction, position)
             }
         }
     }
 
-    /// A point on it to connect `position` with, if it was chosen with probability `prob`.
-    pub(in crate::scene) fn connect(
-        &self,
-        position: Vec3,
-        prob: f32,
-        rng: &mut Rng,
-    ) -> Option<LightSample> {
+    /// A point on the light to connect `position` with; the light was chosen with probability `prob`.
+    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
         match self {
             Self::Point { position: target, intensity } => {
-                let to_light = *target - position;
-                let distance2 = to_light.length_squared();
-                (distance2 > 0.0).then(|| LightSample {
-                    target: *target,
-                    wi: to_light * distance2.sqrt().recip(),
-                    irradiance: *intensity * (distance2 * prob).recip(),
-                    relative: 1.0,
-                    inverse_pdf_w: 0.0,
-                })
+                let (wi, distance2) = toward(*target, position);
+                let irradiance = *intensity * (distance2 * prob).recip();
+                (distance2 > 0.0).then(|| LightSample::of_delta(*target, wi, irradiance))
             }
             Self::Triangle { shape, radiance } => shape.connect(position, |_| *radiance, prob, rng),
             Self::Spot(spot) => spot.connect(position, prob),
@@ -338,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spots_power_is_the_integral_of_its_intensity() {
+    fn power_of_a_spot_is_the_integral_of_its_intensity() {
         // Midpoints over the cosine.
         let n = 100_000;
         let spot = spot();
@@ -354,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spots_light_paths_follow_its_intensity() {
+    fn light_paths_of_a_spot_follow_its_intensity() {
         let spot = spot();
         let emitter = Emitter::Spot(spot);
         let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
@@ -384,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn parallel_light_meets_every_point_of_the_sphere_alike() {
+    fn parallel_light_has_uniform_irradiance_in_the_sphere() {
         let light = Directional {
             center: Vec3::new(3.0, 0.0, 1.0),
             radius: 2.0,

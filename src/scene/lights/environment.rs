@@ -1,4 +1,4 @@
-//! Light from all around the scene: a map of radiance over directions, importance sampled.
+//! The environment: a map of radiance over directions, importance sampled.
 
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{Bounds, Rgb, luminance, uniform_disc};
@@ -6,30 +6,29 @@ use crate::base::rng::Rng;
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Radiance that arrives from each direction, the same in each pixel of a map of longitude and
-/// latitude: its first row is around +y, its last one around -y; its middle column is toward -z, and
-/// columns go on to the right of somebody who looks there, +x.
+/// Radiance that arrives from each direction, uniform in each pixel of a latitude-longitude map. The first row is
+/// around +y, the last row around -y. The middle column is toward -z, and columns continue toward +x.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
     width: u32,
     height: u32,
     /// W/(m^2 sr), row by row.
     radiance: Vec<Rgb>,
-    /// Turn about +y, as a share of a full turn; counterclockwise seen from +y.
+    /// Rotation about +y, in full turns; counterclockwise seen from +y.
     turn: f32,
-    /// Upper end of each row's share of the choices.
+    /// Upper end of each row's interval of [0, 1].
     rows: Vec<f64>,
-    /// Upper end of each pixel's share of its row's, row by row.
+    /// Upper end of each pixel's interval of [0, 1] in its row, row by row.
     columns: Vec<f64>,
     /// Integral of the radiance over all directions, W/m^2.
     integral: Rgb,
-    /// A sphere around the scene.
+    /// Center and radius of a sphere around the scene.
     center: Vec3,
     radius: f32,
 }
 
 impl Environment {
-    /// Of `radiance`, W/(m^2 sr), row by row, turned by `turn_deg` about +y.
+    /// An environment of `radiance`, W/(m^2 sr), row by row, rotated by `turn_deg` about +y.
     ///
     /// # Panics
     /// If the number of pixels is not `width * height`, or one is negative or not finite.
@@ -63,18 +62,18 @@ impl Environment {
         environment
     }
 
-    /// The same around another scene.
+    /// Sets the sphere to one around `bounds`.
     pub(in crate::scene) fn enclose(&mut self, bounds: &Bounds) {
         self.center = bounds.center();
         self.radius = bounds.enclosing_radius();
     }
 
-    /// Whether any light comes from it.
+    /// Returns true if it emits no light.
     pub fn is_black(&self) -> bool {
         luminance(self.integral) <= 0.0
     }
 
-    /// Radiance over all directions, W/m^2.
+    /// Integral of the radiance over all directions, W/m^2.
     pub fn integral(&self) -> Rgb {
         self.integral
     }
@@ -84,7 +83,7 @@ impl Environment {
         self.disc() * self.integral
     }
 
-    /// Pixels and their turn, for a fingerprint.
+    /// Size, pixels and rotation, for a fingerprint.
     pub(crate) fn parts(&self) -> ([u32; 2], &[Rgb], f32) {
         ([self.width, self.height], &self.radiance, self.turn)
     }
@@ -97,7 +96,7 @@ impl Environment {
         self.radiance[row as usize * self.width as usize + column as usize]
     }
 
-    /// Of a pixel in this row, sr.
+    /// Solid angle of a pixel in this row, sr.
     /// theory.md (15).
     fn solid_angle(&self, row: u32) -> f32 {
         // cos(a) - cos(b) without cancellation.
@@ -115,8 +114,8 @@ impl Environment {
         self.pixel(column, index(latitude, self.height))
     }
 
-    /// A direction toward it in proportion to the luminance, of two uniform numbers, and the radiance from there
-    /// divided by the density, W/m^2, and one over the density, sr.
+    /// A direction in proportion to the luminance, from two uniform numbers. Also returns the radiance from there
+    /// over the density, W/m^2, and one over the density, sr.
     /// theory.md (15).
     fn sample(&self, [u, v]: [f64; 2]) -> (Vec3, Rgb, f32) {
         let (row, prob_of_row, v) = choose(&self.rows, v);
@@ -136,8 +135,8 @@ impl Environment {
         (direction, self.radiance[index] * inverse_pdf_w, inverse_pdf_w)
     }
 
-    /// Starts a light path of four uniform numbers, if the environment was chosen with probability `prob`.
-    pub(in crate::scene) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
+    /// Starts a light path from four uniform numbers; the environment was chosen with probability `prob`.
+    pub(super) fn emit(&self, prob: f32, [a, b, c, d]: [f64; 4]) -> Emission {
         let (toward, radiance, _) = self.sample([a, b]);
         let [u, v] = uniform_disc([c, d].map(below_one));
         let (right, up) = toward.any_orthonormal_pair();
@@ -145,15 +144,10 @@ impl Environment {
         Emission { origin, direction: -toward, flux: radiance * (self.disc() / prob) }
     }
 
-    /// A direction to connect `position` with, if the environment was chosen with probability `prob`.
-    pub(in crate::scene) fn connect(
-        &self,
-        position: Vec3,
-        prob: f32,
-        rng: &mut Rng,
-    ) -> LightSample {
+    /// A direction to connect `position` with; the environment was chosen with probability `prob`.
+    pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
         let (wi, irradiance, inverse_pdf_w) = self.sample([rng.next_f64(), rng.next_f64()]);
-        // Out of the sphere around the scene, wherever in it the position is.
+        // Outside the sphere around the scene, for any position in it.
         let distance = 2.0 * self.radius + (position - self.center).length();
         LightSample {
             target: position + distance * wi,
@@ -165,7 +159,7 @@ impl Environment {
     }
 }
 
-/// Adds the upper end of each weight's share of their sum, which it returns; all the same where that is 0.
+/// Appends the upper end of each weight's interval of [0, 1]; equal intervals if all weights are 0. Returns their sum.
 fn cumulative(weights: impl ExactSizeIterator<Item = f64>, ends: &mut Vec<f64>) -> f64 {
     let (first, count, mut sum) = (ends.len(), weights.len(), 0.0);
     ends.extend(weights.map(|weight| {
@@ -178,7 +172,7 @@ fn cumulative(weights: impl ExactSizeIterator<Item = f64>, ends: &mut Vec<f64>) 
     sum
 }
 
-/// The index whose share holds `u` of [0, 1), its probability, and where in the share `u` is.
+/// The index whose interval contains `u` of [0, 1), its probability, and the position of `u` in it, in [0, 1].
 fn choose(ends: &[f64], u: f64) -> (usize, f64, f64) {
     let index = ends.partition_point(|&end| end <= u).min(ends.len() - 1);
     let begin = if index == 0 { 0.0 } else { ends[index - 1] };
@@ -191,7 +185,7 @@ mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
 
-    /// Pixels that differ much.
+    /// An environment of very different pixels.
     fn environment(turn_deg: f32) -> Environment {
         let (width, height) = (12, 7);
         let pixel = |i: u32| {
@@ -204,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_have_the_radiance_they_were_sampled_for() {
+    fn sampled_directions_have_their_pixels_radiance() {
         for turn in [0.0, 35.0, -400.0] {
             let map = environment(turn);
             let mut rng = StreamKey::new(7, Stream::Test, 0).rng(0);
@@ -236,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_integral_is_that_over_all_directions() {
+    fn integral_matches_midpoint_rule_over_all_directions() {
         // By midpoints over the sphere, independent of the pixels' solid angles.
         let map = environment(35.0);
         let (n, mut sum) = (1200, glam::DVec3::ZERO);
@@ -256,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_and_rows_lie_where_they_should() {
+    fn columns_and_rows_have_their_documented_directions() {
         // One bright pixel of 8 by 4 at a time.
         for (index, direction) in [
             (3, Vec3::new(-0.1, 0.99, -0.1)),

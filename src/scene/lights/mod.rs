@@ -1,5 +1,5 @@
-//! All lights of a scene: light paths start from them in proportion to their power, and vertices
-//! connect to them by an estimate of what they contribute.
+//! The lights of a scene: light paths start from them in proportion to their power, and vertices
+//! connect to them in proportion to an estimate of their contribution.
 
 mod tree_node;
 mod sampler;
@@ -7,10 +7,10 @@ mod cluster;
 pub mod emitter;
 pub mod environment;
 pub mod guide;
-pub(in crate::scene) mod packets;
+pub(crate) mod packets;
 mod solid_angle;
 mod tree_build;
-pub(in crate::scene) mod textured_emitter;
+pub(crate) mod textured_emitter;
 mod tree;
 
 use crate::base::math::{Rgb, luminance};
@@ -18,7 +18,7 @@ use crate::base::rng::Rng;
 use emitter::Emitter;
 use environment::Environment;
 use glam::Vec3;
-use sampler::ByEstimate;
+use sampler::EstimateSampler;
 
 /// The start of a light path.
 #[derive(Clone, Copy, Debug)]
@@ -33,63 +33,79 @@ pub struct Emission {
     pub flux: Rgb,
 }
 
-/// Where among all ways to start a light path one does, in [0, 1) each: the light; the place on it, if it has a
-/// surface; the direction, if it has several.
-pub type Place = [f64; 5];
+/// The random numbers that start a light path, in [0, 1) each: one for the light, two for the point on it, two for
+/// the direction. Lights without a surface, or of one direction, leave two unused.
+pub type PrimarySample = [f64; 5];
 
-/// A number of [0, 1) in single precision, less than 1 as well.
-pub(in crate::scene) fn below_one(u: f64) -> f32 {
+/// A number of [0, 1) in single precision, still less than 1.
+fn below_one(u: f64) -> f32 {
     (u as f32).min(1.0f32.next_down())
 }
 
 /// A point on a light, as seen from a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct LightSample {
-    /// Where to aim the shadow ray, already off the light's surface.
+    /// Target of the shadow ray, already off the light's surface.
     pub target: Vec3,
     /// Unit vector from the vertex to the light.
     pub wi: Vec3,
     /// Irradiance on a surface that faces `wi` if nothing is in between, divided by the
     /// sample's density, W/m^2.
-    /// theory.md, section 7: `E.
+    /// theory.md, section 7: `E`.
     pub irradiance: Rgb,
-    /// Luminance of the flux that a light path from there starts with, over that of all lights' power.
+    /// Luminance of the flux of a light path that starts at the target, over that of all lights' power.
     pub relative: f32,
     /// Reciprocal of the sample's density in solid angle, sr; 0 if no ray can hit it.
     pub inverse_pdf_w: f32,
 }
 
-/// All emitters of a scene, and light from all around.
+impl LightSample {
+    /// A point on a light that no ray can hit.
+    fn of_delta(target: Vec3, wi: Vec3, irradiance: Rgb) -> Self {
+        Self { target, wi, irradiance, relative: 1.0, inverse_pdf_w: 0.0 }
+    }
+}
+
+/// A point that receives light.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Receiver {
+    /// Position, scene units.
+    pub position: Vec3,
+    /// Unit normal of the side that receives light; `None` if both sides do.
+    pub normal: Option<Vec3>,
+}
+
+/// All emitters of a scene, and its environment.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
     emitters: Vec<Emitter>,
     environment: Option<Environment>,
-    /// Among the emitters and, after them, the environment.
-    by_power: ByPower,
-    /// Among the same.
-    pub(super) by_estimate: ByEstimate,
-    /// Among those emitters that no ray can hit.
-    delta_by_estimate: ByEstimate,
+    /// Chooses among the emitters and, after them, the environment.
+    by_power: PowerSampler,
+    /// Chooses among them for a receiver.
+    by_estimate: EstimateSampler,
+    /// Chooses among the emitters that no ray can hit.
+    delta_by_estimate: EstimateSampler,
 }
 
-/// A choice in proportion to the luminance of the power.
+/// Chooses in proportion to the luminance of the power.
 #[derive(Clone, Debug, Default)]
-struct ByPower {
+struct PowerSampler {
     /// Probability of choosing each emitter.
     prob: Vec<f32>,
-    /// Upper end of each emitter's share of [0, 1], in f64 so that a million emitters get theirs.
+    /// Upper end of each emitter's interval of [0, 1], in f64 so that a million emitters have one.
     cumulative: Vec<f64>,
     /// Sum of all weights.
     total: f64,
 }
 
-/// What emitters are chosen by.
-fn chosen_by(emitter: &Emitter) -> f64 {
+/// Weight of an emitter in choices by power, W.
+fn power_weight(emitter: &Emitter) -> f64 {
     f64::from(luminance(emitter.power()))
 }
 
-impl ByPower {
-    /// In proportion to `weights`.
+impl PowerSampler {
+    /// A sampler in proportion to `weights`.
     fn new(weights: impl Iterator<Item = f64> + Clone) -> Self {
         let total: f64 = weights.clone().sum();
         // theory.md (11)
@@ -102,7 +118,7 @@ impl ByPower {
         Self { prob, cumulative: cumulative.collect(), total }
     }
 
-    /// The index that holds `u` of [0, 1), and its probability.
+    /// The index whose interval contains `u` of [0, 1), and its probability.
     #[inline]
     fn choose(&self, u: f64) -> (usize, f32) {
         let last = self.prob.len() - 1;
@@ -115,39 +131,39 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(Emitter::has_power);
-        let by_power = ByPower::new(emitters.iter().map(chosen_by));
-        let by_estimate = ByEstimate::new(&emitters, |_| true);
-        let delta_by_estimate = ByEstimate::new(&emitters, Emitter::is_delta);
+        let by_power = PowerSampler::new(emitters.iter().map(power_weight));
+        let by_estimate = EstimateSampler::new(&emitters, |_| true);
+        let delta_by_estimate = EstimateSampler::new(&emitters, Emitter::is_delta);
         Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
     }
 
-    /// Sets the light from all around; none if it is black.
+    /// Sets the environment; a black one is left out.
     pub(super) fn set_environment(&mut self, environment: Option<Environment>) {
         self.environment = environment.filter(|environment| !environment.is_black());
         let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
-        self.by_power = ByPower::new(self.emitters.iter().map(chosen_by).chain(own));
+        self.by_power = PowerSampler::new(self.emitters.iter().map(power_weight).chain(own));
         self.by_estimate.set_environment(self.emitters.len(), self.environment.as_ref());
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no lights.
     pub fn is_empty(&self) -> bool {
         self.emitters.is_empty() && self.environment.is_none()
     }
 
-    /// Light from all around.
+    /// Light from all directions.
     pub fn environment(&self) -> Option<&Environment> {
         self.environment.as_ref()
     }
 
-    /// Whether any light arrives from where there is nothing.
+    /// Returns true if rays that hit nothing receive light.
     #[inline]
-    pub fn shine_from_beyond(&self) -> bool {
+    pub fn has_environment(&self) -> bool {
         self.environment.is_some()
     }
 
-    /// Radiance that arrives from a unit direction in which there is nothing, W/(m^2 sr).
+    /// Radiance of a ray that hits nothing in a unit direction, W/(m^2 sr).
     #[inline]
-    pub fn beyond(&self, direction: Vec3) -> Rgb {
+    pub fn environment_radiance(&self, direction: Vec3) -> Rgb {
         self.environment.as_ref().map_or(Rgb::ZERO, |map| map.radiance(direction))
     }
 
@@ -171,11 +187,11 @@ impl Lights {
         self.emit_chosen(index, prob, self.numbers(index, rng))
     }
 
-    /// Starts a light path of uniform numbers, the first for the light; with the light's index.
+    /// Starts a light path from uniform numbers; also returns the light's index.
     ///
     /// # Panics
     /// If there are no lights.
-    pub fn emit_at(&self, [choice, at @ ..]: Place) -> (usize, Emission) {
+    pub fn emit_at(&self, [choice, at @ ..]: PrimarySample) -> (usize, Emission) {
         let (index, prob) = self.choose_by_power(choice);
         (index, self.emit_chosen(index, prob, at))
     }
@@ -186,14 +202,14 @@ impl Lights {
         self.by_power.choose(u)
     }
 
-    /// IterationSet for [`Self::emit_chosen`]: as fine as choices among pixels ask for.
+    /// Random numbers for [`Self::emit_chosen`]: those that choose among an environment's pixels have 53 bits.
     #[inline]
     pub(super) fn numbers(&self, index: usize, rng: &mut Rng) -> [f64; 4] {
         let is_environment = index == self.emitters.len();
         [(); 4].map(|()| if is_environment { rng.next_f64() } else { rng.next_1d().into() })
     }
 
-    #[inline(never)] // point lights need it not: see `emit_all`
+    #[inline(never)] // point lights do not call it: see `emit_all`
     pub(super) fn emit_chosen(&self, index: usize, prob: f32, at: [f64; 4]) -> Emission {
         match self.emitters.get(index) {
             Some(emitter) => emitter.emit(prob, at),
@@ -201,23 +217,17 @@ impl Lights {
         }
     }
 
-    /// Chooses a point on a light to connect `position` with, of a surface that is lit from the side
-    /// of this unit normal alone, or from both sides; `None` where that point cannot light it.
-    pub fn connect(
-        &self,
-        position: Vec3,
-        normal: Option<Vec3>,
-        rng: &mut Rng,
-    ) -> Option<LightSample> {
-        let (index, prob) = self.by_estimate.choose(position, normal, rng.next_f64())?;
-        self.connect_chosen(index, prob, position, rng)
+    /// Chooses a point on a light to connect `at` with; `None` if that point cannot light it.
+    pub fn connect(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.by_estimate.choose(at, rng.next_f64())?;
+        self.connect_chosen(index, prob, at.position, rng)
     }
 
-    /// How much denser connections from a surface are than emission that arrives there, per area: of the light
-    /// with this index, at `position` with the unit normal `normal`, along `direction` from `origin`.
+    /// Ratio of the density of connections to that of emission, per area, of the light with this index. Both join
+    /// `origin`, along the unit vector `direction`, with `position`, whose unit normal is `normal`.
     ///
-    /// Where emission carries the flux `Phi_0` and a connection the irradiance `E`, it is `Phi_0/(E cos)`: both
-    /// are the light's radiance over a density.
+    /// If emission carries the flux `Phi_0` and a connection the irradiance `E`, the ratio is `Phi_0/(E cos)`:
+    /// both are the light's radiance over a density.
     /// theory.md (47b), `1/l`.
     pub fn connection_over_emission(
         &self,
@@ -226,56 +236,46 @@ impl Lights {
         position: Vec3,
         normal: Vec3,
     ) -> f32 {
-        let prob = self.by_estimate.prob(index, position, Some(normal));
+        let prob = self.by_estimate.prob(index, Receiver { position, normal: Some(normal) });
         let irradiance = match self.emitters.get(index) {
             Some(emitter) => emitter.irradiance(origin, direction, position),
             None => luminance(self.chosen_environment().integral()),
         };
         let cos = -direction.dot(normal);
-        (prob * self.start() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+        (prob * self.total_power() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
     }
 
-    /// Density in solid angle of connections with a point `origin` of a triangle, the light with this index, from
-    /// `position`, which is lit as [`Self::connect`] has it, 1/sr.
-    pub fn connection_pdf_w(
-        &self,
-        index: usize,
-        origin: Vec3,
-        position: Vec3,
-        normal: Option<Vec3>,
-    ) -> f32 {
-        let prob = self.by_estimate.prob(index, position, normal);
-        let direction = (position - origin).normalize();
-        self.emitters[index].seen(origin, direction, position).map_or(0.0, |seen| prob / seen)
+    /// Density in solid angle of connections of `at` with the point `origin` of the emissive triangle with this
+    /// index, 1/sr.
+    pub fn connection_pdf_w(&self, index: usize, origin: Vec3, at: Receiver) -> f32 {
+        let prob = self.by_estimate.prob(index, at);
+        let direction = (at.position - origin).normalize();
+        let inverse = self.emitters[index].inverse_pdf_w(origin, direction, at.position);
+        inverse.map_or(0.0, |inverse| prob / inverse)
     }
 
-    /// The same of connections with light from beyond, along `direction`.
-    pub fn beyond_pdf_w(&self, direction: Vec3, position: Vec3, normal: Option<Vec3>) -> f32 {
-        let prob = self.by_estimate.prob(self.emitters.len(), position, normal);
-        let share =
-            luminance(self.beyond(direction)) / luminance(self.chosen_environment().integral());
+    /// Density in solid angle of connections of `at` with the environment along `direction`, 1/sr.
+    pub fn environment_pdf_w(&self, direction: Vec3, at: Receiver) -> f32 {
+        let prob = self.by_estimate.prob(self.emitters.len(), at);
+        let share = luminance(self.environment_radiance(direction))
+            / luminance(self.chosen_environment().integral());
         prob * share
     }
 
-    /// Luminance of the flux of light paths from where they carry the mean of their light, W.
+    /// Luminance of the power of all lights, W: the mean flux of a light path.
     #[inline]
-    pub fn start(&self) -> f32 {
+    pub fn total_power(&self) -> f32 {
         self.by_power.total as f32
     }
 
-    /// [`Self::connect`] with lights that no ray can hit, of which there may be none.
+    /// [`Self::connect`] with lights that no ray can hit; `None` if there are none.
     #[inline(never)] // rare
-    pub fn connect_delta(
-        &self,
-        position: Vec3,
-        normal: Option<Vec3>,
-        rng: &mut Rng,
-    ) -> Option<LightSample> {
-        let (index, prob) = self.delta_by_estimate.choose(position, normal, rng.next_f64())?;
-        self.connect_chosen(index, prob, position, rng)
+    pub fn connect_delta(&self, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
+        let (index, prob) = self.delta_by_estimate.choose(at, rng.next_f64())?;
+        self.connect_chosen(index, prob, at.position, rng)
     }
 
-    /// [`Self::connect`] with lights chosen by their power alone: simple, and a check of the other.
+    /// [`Self::connect`] with a light chosen by its power alone: a simple check of choices by estimate.
     ///
     /// # Panics
     /// If there are no lights.
@@ -284,7 +284,7 @@ impl Lights {
         self.connect_chosen(index, prob, position, rng)
     }
 
-    #[inline(never)] // point lights need it not: see `connect_all`
+    #[inline(never)] // point lights do not call it: see `connect_all`
     pub(super) fn connect_chosen(
         &self,
         index: usize,
@@ -299,7 +299,7 @@ impl Lights {
     }
 
     fn chosen_environment(&self) -> &Environment {
-        self.environment.as_ref().expect("it was chosen, hence is there")
+        self.environment.as_ref().expect("chosen, hence present")
     }
 }
 
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn connections_to_a_triangle_give_its_form_factor() {
+    fn connections_to_a_triangle_have_its_form_factor() {
         // Irradiance from a small triangle far above: Le A cos cos' / d^2, to 1/d^2 of its size.
         let lights = Lights::new(vec![panel()]);
         let from = Vec3::new(20.0, 5.0, 60.0);
@@ -351,13 +351,15 @@ mod tests {
         let n = 20_000;
         let mut sum = Rgb::ZERO;
         for _ in 0..n {
-            sum += lights.connect(from, None, &mut rng).expect("in front").irradiance / n as f32;
+            let sample = lights.connect(Receiver { position: from, normal: None }, &mut rng);
+            sum += sample.expect("in front").irradiance / n as f32;
         }
         assert!((sum / expected - Rgb::ONE).abs().max_element() < 2e-3, "{sum} {expected}");
-        assert!(lights.connect(-from, None, &mut rng).is_none(), "dark from behind");
+        let behind = Receiver { position: -from, normal: None };
+        assert!(lights.connect(behind, &mut rng).is_none(), "dark from behind");
     }
 
-    /// Of every kind.
+    /// Lights of every kind.
     fn all_kinds() -> Lights {
         let far = Vec3::new(0.0, 0.0, 5.0);
         let spot = emitter::Spot {
@@ -377,7 +379,8 @@ mod tests {
             [Vec3::new(2.0, 2.0, 4.0), Vec3::new(2.0, 4.0, 4.0), Vec3::new(4.0, 2.0, 4.0)];
         let shape = Triangle::new(corners, 0);
         let uvs = [glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
-        let picture = textured_emitter::Glow::new(&texture, Rgb::splat(3.0), 1).emitter(shape, uvs);
+        let picture = textured_emitter::TextureEmission::new(&texture, Rgb::splat(3.0), 1)
+            .emitter(shape, uvs);
         let points = [point(1.0, Rgb::ONE), point(-3.0, Rgb::new(2.0, 0.1, 0.0))];
         let mut emitters = vec![panel(), Emitter::Spot(spot), Emitter::Directional(sun), picture];
         emitters.extend(points);
@@ -390,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn connections_and_emission_have_the_same_ratio_of_densities_from_both_sides() {
+    fn ratios_of_connection_and_emission_densities_are_reciprocal() {
         let lights = all_kinds();
         let mut rng = StreamKey::new(4, Stream::Test, 0).rng(0);
         let (mut found, mut strayed) = ([0; 7], 0);
@@ -398,7 +401,8 @@ mod tests {
             let mut somewhere = || 6.0 * rng.next_1d() - 3.0;
             let position = Vec3::new(somewhere(), somewhere(), somewhere());
             let normal = crate::base::math::uniform_sphere(rng.next_2d());
-            let choice = lights.by_estimate.choose(position, Some(normal), rng.next_f64());
+            let at = Receiver { position, normal: Some(normal) };
+            let choice = lights.by_estimate.choose(at, rng.next_f64());
             let Some((index, prob)) = choice else { continue };
             let Some(sample) = lights.connect_chosen(index, prob, position, &mut rng) else {
                 continue;
@@ -408,20 +412,20 @@ mod tests {
             if cos < 1e-2 || sample.relative < 1e-2 {
                 continue;
             }
-            let l = luminance(sample.irradiance) * cos / (lights.start() * sample.relative);
-            let way = [sample.target, -sample.wi];
-            let inverse = lights.connection_over_emission(index, way, position, normal);
+            let l = luminance(sample.irradiance) * cos / (lights.total_power() * sample.relative);
+            let emission = [sample.target, -sample.wi];
+            let inverse = lights.connection_over_emission(index, emission, position, normal);
             let off = (l * inverse - 1.0).abs();
             assert!(off < 2e-3, "{index} {position} {normal}: {l} {inverse}");
             found[index] += 1;
-            // What rays can hit is found by them as well.
+            // Rays can hit the other lights.
             let pdf_w = match lights.emitters.get(index) {
-                None => lights.beyond_pdf_w(sample.wi, position, Some(normal)),
+                None => lights.environment_pdf_w(sample.wi, at),
                 Some(emitter) if emitter.is_delta() => {
                     assert_eq!(sample.inverse_pdf_w, 0.0);
                     continue;
                 }
-                Some(_) => lights.connection_pdf_w(index, sample.target, position, Some(normal)),
+                Some(_) => lights.connection_pdf_w(index, sample.target, at),
             };
             let off = (pdf_w * sample.inverse_pdf_w - 1.0).abs();
             // At their edges, directions may belong to the next pixel of the environment.
@@ -429,29 +433,29 @@ mod tests {
         }
         assert!(found.iter().all(|&found| found > 100), "{found:?}");
         assert!(strayed < 5, "{strayed}");
-        // Light paths start with what that takes for granted.
+        // All light paths, but those of textures, start with the flux that the ratio assumes.
         for _ in 0..5000 {
             let (index, prob) = lights.choose_by_power(rng.next_f64());
             let flux =
                 luminance(lights.emit_chosen(index, prob, lights.numbers(index, &mut rng)).flux);
             let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
-            assert!(textured || (flux / lights.start() - 1.0).abs() < 2e-3, "{index} {flux}");
+            assert!(textured || (flux / lights.total_power() - 1.0).abs() < 2e-3, "{index} {flux}");
         }
     }
 
     #[test]
     fn guided_light_paths_carry_the_power_of_all_lights() {
-        // The environment's more often from one side, the others' from some lights and in some directions.
+        // Teach more starts from one side of the environment, from some lights and in some directions.
         let lights = all_kinds();
         let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-        let brought = |_| {
+        let sample = |_| {
             let start = guide::Guide::even().start(&mut rng);
             let place = start.place;
             let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
             guide::GuideSample { start, square }
         };
-        let guide = guide::Guide::learn(&(0..50_000).map(brought).collect::<Vec<_>>());
-        assert!(guide.len() > 10);
+        let guide = guide::Guide::learn(&(0..50_000).map(sample).collect::<Vec<_>>());
+        assert!(guide.cell_count() > 10);
         let n = 200_000;
         let (mut sum, mut square) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
         let mut toward = [glam::DVec3::ZERO; 2];
@@ -473,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn each_of_very_many_emitters_is_chosen_as_often_as_it_says() {
+    fn each_of_many_emitters_is_chosen_with_its_probability() {
         // Powers 1, 2, 3, 1, 2, 3, ...: each third of the choices by residue has 1/6, 2/6, 3/6.
         let count = 300_000;
         let emitter = |i: usize| point(i as f32, Rgb::splat(1.0 + (i % 3) as f32));
@@ -483,7 +487,7 @@ mod tests {
         let n = 300_000.0;
         for _ in 0..n as usize {
             let (index, prob) = lights.by_power.choose(rng.next_f64());
-            let power = chosen_by(&lights.emitters[index]);
+            let power = power_weight(&lights.emitters[index]);
             let class = (power / (4.0 * std::f64::consts::PI)).round() as usize - 1;
             chosen[class] += 1.0;
             let share = (class + 1) as f64 / (2.0 * count as f64);

@@ -1,10 +1,10 @@
-//! Light paths begun and diffuse vertices connected with lights, sixteen at a time.
+//! Starts light paths, and connects diffuse vertices with lights, sixteen at a time.
 //!
-//! The arithmetic of point lights is done side by side; other lights do their own.
+//! The arithmetic of point lights is vectorized; other lights are processed one by one.
 
-use super::Emission;
 use super::emitter::Emitter;
 use super::guide::Guide;
+use super::{Emission, Receiver};
 use crate::base::math::uniform_sphere;
 use crate::base::rng::unit_f64;
 use crate::scene::Lights;
@@ -13,7 +13,7 @@ use crate::simd::{LANES, Rngs, Vec3s};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Beginnings of light paths; see [`Emission`].
+/// Starts of sixteen light paths; see [`Emission`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Emissions {
     /// Start points.
@@ -22,25 +22,25 @@ pub struct Emissions {
     pub direction: Vec3s,
     /// Flux that each path carries, W.
     pub flux: Vec3s,
-    /// Index of its emitter; that after the last one is the environment.
+    /// Index of each path's emitter; the environment has the index after the last emitter.
     pub emitter: [u32; LANES],
 }
 
 /// A point on a light for each vertex; see [`LightSample`](super::LightSample).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LightSamples {
-    /// Where to aim the shadow ray.
+    /// Targets of the shadow rays.
     pub target: Vec3s,
     /// Unit vector from the vertex to the light.
     pub wi: Vec3s,
     /// Irradiance on a surface that faces `wi`, W/m^2; black without a connection.
     pub irradiance: Vec3s,
-    /// Luminance of the flux that light paths from there start with, over that of all lights' power.
+    /// Luminance of the flux of light paths that start at the targets, over that of all lights' power.
     pub relative: [f32; LANES],
 }
 
 impl Lights {
-    /// [`Self::emit`], or [`Self::emit_guided`], of the first `count` lanes.
+    /// [`Self::emit`], or [`Self::emit_guided`], for the first `count` lanes.
     ///
     /// # Panics
     /// If there are no lights.
@@ -96,7 +96,7 @@ impl Lights {
         }
     }
 
-    /// [`Self::connect`] of each vertex.
+    /// [`Self::connect`] for each vertex.
     #[inline(always)] // part of the loop over vertices
     pub fn connect_all(&self, at: &DiffuseVertices, rngs: &mut Rngs) -> LightSamples {
         let choices = rngs.next_bits();
@@ -111,15 +111,16 @@ impl Lights {
             return samples;
         }
         let mut samples = LightSamples { relative: [1.0; LANES], ..LightSamples::default() };
-        // Of point lights: the probability of their choice.
+        // Probability of the choice in lanes with point lights.
         let mut probs = [1.0; LANES];
-        // Lanes with other lights: which, and the probability.
+        // Lanes with other lights: lane, index and probability.
         let mut others = [(0, 0, 0.0); LANES];
         let mut other_count = 0;
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
             let (position, normal) = (at.position.get(lane), at.normal.get(lane));
             let choice = unit_f64(choices.map(|bits| bits[lane]));
-            let chosen = self.by_estimate.choose(position, Some(normal), choice);
+            let receiver = Receiver { position, normal: Some(normal) };
+            let chosen = self.by_estimate.choose(receiver, choice);
             let Some((index, prob)) = chosen else { continue };
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 samples.target.set(lane, *position);
@@ -156,14 +157,14 @@ impl Emissions {
 }
 
 impl LightSamples {
-    /// Directions from vertices at `position` to point lights that were chosen with these
-    /// probabilities, and the irradiance there; so far it is the intensity.
-    #[inline(always)] // as above
+    /// Sets the directions from vertices at `position` to point lights that were chosen with these probabilities,
+    /// and turns the lights' intensity into irradiance.
+    #[inline(always)] // part of the loop over vertices
     fn reach_points(&mut self, position: &Vec3s, probs: &[f32; LANES]) {
         for (lane, &prob) in probs.iter().enumerate() {
             let to_light = self.target.get(lane) - position.get(lane);
-            // In the very place of a point there is no direction to it, and the cosine becomes 0. (A
-            // choice would be a branch, and keep the compiler from vector instructions.)
+            // At the position of a point light there is no direction to it, and the cosine becomes 0. (An `if`
+            // would be a branch, and keep the compiler from vector instructions.)
             let distance2 = to_light.length_squared().max(1e-30);
             self.wi.set(lane, to_light * distance2.sqrt().recip());
             let irradiance = self.irradiance.get(lane) * (distance2 * prob).recip();

@@ -1,20 +1,20 @@
-//! Points of a nearby triangle, uniform over the solid angle under which it is seen (Arvo, *Stratified
-//! Sampling of Spherical Triangles*, 1995).
+//! Points of a nearby triangle, uniform over its solid angle (Arvo, *Stratified Sampling of Spherical
+//! Triangles*, 1995).
 //!
-//! Points uniform over the area of a light that touches a surface have, there, an irradiance of
-//! unbounded variance.
+//! Where a light touches a surface, points uniform over the light's area give the irradiance unbounded
+//! variance.
 
 use crate::scene::Triangle;
 use glam::{DVec3, Vec3};
 
-/// Smaller angles, sr, lose too many digits; points over the area then serve as well.
+/// Minimum solid angle, sr: smaller ones lose too many digits, and points over the area then serve as well.
 const LEAST: f64 = 1e-6;
 
 /// A triangle as seen from a point.
-pub(in crate::scene) struct SphericalTriangle {
+pub(super) struct SphericalTriangle {
     /// From the point to the first corner.
     first: DVec3,
-    /// From there to the others.
+    /// From the first corner to the others.
     edges: [DVec3; 2],
     /// Directions of the corners.
     corners: [DVec3; 3],
@@ -30,18 +30,19 @@ fn across(v: DVec3, axis: DVec3) -> DVec3 {
 }
 
 impl SphericalTriangle {
-    /// Whether a triangle is so near, compared with its longest edge, that it is worth the effort.
+    /// The spherical triangle if `shape` is near, compared with its longest edge; far ones do not repay the effort.
     #[inline]
-    pub(in crate::scene) fn is_near(shape: &Triangle, position: Vec3) -> bool {
+    pub(super) fn if_near(shape: &Triangle, position: Vec3) -> Option<Self> {
         let Triangle { origin, edge1, edge2, .. } = *shape;
         let edges = [edge1, edge2, edge2 - edge1].map(Vec3::length_squared);
         let longest2 = edges[0].max(edges[1]).max(edges[2]);
         let to_center = origin + (edge1 + edge2) / 3.0 - position;
-        to_center.length_squared() < 4.0 * longest2
+        let is_near = to_center.length_squared() < 4.0 * longest2;
+        is_near.then(|| Self::new(shape, position)).flatten()
     }
 
-    /// `None` where the angle is next to nothing.
-    pub(in crate::scene) fn new(shape: &Triangle, position: Vec3) -> Option<Self> {
+    /// `None` if the solid angle is too small.
+    fn new(shape: &Triangle, position: Vec3) -> Option<Self> {
         let first = shape.origin.as_dvec3() - position.as_dvec3();
         let edges = [shape.edge1.as_dvec3(), shape.edge2.as_dvec3()];
         let corners =
@@ -52,21 +53,21 @@ impl SphericalTriangle {
         // theory.md (14)
         let solid_angle = 2.0 * determinant.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         let alpha = across(b, a).angle_between(across(c, a));
-        // In the triangle's plane directions lead nowhere, though the angle is 2 pi inside.
+        // In the triangle's plane no direction hits it, though the angle is 2 pi inside.
         let is_seen = solid_angle > LEAST && determinant > LEAST * LEAST;
         (is_seen && alpha.is_finite()).then_some(Self { first, edges, corners, alpha, solid_angle })
     }
 
     /// Solid angle, sr.
-    pub(in crate::scene) fn solid_angle(&self) -> f32 {
+    pub(super) fn solid_angle(&self) -> f32 {
         self.solid_angle as f32
     }
 
-    /// Barycentric weights of the second and third corner of a point, of density one over the solid
-    /// angle, by a uniform point of the unit square.
-    pub(in crate::scene) fn sample(&self, random: [f32; 2]) -> [f32; 2] {
+    /// Barycentric weights (of the second and third corner) of a point that is uniform over the solid angle, from a
+    /// uniform point of the unit square.
+    pub(super) fn sample(&self, random: [f32; 2]) -> [f32; 2] {
         let w = self.direction(random);
-        // Where the ray meets the plane (Möller and Trumbore 1997). Rounding may leave the triangle.
+        // The ray's point in the plane (Möller and Trumbore 1997). Rounding may leave the triangle.
         let [edge1, edge2] = self.edges;
         let p = w.cross(edge2);
         let det = edge1.dot(p);
@@ -76,7 +77,7 @@ impl SphericalTriangle {
         [u as f32, v.clamp(0.0, 1.0 - u) as f32]
     }
 
-    /// A unit direction of the same density.
+    /// A unit direction that is uniform over the solid angle.
     fn direction(&self, [u, v]: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners;
         // The triangle ABC' of the share u of the angle; c is the side AB. Section 2 there.
@@ -101,7 +102,7 @@ mod tests {
 
     /// Means of polynomials over the directions, against those over uniform directions that hit.
     #[test]
-    fn directions_are_uniform_over_what_is_seen() {
+    fn directions_are_uniform_over_the_solid_angle() {
         let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
         let far = [Vec3::new(1.0, 0.2, 2.0), Vec3::new(2.0, 0.1, 2.2), Vec3::new(1.2, 1.3, 2.1)];
         let near =
@@ -151,13 +152,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_seen_in_the_plane_and_far_away() {
+    fn triangles_seen_edge_on_or_far_away_have_no_solid_angle() {
         let shape = Triangle::new([Vec3::ZERO, Vec3::X, Vec3::Y], 0);
         let inside = Vec3::new(0.3, 0.2, 0.0);
         for from in [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 0.0, 1e5), Vec3::ZERO, inside] {
             assert!(SphericalTriangle::new(&shape, from).is_none(), "{from}");
         }
-        assert!(SphericalTriangle::is_near(&shape, Vec3::splat(1.0)));
-        assert!(!SphericalTriangle::is_near(&shape, Vec3::splat(3.0)));
+        assert!(SphericalTriangle::if_near(&shape, Vec3::splat(1.0)).is_some());
+        assert!(SphericalTriangle::if_near(&shape, Vec3::splat(3.0)).is_none());
     }
 }

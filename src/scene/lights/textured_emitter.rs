@@ -1,38 +1,38 @@
-//! Triangles that emit by a picture.
+//! Triangles that emit by a texture.
 
 use super::{Emission, LightSample};
-use crate::base::math::{Rgb, cosine_hemisphere, luminance, uniform_triangle};
+use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
 use crate::scene::triangle::interpolate;
 use crate::scene::{Emitter, Texture, Triangle};
 use glam::{DVec3, Vec2, Vec3};
-use std::f32::consts::PI;
+
 use std::sync::Arc;
 
-/// Least and most steps along a side where a mean radiance is found.
+/// Minimum and maximum number of steps along a side for the mean radiance of a triangle.
 const STEPS: [f32; 2] = [4.0, 2048.0];
-/// About so many points are looked at for all triangles of a mesh.
+/// Approximate number of texture lookups for all triangles of a mesh.
 const POINTS: f32 = 16e6;
-/// So much the mean of the whole picture counts for each part of it: wherever a triangle emits, it is
-/// chosen at times.
+/// Weight of the mean of the whole texture in the mean of a triangle: each triangle that emits is chosen with
+/// positive probability, also if the steps miss its bright texels.
 const OVERALL: f32 = 1e-3;
 
-/// What the triangles of a mesh emit by a picture.
-pub(in crate::scene) struct Glow<'a> {
+/// Emission of a mesh by a texture.
+pub(crate) struct TextureEmission<'a> {
     texture: &'a Arc<Texture>,
     factor: Rgb,
     overall: Rgb,
     most_steps: f32,
 }
 
-impl<'a> Glow<'a> {
-    /// `factor` times the texture's color, W/(m^2 sr), from so many triangles.
+impl<'a> TextureEmission<'a> {
+    /// Radiance `factor` times the texture's color, W/(m^2 sr), of a mesh of `triangles` triangles.
     pub fn new(texture: &'a Arc<Texture>, factor: Rgb, triangles: usize) -> Self {
         let most_steps = (POINTS / triangles as f32).sqrt().clamp(STEPS[0], STEPS[1]);
         Self { texture, factor, overall: texture.mean_color(), most_steps }
     }
 
-    /// A triangle of these texture coordinates.
+    /// The emitter of a triangle with these texture coordinates.
     pub fn emitter(&self, shape: Triangle, uvs: [Vec2; 3]) -> Emitter {
         let own = mean_color(self.texture, uvs, self.most_steps);
         let mean = self.factor * own.lerp(self.overall, OVERALL);
@@ -41,8 +41,8 @@ impl<'a> Glow<'a> {
     }
 }
 
-/// A triangle of which each point emits the texture's radiance from the front to all sides. It is
-/// chosen by its mean radiance, points on it as on any triangle.
+/// A triangle that emits the radiance of a texture from its front. It is chosen by its mean radiance; points on
+/// it are chosen uniformly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TexturedTriangle {
     /// Its geometry.
@@ -50,14 +50,14 @@ pub struct TexturedTriangle {
     /// Texture coordinates of its corners.
     uvs: [Vec2; 3],
     texture: Arc<Texture>,
-    /// What the texture is multiplied with, W/(m^2 sr).
+    /// Factor of the texture's color, W/(m^2 sr).
     factor: Rgb,
-    /// Mean radiance over its area, about, W/(m^2 sr).
+    /// Approximate mean radiance over the triangle, W/(m^2 sr).
     mean: Rgb,
 }
 
 impl TexturedTriangle {
-    /// Mean radiance over its area, about, W/(m^2 sr).
+    /// Approximate mean radiance over the triangle, W/(m^2 sr).
     pub fn mean(&self) -> Rgb {
         self.mean
     }
@@ -67,21 +67,11 @@ impl TexturedTriangle {
         self.factor * self.texture.color(interpolate(self.uvs, at))
     }
 
-    pub(in crate::scene) fn emit(&self, prob: f32, [a, b, c, d]: [f32; 4]) -> Emission {
-        let (shape, at) = (&self.shape, uniform_triangle([a, b]));
-        Emission {
-            origin: shape.point(at) + shape.normal * shape.offset,
-            direction: cosine_hemisphere(shape.normal, [c, d]),
-            flux: self.radiance(at) * (PI * shape.area() / prob),
-        }
+    pub(super) fn emit(&self, prob: f32, numbers: [f32; 4]) -> Emission {
+        self.shape.emit(|at| self.radiance(at), prob, numbers)
     }
 
-    pub(in crate::scene) fn connect(
-        &self,
-        from: Vec3,
-        prob: f32,
-        rng: &mut Rng,
-    ) -> Option<LightSample> {
+    pub(super) fn connect(&self, from: Vec3, prob: f32, rng: &mut Rng) -> Option<LightSample> {
         let mut radiance = Rgb::ZERO;
         let at_point = |at| {
             radiance = self.radiance(at);
@@ -93,18 +83,18 @@ impl TexturedTriangle {
     }
 }
 
-/// Mean color of a picture over a triangle: at the centers of equal parts, each at most half a texel
-/// long if that takes no more than `most_steps` along a side.
+/// Mean color of a texture over a triangle, from the centers of equal parts. Each part is at most half a texel
+/// long if that takes at most `most_steps` steps along a side.
 fn mean_color(texture: &Texture, uvs: [Vec2; 3], most_steps: f32) -> Rgb {
     let [width, height] = texture.size().map(|size| size as f32);
     let [a, b, c] = uvs.map(|uv| uv * Vec2::new(width, height));
     let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-    // Coordinates may be too large for numbers.
+    // The length may overflow.
     let steps = (2.0 * longest).ceil().min(most_steps).max(STEPS[0]) as u32;
     let mut sum = DVec3::ZERO;
     for i in 0..steps {
         for j in 0..steps - i {
-            // A part as the whole lies, and beside it one that is turned around, but at the edge.
+            // A part in the orientation of the whole, and beside it, but at the edge, one that is turned around.
             let turned = (i + j + 1 < steps).then_some(2.0 / 3.0);
             for inside in [Some(1.0 / 3.0), turned].into_iter().flatten() {
                 let at = [i, j].map(|k| (k as f32 + inside) / steps as f32);
@@ -120,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mean_of_a_picture_is_that_of_its_texels() {
+    fn mean_color_of_a_texture_is_the_mean_of_its_texels() {
         // Repeated, each texel of the picture counts alike over two triangles that make a square.
         let texels: Vec<[u8; 4]> = (0..35).map(|i| [7 * i, 255 - 5 * i, 3, 255]).collect();
         let texture = Texture::new(7, 5, texels.clone());
@@ -134,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn wherever_it_emits_it_is_chosen_at_times() {
+    fn triangles_with_rare_bright_texels_have_positive_mean() {
         // The one bright texel is away from these triangles, or hard to find between the steps.
         let texels = (0..4096).map(|i| if i == 77 { [255; 4] } else { [0, 0, 0, 255] }).collect();
         let texture = Arc::new(Texture::new(64, 64, texels));
@@ -145,7 +135,7 @@ mod tests {
                 [Vec2::ZERO, Vec2::X, Vec2::Y],
                 [Vec2::ZERO, f32::MAX * Vec2::X, -f32::MAX * Vec2::ONE],
             ] {
-                let emitter = Glow::new(&texture, Rgb::ONE, count).emitter(shape, uvs);
+                let emitter = TextureEmission::new(&texture, Rgb::ONE, count).emitter(shape, uvs);
                 let power = emitter.power();
                 assert!(power.is_finite() && power.min_element() > 0.0, "{uvs:?}: {power}");
             }

@@ -1,33 +1,32 @@
-//! A choice among local emitters by an estimate of what each contributes to a point: a tree of
-//! clusters, descended at random in proportion to the estimates of a node's children.
+//! Chooses among local emitters by estimates of their irradiance at a point: a tree of clusters, descended at
+//! random in proportion to the estimates of a node's children.
 //!
-//! After Conty Estevez and Kulla, *Importance Sampling of Many Lights with Adaptive Tree Splitting*
-//! (2018), without splitting and with another estimate: a cluster carries radiant intensity rather
-//! than power, so that for a small one the estimate is the irradiance itself. A node has eight children
-//! rather than two: their estimates are worked out side by side, and there are a third of the levels.
+//! After Conty Estevez and Kulla, *Importance Sampling of Many Lights with Adaptive Tree Splitting* (2018), without
+//! splitting. The estimate differs: a cluster has radiant intensity instead of power, so that the estimate of a
+//! small cluster is the irradiance itself. A node has eight children instead of two: their estimates are computed
+//! side by side, and the tree has a third of the levels.
 
+use super::Receiver;
 use super::cluster::Cluster;
 use super::emitter::Emitter;
-use super::tree_build::split;
-use super::tree_node::{Children, WIDE};
+use super::tree_build::split_lights;
+use super::tree_node::{TreeNode, WIDE};
 use crate::simd::dispatch::vectorized;
-use glam::Vec3;
 
 const LEAF: u32 = 1 << 31;
 
-/// Each child that may contribute gets about this share of the choices at the least. Estimates
-/// know nothing of what is in between, and bounds may be far off: a lamp close by that is hidden, or
-/// shines elsewhere, must not take all.
+/// Approximate minimum probability of each child that may contribute. Estimates ignore occlusion, and bounds may be
+/// far off: a close lamp that is hidden, or shines elsewhere, must not take all choices.
 const LEAST_SHARE: f32 = 0.01;
 
-/// Children of a node by the chances of their choice: weights, and their sum.
-struct Chances {
+/// Weights of a node's children for the choice among them, and their sum.
+struct ChildProbs {
     weights: [f32; WIDE],
     sum: f32,
 }
 
-impl Chances {
-    /// Of children with these estimates; `None` if all are 0.
+impl ChildProbs {
+    /// The weights of children with these estimates; `None` if all are 0.
     /// theory.md (17).
     #[inline(always)]
     fn new(estimates: &[f32; WIDE]) -> Option<Self> {
@@ -38,7 +37,7 @@ impl Chances {
         (sum > 0.0).then_some(Self { weights, sum })
     }
 
-    /// Chooses by a uniform number: a child, and another uniform number.
+    /// Chooses a child by a uniform number; also returns a new uniform number.
     #[inline(always)]
     fn choose(&self, u: f64) -> (usize, f64) {
         let mut rest = u * f64::from(self.sum);
@@ -52,7 +51,7 @@ impl Chances {
             rest -= weight;
             last = child;
         }
-        // Rounding has left a little.
+        // Rounding left a small rest.
         (last, 1.0)
     }
 
@@ -63,34 +62,34 @@ impl Chances {
     }
 }
 
-/// In pairs: the additions do not wait for each other.
+/// Sum in pairs, whose additions do not depend on each other.
 #[inline(always)]
 fn sum(numbers: &[f32; WIDE]) -> f32 {
     let four: [f32; 4] = std::array::from_fn(|i| numbers[i] + numbers[i + 4]);
     (four[0] + four[2]) + (four[1] + four[3])
 }
 
-/// A child of a node.
+/// A child of a node: index of the node, and of the child in it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slot {
     node: u32,
     child: u32,
 }
 
-/// All local emitters of a set.
+/// The tree of the local emitters of a set.
 #[derive(Clone, Debug, Default)]
-pub(in crate::scene) struct LightTree {
-    /// The first has one child, the whole.
-    nodes: Vec<Children>,
-    /// Of each node the child that it is; the first is none.
+pub(super) struct LightTree {
+    /// The first node has one child: the whole tree.
+    nodes: Vec<TreeNode>,
+    /// For each node the slot that it fills; unused for the first.
     parents: Vec<Slot>,
-    /// Of each emitter its place, if it has one.
+    /// For each emitter of the tree its slot.
     leaves: Vec<Slot>,
 }
 
 impl LightTree {
-    /// Over those emitters that have a place, with their indices.
-    pub(in crate::scene) fn new<'a>(emitters: impl Iterator<Item = (u32, &'a Emitter)>) -> Self {
+    /// The tree of those emitters that have a position, given with their indices.
+    pub(super) fn new<'a>(emitters: impl Iterator<Item = (u32, &'a Emitter)>) -> Self {
         let placed = |(index, emitter)| Some((index, Cluster::of(emitter)?));
         let mut leaves: Vec<(u32, Cluster)> = emitters.filter_map(placed).collect();
         let mut tree = Self::default();
@@ -101,80 +100,69 @@ impl LightTree {
         tree
     }
 
-    /// An estimate of the irradiance from all, W/m^2; 0 only where there is none.
-    pub(in crate::scene) fn estimate(&self, position: Vec3, normal: Option<Vec3>) -> f32 {
+    /// An estimate of the irradiance from all emitters, W/m^2; 0 only if none can light `at`.
+    pub(super) fn estimate(&self, at: Receiver) -> f32 {
         let Some(first) = self.nodes.first() else { return 0.0 };
         vectorized(
             #[inline(always)]
-            |_| first.estimates(position, normal)[0],
+            |_| first.estimates(at)[0],
         )
     }
 
-    /// Chooses an emitter for a point with this normal (a surface that is lit from one side) by a
-    /// uniform number: its index and probability; `None` where none can light it.
-    pub(in crate::scene) fn choose(
-        &self,
-        position: Vec3,
-        normal: Option<Vec3>,
-        u: f64,
-    ) -> Option<(u32, f32)> {
+    /// Chooses an emitter for `at` by a uniform number: its index and probability; `None` if none can light it.
+    pub(super) fn choose(&self, at: Receiver, u: f64) -> Option<(u32, f32)> {
         vectorized(
             #[inline(always)]
-            |_| self.descend(position, normal, u),
+            |_| self.descend(at, u),
         )
     }
 
-    /// The same.
+    /// [`Self::choose`] without vector instructions of its own.
     #[inline(always)]
-    fn descend(&self, position: Vec3, normal: Option<Vec3>, mut u: f64) -> Option<(u32, f32)> {
+    fn descend(&self, at: Receiver, mut u: f64) -> Option<(u32, f32)> {
         let mut content = self.nodes.first()?.content[0];
         let mut prob = 1.0;
         while content & LEAF == 0 {
             let children = &self.nodes[content as usize];
-            let chances = Chances::new(&children.estimates(position, normal))?;
-            let (child, rest) = chances.choose(u);
-            prob *= chances.prob(child);
+            let probs = ChildProbs::new(&children.estimates(at))?;
+            let (child, rest) = probs.choose(u);
+            prob *= probs.prob(child);
             content = children.content[child];
             u = rest;
         }
         (prob > 0.0).then_some((content & !LEAF, prob))
     }
 
-    /// Probability that [`Self::choose`] takes this emitter, which is in the tree.
-    pub(in crate::scene) fn prob(
-        &self,
-        emitter: usize,
-        position: Vec3,
-        normal: Option<Vec3>,
-    ) -> f32 {
+    /// Probability that [`Self::choose`] takes this emitter of the tree.
+    pub(super) fn prob(&self, emitter: usize, at: Receiver) -> f32 {
         vectorized(
             #[inline(always)]
-            |_| self.climb(self.leaves[emitter], position, normal),
+            |_| self.climb(self.leaves[emitter], at),
         )
     }
 
     /// Probability of a leaf.
     #[inline(always)]
-    fn climb(&self, leaf: Slot, position: Vec3, normal: Option<Vec3>) -> f32 {
+    fn climb(&self, leaf: Slot, at: Receiver) -> f32 {
         let Slot { mut node, mut child } = leaf;
         let mut prob = 1.0;
         while node != 0 {
-            let estimates = self.nodes[node as usize].estimates(position, normal);
-            let Some(chances) = Chances::new(&estimates) else { return 0.0 };
-            prob *= chances.prob(child as usize);
+            let estimates = self.nodes[node as usize].estimates(at);
+            let Some(probs) = ChildProbs::new(&estimates) else { return 0.0 };
+            prob *= probs.prob(child as usize);
             Slot { node, child } = self.parents[node as usize];
         }
         prob
     }
 
-    /// Room for another node, which is this child; its index.
+    /// Adds an empty node that fills the slot `parent`; returns its index.
     fn add_node(&mut self, parent: Slot) -> u32 {
-        self.nodes.push(Children::default());
+        self.nodes.push(TreeNode::default());
         self.parents.push(parent);
         self.nodes.len() as u32 - 1
     }
 
-    /// Makes a child of what holds `leaves`: a leaf, or a node of its own; what bounds it.
+    /// Fills a slot with `leaves`, as a leaf or as a node; returns their cluster.
     fn fill(&mut self, slot: Slot, leaves: &mut [(u32, Cluster)]) -> Cluster {
         let (cluster, content) = match leaves {
             [(emitter, cluster)] => {
@@ -185,7 +173,7 @@ impl LightTree {
             }
             _ => {
                 let node = self.add_node(slot);
-                let parts = parts(leaves).into_iter().zip(0..);
+                let parts = divide(leaves).into_iter().zip(0..);
                 let clusters = parts.map(|(part, child)| self.fill(Slot { node, child }, part));
                 let cluster = clusters.reduce(Cluster::with).expect("at least two");
                 (cluster, node)
@@ -196,8 +184,8 @@ impl LightTree {
     }
 }
 
-/// Divides two or more lights into up to eight sets: always the one that it costs most to have as one.
-fn parts(leaves: &mut [(u32, Cluster)]) -> Vec<&mut [(u32, Cluster)]> {
+/// Divides two or more lights into up to eight sets, always the set of the highest cost next.
+fn divide(leaves: &mut [(u32, Cluster)]) -> Vec<&mut [(u32, Cluster)]> {
     let cost = |part: &[(u32, Cluster)]| {
         let clusters = part.iter().map(|(_, cluster)| *cluster);
         clusters.reduce(Cluster::with).map_or(0.0, |whole| whole.cost())
@@ -205,14 +193,14 @@ fn parts(leaves: &mut [(u32, Cluster)]) -> Vec<&mut [(u32, Cluster)]> {
     let mut parts = vec![(f32::INFINITY, leaves)];
     while parts.len() < WIDE {
         let several = parts.iter().enumerate().filter(|(_, (_, part))| part.len() > 1);
-        // Of equals, such as lights in one place, the one with the most.
+        // Among equal costs, such as those of lights at one position, the largest set.
         let order = |(cost, part): &(f32, &mut [_])| (*cost, part.len());
         let most = several.max_by(|(_, one), (_, other)| {
             order(one).partial_cmp(&order(other)).unwrap_or(std::cmp::Ordering::Equal)
         });
         let Some((most, _)) = most else { break };
         let (_, part) = parts.swap_remove(most);
-        let middle = split(part);
+        let middle = split_lights(part);
         let (left, right) = part.split_at_mut(middle);
         parts.extend([left, right].map(|part| (cost(part), part)));
     }
@@ -225,6 +213,7 @@ mod tests {
     use crate::base::math::{luminance, uniform_sphere};
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::{Spot, Triangle};
+    use glam::Vec3;
     use std::f32::consts::PI;
 
     fn rng(seed: u64) -> Rng {
@@ -263,12 +252,22 @@ mod tests {
         (0..count).map(&mut one).collect()
     }
 
+    /// A receiver that is lit from above.
+    fn above(position: Vec3) -> Receiver {
+        Receiver { position, normal: Some(Vec3::Z) }
+    }
+
+    /// A receiver that is lit from both sides.
+    fn isotropic(position: Vec3) -> Receiver {
+        Receiver { position, normal: None }
+    }
+
     fn tree(emitters: &[Emitter]) -> LightTree {
         LightTree::new((0..).zip(emitters))
     }
 
-    /// Probability of each emitter, by the estimates along its way.
-    fn probs(tree: &LightTree, position: Vec3, normal: Option<Vec3>, count: usize) -> Vec<f64> {
+    /// Probability of each emitter, from the estimates on the way to its leaf.
+    fn probs(tree: &LightTree, at: Receiver, count: usize) -> Vec<f64> {
         let mut probs = vec![0.0; count];
         let mut todo = vec![(tree.nodes[0].content[0], 1.0)];
         while let Some((content, prob)) = todo.pop() {
@@ -277,7 +276,7 @@ mod tests {
                 continue;
             }
             let children = &tree.nodes[content as usize];
-            let own = children.estimates(position, normal).map(f64::from);
+            let own = children.estimates(at).map(f64::from);
             let total: f64 = own.iter().sum();
             // theory.md (17)
             let raised = own.map(|one| if one > 0.0 { one.max(0.01 * total) } else { 0.0 });
@@ -289,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn emitters_are_chosen_as_often_as_they_say_and_none_that_lights_is_left_out() {
+    fn emitters_are_chosen_with_their_probability_and_none_is_lost() {
         let mut rng = rng(1);
         let emitters = emitters(300, &mut rng);
         let tree = tree(&emitters);
@@ -297,7 +296,8 @@ mod tests {
         for i in 0..200 {
             let position = somewhere(&mut rng);
             let normal = (i % 4 > 0).then(|| uniform_sphere(rng.next_2d()));
-            let probs = probs(&tree, position, normal, emitters.len());
+            let at = Receiver { position, normal };
+            let probs = probs(&tree, at, emitters.len());
             for (index, emitter) in emitters.iter().enumerate() {
                 for _ in 0..8 {
                     let sample = emitter.connect(position, 1.0, &mut rng);
@@ -310,10 +310,10 @@ mod tests {
             let n = 400;
             let mut counts = vec![0.0; emitters.len()];
             for _ in 0..n {
-                if let Some((index, prob)) = tree.choose(position, normal, rng.next_f64()) {
+                if let Some((index, prob)) = tree.choose(at, rng.next_f64()) {
                     let expected = probs[index as usize];
                     assert!((f64::from(prob) / expected - 1.0).abs() < 1e-4, "{prob} {expected}");
-                    let asked = tree.prob(index as usize, position, normal);
+                    let asked = tree.prob(index as usize, at);
                     assert!((asked / prob - 1.0).abs() < 1e-5, "{asked} {prob}");
                     counts[index as usize] += 1.0;
                 }
@@ -352,8 +352,7 @@ mod tests {
             let n = 2000;
             let mut mean = 0.0;
             for _ in 0..n {
-                let (index, prob) =
-                    tree.choose(position, Some(Vec3::Z), rng.next_f64()).expect("lit");
+                let (index, prob) = tree.choose(above(position), rng.next_f64()).expect("lit");
                 let own = irradiance(index as usize, &mut rng) / f64::from(prob);
                 mean += own / f64::from(n);
                 by_estimate += (own / expected - 1.0).powi(2);
@@ -402,7 +401,7 @@ mod tests {
             let n = 2000;
             let mut mean = 0.0;
             for _ in 0..n {
-                let chosen = tree.choose(position, Some(Vec3::Z), rng.next_f64());
+                let chosen = tree.choose(above(position), rng.next_f64());
                 let own = chosen.map_or(0.0, |(i, prob)| irradiance(i as usize, prob, &mut rng))
                     / expected;
                 mean += own / f64::from(n);
@@ -414,9 +413,9 @@ mod tests {
         assert!(variance < 0.12, "{variance}");
     }
 
-    /// Spots overhead that shine elsewhere, as nobody can tell from their bounds, and a far lamp.
+    /// Spots overhead that shine elsewhere, which their bounds do not show, and a far lamp.
     #[test]
-    fn bright_lamps_that_shine_elsewhere_do_not_hide_a_far_one() {
+    fn bright_lamps_that_shine_elsewhere_do_not_exclude_a_far_one() {
         let mut rng = rng(3);
         let spot = |i: usize| {
             let direction = Vec3::from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]][i]);
@@ -426,13 +425,13 @@ mod tests {
         };
         let far = Emitter::Point { position: Vec3::new(60.0, 0.0, 3.0), intensity: Vec3::ONE };
         let tree = tree(&[spot(0), spot(1), spot(2), far]);
-        let choices = (0..1000).map(|_| tree.choose(Vec3::ZERO, Some(Vec3::Z), rng.next_f64()));
+        let choices = (0..1000).map(|_| tree.choose(above(Vec3::ZERO), rng.next_f64()));
         let found = choices.flatten().filter(|&(index, _)| index == 3).count();
         assert!(found >= 5, "{found}");
     }
 
     #[test]
-    fn lamps_in_one_place_and_far_apart_make_a_tree() {
+    fn lamps_at_one_position_and_far_apart_make_a_tree() {
         let point = |x: f32| {
             let position = Vec3::new(x, 0.0, 0.0);
             Emitter::Point { position, intensity: Vec3::ONE }
@@ -447,10 +446,10 @@ mod tests {
                 tree.nodes.iter().flat_map(|node| node.content).filter(|c| c & LEAF != 0).collect();
             assert_eq!(children.len(), emitters.len());
             assert!(tree.nodes.len() <= emitters.len());
-            let probs = probs(&tree, Vec3::new(0.5, 1.0, 2.0), None, emitters.len());
+            let probs = probs(&tree, isotropic(Vec3::new(0.5, 1.0, 2.0)), emitters.len());
             assert!((probs.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             assert!(probs.iter().all(|&prob| prob > 0.0));
         }
-        assert!(tree(&[]).choose(Vec3::ZERO, None, 0.5).is_none());
+        assert!(tree(&[]).choose(isotropic(Vec3::ZERO), 0.5).is_none());
     }
 }

@@ -1,5 +1,5 @@
-//! Where to divide a cluster of lights: between bins of their centers along an axis (Conty Estevez and
-//! Kulla 2018, Section 4.2).
+//! Splits a cluster of lights between bins of their centers along an axis (Conty Estevez and Kulla 2018,
+//! Section 4.2).
 
 use super::cluster::Cluster;
 use crate::base::math::Bounds;
@@ -7,11 +7,11 @@ use crate::base::math::Bounds;
 /// Bins along each axis.
 const BINS: usize = 12;
 
-/// Lights by which a plane is judged; of more, an even selection.
+/// Maximum number of lights that the cost of a plane takes into account; of more, an even selection.
 const MOST: usize = 2048;
 
-/// Reorders two or more lights into two sets of nearly the least cost; where the second one begins.
-pub(in crate::scene) fn split(leaves: &mut [(u32, Cluster)]) -> usize {
+/// Reorders two or more lights into two sets of nearly minimum cost; returns the first index of the second set.
+pub(super) fn split_lights(leaves: &mut [(u32, Cluster)]) -> usize {
     if leaves.len() == 2 {
         return 1;
     }
@@ -31,7 +31,7 @@ pub(in crate::scene) fn split(leaves: &mut [(u32, Cluster)]) -> usize {
             let own = &mut bins[bin(leaf, axis)];
             *own = join(*own, Some(*leaf));
         }
-        // Of the bins up to each plane, and from it on.
+        // Clusters of the bins below each plane and above it.
         let (mut below, mut above) = ([None; BINS + 1], [None; BINS + 1]);
         for i in 0..BINS {
             below[i + 1] = join(below[i], bins[i]);
@@ -50,7 +50,7 @@ pub(in crate::scene) fn split(leaves: &mut [(u32, Cluster)]) -> usize {
         }
     }
     let Some((_, axis, plane)) = best else {
-        // All in one place.
+        // All lights have one position.
         return leaves.len() / 2;
     };
     let mut middle = 0;

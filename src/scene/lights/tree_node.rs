@@ -1,17 +1,18 @@
-//! Up to eight clusters of lights side by side, and estimates of what each contributes to a point.
+//! A node of the light tree: up to eight clusters side by side, and estimates of their irradiance at a point.
 
+use super::Receiver;
 use super::cluster::Cluster;
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// So many.
+/// Number of children of a node.
 pub(super) const WIDE: usize = 8;
 
-/// IterationSet of each, where estimates need them.
+/// The children of a node, field by field, as the estimates read them.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub(super) struct Children {
-    /// Middles of the boxes around all their emitters.
+pub(super) struct TreeNode {
+    /// Centers of the boxes around their emitters.
     center: [[f32; WIDE]; 3],
     /// Half the sides of those boxes.
     half: [[f32; WIDE]; 3],
@@ -19,23 +20,23 @@ pub(super) struct Children {
     cos_spread: [f32; WIDE],
     sin_spread: [f32; WIDE],
     cos_reach: [f32; WIDE],
-    /// Half the extents of the boxes along any of their emitters' axes, or more.
+    /// At least half the extents of the boxes along any of their emitters' axes.
     emitting_extent: [f32; WIDE],
-    /// Luminance of the radiant intensity, W/sr; 0 where there is none.
+    /// Luminance of the radiant intensity, W/sr; 0 for missing children.
     intensity: [f32; WIDE],
-    /// Sums of the emitters' axes by their intensities, over these: 1 long where all shine the same way.
+    /// Means of the emitters' axes, weighted by intensity: of length 1 if all shine in one direction.
     net: [[f32; WIDE]; 3],
-    /// Square of twice the share of the intensity that any direction has, as far as they shine different ways.
+    /// Square of twice the mean share of the intensity in any direction, scaled by how much the axes differ.
     all_around2: [f32; WIDE],
-    /// What they are, for the tree to say.
+    /// The children's content, in the encoding of the tree.
     pub content: [u32; WIDE],
 }
 
-/// Slack in radians and of lengths for the rounding of bounds: no light may be lost to it.
+/// Slack of bounds, radians and relative length: rounding must not lose any light.
 const SLACK: f32 = 1e-3;
 
-/// Squared distances to a cluster's middle grow by this share of the squared half diagonal. Of 0.1 to
-/// 0.5 it gave the least variance among lamps in a grid, in rows, in clumps and anywhere.
+/// Squared distances to a cluster's center grow by this share of the squared half diagonal. Of 0.1 to 0.5 it gave
+/// the smallest variance for lamps in a grid, in rows, in clumps and at random.
 const SPREAD_OUT: f32 = 0.25;
 
 /// Cosine of `a - b`, or 1 if `b` is the larger angle; both in [0, pi].
@@ -45,14 +46,13 @@ fn cos_of_rest(cos_a: f32, (sin_b, cos_b): (f32, f32)) -> f32 {
     if cos_a >= cos_b { 1.0 } else { rest }
 }
 
-/// The middle of the heights that are above the horizon, of a body that reaches from `extent` below
-/// `height` to as much above.
+/// Middle of the part above the horizon of a body that reaches from `height - extent` to `height + extent`.
 #[inline(always)]
 fn above_horizon(height: f32, extent: f32) -> f32 {
     if height >= extent { height } else { 0.5 * (height + extent) }
 }
 
-/// What is positive of numbers around `mean`, on average, about: `mean` where it is large, and half the root of
+/// Approximate mean of the positive part of numbers around `mean`: `mean` itself if it is large, half the root of
 /// `spread2` at 0.
 #[inline(always)]
 fn positive_part(mean: f32, spread2: f32) -> f32 {
@@ -63,19 +63,19 @@ fn positive_part(mean: f32, spread2: f32) -> f32 {
 
 #[inline(always)]
 fn at(columns: &[[f32; WIDE]; 3], child: usize) -> Vec3 {
-    // (With `map` the compiler finds no vector instructions.)
+    // `map` would keep the compiler from vector instructions.
     Vec3::new(columns[0][child], columns[1][child], columns[2][child])
 }
 
-impl Children {
-    /// Sets one.
+impl TreeNode {
+    /// Sets one child.
     pub fn set(&mut self, child: usize, cluster: &Cluster, content: u32) {
         let Cluster { bounds, beam, intensity, net, mean } = cluster;
         let half = 0.5 * (bounds.max - bounds.min);
         let half = half + SLACK * half.length();
         let spread = (beam.spread + SLACK).min(PI);
         let (sin_spread, cos_spread) = spread.sin_cos();
-        // Of an axis off by the spread: |a'| <= |a| + |a' - a|.
+        // For an axis off by the spread: |a'| <= |a| + |a' - a|.
         let radius = half.length();
         let along = beam.axis.abs().dot(half) + 2.0 * (0.5 * spread).sin() * radius;
         let (net, mean) =
@@ -93,19 +93,18 @@ impl Children {
         self.content[child] = content;
     }
 
-    /// Estimates of the irradiance at `position` on a surface of this normal, on all sides without
-    /// one, W/m^2; 0 only where there is none.
+    /// Estimates of each child's irradiance at `at`, W/m^2; 0 only if a child cannot light it.
     ///
-    /// Each is the intensity toward the point times the cosine there over the squared distance. Bounds of the
-    /// cosines, as there, would be 1 for all large clusters; means of what is above the horizon come nearer.
+    /// Each is the intensity toward the point times the cosine there over the squared distance. The bounds of the
+    /// cosines of the paper would be 1 for all large clusters; means over the part above the horizon are closer.
     /// theory.md (16).
     #[inline(always)] // as all here: part of vectorized code
-    pub fn estimates(&self, position: Vec3, normal: Option<Vec3>) -> [f32; WIDE] {
+    pub fn estimates(&self, Receiver { position, normal }: Receiver) -> [f32; WIDE] {
         let mut estimates = match normal {
-            Some(normal) => self.of_heights(position, |to_center, half, _| {
+            Some(normal) => self.estimates_by(position, |to_center, half, _| {
                 above_horizon(to_center.dot(normal), normal.abs().dot(half))
             }),
-            None => self.of_heights(position, |_, _, spread_out| spread_out),
+            None => self.estimates_by(position, |_, _, spread_out| spread_out),
         };
         if self.cos_reach.iter().any(|&cos| cos > 0.0) {
             self.leave_out_spots(position, &mut estimates);
@@ -113,9 +112,13 @@ impl Children {
         estimates
     }
 
-    /// Without the last condition, `received` being the heights over the surface.
+    /// Estimates that ignore the cones of spots; `received` gives the heights over the surface.
     #[inline(always)]
-    fn of_heights(&self, position: Vec3, received: impl Fn(Vec3, Vec3, f32) -> f32) -> [f32; WIDE] {
+    fn estimates_by(
+        &self,
+        position: Vec3,
+        received: impl Fn(Vec3, Vec3, f32) -> f32,
+    ) -> [f32; WIDE] {
         let mut estimates = [0.0; WIDE];
         for (child, estimate) in estimates.iter_mut().enumerate() {
             let (to_center, half) = (at(&self.center, child) - position, at(&self.half, child));
@@ -133,15 +136,15 @@ impl Children {
             let spread2 = self.all_around2[child] + extent * extent;
             let cos = -to_center.dot(at(&self.net, child)) / spread_out;
             let cosines = (received / spread_out).min(1.0) * positive_part(cos, spread2).min(1.0);
-            // Their sum is finite, also in the very place of a point.
+            // The sum over children is finite, also at the position of a light.
             let value = (self.intensity[child] * cosines / spread_out2).min(f32::MAX / 32.0);
             *estimate = if (received > 0.0) & (emitted > 0.0) { value } else { 0.0 };
         }
         estimates
     }
 
-    /// Nothing comes from clusters of spots that shine elsewhere: the angle beyond their spread, less half the angle
-    /// under which the cluster is seen, is more than they reach.
+    /// Sets the estimate of spots that shine elsewhere to 0: the angle outside their spread, less half the angular
+    /// diameter of the cluster, exceeds their reach.
     #[inline(always)]
     fn leave_out_spots(&self, position: Vec3, estimates: &mut [f32; WIDE]) {
         for (child, estimate) in estimates.iter_mut().enumerate() {

@@ -6,7 +6,7 @@
 //! place. Of triangles with the same corners, only the first counts.
 
 use super::surfaces::{Surfaces, corners};
-use crate::accel::{Place, TriangleMesh};
+use crate::accel::{Instance, TriangleMesh};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -73,7 +73,7 @@ impl Components {
     pub fn new(surfaces: &dyn Surfaces) -> Self {
         let meshes: Vec<_> = surfaces.meshes().par_iter().map(MeshComponents::new).collect();
         let mut count = 0;
-        let place = |place: &Place| {
+        let place = |place: &Instance| {
             let first = count;
             count += meshes[place.mesh as usize].count;
             (place.mesh, first)

@@ -2,7 +2,7 @@
 
 use super::pilot;
 use super::{Areas, Hole, Surfaces};
-use crate::accel::{Intersect, Place, TriangleMesh};
+use crate::accel::{Instance, Intersect, TriangleMesh};
 use crate::base::math::Frame;
 use crate::scene::{Mesh, Placement, Scene};
 use glam::{Vec2, Vec3};
@@ -21,14 +21,15 @@ const GOLDEN_TURN: f32 = 0.381_966_01;
 
 struct SceneSurfaces {
     scene: Arc<Scene>,
-    places: Vec<Place>,
+    places: Vec<Instance>,
 }
 
 impl Areas {
     /// Areas of all surfaces of a scene, in spheres of up to `radius`, scene units. A pilot traces light
     /// paths to find the sides that light reaches. It does not depend on settings or the number of threads.
     pub fn of_scene(scene: &Arc<Scene>, accel: &dyn Intersect, radius: f32) -> Self {
-        let surfaces = SceneSurfaces { scene: Arc::clone(scene), places: scene.geometry().places };
+        let surfaces =
+            SceneSurfaces { scene: Arc::clone(scene), places: scene.geometry().instances };
         let sides = pilot::reached(scene, accel, &surfaces);
         Self::new(Box::new(surfaces), sides, radius, BUDGET)
     }
@@ -49,7 +50,7 @@ impl Surfaces for SceneSurfaces {
         self.scene.meshes()[mesh as usize].as_triangles()
     }
 
-    fn places(&self) -> &[Place] {
+    fn places(&self) -> &[Instance] {
         &self.places
     }
 
@@ -62,18 +63,18 @@ impl Surfaces for SceneSurfaces {
     }
 
     fn has_holes(&self, place: u32) -> bool {
-        self.scene.materials()[self.placement(place).material as usize].cut_out().is_some()
+        self.scene.materials()[self.placement(place).material as usize].alpha_mask().is_some()
     }
 
     fn opacity(&self, hole: &Hole) -> f32 {
         let placement = self.placement(hole.place);
         let material = &self.scene.materials()[placement.material as usize];
-        let Some(cut_out) = material.cut_out() else { return 1.0 };
+        let Some(alpha_mask) = material.alpha_mask() else { return 1.0 };
         let triangle = self.scene.placed_triangle(hole.place, hole.triangle);
         let mesh = self.scene.mesh(placement);
         let corners = mesh.triangles[hole.triangle as usize];
         // In the order of the placed triangle's corners, which mirroring turns around.
-        let corners = placement.transform.map_or(corners, |transform| transform.corners(corners));
+        let corners = placement.transform.map_or(corners, |transform| transform.ordered(corners));
         let [a, b, c] =
             corners.map(|index| mesh.uvs.get(index as usize).copied().unwrap_or_default());
         let weights = match placement.transform {
@@ -92,7 +93,7 @@ impl Surfaces for SceneSurfaces {
         let opacities = (0..SAMPLES).map(|i| {
             let distance = hole.radius * ((f32::from(i) + 0.5) / f32::from(SAMPLES)).sqrt();
             let turn = Vec2::from_angle(TAU * (f32::from(i) * GOLDEN_TURN).fract()) * distance;
-            cut_out.opacity(middle + turn.x * along_x + turn.y * along_y)
+            alpha_mask.opacity(middle + turn.x * along_x + turn.y * along_y)
         });
         opacities.sum::<f32>() / f32::from(SAMPLES)
     }

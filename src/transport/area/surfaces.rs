@@ -1,7 +1,7 @@
 //! The interface through which areas see a scene.
 
 use super::bvh::Box3;
-use crate::accel::{Place, TriangleMesh};
+use crate::accel::{Instance, TriangleMesh};
 use glam::{DVec3, Vec3};
 
 /// The surfaces of a scene. Triangles are named as in hits: by the index of their place, and theirs
@@ -14,7 +14,7 @@ pub trait Surfaces: Send + Sync {
     fn mesh(&self, mesh: u32) -> TriangleMesh<'_>;
 
     /// The meshes' places in the scene.
-    fn places(&self) -> &[Place];
+    fn places(&self) -> &[Instance];
 
     /// Unit normal of a triangle's front in the scene, as vertices on it have it; zero of triangles
     /// without area.
@@ -51,7 +51,7 @@ pub struct Hole {
 }
 
 /// The corners of a triangle in the scene, in the order of the mesh.
-pub(super) fn corners(surfaces: &dyn Surfaces, place: &Place, triangle: u32) -> [DVec3; 3] {
+pub(super) fn corners(surfaces: &dyn Surfaces, place: &Instance, triangle: u32) -> [DVec3; 3] {
     let mesh = surfaces.mesh(place.mesh);
     mesh.triangles[triangle as usize].map(|index| {
         let own = mesh.positions[index as usize].as_dvec3();

@@ -2,7 +2,7 @@
 
 use super::bvh::{Box3, Bvh};
 use super::surfaces::{Surfaces, box_around, corners};
-use crate::accel::{Place, TriangleMesh};
+use crate::accel::{Instance, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -23,18 +23,18 @@ impl TriangleIndex {
     /// Builds the trees over all triangles of a scene.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
         let tree = |(mesh, own): (usize, &TriangleMesh)| {
-            let place = Place { mesh: mesh as u32, to_scene: None };
+            let place = Instance { mesh: mesh as u32, to_scene: None };
             let count = own.triangles.len() as u32;
             let around = |triangle| box_around(corners(surfaces, &place, triangle).into_iter());
             Bvh::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
         };
         let meshes: Vec<_> = surfaces.meshes().par_iter().enumerate().map(tree).collect();
-        let around = |place: &Place| {
+        let around = |place: &Instance| {
             let own = meshes[place.mesh as usize].bounds();
             place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
         };
         let places = Bvh::new(&surfaces.places().iter().map(around).collect::<Vec<_>>(), 1);
-        let to_mesh = |place: &Place| place.to_scene.map(|to_scene| to_scene.inverse());
+        let to_mesh = |place: &Instance| place.to_scene.map(|to_scene| to_scene.inverse());
         Self { places, to_mesh: surfaces.places().iter().map(to_mesh).collect(), meshes }
     }
 

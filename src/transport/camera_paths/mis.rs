@@ -4,8 +4,8 @@ use super::CameraPaths;
 use super::non_diffuse::PathVertex;
 use crate::base::math::luminance;
 use crate::scene::bsdf::{BsdfSample, Lobe, Vertex};
-use crate::scene::diffuse::{DiffuseVertices, Facet};
-use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
+use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene, Surface};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::GatherView;
 use crate::transport::mis::densities::{Directions, PathKind};
@@ -27,7 +27,7 @@ impl CameraPaths {
         let is_second: Mask = from_fn(|lane| states.depth[lane].diffuse() == 1);
         let Some(mis) = self.mis.filter(|_| any(&is_second)) else { return };
         let partials = self.partials_of(&states.path);
-        let inverse_start = scene.lights().start().recip();
+        let inverse_start = scene.lights().total_power().recip();
         for lane in 0..LANES {
             let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
             // theory.md (47b), `l`
@@ -116,9 +116,7 @@ impl CameraPaths {
 /// be connected from that vertex, too.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct RoughVertex {
-    position: Vec3,
-    /// Normal on the side that can be lit, if only one can.
-    normal: Option<Vec3>,
+    receiver: Receiver,
     /// Density of the path's direction, 1/sr; 0 unless it took a rough lobe.
     pdf_w: f32,
 }
@@ -130,7 +128,7 @@ impl RoughVertex {
             return Self::default();
         }
         let pdf_w = surface.bsdf.pdf_w(Lobe::Rough, at, sample.wi);
-        Self { position: surface.position, normal: surface.lit_side(), pdf_w }
+        Self { receiver: surface.receiver(), pdf_w }
     }
 
     /// MIS weight of light that the path hits; `connection` computes the density of connecting it.
@@ -147,14 +145,14 @@ impl CameraPaths {
         &self,
         scene: &Scene,
         path: u32,
-        facet: Facet,
+        facet: TriangleSide,
         position: Vec3,
     ) -> f32 {
         if self.mis.is_none() {
             return 1.0;
         }
         self.rough_vertices[path as usize]
-            .weight(|rough| scene.connection_pdf_w((facet, position), rough.position, rough.normal))
+            .weight(|rough| scene.connection_pdf_w(facet, position, rough.receiver))
     }
 
     /// MIS weight of environment radiance that a path hits before its first diffuse vertex.
@@ -164,7 +162,7 @@ impl CameraPaths {
         }
         let lights = scene.lights();
         self.rough_vertices[path as usize]
-            .weight(|rough| lights.beyond_pdf_w(direction, rough.position, rough.normal))
+            .weight(|rough| lights.environment_pdf_w(direction, rough.receiver))
     }
 }
 
@@ -172,5 +170,5 @@ impl CameraPaths {
 /// `normal`: theory.md (47b), `l`.
 fn emission_over_connection(lights: &Lights, light: &LightSample, normal: Vec3) -> f32 {
     let cos = light.wi.dot(normal).abs();
-    luminance(light.irradiance) * cos / (lights.start() * light.relative)
+    luminance(light.irradiance) * cos / (lights.total_power() * light.relative)
 }

@@ -13,8 +13,8 @@ use super::path_state::{PathStates, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
-use crate::scene::diffuse::{DiffuseVertices, Facet};
-use crate::scene::{Scene, Seen, Surface, View};
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
+use crate::scene::{HitScratch, Scene, Surface, View};
 use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
@@ -134,8 +134,8 @@ impl CameraPaths {
             );
             self.hits.resize(rays.len(), HitPacket::default());
             pass.accel.intersect(rays, count, &mut self.hits, coherence);
-            if coherence == Coherence::Coherent && pass.scene.hides() {
-                pass.scene.pass_hidden(pass.accel, rays, count, &mut self.hits);
+            if coherence == Coherence::Coherent && pass.scene.has_hidden_materials() {
+                pass.scene.skip_hidden(pass.accel, rays, count, &mut self.hits);
             }
             vectorized(
                 #[inline(always)]
@@ -198,12 +198,12 @@ impl CameraPaths {
     fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let (mut states, mut seen, mut at) = <(PathStates, Seen, DiffuseVertices)>::default();
+        let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
             let count = segments.load(packet, &mut states);
             let rest =
                 pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
-            if rest.missed != 0 && pass.scene.lights().shine_from_beyond() {
+            if rest.missed != 0 && pass.scene.lights().has_environment() {
                 self.add_environment(pass, &states, rest.missed);
             }
             for lane in lanes_of(rest.others) {
@@ -284,7 +284,7 @@ impl CameraPaths {
             if at.active[lane] && at.front[lane] && states.depth[lane].diffuse() == 0 {
                 let mut emission = at.emission.get(lane);
                 if self.mis.is_some() {
-                    let facet = Facet { mesh: at.mesh[lane], side: at.side[lane] };
+                    let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
                     let position = at.position.get(lane);
                     emission *= self.emission_weight(scene, states.path[lane], facet, position);
                 }

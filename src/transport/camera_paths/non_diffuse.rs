@@ -3,7 +3,7 @@
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
 use crate::base::math::Rgb;
-use crate::scene::bsdf::{Lobe, Transport, Vertex, Wanted};
+use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
 use crate::scene::{LightSample, Lights, Surface};
 use crate::settings::Direct;
 use crate::simd::{LANES, Vec3s, lanes_of};
@@ -27,7 +27,7 @@ impl CameraPaths {
     pub(super) fn add_environment(&mut self, pass: &CameraPass, states: &PathStates, missed: u32) {
         for lane in lanes_of(missed).filter(|&lane| states.depth[lane].diffuse() == 0) {
             let direction = states.direction.get(lane);
-            let mut radiance = pass.scene.lights().beyond(direction);
+            let mut radiance = pass.scene.lights().environment_radiance(direction);
             if self.mis.is_some() {
                 radiance *= self.environment_weight(pass.scene, states.path[lane], direction);
             }
@@ -68,7 +68,7 @@ impl CameraPaths {
         let merges = self.at_other_vertex(pass, surface, &mut state);
         // A path that is cut here still takes lobes that pass through.
         let cut = merges && vertex == pass.settings.merge_vertex;
-        let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
+        let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
         let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut state.rng)?;
         if !surface.agrees(&at, sample.wi) {
             return None;
@@ -97,10 +97,9 @@ impl CameraPaths {
         let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
-        let lit_side = surface.lit_side();
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
-            let light = lights.connect(surface.position, lit_side, &mut state.rng);
+            let light = lights.connect(surface.receiver(), &mut state.rng);
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(lights, &vertex, Lobe::Diffuse, light);
         }
@@ -108,9 +107,9 @@ impl CameraPaths {
             // Delta lights cannot be hit. With MIS, connections share the other lights with hits. After a diffuse vertex,
             // photons contribute these paths.
             let light = if self.mis.is_some() {
-                lights.connect(surface.position, lit_side, &mut state.rng)
+                lights.connect(surface.receiver(), &mut state.rng)
             } else {
-                lights.connect_delta(surface.position, lit_side, &mut state.rng)
+                lights.connect_delta(surface.receiver(), &mut state.rng)
             };
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(lights, &vertex, Lobe::Rough, light);

@@ -4,7 +4,7 @@ use super::*;
 use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::bsdf::{Bsdf, Vertex};
-use crate::scene::diffuse::Facet;
+use crate::scene::diffuse::TriangleSide;
 use crate::transport::area::admission::THICKNESS;
 use crate::transport::gather::GatherView;
 use crate::transport::kernel::ByClass;
@@ -58,7 +58,7 @@ fn camera_paths(count: u32) -> CameraPaths {
                 vertex,
                 normal,
                 view,
-                facet: Facet::default(),
+                facet: TriangleSide::default(),
             };
             paths.gather_points.push(&point);
         }

@@ -94,9 +94,10 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric, Wanted,
+        Coated, Conductor, Dielectric, Glossy, LobeSet, Reflectance, RoughDielectric,
+        ThinDielectric,
     };
-    use crate::scene::diffuse::Facet;
+    use crate::scene::diffuse::TriangleSide;
     use crate::transport::gather::GatherView;
 
     fn bsdfs() -> Vec<Bsdf> {
@@ -125,7 +126,7 @@ mod tests {
         let side = if front { 1.0 } else { -1.0 };
         Surface {
             position: Vec3::ZERO,
-            facet: Facet::default(),
+            facet: TriangleSide::default(),
             normal: Vec3::Z * side,
             interpolated: normal.map(|normal| normal * side),
             off_surface: 1e-4 * Vec3::Z * side,
@@ -154,7 +155,8 @@ mod tests {
                 // Sample as light paths do, and, where surfaces can be passed through, as camera paths do.
                 let from_camera = surface(&material, camera, normal);
                 let at = from_camera.vertex(Transport::Radiance);
-                let wanted = if bsdf.passes_through() { Wanted::PassThrough } else { Wanted::All };
+                let wanted =
+                    if bsdf.passes_through() { LobeSet::PassThrough } else { LobeSet::All };
                 let sample = bsdf.sample(&at, Transport::Radiance, wanted, &mut rng);
                 let Some(sample) = sample else { continue };
                 if sample.wi.z.abs() < 1e-2 || !from_camera.agrees(&at, sample.wi) {
@@ -189,7 +191,7 @@ mod tests {
             let at = surface(&material, Vec3::new(0.48, 0.36, 0.8), None).vertex(Transport::Flux);
             let (n, mut sum, mut square) = (100_000, 0.0, 0.0);
             for _ in 0..n {
-                let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut rng);
+                let sample = bsdf.sample(&at, Transport::Flux, LobeSet::All, &mut rng);
                 let sample = sample.filter(|s| s.lobe == Lobe::Diffuse && s.wi.z > 0.6);
                 let one = sample
                     .map_or(0.0, |s| 1.0 / f64::from(PathKind::Camera.density(&bsdf, &at, s.wi)));
@@ -214,7 +216,7 @@ mod tests {
             let from = surface(&smooth, camera, None);
             let at = from.vertex(Transport::Radiance);
             let sample =
-                smooth.bsdf.sample(&at, Transport::Radiance, Wanted::All, &mut rng).unwrap();
+                smooth.bsdf.sample(&at, Transport::Radiance, LobeSet::All, &mut rng).unwrap();
             if sample.wi.z.abs() < 0.2 || camera.z.abs() < 0.2 {
                 continue;
             }

@@ -3,7 +3,7 @@
 use super::mis_weights::PhotonWeights;
 use super::queries::MergeQuery;
 use crate::base::math::Rgb;
-use crate::simd::dispatch::{Simd, paired};
+use crate::simd::dispatch::{Simd, interleave_selected};
 use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::pair_list::Pair;
 use crate::transport::photon::{Arrival, Photon};
@@ -141,7 +141,7 @@ impl PairSink for PointPairs<'_> {
         // Writes all four and keeps those that count: a branch for each could not be predicted.
         let count = count.bitmask();
         let values = values.to_array().map(f32::to_bits);
-        let pairs = paired(self.simd, count, light_paths, values);
+        let pairs = interleave_selected(self.simd, count, light_paths, values);
         self.space[self.count..self.count + QUAD].copy_from_slice(bytemuck::cast_slice(&pairs));
         self.count += count.count_ones() as usize;
     }

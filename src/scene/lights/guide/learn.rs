@@ -1,73 +1,74 @@
-//! Finds the cells of a guide from what light paths brought.
+//! Learns the cells of a guide from the contributions of light paths.
 //!
-//! Of light paths with the density `g` the second moment of what they bring is the integral of `m/g`, where `m` is
-//! that of paths from a place. In cells of volume `v` and mass `m v` it is least where `g` goes as the root of `m`,
-//! and then the square of the sum of `sqrt(v * mass)`: cells are cut where that falls the most. theory.md, section 10a.
+//! Let light paths start with the density `g`, and let `m` be the second moment of the contributions of paths from
+//! one point of the cube. The second moment of all contributions is the integral of `m/g`. For cells of volume `v`
+//! and mass `m v` it is minimal if `g` is proportional to the root of `m`. Its value is then the square of the sum of
+//! `sqrt(v * mass)`: cells are cut where this sum falls most. theory.md, section 10a.
 
-use super::{Cell, Guide, Start};
-use crate::scene::lights::Place;
+use super::{Cell, Guide, GuidedStart};
+use crate::scene::lights::PrimarySample;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::ops::Range;
 
-/// What a light path brought.
+/// Contribution of a light path.
 #[derive(Clone, Copy, Debug)]
 pub struct GuideSample {
-    /// Where it started.
-    pub start: Start,
-    /// The sum over the image of the squares of what it brought, weighted.
+    /// Start of the path.
+    pub start: GuidedStart,
+    /// Weighted sum over the image of its squared contributions.
     pub square: f64,
 }
 
-/// Cells at the most.
+/// Maximum number of cells.
 const MOST_CELLS: usize = 4096;
 
-/// Share of the light paths that starts evenly, so that nothing is missed: what is not learned has at most the
-/// reciprocal as many times the noise.
+/// Share of the light paths that starts evenly, so that none is missed: contributions that were not learned have at
+/// most the reciprocal times the unguided noise.
 const EVEN_SHARE: f64 = 0.2;
 
-/// Parts along a side by which it is judged whether to cut across: what lies in the middle is found only so.
+/// Number of parts along a side whose masses decide about a cut: halves alone would miss a peak in the middle.
 const PARTS: usize = 8;
 
-/// A cell is cut if that gains so much more than noise does, of as many equal values as it has.
+/// A cell is cut if the gain exceeds this factor times the gain of pure noise.
 const CERTAINTY: f64 = 3.0;
 
-/// Least share of the sum over all cells that cutting one gains.
+/// Minimum gain of a cut, relative to the sum over all cells.
 const LEAST_GAIN: f64 = 1e-4;
 
-/// A path from a place, and its part of the second moment.
+/// Start of a path, and its part of the second moment.
 #[derive(Clone, Copy, Debug)]
 struct Moment {
-    place: Place,
+    place: PrimarySample,
     mass: f64,
 }
 
-/// A cell that may be cut.
-struct Open {
+/// A cell that can be cut.
+struct SplittableCell {
     cell: Cell,
-    /// Of the paths that start in it.
+    /// Range of the paths that start in the cell.
     moments: Range<usize>,
     mass: f64,
-    /// What cutting it gains, and along which side.
+    /// Gain of cutting the cell, and the side to cut.
     gain: f64,
     side: usize,
 }
 
 impl Guide {
-    /// For the least second moment of what light paths bring that start there; of those that brought
-    /// anything.
+    /// Learns the guide that minimizes the second moment of contributions; paths that contribute nothing may be
+    /// left out of `samples`.
     /// theory.md (40b).
-    pub fn learn(brought: &[GuideSample]) -> Self {
-        let moment = |brought: &GuideSample| Moment {
-            place: brought.start.place,
-            mass: brought.square * brought.start.density,
+    pub fn learn(samples: &[GuideSample]) -> Self {
+        let moment = |GuideSample { start, square }: &GuideSample| Moment {
+            place: start.place,
+            mass: square * start.density,
         };
-        let mut moments: Vec<_> =
-            brought.iter().map(moment).filter(|moment| moment.mass > 0.0).collect();
+        let moments = samples.iter().map(moment);
+        let mut moments: Vec<_> = moments.filter(|moment| moment.mass > 0.0).collect();
         let cells = cut(&mut moments);
-        let root = |open: &Open| (open.mass * open.cell.volume()).sqrt();
+        let root = |open: &SplittableCell| (open.mass * open.cell.volume()).sqrt();
         let sum: f64 = cells.iter().map(root).sum();
-        let with_density = |open: &Open| {
+        let with_density = |open: &SplittableCell| {
             let share = if sum > 0.0 { root(open) / sum } else { open.cell.volume() };
             let density = EVEN_SHARE + (1.0 - EVEN_SHARE) * share / open.cell.volume();
             Cell { density, ..open.cell }
@@ -82,9 +83,9 @@ impl Guide {
     }
 }
 
-/// Cuts the cube, the cell that gains the most first.
-fn cut(moments: &mut [Moment]) -> Vec<Open> {
-    let whole = Open::new(Cell::ALL, 0..moments.len(), moments);
+/// Cuts the cube, the cell of the highest gain first.
+fn cut(moments: &mut [Moment]) -> Vec<SplittableCell> {
+    let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), moments);
     let least = LEAST_GAIN * whole.mass.sqrt();
     let (mut heap, mut done) = (BinaryHeap::from([whole]), Vec::new());
     while let Some(open) = heap.pop() {
@@ -97,7 +98,7 @@ fn cut(moments: &mut [Moment]) -> Vec<Open> {
     done
 }
 
-impl Open {
+impl SplittableCell {
     fn new(cell: Cell, range: Range<usize>, moments: &[Moment]) -> Self {
         let own = &moments[range.clone()];
         let (mut mass, mut square, mut parts) = (0.0, 0.0, [[0.0; PARTS]; 5]);
@@ -118,8 +119,8 @@ impl Open {
                 (gain, side) = (root - cut, number);
             }
         }
-        // As many equal values are worth: what falls into the parts by chance lessens the sum of their roots by
-        // about an eighth of a part's share each.
+        // The gain of as many equal values at random: their spread over the parts lowers the sum of roots by about an
+        // eighth of a part's share each.
         let values = if square > 0.0 { mass * mass / square } else { 0.0 };
         let by_chance = root * (PARTS - 1) as f64 / (8.0 * values.max(1.0));
         if gain < CERTAINTY * by_chance {
@@ -147,22 +148,22 @@ impl Open {
     }
 }
 
-impl Ord for Open {
+impl Ord for SplittableCell {
     fn cmp(&self, other: &Self) -> Ordering {
         self.gain.total_cmp(&other.gain)
     }
 }
 
-impl PartialOrd for Open {
+impl PartialOrd for SplittableCell {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Open {
+impl PartialEq for SplittableCell {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Open {}
+impl Eq for SplittableCell {}

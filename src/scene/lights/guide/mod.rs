@@ -1,40 +1,40 @@
-//! Where light paths start: more often where they bring more to the image.
+//! Guides the starts of light paths: more start where they contribute more to the image.
 //!
-//! All ways to start a light path are a unit cube, [`Place`]: the light, where on it, and the direction. A guide
-//! divides it into cells, in each of which the density is even, and which [`learn`](Guide::learn) finds from what light
-//! paths brought. Flux is divided by the density, so that means stay what they are, whatever the guide. theory.md, section 10a.
+//! The random numbers that start a light path are a point of a unit cube, [`PrimarySample`]. A guide divides the cube
+//! into cells of uniform density. [`learn`](Guide::learn) chooses cells and densities from the contributions of
+//! earlier light paths. Flux is divided by the density, so that no guide changes the mean. theory.md, section 10a.
 
 mod learn;
 
-use super::{Emission, Lights, Place};
+use super::{Emission, Lights, PrimarySample};
 use crate::base::rng::Rng;
 pub use learn::GuideSample;
 
-/// A density of the places where light paths start, even within cells.
+/// A density of the starts of light paths, uniform within cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guide {
     cells: Vec<Cell>,
-    /// Upper end of each cell's share of the choices.
+    /// Upper end of each cell's interval of [0, 1].
     cumulative: Vec<f64>,
-    /// Second moment of what it was learned from, over that of light paths that start evenly.
+    /// Expected second moment of contributions, over that of unguided light paths.
     expected: f64,
 }
 
 /// A box of the unit cube.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cell {
-    low: Place,
-    size: Place,
-    /// Of places in it, where even is 1.
+    low: PrimarySample,
+    size: PrimarySample,
+    /// Density of starts in the cell, relative to an unguided start.
     density: f64,
 }
 
 /// A start of a light path.
 #[derive(Clone, Copy, Debug)]
-pub struct Start {
-    /// Where among all.
-    pub place: Place,
-    /// How much denser than evenly.
+pub struct GuidedStart {
+    /// Point of the cube.
+    pub place: PrimarySample,
+    /// Density there, relative to an unguided start.
     pub density: f64,
 }
 
@@ -47,12 +47,12 @@ impl Cell {
 }
 
 impl Guide {
-    /// All places alike: in proportion to what the lights emit there.
+    /// The guide of density 1: light paths start in proportion to the emitted power.
     pub fn even() -> Self {
         Self::of_cells(vec![Cell::ALL], 1.0)
     }
 
-    /// Of cells that fill the cube and whose densities have the mean 1.
+    /// A guide of cells that fill the cube and whose densities have the mean 1.
     fn of_cells(cells: Vec<Cell>, expected: f64) -> Self {
         let mut sum = 0.0;
         let cumulative = cells.iter().map(|cell| {
@@ -63,25 +63,20 @@ impl Guide {
         Self { cumulative: cumulative.iter().map(|end| end / sum).collect(), cells, expected }
     }
 
-    /// Second moment of what light paths bring that start so, over that of those that start evenly: by what it was
-    /// learned from, hence less than it will be.
+    /// Expected second moment of contributions, over that of unguided light paths. It is an estimate from the samples
+    /// that the guide was learned from, hence lower than the true ratio.
     pub fn expected(&self) -> f64 {
         self.expected
     }
 
-    /// How many cells it has.
-    pub fn len(&self) -> usize {
+    /// Number of cells.
+    pub fn cell_count(&self) -> usize {
         self.cells.len()
     }
 
-    /// Whether it has none: never.
-    pub fn is_empty(&self) -> bool {
-        self.cells.is_empty()
-    }
-
-    /// Chooses a start.
+    /// Samples the start of a light path.
     #[inline]
-    pub fn start(&self, rng: &mut Rng) -> Start {
+    pub fn start(&self, rng: &mut Rng) -> GuidedStart {
         let u = rng.next_f64();
         let index = self.cumulative.partition_point(|&end| end <= u).min(self.cells.len() - 1);
         let Cell { low, size, density } = &self.cells[index];
@@ -89,17 +84,17 @@ impl Guide {
         for (place, size) in place.iter_mut().zip(size) {
             *place += size * rng.next_f64();
         }
-        Start { place, density: *density }
+        GuidedStart { place, density: *density }
     }
 }
 
 impl Lights {
-    /// Starts a light path where `guide` says; with the light's index.
+    /// Starts a light path with the density of `guide`; also returns the light's index.
     ///
     /// # Panics
     /// If there are no lights.
     pub fn emit_guided(&self, guide: &Guide, rng: &mut Rng) -> (usize, Emission) {
-        let Start { place, density } = guide.start(rng);
+        let GuidedStart { place, density } = guide.start(rng);
         let (index, emission) = self.emit_at(place);
         // theory.md (40a)
         (index, Emission { flux: emission.flux / density as f32, ..emission })
@@ -111,18 +106,18 @@ mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
 
-    /// Light paths from the places of `guide` bring this, whose mean over the even places is asked for.
-    fn brings(place: &Place) -> f64 {
+    /// Contribution of a light path that starts at `place`.
+    fn contribution(place: &PrimarySample) -> f64 {
         let near = |side: usize, from: f64, to: f64| (from..to).contains(&place[side]);
         if near(0, 0.7, 0.75) && near(3, 0.2, 0.8) { 1.0 + place[4] } else { 0.01 }
     }
 
-    /// What paths that start as `guide` says bring.
+    /// Samples of light paths that start with the density of `guide`.
     fn samples(guide: &Guide, index: u64, count: usize) -> Vec<GuideSample> {
         let mut rng = StreamKey::new(9, Stream::Test, index).rng(0);
         let one = || {
             let start = guide.start(&mut rng);
-            GuideSample { start, square: (brings(&start.place) / start.density).powi(2) }
+            GuideSample { start, square: (contribution(&start.place) / start.density).powi(2) }
         };
         std::iter::repeat_with(one).take(count).collect()
     }
@@ -139,14 +134,14 @@ mod tests {
     }
 
     #[test]
-    fn starts_are_as_dense_as_they_say() {
+    fn guided_starts_have_their_reported_density() {
         let guide = Guide::learn(&samples(&Guide::even(), 0, 100_000));
-        assert!(guide.len() > 20, "{}", guide.len());
+        assert!(guide.cell_count() > 20, "{}", guide.cell_count());
         let mut rng = StreamKey::new(9, Stream::Test, 1).rng(0);
-        let starts: Vec<Start> = (0..200_000).map(|_| guide.start(&mut rng)).collect();
+        let starts: Vec<GuidedStart> = (0..200_000).map(|_| guide.start(&mut rng)).collect();
         assert!(starts.iter().all(|s| s.place.iter().all(|x| (0.0..1.0).contains(x))));
-        // The mean of any function over all places, by places where the guide puts them.
-        let functions: [fn(&Place) -> f64; 4] = [
+        // Estimate means of functions over the cube from guided starts.
+        let functions: [fn(&PrimarySample) -> f64; 4] = [
             |_| 1.0,
             |p| p[0] * p[3],
             |p| f64::from(p[1] < 0.3 && p[0] > 0.72),
@@ -160,38 +155,38 @@ mod tests {
     }
 
     #[test]
-    fn learned_places_come_near_the_least_second_moment() {
+    fn learned_guide_comes_near_the_minimum_second_moment() {
         let even = Guide::even();
         let first = Guide::learn(&samples(&even, 2, 20_000));
         let both = [samples(&even, 2, 20_000), samples(&first, 3, 60_000)].concat();
         let guide = Guide::learn(&both);
         let moment = |guide: &Guide, index| {
-            mean(samples(guide, index, 200_000).iter().map(|brought| brought.square))
+            mean(samples(guide, index, 200_000).iter().map(|sample| sample.square))
         };
         let [plain, _] = moment(&even, 4);
         let [guided, error] = moment(&guide, 5);
-        // The least is the squared mean.
+        // The minimum is the squared mean.
         let (inside, outside) = (0.05 * 0.6 * 1.5, 0.01 * (1.0 - 0.05 * 0.6));
         let least = f64::powi(inside + outside, 2);
         println!("{plain} {guided} +- {error}, least {least}");
-        // Where nothing is brought, a fifth of the light paths still starts: 1/0.8 of the least.
+        // A fifth of the light paths start evenly, also where nothing contributes: 1/0.8 of the minimum.
         assert!(guided < 1.6 * least && guided > least - 4.0 * error);
         assert!(plain > 20.0 * guided, "{plain} {guided}");
     }
 
     #[test]
-    fn noise_teaches_nothing() {
-        // The same everywhere, but for a few values that are a thousand times as large.
+    fn noise_alone_gives_an_even_guide() {
+        // Equal values everywhere, but a few that are a thousand times as large.
         let even = Guide::even();
         let mut some = samples(&even, 6, 5000);
-        for (index, brought) in some.iter_mut().enumerate() {
-            brought.square = if index % 500 == 3 { 1000.0 } else { 1.0 };
+        for (index, sample) in some.iter_mut().enumerate() {
+            sample.square = if index % 500 == 3 { 1000.0 } else { 1.0 };
         }
-        assert_eq!(Guide::learn(&some).len(), 1);
-        assert_eq!(Guide::learn(&[]).len(), 1);
-        // Values alike of a few hundred paths.
+        assert_eq!(Guide::learn(&some).cell_count(), 1);
+        assert_eq!(Guide::learn(&[]).cell_count(), 1);
+        // Equal values of a few hundred paths.
         some.truncate(400);
-        some.iter_mut().for_each(|brought| brought.square = 1.0);
+        some.iter_mut().for_each(|sample| sample.square = 1.0);
         assert!(Guide::learn(&some).cells.iter().all(|c| (0.5..2.0).contains(&c.density)));
     }
 }
