@@ -23,6 +23,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use paired::{Ratio, measures, timed};
 use squares::Squares;
 use std::hint::black_box;
+use std::sync::Arc;
 
 const LIGHT_PATHS: [u32; 2] = [1000, 100_000];
 /// Rounds in which both sides take turns.
@@ -36,7 +37,7 @@ struct Packet {
     wanted: Mask,
 }
 
-fn subject() -> (Scene, Settings) {
+fn subject() -> (Arc<Scene>, Settings) {
     let (scene, mut settings) = subject::scene();
     (settings.width, settings.height, settings.camera_paths) = (512, 512, 4);
     settings.merge_vertex = 1;
@@ -73,9 +74,9 @@ fn ask(areas: &Areas, packets: &[Packet], settings: &Settings) {
 
 fn area(criterion: &mut Criterion) {
     let (scene, settings) = subject();
-    let accel: &dyn Intersect = &*build(Backend::Embree, &scene).unwrap();
+    let accel: &Arc<dyn Intersect> = &build(Backend::Embree, &scene).unwrap();
     let squares = Squares::new(&scene, accel, &settings, 2048);
-    let areas = Areas::of_scene(&scene, accel, settings.reach());
+    let areas = Areas::of_scene(&scene, &**accel, settings.reach());
     let packets = packets(&squares, &areas);
     let points = packets.iter().flat_map(|packet| packet.wanted).filter(|&wanted| wanted).count();
 
@@ -87,7 +88,7 @@ fn area(criterion: &mut Criterion) {
     if !measures() {
         return;
     }
-    let new = Areas::of_scene(&scene, accel, settings.reach());
+    let new = Areas::of_scene(&scene, &**accel, settings.reach());
     let first = timed(|| ask(&new, &packets, &settings)).as_secs_f64();
     let later = timed(|| ask(&areas, &packets, &settings)).as_secs_f64();
     let each = |seconds: f64| 1e9 * seconds / points as f64;
@@ -101,7 +102,7 @@ fn area(criterion: &mut Criterion) {
     );
     for light_paths in LIGHT_PATHS {
         let mut light = LightPaths::default();
-        light.trace(&scene, accel, &settings, light_paths, 0);
+        light.trace(&scene, &**accel, &settings, light_paths, 0);
         let mut map = PhotonMap::default();
         let kernels = [
             MergeKernel::discs([settings.caustic_radius, settings.radius]),

@@ -108,7 +108,7 @@ fn merging(criterion: &mut Criterion) {
         map.build(&light, settings.radius);
         let kernel = MergeKernel::disc(settings.radius);
         let merge = Merge::new(&map, settings.merge_vertex, kernel, MergeOptions::default());
-        let squares = Squares::new(&scene, &*accel, &settings, merge.batch_size(false));
+        let squares = Squares::new(&scene, &accel, &settings, merge.batch_size(false));
         let subject = (&photons[..], &settings);
         let (mut look_ups, mut expected) = (0, Sum::default());
         squares.each(|paths| {

@@ -24,6 +24,7 @@ use raw::{Packets, RawScene};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::cell::RefCell;
+use std::sync::Arc;
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 use subject::{camera_phase, scene};
@@ -32,13 +33,13 @@ const LIGHT_PATHS: [u32; 2] = [1000, 100_000];
 
 /// Keeps all rays that go through it.
 struct Recorder<'a> {
-    accel: &'a dyn Intersect,
+    accel: &'a Arc<dyn Intersect>,
     /// For closest hits and for occlusion, coherent ones and others.
     rays: Mutex<[[Vec<Ray>; 2]; 2]>,
 }
 
 impl<'a> Recorder<'a> {
-    fn new(accel: &'a dyn Intersect) -> Self {
+    fn new(accel: &'a Arc<dyn Intersect>) -> Self {
         Self { accel, rays: Mutex::default() }
     }
 
@@ -107,13 +108,13 @@ fn one_thread() -> &'static ThreadPool {
 }
 
 fn camera_pass<'a>(
-    scene: &'a Scene,
-    accel: &'a dyn Intersect,
+    scene: &'a Arc<Scene>,
+    accel: &'a Arc<dyn Intersect>,
     settings: &'a Settings,
 ) -> CameraPass<'a> {
     let view = scene.camera.view(settings.width, settings.height);
     let key = StreamKey::new(1, Stream::CameraPath, 0);
-    CameraPass { scene, view, accel, settings, key, gather_early: false }
+    CameraPass { scene, view, accel: &**accel, settings, key, gather_early: false }
 }
 
 /// The phases alone.
@@ -121,7 +122,7 @@ fn phases(criterion: &mut Criterion) {
     let (scene, settings) = scene();
     let accel = build(Backend::Embree, &scene).unwrap();
     let one = one_thread();
-    let pass = camera_pass(&scene, &*accel, &settings);
+    let pass = camera_pass(&scene, &accel, &settings);
     let mut paths = CameraPaths::default();
     let mut group = criterion.benchmark_group("camera");
     let count = settings.pixels() as u64 * u64::from(settings.camera_paths);
@@ -155,7 +156,7 @@ fn iterations(paths: u32) -> u64 {
 
 /// Raw packets on what `record` traces in each of its iterations.
 fn recorded(
-    accel: &dyn Intersect,
+    accel: &Arc<dyn Intersect>,
     iterations: u64,
     record: impl Fn(&Recorder, u64),
 ) -> Vec<Vec<Packets>> {
@@ -201,7 +202,7 @@ fn one_over_two(mut work: impl FnMut() + Send) -> Ratio {
     Ratio::new(|| on(&one), || on(&two))
 }
 
-fn raw_scene(scene: &Scene) -> RawScene {
+fn raw_scene(scene: &Arc<Scene>) -> RawScene {
     let geometry = scene.geometry();
     let copy = |place| (geometry.positions(place), geometry.mesh(place).triangles);
     let copies: Vec<_> = geometry.places.iter().map(copy).collect();
@@ -218,9 +219,9 @@ fn ratios(_: &mut Criterion) {
     let one = one_thread();
     println!("\nmedian (quartiles) of rounds in turn");
 
-    let pass = camera_pass(&scene, &*accel, &settings);
+    let pass = camera_pass(&scene, &accel, &settings);
     let mut paths = CameraPaths::default();
-    let packets = recorded(&*accel, 1, |recorder, _| {
+    let packets = recorded(&accel, 1, |recorder, _| {
         camera_phase(&CameraPass { accel: recorder, ..pass }, &mut CameraPaths::default(), |_| ());
     });
     let phase = || timed(|| camera_phase(&pass, &mut paths, |_| ()));
@@ -233,7 +234,7 @@ fn ratios(_: &mut Criterion) {
     for light_paths in LIGHT_PATHS {
         let settings = Settings { light_paths, ..settings.clone() };
         let (mut light, mut map) = (LightPaths::default(), PhotonMap::default());
-        let packets = recorded(&*accel, iterations(light_paths), |recorder, iteration| {
+        let packets = recorded(&accel, iterations(light_paths), |recorder, iteration| {
             let mut light = LightPaths::default();
             one.install(|| light.trace(&scene, recorder, &settings, light_paths, iteration));
         });
@@ -253,7 +254,7 @@ fn ratios(_: &mut Criterion) {
         println!(
             "light phase over raw packets, N_F = {light_paths}: {ratio}; {own:.0} and {raw:.0} ns per path"
         );
-        let renderer = || Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+        let renderer = || Renderer::new(&scene, &accel, settings.clone()).unwrap();
         let (mut first, mut second) = (renderer(), renderer());
         let ratio = Ratio::new(
             || timed(|| one.install(|| first.iterate(Measure::Pairs))),

@@ -24,14 +24,15 @@ use bdpm::{Renderer, Result, Scene, Settings};
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use std::cell::Cell;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Scene, settings but for the counts, threads and backend.
 struct Subject {
-    scene: Scene,
+    scene: Arc<Scene>,
     settings: Settings,
     threads: rayon::ThreadPool,
-    accel: Box<dyn Intersect>,
+    accel: Arc<dyn Intersect>,
     setup: Setup,
 }
 
@@ -87,7 +88,7 @@ impl Subject {
     fn bench(&self, criterion: &mut Criterion, entry: &Entry) -> Result<bool> {
         let Entry { phase, light_paths, camera_paths, .. } = *entry;
         let settings = Settings { light_paths, camera_paths, ..self.settings.clone() };
-        let mut renderer = Renderer::new(&self.scene, &*self.accel, settings)?;
+        let mut renderer = Renderer::new(&self.scene, &self.accel, settings)?;
         let iterations = Cell::new(0);
         let mut group = criterion.benchmark_group(GROUP);
         group.sampling_mode(SamplingMode::Flat);

@@ -18,6 +18,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use raw::{Packets, RawScene};
 use shapes::{Mesh, Random, coherent_rays, room};
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 
 const RAYS: usize = 1 << 14;
@@ -37,7 +38,7 @@ fn ray_sets() -> [(&'static str, Coherence, Vec<Ray>); 2] {
 fn bench_backend(
     criterion: &mut Criterion,
     name: &str,
-    build: impl Fn(&[Mesh]) -> Box<dyn Intersect>,
+    build: impl Fn(&[Mesh]) -> Arc<dyn Intersect>,
 ) {
     for (scene_name, meshes) in scenes() {
         let scene = build(&meshes);
@@ -102,12 +103,12 @@ fn backends(criterion: &mut Criterion) {
         bench_raw(criterion);
         bench_backend(criterion, "embree", |meshes| {
             let views: Vec<_> = meshes.iter().map(Mesh::view).collect();
-            Box::new(CommittedScene::from_meshes(&Device::new().unwrap(), &views).unwrap())
+            Arc::new(CommittedScene::from_meshes(&Device::new().unwrap(), &views).unwrap())
         });
     }
     bench_backend(criterion, "bvh", |meshes| {
         let views: Vec<_> = meshes.iter().map(Mesh::view).collect();
-        Box::new(Bvh::build(&views).unwrap())
+        Arc::new(Bvh::build(&views).unwrap())
     });
 }
 

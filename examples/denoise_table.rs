@@ -28,6 +28,7 @@ use denoised::{Found, Reference, compare};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Compares what is told of denoised images with what came.
@@ -105,7 +106,7 @@ fn kept(args: &Args, name: &str, make: impl FnOnce() -> Result<String>) -> Resul
     Ok(())
 }
 
-fn prepare(args: &Args, path: &Path) -> Result<(bdpm::Scene, Settings)> {
+fn prepare(args: &Args, path: &Path) -> Result<(Arc<bdpm::Scene>, Settings)> {
     let loaded = load(path)?;
     let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
     let resolution = Some([args.side, (args.side * height / width).max(1)]);
@@ -116,7 +117,12 @@ fn prepare(args: &Args, path: &Path) -> Result<(bdpm::Scene, Settings)> {
 }
 
 /// Renders the reference, or goes on with it, and keeps it.
-fn reference(args: &Args, scene: &bdpm::Scene, settings: &Settings, n: u64) -> Result<Reference> {
+fn reference(
+    args: &Args,
+    scene: &Arc<bdpm::Scene>,
+    settings: &Settings,
+    n: u64,
+) -> Result<Reference> {
     let accel = build(Backend::default(), scene)?;
     let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
     let origin = Provenance {
@@ -127,7 +133,7 @@ fn reference(args: &Args, scene: &bdpm::Scene, settings: &Settings, n: u64) -> R
         settings: settings.clone(),
     };
     let path = args.folder.join(format!("{}-{}.ckpt", scene.name, args.side));
-    let mut renderer = Renderer::new(scene, &*accel, settings)?;
+    let mut renderer = Renderer::new(scene, &accel, settings)?;
     if let Ok(checkpoint) = Checkpoint::load(&path) {
         renderer.resume(checkpoint.blocks.into_owned())?;
     }
@@ -149,7 +155,7 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
             let reference = reference(args, &scene, &settings, most * args.reference)?;
             let accel = build(Backend::default(), &scene)?;
             let mut oidn = Oidn::new(rayon::current_num_threads())?;
-            let found = compare(&scene, &*accel, &settings, iterations, (&reference, &mut oidn));
+            let found = compare(&scene, &accel, &settings, iterations, (&reference, &mut oidn));
             let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
             Ok(format!(
                 "| {} | {iterations} | {raw:.2e} | {unmixed:.2e} | {mixed:.2e} ({:.0} % raw) | {:.2} +- {:.2} | {:+.1} | {z2:.2} ({blocks}) |",

@@ -25,6 +25,7 @@ use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -45,16 +46,16 @@ const GIB: f64 = (1u64 << 30) as f64;
 const MOST_MEMORY: f64 = 4.0 * GIB;
 
 /// Iterations at one size.
-struct Run<'a> {
-    renderer: Renderer<'a>,
+struct Run {
+    renderer: Renderer,
     recorder: Recorder,
     size: Size,
     side: u32,
 }
 
-impl<'a> Run<'a> {
+impl Run {
     /// Renders an iteration that is not counted: it meets cold memory.
-    fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+    fn new(scene: &Arc<Scene>, accel: &Arc<dyn Intersect>, settings: Settings) -> Result<Self> {
         let Settings { light_paths, camera_paths, width: side, .. } = settings;
         let mut renderer = Renderer::new(scene, accel, settings)?;
         renderer.iterate(Measure::Off);
@@ -114,7 +115,7 @@ fn measure(others: &[(u32, u32)], print: impl Fn(&Run, TimeModel)) -> Result<()>
     let other = |&(side, light_paths)| (side, Size { light_paths, camera_paths: 1 });
     let all = small.iter().map(|&size| (SIDE, size)).chain(others.iter().map(other));
     let run =
-        |(side, size)| Run::new(&loaded.scene, &*accel, settings(&loaded, [side, side], size)?);
+        |(side, size)| Run::new(&loaded.scene, &accel, settings(&loaded, [side, side], size)?);
     let mut runs = all.map(run).collect::<Result<Vec<_>>>()?;
     take_turns(&mut runs);
     let samples = runs[..small.len()].iter().flat_map(|run| run.recorder.samples());
@@ -182,8 +183,8 @@ fn wall(normal: Vec3) -> Mesh {
 
 /// A scene in memory, and what it took to get there.
 struct Room {
-    scene: Scene,
-    accel: Box<dyn Intersect>,
+    scene: Arc<Scene>,
+    accel: Arc<dyn Intersect>,
     seconds: [f64; 2],
     bytes: usize,
 }
@@ -206,7 +207,7 @@ fn room(n: usize) -> Result<Room> {
     let accel = build(Backend::default(), &scene)?;
     let seconds = [assembly, start.elapsed().as_secs_f64() - assembly];
     let bytes = bytes + accel.describe().bytes;
-    Ok(Room { scene, accel, seconds, bytes })
+    Ok(Room { scene: Arc::new(scene), accel, seconds, bytes })
 }
 
 fn triangles() -> Result<()> {
@@ -221,7 +222,7 @@ fn triangles() -> Result<()> {
     };
     let run = |room| {
         let Room { scene, accel, .. }: &Room = room;
-        Run::new(scene, &**accel, Settings::resolve(&wishes, &wishes, scene.size())?)
+        Run::new(scene, accel, Settings::resolve(&wishes, &wishes, scene.size())?)
     };
     let mut runs = rooms.iter().map(run).collect::<Result<Vec<_>>>()?;
     take_turns(&mut runs);
@@ -251,7 +252,7 @@ fn peak(resolution: [u32; 2], light_paths: u32) -> Result<()> {
     let loaded = load(Path::new(SCENE))?;
     let accel = build(Backend::default(), &loaded.scene)?;
     let settings = settings(&loaded, resolution, Size { light_paths, camera_paths: 1 })?;
-    let mut renderer = Renderer::new(&loaded.scene, &*accel, settings)?;
+    let mut renderer = Renderer::new(&loaded.scene, &accel, settings)?;
     for measure in [Measure::Off, Measure::Pairs] {
         renderer.iterate(measure);
         println!("{}", peak_memory().ok_or("only Linux tells the peak memory")?);

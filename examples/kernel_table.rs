@@ -32,7 +32,7 @@ fn main() -> Result<()> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
         let loaded = load(&path)?;
         let (scene, defaults) = (&loaded.scene, &loaded.defaults);
-        let accel = &*build(Backend::default(), scene)?;
+        let accel = &build(Backend::default(), scene)?;
         let tiny = settings(scene, defaults, TINY, Kernel::Area);
         let reference: Batches = reference(scene, accel, tiny, iterations);
         for radius in RADII {

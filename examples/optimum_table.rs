@@ -11,10 +11,9 @@
 //! iteration.
 
 use bdpm::accel::Intersect;
-use bdpm::adaptive::Steer;
 use bdpm::adaptive::autopilot::Autopilot;
 use bdpm::adaptive::optimize::{CountLimits, Objective, Problem};
-use bdpm::adaptive::stopping::Goal;
+use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::film::radiance::box_filter;
@@ -29,6 +28,7 @@ use bdpm::{Renderer, Result, Scene, Settings};
 use clap::Parser;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Measures how good the automatically chosen counts are.
@@ -83,7 +83,7 @@ impl Pilot {
     fn new(mut autopilot: Autopilot, mut renderer: Renderer, time: TimeModel) -> Result<Self> {
         let start = Instant::now();
         for _ in 0..=FIRST_ITERATIONS {
-            let measure = autopilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
+            let measure = autopilot.prepare(&mut renderer, start.elapsed().as_secs_f64())?;
             if renderer.film().iterations < FIRST_ITERATIONS {
                 renderer.iterate(measure);
             }
@@ -111,12 +111,12 @@ impl Pilot {
 
 /// What is compared: the chosen counts, those around them, naive ones, and counts per pixel.
 fn candidates(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: &Settings,
     time: Duration,
 ) -> Result<Vec<Candidate>> {
-    let goal = Goal { time: Some(time / 2), ..Goal::default() };
+    let goal = Stop { time: Some(time / 2), ..Stop::default() };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
     let chosen = technique::choose(&base, FreeParameters::NONE, end)?;
@@ -163,8 +163,8 @@ fn candidates(
 }
 
 /// Iterations at one pair of counts.
-struct Run<'a> {
-    renderer: Renderer<'a>,
+struct Run {
+    renderer: Renderer,
     seconds: Vec<f64>,
 }
 
@@ -178,7 +178,7 @@ struct Cost {
     by_formula: Vec<f64>,
 }
 
-impl Run<'_> {
+impl Run {
     fn iterate(&mut self) {
         let times = self.renderer.iterate(Measure::Off).times;
         self.seconds.push(times.wall.as_secs_f64());
@@ -203,8 +203,8 @@ impl Run<'_> {
 
 /// Lets all candidates take turns, each with a seed of its own, and so do the checks.
 fn measure(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: &Settings,
     candidates: &[Candidate],
     time: Duration,
@@ -259,7 +259,7 @@ fn by_formula(cost: &Cost, reference: &Cost) -> (f64, f64) {
     (ratio, 0.5 * ratio * error2.sqrt())
 }
 
-fn print(scene: &Scene, settings: &Settings, candidates: &[Candidate], costs: &[Cost]) {
+fn print(scene: &Arc<Scene>, settings: &Settings, candidates: &[Candidate], costs: &[Cost]) {
     let Settings { width, height, .. } = settings;
     println!("### {}, {width}x{height} pixels\n", scene.name);
     println!("| counts | N_F | N_B | time of an iteration | RMS, sampled | RMS, by formula |");
@@ -308,8 +308,8 @@ fn table(path: &Path, args: &Args) -> Result<()> {
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
     let scene = loaded.scene;
     let accel = build(Backend::default(), &scene)?;
-    let candidates = candidates(&scene, &*accel, &settings, args.time)?;
-    let costs = measure(&scene, &*accel, &settings, &candidates, args.time)?;
+    let candidates = candidates(&scene, &accel, &settings, args.time)?;
+    let costs = measure(&scene, &accel, &settings, &candidates, args.time)?;
     print(&scene, &settings, &candidates, &costs);
     Ok(())
 }

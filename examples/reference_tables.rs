@@ -16,6 +16,7 @@ mod common;
 use bdpm::{Scene, Settings};
 use common::images::Subject;
 use common::table;
+use std::sync::Arc;
 
 /// Paths in each pixel, with the name of the scene.
 fn paths(name: &str) -> u32 {
@@ -27,7 +28,7 @@ fn paths(name: &str) -> u32 {
 }
 
 /// All scenes, with the resolution of their images.
-fn subjects() -> Vec<(&'static str, Scene, Settings)> {
+fn subjects() -> Vec<(&'static str, Arc<Scene>, Settings)> {
     let side = boxes::SIDE;
     let boxes = boxes::all().into_iter();
     let mut all: Vec<_> =
@@ -51,7 +52,7 @@ fn main() -> std::io::Result<()> {
         if !wanted.is_empty() && !wanted.iter().any(|wanted| wanted == name) {
             continue;
         }
-        let accel = &*common::accel(scene);
+        let accel = &common::accel(scene);
         let paths = paths(name);
         let pixels = Subject { scene, accel, settings, region: &[] }.traced(paths);
         let path = table::path(name);

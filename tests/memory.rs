@@ -18,7 +18,7 @@ fn resident() -> u64 {
 fn nothing_grows_with_the_number_of_iterations() {
     let scene = furnished_box();
     let accel = accel(&scene);
-    let mut renderer = Renderer::new(&scene, &*accel, settings(16, 16)).unwrap();
+    let mut renderer = Renderer::new(&scene, &accel, settings(16, 16)).unwrap();
     // Buffers reach their sizes: which threads work on tiles, and how many photons there are, varies.
     let mut iterate = |count| {
         for index in 0..count {

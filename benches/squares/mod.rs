@@ -5,6 +5,7 @@ use bdpm::accel::Intersect;
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Camera paths that are merged, about.
@@ -22,15 +23,15 @@ pub struct Squares<'a> {
 impl<'a> Squares<'a> {
     /// Those of about `together` camera paths, as many as hold [`LOOK_UPS`], from all over the image.
     pub fn new(
-        scene: &'a Scene,
-        accel: &'a dyn Intersect,
+        scene: &'a Arc<Scene>,
+        accel: &'a Arc<dyn Intersect>,
         settings: &'a Settings,
         together: usize,
     ) -> Self {
         let Settings { width, height, camera_paths, .. } = *settings;
         let key = StreamKey::new(1, Stream::CameraPath, 0);
         let view = scene.camera.view(width, height);
-        let pass = CameraPass { scene, view, accel, settings, key, gather_early: false };
+        let pass = CameraPass { scene, view, accel: &**accel, settings, key, gather_early: false };
         let side = (together as u32 / camera_paths).isqrt();
         let (columns, rows) = (width / side, height / side);
         let count = LOOK_UPS.div_ceil(side * side * camera_paths).min(columns * rows);

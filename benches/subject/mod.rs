@@ -13,10 +13,11 @@ use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::{Scene, Settings};
 use glam::Vec3;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The scene that `BDPM_SCENE` names, `scenes/cornell-box` without it, and settings for a small
 /// image of it. `ball` is a bumpy ball of 717,600 triangles in a room.
-pub fn scene() -> (Scene, Settings) {
+pub fn scene() -> (Arc<Scene>, Settings) {
     let path = std::env::var("BDPM_SCENE").unwrap_or_else(|_| "scenes/cornell-box".into());
     let (scene, defaults) = if path == "ball" {
         (
@@ -33,7 +34,7 @@ pub fn scene() -> (Scene, Settings) {
 }
 
 /// A ball in a room with a point light, all of them white.
-fn ball() -> Scene {
+fn ball() -> Arc<Scene> {
     let mesh = |name: &str, shapes::Mesh { positions, triangles }| {
         let name = name.to_owned();
         Mesh { name, positions, triangles, ..Mesh::default() }
@@ -44,7 +45,9 @@ fn ball() -> Scene {
     let light = Emitter::Point { position: Vec3::new(-1.0, -1.2, 1.3), intensity: Rgb::splat(1.0) };
     let eye = Vec3::new(-1.4, -1.4, 0.3);
     let camera = Camera::look(eye, -eye, Vec3::Z, FieldOfView::X(70.0)).unwrap();
-    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![]).unwrap()
+    Scene::new("ball".into(), vec![walls, ball], vec![white], vec![light], camera, vec![])
+        .unwrap()
+        .into()
 }
 
 /// The camera paths of the image, batch after batch.

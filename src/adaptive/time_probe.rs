@@ -10,6 +10,7 @@ use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::sample::{Phase, Recorder, Sample};
+use std::sync::Arc;
 
 /// Pixels of the sample along a side, about.
 const SIDE: u32 = 32;
@@ -29,7 +30,11 @@ const ITERATIONS: usize = 3;
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn least_times(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> Result<TimeModel> {
+pub fn least_times(
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
+    settings: &Settings,
+) -> Result<TimeModel> {
     let stride = (settings.width.min(settings.height) / SIDE).max(1);
     let many = settings.light_paths.clamp(RATIO, MOST_LIGHT_PATHS);
     let few = many / RATIO;

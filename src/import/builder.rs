@@ -17,6 +17,7 @@ use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placemen
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
@@ -216,7 +217,7 @@ impl Builder {
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = SceneSummary::new(&scene);
-        Ok(Loaded { scene, defaults, notes, summary, assembly })
+        Ok(Loaded { scene: Arc::new(scene), defaults, notes, summary, assembly })
     }
 }
 

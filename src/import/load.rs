@@ -25,13 +25,14 @@ use crate::scene::{Material, Region, Scene};
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A scene with what its file says about rendering it.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The scene.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// The file's `[render]` table.
     pub defaults: PartialSettings,
     /// What was skipped or chosen for the user.
@@ -77,8 +78,8 @@ impl LoadOptions<'_> {
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read or
 /// rendered.
-pub fn load(path: &Path) -> Result<Loaded> {
-    load_with(path, &LoadOptions::default())
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded> {
+    load_with(path.as_ref(), &LoadOptions::default())
 }
 
 /// The same with options.

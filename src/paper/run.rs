@@ -17,6 +17,7 @@ use crate::settings::Settings;
 use crate::settings::provenance::Provenance;
 use crate::timing::sample::Recorder;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Iterations in each batch at the least.
@@ -29,9 +30,9 @@ const SAVE_EVERY: Duration = Duration::from_secs(20);
 #[derive(Clone, Copy)]
 pub struct Bench<'a> {
     /// The scene.
-    pub scene: &'a Scene,
+    pub scene: &'a Arc<Scene>,
     /// Its triangles.
-    pub accel: &'a dyn Intersect,
+    pub accel: &'a Arc<dyn Intersect>,
     /// Who renders.
     pub threads: &'a rayon::ThreadPool,
 }

@@ -38,7 +38,7 @@ pub struct Learned {
     pub second_moment: f64,
 }
 
-impl Renderer<'_> {
+impl Renderer {
     /// Learns a guide for light paths on a sample of the image, as long as `goes_on` with the number of iterations so
     /// far and the guide that they taught. What is learned in as many iterations is the same on any number of threads,
     /// and whatever the counts and the seed of the settings.

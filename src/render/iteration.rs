@@ -14,7 +14,7 @@ use crate::transport::mis::Mis;
 use rayon::prelude::*;
 use std::time::Instant;
 
-impl Renderer<'_> {
+impl Renderer {
     /// Renders one iteration on the threads of the current rayon pool. One that measures takes at
     /// least two camera paths in each pixel; those that the counts do not ask for stay out of the
     /// image, which is the same whether it is measured or not.
@@ -30,7 +30,7 @@ impl Renderer<'_> {
         let mut features = self.features.take();
 
         let Self { scene, accel, settings, light_paths, .. } = self;
-        light_paths.trace(scene, *accel, settings, block.counts.light_paths, iteration);
+        light_paths.trace(scene, &**accel, settings, block.counts.light_paths, iteration);
         let reach = self.kernel().reach();
         let build_time = self.photon_map.build(&self.light_paths, reach);
 
@@ -71,7 +71,7 @@ impl Renderer<'_> {
         let pass = CameraPass {
             scene,
             view: *view,
-            accel: *accel,
+            accel: &**accel,
             settings,
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || photon_map.has_caustic_photons(),

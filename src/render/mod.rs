@@ -41,9 +41,9 @@ use std::sync::Arc;
 use worker::Worker;
 
 /// Renders one scene, iteration after iteration.
-pub struct Renderer<'a> {
-    scene: &'a Scene,
-    accel: &'a dyn Intersect,
+pub struct Renderer {
+    scene: Arc<Scene>,
+    accel: Arc<dyn Intersect>,
     settings: Settings,
     view: View,
     /// At least one, by the numbers of their iterations.
@@ -62,25 +62,29 @@ pub struct Renderer<'a> {
     /// Over all blocks, if they are kept.
     features: Option<FeatureBuffers>,
     /// Of the surfaces, if the kernel asks for them.
-    areas: Option<Arc<Areas<'a>>>,
+    areas: Option<Arc<Areas>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
     workers: Pool<Worker>,
 }
 
-impl<'a> Renderer<'a> {
+impl Renderer {
     /// Prepares to render from the first iteration.
     ///
     /// # Errors
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
-    pub fn new(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+    pub fn new(scene: &Arc<Scene>, accel: &Arc<dyn Intersect>, settings: Settings) -> Result<Self> {
         Self::unguided(scene, accel, settings)?.learning()
     }
 
     /// [`Self::new`] but for the guide.
-    fn unguided(scene: &'a Scene, accel: &'a dyn Intersect, settings: Settings) -> Result<Self> {
+    fn unguided(
+        scene: &Arc<Scene>,
+        accel: &Arc<dyn Intersect>,
+        settings: Settings,
+    ) -> Result<Self> {
         Self::with_areas(scene, accel, settings, |settings| match settings.kernel {
-            Kernel::Area => Some(Arc::new(Areas::of_scene(scene, accel, settings.reach()))),
+            Kernel::Area => Some(Arc::new(Areas::of_scene(scene, &**accel, settings.reach()))),
             Kernel::Disc => None,
         })
     }
@@ -111,9 +115,9 @@ impl<'a> Renderer<'a> {
     /// As [`Self::new`].
     pub fn with_settings(&self, settings: Settings) -> Result<Self> {
         let like = if settings.kernel != self.settings.kernel {
-            Self::unguided(self.scene, self.accel, settings)?
+            Self::unguided(&self.scene, &self.accel, settings)?
         } else {
-            Self::with_areas(self.scene, self.accel, settings, |settings| {
+            Self::with_areas(&self.scene, &self.accel, settings, |settings| {
                 let areas = self.areas.as_ref()?;
                 Some(if areas.radius() == settings.reach() {
                     Arc::clone(areas)
@@ -131,10 +135,10 @@ impl<'a> Renderer<'a> {
     }
 
     fn with_areas(
-        scene: &'a Scene,
-        accel: &'a dyn Intersect,
+        scene: &Arc<Scene>,
+        accel: &Arc<dyn Intersect>,
         settings: Settings,
-        areas: impl FnOnce(&Settings) -> Option<Arc<Areas<'a>>>,
+        areas: impl FnOnce(&Settings) -> Option<Arc<Areas>>,
     ) -> Result<Self> {
         settings.validate()?;
         check_memory(scene, &settings, AovSelection::default(), settings.light_paths)?;
@@ -148,8 +152,8 @@ impl<'a> Renderer<'a> {
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let areas = areas(&settings);
         Ok(Self {
-            scene,
-            accel,
+            scene: Arc::clone(scene),
+            accel: Arc::clone(accel),
             view,
             blocks: vec![Block::new(&settings, 0, counts)],
             current: 0,
@@ -180,13 +184,8 @@ impl<'a> Renderer<'a> {
     }
 
     /// What it renders.
-    pub(crate) fn subject(&self) -> (&'a Scene, &'a dyn Intersect) {
-        (self.scene, self.accel)
-    }
-
-    /// Areas of the surfaces, if the kernel asks for them.
-    pub(crate) fn areas(&self) -> Option<&Areas<'a>> {
-        self.areas.as_deref()
+    pub(crate) fn subject(&self) -> (&Arc<Scene>, &Arc<dyn Intersect>) {
+        (&self.scene, &self.accel)
     }
 
     /// Keeps this beside the image from now on.
@@ -198,7 +197,7 @@ impl<'a> Renderer<'a> {
     /// If anything was rendered before.
     pub fn with_aovs(mut self, kept: AovSelection) -> Result<Self> {
         assert!(self.iterations() == 0, "what is kept is kept of all iterations");
-        check_memory(self.scene, &self.settings, kept, self.block().counts.light_paths)?;
+        check_memory(&self.scene, &self.settings, kept, self.block().counts.light_paths)?;
         let pixels = self.settings.pixels();
         let features = kept.features || kept.parts;
         self.features = features.then(|| FeatureBuffers::new(pixels, kept.parts));

@@ -72,7 +72,7 @@ impl Sums {
     }
 }
 
-impl Renderer<'_> {
+impl Renderer {
     /// Renders none but the iterations of these numbers from now on.
     #[must_use]
     pub fn sharing(mut self, own: IterationSet) -> Self {
@@ -156,7 +156,7 @@ impl Renderer<'_> {
     /// If there are counts for another number of pixels.
     pub fn enter_block(&mut self, first: u64, counts: Counts) -> Result<()> {
         counts.validate(&self.settings)?;
-        check_memory(self.scene, &self.settings, self.kept, counts.light_paths)?;
+        check_memory(&self.scene, &self.settings, self.kept, counts.light_paths)?;
         self.blocks.retain(|block| block.film.iterations > 0);
         self.current = self.blocks.partition_point(|block| block.first < first);
         match self.blocks.get(self.current) {

@@ -48,7 +48,7 @@ fn chance(ray: &Ray, hit: &Hit) -> f32 {
 
 /// A backend in which some meshes have holes.
 pub struct CutOuts {
-    inner: Box<dyn Intersect>,
+    inner: Arc<dyn Intersect>,
     /// By the mesh index of hits.
     holes: Vec<Option<Holes>>,
 }
@@ -62,7 +62,7 @@ struct Holes {
 
 impl CutOuts {
     /// Cuts the holes of the scene's materials out of `inner`, if there are any.
-    pub fn wrap(inner: Box<dyn Intersect>, scene: &Scene) -> Box<dyn Intersect> {
+    pub fn wrap(inner: Arc<dyn Intersect>, scene: &Scene) -> Arc<dyn Intersect> {
         let uvs = |mesh: &Mesh| {
             let uv = |index: u32| mesh.uvs.get(index as usize).copied().unwrap_or_default();
             mesh.triangles.iter().map(|corners| corners.map(uv)).collect::<Arc<_>>()
@@ -74,7 +74,7 @@ impl CutOuts {
             Some(Holes { cut_out, uvs: uvs.clone() })
         };
         let holes: Vec<_> = scene.placements.iter().map(&mut holes).collect();
-        if holes.iter().all(Option::is_none) { inner } else { Box::new(Self { inner, holes }) }
+        if holes.iter().all(Option::is_none) { inner } else { Arc::new(Self { inner, holes }) }
     }
 
     /// Whether there is nothing where a ray hit.

@@ -6,6 +6,7 @@ use crate::accel::Intersect;
 use crate::accel::bvh::Bvh;
 use crate::base::error::{Error, Result};
 use std::fmt;
+use std::sync::Arc;
 
 /// What finds intersections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,11 @@ pub enum Backend {
 impl Backend {
     /// All, also those that this program was built without.
     pub const ALL: [Self; 2] = [Self::Embree, Self::Bvh];
+
+    /// The backend of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|backend| backend.name() == name)
+    }
 
     /// Its name on the command line.
     pub const fn name(self) -> &'static str {
@@ -46,12 +52,12 @@ impl fmt::Display for Backend {
 ///
 /// # Errors
 /// If the program was built without `backend`, or the build fails.
-pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
+pub fn build(backend: Backend, scene: &Scene) -> Result<Arc<dyn Intersect>> {
     let geometry = scene.geometry();
     match backend {
         Backend::Bvh => {
             let bvh = Bvh::new(&geometry).map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Box::new(bvh), scene))
+            Ok(CutOuts::wrap(Arc::new(bvh), scene))
         }
         #[cfg(feature = "embree")]
         Backend::Embree => {
@@ -59,7 +65,7 @@ pub fn build(backend: Backend, scene: &Scene) -> Result<Box<dyn Intersect>> {
             let committed = Device::new()
                 .and_then(|device| CommittedScene::new(&device, &geometry))
                 .map_err(|e| refused(backend, &e))?;
-            Ok(CutOuts::wrap(Box::new(committed), scene))
+            Ok(CutOuts::wrap(Arc::new(committed), scene))
         }
         #[cfg(not(feature = "embree"))]
         Backend::Embree => Err(Error::new(

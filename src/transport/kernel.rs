@@ -72,7 +72,7 @@ pub struct MergeKernel<'a> {
     /// Merge radii, scene units.
     radii: ByClass<f32>,
     /// Surfaces that could have sent the photons; without them the kernel is a disc.
-    areas: Option<&'a Areas<'a>>,
+    areas: Option<&'a Areas>,
     /// Photon classes with nested radii. For a class without them the nested radii equal the merge radius.
     nests: ByClass<bool>,
 }
@@ -114,7 +114,7 @@ impl<'a> MergeKernel<'a> {
     ///
     /// # Panics
     /// If the settings ask for areas and `areas` is `None`.
-    pub fn new(settings: &Settings, areas: Option<&'a Areas<'a>>) -> Self {
+    pub fn new(settings: &Settings, areas: Option<&'a Areas>) -> Self {
         let radii = [settings.caustic_radius, settings.radius];
         match settings.kernel {
             settings::Kernel::Disc => Self::discs(radii),

@@ -14,7 +14,7 @@ use bdpm::scene::backend::{Backend, build};
 fn the_combined_image_of_automatic_counts_is_unbiased() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut fixed = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+    let mut fixed = Renderer::new(&scene, &accel, settings.clone()).unwrap();
     let reference = Estimate::from_samples(&image_means(&mut fixed, 3000, Measure::Off));
     let reference_pixels = fixed.film().mean();
     let reference_variance = fixed.film().variance_of_mean().unwrap();
@@ -23,7 +23,7 @@ fn the_combined_image_of_automatic_counts_is_unbiased() {
     let mut pixels: Vec<Vec<f64>> = vec![Vec::new(); (WIDTH * HEIGHT) as usize];
     for seed in 100..148 {
         let settings = Settings { seed, ..settings.clone() };
-        let renderer = automatic(&scene, &*accel, settings, 60);
+        let renderer = automatic(&scene, &accel, settings, 60);
         let blocks = renderer.blocks();
         assert!(blocks.len() >= 2, "the scene's counts, and what was chosen");
         let combined =

@@ -26,10 +26,10 @@ fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<
     for (seed, iterations) in each {
         let settings = Settings { light_paths, camera_paths, seed, ..settings.clone() };
         if iterations == ITERATIONS[0] {
-            reference = Some(Reference::render(&scene, &*accel, &settings, most * REFERENCE));
+            reference = Some(Reference::render(&scene, &accel, &settings, most * REFERENCE));
         }
         let to = (reference.as_ref().unwrap(), &mut oidn);
-        let found = compare(&scene, &*accel, &settings, iterations, to);
+        let found = compare(&scene, &accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
         let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
         // Of few samples it may not tell more than that.

@@ -1,20 +1,21 @@
 //! A small box rendered with automatic counts, the same on every machine.
 #![allow(dead_code)] // each program uses its own part
 
-use bdpm::adaptive::Steer;
 use bdpm::adaptive::autopilot::Autopilot;
-use bdpm::adaptive::stopping::Goal;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::Stop;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 pub const WIDTH: u32 = 24;
 pub const HEIGHT: u32 = 20;
 
-pub fn scene() -> (Scene, Settings) {
+pub fn scene() -> (Arc<Scene>, Settings) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box-classic");
     let loaded = load(&folder).unwrap();
     let settings =
@@ -47,11 +48,11 @@ pub fn image_means(renderer: &mut Renderer, iterations: usize, measure: Measure)
 /// Renders with automatic counts as if an iteration took a second for each 10 camera paths per
 /// pixel, so that the choice is the same on every machine.
 pub fn automatic<'a>(
-    scene: &'a Scene,
-    accel: &'a dyn bdpm::accel::Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn bdpm::accel::Intersect>,
     settings: Settings,
     seconds: u64,
-) -> Renderer<'a> {
+) -> Renderer {
     let times = TimeModel {
         fixed: 0.05,
         light_path: 1e-5,
@@ -61,12 +62,12 @@ pub fn automatic<'a>(
         pixels: f64::from(WIDTH * HEIGHT),
     };
     let time = Some(Duration::from_secs(seconds));
-    let goal = Goal { time, ..Goal::default() };
+    let goal = Stop { time, objective: Objective::Pooled, ..Stop::default() };
     let mut pilot = Autopilot::new(goal, times).with_times(times);
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut elapsed = 0.0;
     while elapsed < seconds as f64 {
-        let measure = pilot.steer(&mut renderer, elapsed).unwrap();
+        let measure = pilot.prepare(&mut renderer, elapsed).unwrap();
         renderer.iterate(measure);
         let counts = &renderer.block().counts;
         elapsed += times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());

@@ -17,7 +17,7 @@ use std::sync::Arc;
 pub const SIDE: u32 = 12;
 
 /// All of them.
-pub fn all() -> Vec<(&'static str, Scene)> {
+pub fn all() -> Vec<(&'static str, Arc<Scene>)> {
     let mut all = vec![
         ("box", furnished_box()),
         ("gloss-under-a-point", gloss_under_a_point()),
@@ -30,7 +30,7 @@ pub fn all() -> Vec<(&'static str, Scene)> {
 }
 
 /// One of them.
-pub fn named(name: &str) -> Scene {
+pub fn named(name: &str) -> Arc<Scene> {
     let found = all().into_iter().find(|(other, _)| *other == name);
     found.unwrap_or_else(|| panic!("no scene {name}")).1
 }
@@ -62,17 +62,17 @@ fn material(bsdf: Bsdf) -> Material {
 }
 
 /// A ball of some material in the middle, under a panel.
-fn with_ball(bsdf: Bsdf) -> Scene {
+fn with_ball(bsdf: Bsdf) -> Arc<Scene> {
     ball_lit_by(bsdf, 4.0, vec![])
 }
 
 /// What no ray hits is connected to by narrow facets as well, besides what the base gets.
-fn gloss_under_a_point() -> Scene {
+fn gloss_under_a_point() -> Arc<Scene> {
     ball_lit_by(glossy(0.5, 0.15), 0.0, vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 2.0)])
 }
 
 /// By a panel of this radiance, and lights.
-fn ball_lit_by(bsdf: Bsdf, panel: f32, lights: Vec<Emitter>) -> Scene {
+fn ball_lit_by(bsdf: Bsdf, panel: f32, lights: Vec<Emitter>) -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -101,7 +101,7 @@ fn holding_one_picture(mesh: Mesh) -> Mesh {
 }
 
 /// The floor is bumpy, of all roughnesses and partly metal; the lamp is a picture.
-fn pictures() -> Scene {
+fn pictures() -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -130,7 +130,7 @@ pub fn sun() -> Emitter {
 }
 
 /// A box that is open above, with a block, under a spot, the sun and a panel.
-fn all_lights() -> Scene {
+fn all_lights() -> Arc<Scene> {
     let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0)];
     for axis in [Vec3::X, Vec3::Y] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -155,7 +155,7 @@ fn all_lights() -> Scene {
 }
 
 /// A room with a window to an uneven environment.
-fn window() -> Scene {
+fn window() -> Arc<Scene> {
     let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0), square(Vec3::Z, -Vec3::Z, 1.0, 0)];
     for wall in [-Vec3::X, Vec3::Y, -Vec3::Y] {
         meshes.push(square(wall, -wall, 1.0, 0));
@@ -163,5 +163,6 @@ fn window() -> Scene {
     let pixel = |i: u32| Vec3::new(1.0, 0.8, 0.5) * if i % 5 == 2 { 8.0 } else { 0.5 };
     let map = Environment::new(16, 8, (0..128).map(pixel).collect(), 20.0);
     let camera = camera(Vec3::new(-0.9, -0.8, 0.2), Vec3::new(1.0, 0.5, -0.2), 85.0);
-    scene(meshes, vec![gray(0.5, 0.0)], vec![], camera).with_environment(map)
+    let scene = scene(meshes, vec![gray(0.5, 0.0)], vec![], camera);
+    Arc::unwrap_or_clone(scene).with_environment(map).into()
 }

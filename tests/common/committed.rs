@@ -5,6 +5,7 @@ use bdpm::scene::Arrangement;
 use bdpm::settings::PartialSettings;
 use bdpm::{Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Pixels across.
 const WIDTH: u32 = 16;
@@ -18,12 +19,12 @@ pub const TRACED: [&str; 6] =
 const LAMPS_ALONE: [&str; 3] = ["materials", "objective", "hall"];
 
 /// A scene with its own settings, but small.
-pub fn small(name: &str) -> (Scene, Settings) {
+pub fn small(name: &str) -> (Arc<Scene>, Settings) {
     across(name, WIDTH)
 }
 
 /// The same, so many pixels across.
-pub fn across(name: &str, pixels: u32) -> (Scene, Settings) {
+pub fn across(name: &str, pixels: u32) -> (Arc<Scene>, Settings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let loaded = load(&path).unwrap();
     let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
@@ -35,12 +36,12 @@ pub fn across(name: &str, pixels: u32) -> (Scene, Settings) {
 
 /// What images of a scene are compared of, where it is not the scene itself. It has the same
 /// geometry.
-pub fn compared(name: &str, scene: &Scene) -> Option<Scene> {
+pub fn compared(name: &str, scene: &Arc<Scene>) -> Option<Arc<Scene>> {
     LAMPS_ALONE.contains(&name).then(|| {
         let (meshes, placements) = (scene.meshes().to_vec(), scene.placements().to_vec());
         let arrangement = Arrangement { meshes, placements };
         let (name, materials) = (scene.name.clone(), scene.materials().to_vec());
         let (camera, regions) = (scene.camera, scene.regions.clone());
-        Scene::new(name, arrangement, materials, Vec::new(), camera, regions).unwrap()
+        Scene::new(name, arrangement, materials, Vec::new(), camera, regions).unwrap().into()
     })
 }

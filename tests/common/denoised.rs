@@ -8,6 +8,7 @@ use bdpm::noise::Measure;
 use bdpm::output::denoise::{Folds, InParts, Mix, Oidn, importance};
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
+use std::sync::Arc;
 
 /// A long render of the same settings with other random numbers.
 pub struct Reference {
@@ -26,7 +27,12 @@ impl Reference {
 
     /// Of so many iterations.
     #[allow(dead_code)] // examples go on with theirs
-    pub fn render(scene: &Scene, accel: &dyn Intersect, settings: &Settings, n: u64) -> Self {
+    pub fn render(
+        scene: &Arc<Scene>,
+        accel: &Arc<dyn Intersect>,
+        settings: &Settings,
+        n: u64,
+    ) -> Self {
         let settings = Settings { seed: settings.seed + 1_000_003, ..settings.clone() };
         let mut renderer = Renderer::new(scene, accel, settings).unwrap();
         (0..n).for_each(|_| drop(renderer.iterate(Measure::Off)));
@@ -61,8 +67,8 @@ pub struct Found {
 
 /// Renders so many iterations and compares.
 pub fn compare(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: &Settings,
     iterations: u64,
     (reference, oidn): (&Reference, &mut Oidn),

@@ -8,11 +8,12 @@ use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic};
 use bdpm::settings::{Direct, Kernel, MisScales};
 use bdpm::{Renderer, Scene, Settings};
+use std::sync::Arc;
 
 /// Measures every iteration.
 pub fn measure(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: Settings,
     iterations: usize,
     measure: Measure,
@@ -48,7 +49,7 @@ fn assert_agree(
 /// What is measured at some counts, and predicted for others.
 pub struct Subject<'a> {
     pub name: String,
-    pub scene: &'a Scene,
+    pub scene: &'a Arc<Scene>,
     /// All but counts and seeds.
     pub settings: Settings,
     /// Of the measurement.
@@ -72,15 +73,15 @@ impl Subject<'_> {
             seed,
             ..settings.clone()
         };
-        let pilot = measure(scene, &*accel, at(1000, 4, 3), 200, Measure::Pairs);
+        let pilot = measure(scene, &accel, at(1000, 4, 3), 200, Measure::Pairs);
         let mut region = all(&pilot);
         let noise = |pixel: &usize| pilot.pixels[*pixel].noise.sampled;
         region.sort_by(|one, other| noise(one).total_cmp(&noise(other)));
         region.truncate((quiet * region.len() as f64) as usize);
-        let poor = measure(scene, &*accel, at(300, 4, 1), *iterations, Measure::Pairs);
+        let poor = measure(scene, &accel, at(300, 4, 1), *iterations, Measure::Pairs);
         for &(light_paths, camera_paths, iterations) in far {
             let settings = at(light_paths, camera_paths, 2);
-            let far = measure(scene, &*accel, settings, iterations, Measure::Pairs);
+            let far = measure(scene, &accel, settings, iterations, Measure::Pairs);
             let what = format!("{name} {light_paths} {camera_paths}");
             let (n, m) = (f64::from(light_paths), f64::from(camera_paths));
             let sampled = far.sampled_pooled_rms(&region);

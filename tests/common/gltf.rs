@@ -12,6 +12,7 @@ use bdpm::settings::{PartialSettings, Settings};
 use glam::Vec3;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::sync::Arc;
 use tempfile::TempDir;
 
 pub const U8: u64 = 5121;
@@ -183,7 +184,7 @@ pub fn square() -> Model {
 pub const SQUARE_OBJ: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n";
 
 /// The image of two iterations on 16 by 12 pixels.
-fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
+fn image(scene: &Arc<Scene>, backend: Backend) -> Vec<Vec3> {
     let asked = PartialSettings {
         resolution: Some([16, 12]),
         light_paths: Some(2000),
@@ -191,7 +192,7 @@ fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
     };
     let settings = Settings::resolve(&asked, &PartialSettings::default(), scene.size()).unwrap();
     let accel = build(backend, scene).unwrap();
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
     renderer.iterate(Measure::Off);
     renderer.iterate(Measure::Off);
     renderer.film().mean()
@@ -199,7 +200,7 @@ fn image(scene: &Scene, backend: Backend) -> Vec<Vec3> {
 
 /// Both scenes are the same bit for bit, and so are their images on all backends.
 #[track_caller]
-pub fn assert_same(a: &Scene, b: &Scene) {
+pub fn assert_same(a: &Arc<Scene>, b: &Arc<Scene>) {
     assert_eq!(a.triangles(), b.triangles());
     assert_eq!(a.fingerprint(), b.fingerprint());
     for backend in Backend::ALL.into_iter().filter(|backend| build(*backend, a).is_ok()) {

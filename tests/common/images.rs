@@ -3,6 +3,7 @@
 use super::*;
 use bdpm::film::radiance::Film;
 use bdpm::transport::reference::PathTracer;
+use std::sync::Arc;
 
 /// Means over iterations with their errors, luminance.
 #[derive(Clone)]
@@ -17,8 +18,8 @@ pub struct Pixels {
 /// What images are made of.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
-    pub scene: &'a Scene,
-    pub accel: &'a dyn Intersect,
+    pub scene: &'a Arc<Scene>,
+    pub accel: &'a Arc<dyn Intersect>,
     pub settings: &'a Settings,
     /// The pixels that count; all if there is none.
     pub region: &'a [usize],
@@ -28,7 +29,7 @@ impl Subject<'_> {
     /// By the path tracer, of so many paths in each pixel.
     pub fn traced(&self, paths: u32) -> Pixels {
         const ITERATIONS: u32 = 64;
-        let mut tracer = PathTracer::new(self.scene, self.accel, self.settings);
+        let mut tracer = PathTracer::new(self.scene, &**self.accel, self.settings);
         let mut last = Last::default();
         self.pixels((0..ITERATIONS).map(|_| {
             tracer.iterate(paths / ITERATIONS);
@@ -58,7 +59,7 @@ impl Subject<'_> {
         }))
     }
 
-    fn renderer(&self, settings: Settings) -> Renderer<'_> {
+    fn renderer(&self, settings: Settings) -> Renderer {
         Renderer::new(self.scene, self.accel, settings).unwrap()
     }
 
@@ -82,7 +83,7 @@ impl Subject<'_> {
 }
 
 /// The images of one iteration after the other.
-fn images(mut renderer: Renderer<'_>) -> impl FnMut() -> Vec<f64> {
+fn images(mut renderer: Renderer) -> impl FnMut() -> Vec<f64> {
     let mut last = Last::default();
     move || {
         assert!(renderer.iterate(Measure::Off).non_finite.is_empty());

@@ -10,6 +10,7 @@ use bdpm::scene::bsdf::{
 use bdpm::scene::{Material, Scene};
 use bdpm::{Renderer, Settings};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// All materials, by name.
 pub fn materials() -> Vec<(&'static str, Bsdf)> {
@@ -27,7 +28,7 @@ pub fn materials() -> Vec<(&'static str, Bsdf)> {
 }
 
 /// A closed box with a ball of `bsdf` in it, lit by a panel as wide as the ceiling and a point.
-fn room(bsdf: Bsdf) -> Scene {
+fn room(bsdf: Bsdf) -> Arc<Scene> {
     let mut meshes = vec![sphere(Vec3::new(0.1, 0.2, -0.5), 0.45, 4, false, 1)];
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -59,7 +60,7 @@ pub fn assert_predicted(name: &str) {
             seed,
             ..settings(8, 8)
         };
-        let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+        let renderer = Renderer::new(&scene, &accel, settings).unwrap();
         let mut renderer = renderer.with_batches(BatchGrain::Pixel);
         for _ in 0..iterations {
             renderer.iterate(Measure::Pairs);

@@ -13,6 +13,7 @@ use bdpm::settings::{Bias, Direct, Kernel, MisScales, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A Lambertian material that may emit, both gray.
 pub fn gray(albedo: f32, emission: f32) -> Material {
@@ -110,12 +111,12 @@ pub fn scene(
     materials: Vec<Material>,
     lights: Vec<Emitter>,
     camera: Camera,
-) -> Scene {
-    Scene::new("test".into(), meshes, materials, lights, camera, Vec::new()).unwrap()
+) -> Arc<Scene> {
+    Scene::new("test".into(), meshes, materials, lights, camera, Vec::new()).unwrap().into()
 }
 
 /// A closed box with a block in it, lit by a point and a small panel.
-pub fn furnished_box() -> Scene {
+pub fn furnished_box() -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -166,7 +167,7 @@ pub fn by_way(settings: Settings) -> Settings {
 }
 
 /// The default backend for a scene.
-pub fn accel(scene: &Scene) -> Box<dyn Intersect> {
+pub fn accel(scene: &Arc<Scene>) -> Arc<dyn Intersect> {
     bdpm::scene::backend::build(Default::default(), scene).unwrap()
 }
 
@@ -203,8 +204,8 @@ impl Estimate {
 
 /// Mean luminance of the image over `iterations`, with its standard error from batches.
 pub fn mean_luminance(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: Settings,
     iterations: usize,
 ) -> Estimate {
@@ -223,8 +224,8 @@ pub fn mean_luminance(
 
 /// Value of each pixel in each iteration: `samples[pixel][iteration]`, luminance.
 pub fn pixel_samples(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: Settings,
     iterations: usize,
 ) -> Vec<Vec<f64>> {
@@ -245,10 +246,10 @@ pub fn pixel_samples(
 }
 
 /// Mean of each pixel, row by row, with the standard error, luminance.
-pub fn pixel_means(scene: &Scene, settings: Settings, iterations: u64) -> Vec<[f64; 2]> {
+pub fn pixel_means(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> Vec<[f64; 2]> {
     let accel = accel(scene);
     let (width, pixels) = (settings.width, settings.pixels());
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }

@@ -68,7 +68,7 @@ impl Case {
             ..settings
         };
         let accel = accel(&scene);
-        let (settings, accel) = (&settings, &*accel);
+        let (settings, accel) = (&settings, &accel);
         let region = &self.region(Subject { scene: &scene, accel, settings, region: &[] });
         let compared = committed::compared(self.name, &scene);
         let compared = compared.as_ref().unwrap_or(&scene);

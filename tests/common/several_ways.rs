@@ -7,6 +7,7 @@ use bdpm::scene::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 use glam::Vec3;
+use std::sync::Arc;
 
 pub const SIDE: u32 = 16;
 const TILE: u32 = 4;
@@ -22,8 +23,8 @@ pub fn weighted(settings: &Settings, (scales, planned): Weighting) -> Settings {
 }
 
 /// Mean of each tile in each iteration: `[tile][iteration]`.
-pub fn tiles(scene: &Scene, settings: Settings, iterations: usize) -> Vec<Vec<f64>> {
-    let all = pixel_samples(scene, &*accel(scene), settings, iterations);
+pub fn tiles(scene: &Arc<Scene>, settings: Settings, iterations: usize) -> Vec<Vec<f64>> {
+    let all = pixel_samples(scene, &accel(scene), settings, iterations);
     let mut tiles = vec![vec![0.0; iterations]; TILES];
     for (pixel, samples) in (0..).zip(all) {
         let (x, y) = (pixel % SIDE / TILE, pixel / SIDE / TILE);
@@ -64,7 +65,7 @@ pub fn assert_zero(
 pub const WEIGHTINGS: [Weighting; 3] = [([1.0, 1.0], 1.0), ([0.3, 2.0], 0.02), ([4.0, 0.1], 0.1)];
 
 /// Everything that does not absorb is as bright as the walls, which emit 1 and reflect half: 2.
-pub fn furnace(bsdfs: &[Bsdf], normals: bool) -> Scene {
+pub fn furnace(bsdfs: &[Bsdf], normals: bool) -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -92,7 +93,7 @@ pub const WAYS: [Way; 3] =
 /// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights.
 pub fn assert_furnace(
     name: &str,
-    scene: &Scene,
+    scene: &Arc<Scene>,
     loss: f64,
     iterations: usize,
     (ways, weightings): (&[Way], &[Weighting]),
@@ -131,7 +132,7 @@ pub fn white_metal(alpha: f32) -> Bsdf {
 }
 
 /// Smooth surfaces of all kinds, in a furnace.
-pub fn smooth_things() -> Scene {
+pub fn smooth_things() -> Arc<Scene> {
     let bsdfs = [
         Bsdf::Mirror { reflectance: Vec3::ONE },
         Bsdf::Dielectric(Dielectric::new(1.5)),

@@ -35,7 +35,7 @@ pub fn assert_same_guided(name: &str, strategies: &[(Direct, u32)], guide: u32) 
             guide,
             ..settings(SIDE, SIDE)
         });
-        let subject = Subject { scene, accel: &*accel, settings: &settings, region: &[] };
+        let subject = Subject { scene, accel: &accel, settings: &settings, region: &[] };
         let found = subject.extrapolated(30);
         let difference = found.against(&expected);
         let what = format!("{name} {direct:?} k = {merge_vertex}: {difference}");

@@ -6,6 +6,7 @@ use bdpm::Scene;
 use serde::Deserialize;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// An image in luminance: by pixel, row by row.
 #[derive(Deserialize)]
@@ -25,7 +26,7 @@ impl Table {
     ///
     /// # Panics
     /// If it is missing or of another image.
-    pub fn of(name: &str, scene: &Scene, resolution: [u32; 2]) -> Self {
+    pub fn of(name: &str, scene: &Arc<Scene>, resolution: [u32; 2]) -> Self {
         let path = path(name);
         let help = format!("make it by: {}", command(name));
         let text = std::fs::read_to_string(&path)
@@ -62,7 +63,7 @@ pub fn path(name: &str) -> PathBuf {
 /// The text of a table, as the committed ones are.
 pub fn text(
     name: &str,
-    scene: &Scene,
+    scene: &Arc<Scene>,
     [width, height]: [u32; 2],
     paths_per_pixel: u64,
     pixels: &Pixels,
@@ -90,6 +91,6 @@ fn command(name: &str) -> String {
     format!("cargo run --release --example reference_tables -- {name}")
 }
 
-fn fingerprint(scene: &Scene) -> String {
+fn fingerprint(scene: &Arc<Scene>) -> String {
     format!("{:016x}", scene.fingerprint())
 }

@@ -8,13 +8,14 @@ use bdpm::noise::bias::Bias;
 use bdpm::noise::film::{BATCHES, BatchGrain};
 use bdpm::settings::{Kernel, PartialSettings};
 use bdpm::{Renderer, Scene, Settings};
+use std::sync::Arc;
 
 /// The radius of references, as a share of the scene size.
 pub const TINY: f32 = 0.002;
 
 /// Merging at the first vertex, so that the map has all that is indirect; the radius is a share of the scene size.
 pub fn settings(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     defaults: &PartialSettings,
     radius: f32,
     kernel: Kernel,
@@ -76,8 +77,8 @@ fn sums(film: &Film) -> Vec<f64> {
 
 /// What biases are measured against: batches of so many iterations at the radius of the settings.
 pub fn reference(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: Settings,
     iterations: u64,
 ) -> Batches {
@@ -88,8 +89,8 @@ pub fn reference(
 ///
 /// The mean square has products of different batches only, to which noise adds nothing: theory.md (69).
 pub fn biases(
-    scene: &Scene,
-    accel: &dyn Intersect,
+    scene: &Arc<Scene>,
+    accel: &Arc<dyn Intersect>,
     settings: Settings,
     reference: &Batches,
     iterations: u64,

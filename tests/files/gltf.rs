@@ -7,6 +7,7 @@ use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with};
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use serde_json::{Value, json};
+use std::sync::Arc;
 
 fn as_obj(content: &str) -> Loaded {
     files(&[("a.obj", content.as_bytes())]).load()
@@ -38,7 +39,7 @@ fn all_forms_of_a_file_are_the_same_as_obj() {
 }
 
 /// The square from positions and the primitive's other keys.
-fn square_of(make: impl Fn(&mut Model) -> Value) -> Scene {
+fn square_of(make: impl Fn(&mut Model) -> Value) -> Arc<Scene> {
     let mut model = Model::new();
     let mut part = make(&mut model);
     part["material"] = model.push("materials", grey()).into();

@@ -8,6 +8,7 @@ use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::{Mesh, Scene};
 use bdpm::{Renderer, Settings};
 use glam::{Vec2, Vec3};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 /// Loads the last of these files.
@@ -31,7 +32,7 @@ fn refused(content: &str, part: &str) {
 }
 
 /// All corners of all triangles.
-fn corners(scene: &Scene) -> Vec<Vec3> {
+fn corners(scene: &Arc<Scene>) -> Vec<Vec3> {
     let of = |mesh: &Mesh| -> Vec<Vec3> {
         mesh.triangles.iter().flatten().map(|i| mesh.positions[*i as usize]).collect()
     };
@@ -136,15 +137,15 @@ fn polygons_that_are_not_convex_cover_what_they_enclose() {
     }
 }
 
-fn backends(scene: &Scene) -> Vec<Box<dyn Intersect>> {
+fn backends(scene: &Arc<Scene>) -> Vec<Arc<dyn Intersect>> {
     Backend::ALL.into_iter().filter_map(|backend| build(backend, scene).ok()).collect()
 }
 
 /// The green image of a scene by each backend.
-fn images(scene: &Scene) -> Vec<Vec<f64>> {
+fn images(scene: &Arc<Scene>) -> Vec<Vec<f64>> {
     let settings = Settings { radius: 1e-3 * scene.size(), ..settings(16, 16) };
-    let image = |accel: Box<dyn Intersect>| {
-        let mut renderer = Renderer::new(scene, &*accel, settings.clone()).unwrap();
+    let image = |accel: Arc<dyn Intersect>| {
+        let mut renderer = Renderer::new(scene, &accel, settings.clone()).unwrap();
         for _ in 0..4 {
             assert!(renderer.iterate(Measure::Off).non_finite.is_empty());
         }
@@ -257,7 +258,7 @@ fn files_larger_than_memory_are_refused_at_once() {
     std::fs::File::create(&path).unwrap().set_len(1 << 43).unwrap();
     let error = load(&path).unwrap_err().to_string();
     assert!(
-        error.contains("a.obj: reading the file takes about 32768.0 GiB of memory, but"),
+        error.contains("a.obj: reading the file takes about 49152.0 GiB of memory, but"),
         "{error}"
     );
 }

@@ -4,6 +4,7 @@ use bdpm::import::load;
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};
 use std::fs;
+use std::sync::Arc;
 use tempfile::TempDir;
 
 /// Two triangles with normals, texture coordinates and colors.
@@ -47,7 +48,7 @@ const HEAD: &str =
     [[mesh]]
     file = 'a.ply'\n";
 
-fn scene(mesh: &str) -> Result<Scene, String> {
+fn scene(mesh: &str) -> Result<Arc<Scene>, String> {
     let folder = TempDir::new().unwrap();
     let moved = |x: f32| [1.0, 0.0, 0.0, x, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
     fs::write(folder.path().join("a.ply"), ply()).unwrap();

@@ -10,6 +10,7 @@ use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
 use bdpm::settings::{Direct, Length, PartialSettings, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 fn root(path: &str) -> PathBuf {
@@ -25,13 +26,13 @@ fn write(files: &[(&str, &str)]) -> TempDir {
 }
 
 /// The scene of an OBJ file with this content.
-fn obj(content: &str) -> Scene {
+fn obj(content: &str) -> Arc<Scene> {
     let folder = write(&[("a.obj", content)]);
     load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene
 }
 
 /// Area of each mesh by name, and whether all its normals are turned toward a point.
-fn part(scene: &Scene, name: &str, point: Vec3) -> (f64, bool) {
+fn part(scene: &Arc<Scene>, name: &str, point: Vec3) -> (f64, bool) {
     let mut first = 0;
     for mesh in scene.meshes() {
         let triangles = &scene.triangles()[first..first + mesh.triangles.len()];
@@ -44,7 +45,7 @@ fn part(scene: &Scene, name: &str, point: Vec3) -> (f64, bool) {
     panic!("no mesh {name}");
 }
 
-fn check_box(scene: &Scene) {
+fn check_box(scene: &Arc<Scene>) {
     assert_eq!(scene.bounds().min, Vec3::ZERO);
     assert_eq!(scene.bounds().max, Vec3::new(556.0, 548.8, 559.2));
     let middle = Vec3::new(278.0, 274.4, 279.6);

@@ -3,8 +3,8 @@
 
 use crate::automatic::*;
 use crate::common::Estimate;
+use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::Plan;
-use bdpm::adaptive::{Replay, Steer};
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::noise::Measure;
 use bdpm::render::block;
@@ -22,7 +22,7 @@ fn a_map_of_equal_counts_gives_the_uniform_image_bit_for_bit() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let image = |camera_paths| {
-        let mut renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+        let mut renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
         renderer.begin_block(Counts { light_paths: 2000, camera_paths }).unwrap();
         renderer.iterate(Measure::Off);
         renderer.iterate(Measure::Pairs);
@@ -38,7 +38,7 @@ fn threads_and_measuring_do_not_change_an_image_with_a_map() {
     let accel = build(Backend::Bvh, &scene).unwrap();
     let image = |threads, measure| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+        let mut renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
         let counts = Counts { light_paths: 2000, camera_paths: map() };
         renderer.begin_block(counts).unwrap();
         pool.install(|| (0..3).for_each(|_| drop(renderer.iterate(measure))));
@@ -53,10 +53,10 @@ fn threads_and_measuring_do_not_change_an_image_with_a_map() {
 fn a_map_changes_the_noise_and_not_the_image() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut uniform = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+    let mut uniform = Renderer::new(&scene, &accel, settings.clone()).unwrap();
     let expected = Estimate::from_samples(&image_means(&mut uniform, 600, Measure::Pairs));
     let settings = Settings { seed: 2, ..settings };
-    let mut mapped = Renderer::new(&scene, &*accel, settings).unwrap();
+    let mut mapped = Renderer::new(&scene, &accel, settings).unwrap();
     let counts = Counts { light_paths: 2000, camera_paths: map() };
     mapped.begin_block(counts.clone()).unwrap();
     let found = Estimate::from_samples(&image_means(&mut mapped, 600, Measure::Pairs));
@@ -83,15 +83,15 @@ fn a_map_changes_the_noise_and_not_the_image() {
 fn a_plan_replays_the_combined_image_bit_for_bit() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let renderer = automatic(&scene, &*accel, settings.clone(), 30);
+    let renderer = automatic(&scene, &accel, settings.clone(), 30);
     let weights = block::weights(renderer.blocks(), &[1.0; (WIDTH * HEIGHT) as usize]);
     let combined = CombinedImage::new(renderer.blocks(), weights.clone());
     let plan = Plan::of_blocks(renderer.blocks(), &weights);
 
-    let mut again = Renderer::new(&scene, &*accel, settings).unwrap();
-    let mut replay = Replay::new(plan.clone());
+    let mut again = Renderer::new(&scene, &accel, settings).unwrap();
+    let mut replay = CountPolicy::Plan(Replay::new(plan.clone()));
     for _ in 0..plan.iterations().unwrap() {
-        replay.steer(&mut again, 0.0).unwrap();
+        replay.prepare(&mut again, 0.0).unwrap();
         again.iterate(Measure::Off);
     }
     let replayed = CombinedImage::new(again.blocks(), replay.weights(again.blocks(), &[]));
@@ -103,7 +103,7 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
 fn a_single_iteration_of_a_block_counts_with_the_variance_of_its_weight() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+    let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();
     image_means(&mut renderer, 10, Measure::Pairs);
     let (alone, _) = CombinedImage::new(renderer.blocks(), vec![1.0]).pooled_variance().unwrap();
     renderer.begin_block(Counts::uniform(2000, 6)).unwrap();

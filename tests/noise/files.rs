@@ -23,7 +23,7 @@ fn measured() -> NoiseFile {
         caustic_radius: 0.3,
         ..settings(19, 11)
     };
-    let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+    let renderer = Renderer::new(&scene, &accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..70 {
         renderer.iterate(Measure::Pairs);

@@ -30,7 +30,7 @@ fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
         ..settings(12, 12)
     };
     for estimator in [Measure::Pairs, Measure::Halves] {
-        let image = measure(&scene, &*accel, settings.clone(), 1600, estimator);
+        let image = measure(&scene, &accel, settings.clone(), 1600, estimator);
         let deviations: Vec<f64> = (0..image.pixels.len())
             .map(|pixel| {
                 let difference = image.statistic(&[pixel], |noise| {
@@ -65,10 +65,10 @@ fn coefficients_do_not_depend_on_the_backend_the_counts_or_the_estimator() {
     let default = accel(&scene);
     let bvh = bdpm::scene::backend::build(bdpm::scene::backend::Backend::Bvh, &scene).unwrap();
     let runs = [
-        measure(&scene, &*default, at(300, 20, 1), 1000, Measure::Pairs),
-        measure(&scene, &*bvh, at(300, 20, 2), 500, Measure::Pairs),
-        measure(&scene, &*default, at(1000, 7, 3), 800, Measure::Pairs),
-        measure(&scene, &*default, at(301, 21, 4), 1000, Measure::Halves),
+        measure(&scene, &default, at(300, 20, 1), 1000, Measure::Pairs),
+        measure(&scene, &bvh, at(300, 20, 2), 500, Measure::Pairs),
+        measure(&scene, &default, at(1000, 7, 3), 800, Measure::Pairs),
+        measure(&scene, &default, at(301, 21, 4), 1000, Measure::Halves),
     ];
     let region = all(&runs[0]);
     type Pick = fn(&bdpm::noise::image::NoiseSample) -> f64;

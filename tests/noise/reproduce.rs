@@ -21,9 +21,10 @@ use bdpm::timing::setup::Setup;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
-fn loaded(side: u32) -> (Scene, Box<dyn Intersect>, Settings) {
-    let Loaded { scene, defaults, .. } = load("scenes/cornell-box".as_ref()).unwrap();
+fn loaded(side: u32) -> (Arc<Scene>, Arc<dyn Intersect>, Settings) {
+    let Loaded { scene, defaults, .. } = load("scenes/cornell-box").unwrap();
     let kernel = Some(Kernel::Disc);
     let wishes = PartialSettings { resolution: Some([side, side]), kernel, ..Default::default() };
     let settings = Settings::resolve(&wishes, &defaults, scene.size()).unwrap();
@@ -37,7 +38,7 @@ fn box_filter() -> rayon::ThreadPool {
 }
 
 /// An experiment without a time budget takes the fewest iterations, whatever the machine.
-fn identity(scene: &Scene, settings: &Settings) -> Identity {
+fn identity(scene: &Arc<Scene>, settings: &Settings) -> Identity {
     let origin = Provenance {
         version: "1".into(),
         scene: scene.name.clone(),
@@ -58,7 +59,7 @@ fn identity(scene: &Scene, settings: &Settings) -> Identity {
 fn run(path: &Path, stop: usize) -> (Experiment, usize) {
     let (scene, accel, settings) = loaded(8);
     let threads = box_filter();
-    let bench = Bench { scene: &scene, accel: &*accel, threads: &threads };
+    let bench = Bench { scene: &scene, accel: &accel, threads: &threads };
     for starts in 1.. {
         let folder = Folder::new(path).unwrap();
         let experiment = folder.open(identity(&scene, &settings)).unwrap();
@@ -131,7 +132,7 @@ fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>
     let (scene, accel, settings) = loaded(64);
     let region = region::find(Some("side-walls"), &scene.regions).unwrap();
     let settings = Settings { light_paths: LIGHT_PATHS, camera_paths: n_camera, seed, ..settings };
-    let renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+    let renderer = Renderer::new(&scene, &accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     box_filter().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
     let noise = renderer.noise_image().unwrap();

@@ -14,20 +14,26 @@ use bdpm::scene::backend::Backend;
 use bdpm::settings::PartialSettings;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// The shipped Cornell box with its own settings, but smaller.
-fn cornell_box(side: u32) -> (Scene, Settings) {
+fn cornell_box(side: u32) -> (Arc<Scene>, Settings) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
-    let loaded = load(path.as_ref()).unwrap();
+    let loaded = load(path).unwrap();
     let wishes = PartialSettings { resolution: Some([side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     (loaded.scene, settings)
 }
 
-fn measure(scene: &Scene, backend: Backend, settings: Settings, iterations: usize) -> NoiseImage {
+fn measure(
+    scene: &Arc<Scene>,
+    backend: Backend,
+    settings: Settings,
+    iterations: usize,
+) -> NoiseImage {
     let accel = backend::build(backend, scene).unwrap();
     let _counts = (settings.light_paths, settings.camera_paths);
-    let renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let renderer = Renderer::new(scene, &accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     for _ in 0..iterations {
         renderer.iterate(Measure::Pairs);
@@ -116,7 +122,7 @@ fn coefficients_do_not_depend_on_the_number_of_threads() {
 /// A floor that a small bright patch above it lights past the edge of a black plate. The patch is
 /// square with a corner toward the plate's edge, so that its visible part, and with it the
 /// irradiance of the floor, goes with the square of the position across the penumbra.
-fn penumbra() -> Scene {
+fn penumbra() -> Arc<Scene> {
     let floor = square(Vec3::ZERO, Vec3::Z, 2.0, 0);
     let plate = square(Vec3::new(2.0, 0.0, 0.5), Vec3::Z, 2.0, 1);
     let half = 0.28;
@@ -147,10 +153,10 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
         ..settings(16, 16)
     };
     let radius = 0.1;
-    let renderer = Renderer::new(&scene, &*accel, at(radius)).unwrap();
+    let renderer = Renderer::new(&scene, &accel, at(radius)).unwrap();
     let mut wide = renderer.with_batches(BatchGrain::Pixel);
     // The same photons: their common noise cancels in the difference.
-    let mut narrow = Renderer::new(&scene, &*accel, at(0.25 * radius)).unwrap();
+    let mut narrow = Renderer::new(&scene, &accel, at(0.25 * radius)).unwrap();
     let mut samples: Vec<[f64; 256]> = Vec::new();
     let mut before = [0.0; 256];
     for _ in 0..800 {

@@ -13,7 +13,7 @@ fn a_sample_of_the_pixels_is_what_the_image_has_there() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let all = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(24, 16) };
-    let mut image = Renderer::new(&scene, &*accel, all.clone()).unwrap();
+    let mut image = Renderer::new(&scene, &accel, all.clone()).unwrap();
     let other = Settings { seed: 2, ..all };
     let mut sample = image.sample(other, 4).unwrap();
     for renderer in [&mut image, &mut sample] {
@@ -47,7 +47,7 @@ fn nested_radii_of_either_kind_of_photons_add_up() {
     let direct = Direct::PhotonMap;
     let own = Settings { direct, radius: 0.2, caustic_radius: 0.1, ..settings(8, 8) };
     let nested = |class: Option<PhotonClass>| {
-        let renderer = Renderer::new(&scene, &*accel, own.clone()).unwrap();
+        let renderer = Renderer::new(&scene, &accel, own.clone()).unwrap();
         let renderer = renderer.with_batches(BatchGrain::Pixel);
         let mut renderer = match class {
             Some(class) => renderer.nested_class(class),

@@ -1,7 +1,6 @@
 //! The integrator against closed-form answers, each within its own standard error.
 
 use crate::common::*;
-use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
@@ -11,11 +10,12 @@ use bdpm::transport::light_paths::LightPaths;
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const BOTH: [Direct; 2] = [Direct::Connect, Direct::PhotonMap];
 
 /// A point light 2 above a plane, seen from the side over a small angle.
-fn lit_plane() -> (Scene, f64) {
+fn lit_plane() -> (Arc<Scene>, f64) {
     let plane = square(Vec3::ZERO, Vec3::Z, 4.0, 0);
     let (from, to) = (Vec3::new(3.0, 0.5, 1.5), Vec3::new(0.7, 0.2, 0.0));
     let light = point_light(Vec3::new(0.0, 0.0, 2.0), 10.0);
@@ -39,7 +39,7 @@ fn point_light_over_a_plane() {
             ..settings(4, 4)
         };
         let iterations = if direct == Direct::Connect { 50 } else { 600 };
-        let mean = mean_luminance(&scene, &*accel(&scene), settings, iterations);
+        let mean = mean_luminance(&scene, &accel(&scene), settings, iterations);
         // The field of view spans 2 degrees: the mean over it differs from the center's radiance
         // in second order only.
         mean.assert_is(expected, 1.5e-3);
@@ -49,7 +49,7 @@ fn point_light_over_a_plane() {
 const SPHERE_ALBEDO: f32 = 0.5;
 
 /// A point light in the center of a sphere, seen from off the center.
-fn integrating_sphere() -> (Scene, f64) {
+fn integrating_sphere() -> (Arc<Scene>, f64) {
     let wall = sphere(Vec3::new(1.0, 2.0, 3.0), 2.0, 4, true, 0);
     let area = area(&wall);
     let center = Vec3::new(1.0, 2.0, 3.0);
@@ -77,7 +77,7 @@ fn integrating_sphere_with_all_bounces() {
                 caustic_radius: 0.2,
                 ..settings(16, 16)
             };
-            let mean = mean_luminance(&scene, &*accel(&scene), settings, 100);
+            let mean = mean_luminance(&scene, &accel(&scene), settings, 100);
             // Facets of 2 degrees: their edges widen the kernel's area by less than 1e-3.
             mean.assert_is(albedo / (1.0 - albedo) * unit, 2e-3);
         }
@@ -167,7 +167,7 @@ fn furnace_with_a_white_ball() {
                 caustic_radius: 0.3,
                 ..settings(4, 4)
             };
-            for samples in pixel_samples(&scene, &*accel, settings, 130) {
+            for samples in pixel_samples(&scene, &accel, settings, 130) {
                 Estimate::from_samples(&samples).assert_is(expected, 2e-3);
             }
         }
@@ -195,7 +195,7 @@ fn spherical_light_seen_from_outside() {
             caustic_radius: 0.08,
             ..settings(4, 4)
         };
-        let mean = mean_luminance(&scene, &*accel, settings, iterations);
+        let mean = mean_luminance(&scene, &accel, settings, iterations);
         mean.assert_is(expected, 2e-3);
     }
 }
@@ -211,7 +211,7 @@ fn emission_is_seen_once_from_the_front_only() {
         for direct in BOTH {
             for merge_vertex in 1..=3 {
                 let settings = Settings { direct, merge_vertex, ..settings(2, 2) };
-                let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+                let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();
                 renderer.iterate(Measure::Off);
                 let image = renderer.film().mean();
                 assert!(image.iter().all(|c| (c - Vec3::splat(expected)).length() < 1e-6));
@@ -233,7 +233,7 @@ fn every_strategy_gives_the_same_image_up_to_a_bias_that_shrinks_with_the_radius
             light_paths: 3000,
             ..settings(16, 16)
         };
-        mean_luminance(&scene, &*accel as &dyn Intersect, settings, iterations)
+        mean_luminance(&scene, &accel, settings, iterations)
     };
     // Late merging at a small radius: all but the third bounce of the image is unbiased.
     let reference = render(Direct::Connect, 3, 0.02, 800);

@@ -9,6 +9,7 @@ use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};
 use glam::{Quat, Vec3};
+use std::sync::Arc;
 
 const RADIANCE: f64 = 2.0;
 
@@ -65,7 +66,7 @@ fn solid(min: [f32; 3], max: [f32; 3]) -> Mesh {
 }
 
 /// In a room two units wide, seen from a corner.
-fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Scene {
+fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Arc<Scene> {
     let mut meshes = vec![cuboid(Vec3::NEG_ONE, Vec3::ONE, true, cuts)];
     meshes.extend(things);
     let camera = camera(Vec3::new(-0.9, -0.95, 0.75), Vec3::new(0.2, 0.1, -0.6), 75.0);
@@ -73,7 +74,7 @@ fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Scene {
 }
 
 /// Largest deviation of a tile from the answer in standard errors, and the image's mean with its own.
-fn deviation(scene: &Scene, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
+fn deviation(scene: &Arc<Scene>, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
     let accel = accel(scene);
     let render = |seed: usize| {
         let settings = Settings {
@@ -86,7 +87,7 @@ fn deviation(scene: &Scene, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
             seed: seed as u64,
             ..settings(SIDE, SIDE)
         };
-        let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+        let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
         (0..3).for_each(|_| drop(renderer.iterate(Measure::Off)));
         let tiles = (SIDE / TILE) as usize;
         let mut means = vec![0.0; tiles * tiles];
@@ -111,7 +112,7 @@ fn deviation(scene: &Scene, kernel: Kernel, radius: f32) -> (f64, [f64; 2]) {
     (worst.fold(0.0, f64::max), statistic(images.iter().map(whole).collect()))
 }
 
-fn assert_exact(name: &str, scene: &Scene, radii: &[f32]) {
+fn assert_exact(name: &str, scene: &Arc<Scene>, radii: &[f32]) {
     for &radius in radii {
         let (worst, [mean, error]) = deviation(scene, Kernel::Area, radius);
         println!("{name}, radius {radius}: {worst:.1}, {mean:.4} +- {error:.4}");
@@ -159,7 +160,7 @@ fn layers_just_near_enough_and_just_too_far() {
     });
     let mut scene = furnace(steps.collect(), true, 1);
     let [from, to] = [Vec3::new(-0.1, 0.0, 0.8), Vec3::new(-0.05, 0.05, 0.0)].map(tilted);
-    scene.camera = camera(from, to, 80.0);
+    Arc::make_mut(&mut scene).camera = camera(from, to, 80.0);
     assert_exact("layers", &scene, &[0.24, 0.26]);
 }
 
@@ -181,7 +182,7 @@ fn light_does_not_leak_from_a_panel_to_the_ceiling_above() {
         let (direct, light_paths) = (Direct::PhotonMap, 20_000);
         let own = settings(8, 8);
         let own = Settings { kernel, radius, caustic_radius: radius, direct, light_paths, ..own };
-        let mut renderer = Renderer::new(&scene, &*accel, own).unwrap();
+        let mut renderer = Renderer::new(&scene, &accel, own).unwrap();
         renderer.iterate(Measure::Off);
         renderer.film().mean().into_iter().map(|value| f64::from(value.x)).sum::<f64>()
     };

@@ -9,8 +9,9 @@ use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Direct;
 use bdpm::{Renderer, Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 
-fn cornell_box(name: &str) -> (Scene, Settings) {
+fn cornell_box(name: &str) -> (Arc<Scene>, Settings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let loaded = load(&path).unwrap();
     let settings =
@@ -19,7 +20,7 @@ fn cornell_box(name: &str) -> (Scene, Settings) {
     (loaded.scene, settings)
 }
 
-fn scenes() -> [(Scene, Settings); 2] {
+fn scenes() -> [(Arc<Scene>, Settings); 2] {
     ["cornell-box", "cornell-box-classic"].map(cornell_box)
 }
 
@@ -28,7 +29,7 @@ fn the_same_seed_gives_nearly_the_same_pixels() {
     for (scene, settings) in scenes() {
         let image = |backend| {
             let accel = build(backend, &scene).unwrap();
-            let mut renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+            let mut renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
             for _ in 0..4 {
                 renderer.iterate(Measure::Off);
             }
@@ -51,7 +52,7 @@ fn different_seeds_agree_within_the_noise() {
         for direct in [Direct::Connect, Direct::PhotonMap] {
             let mean = |backend, seed| {
                 let settings = Settings { direct, seed, width: 32, height: 32, ..settings.clone() };
-                mean_luminance(&scene, &*build(backend, &scene).unwrap(), settings, 60)
+                mean_luminance(&scene, &build(backend, &scene).unwrap(), settings, 60)
             };
             let (embree, bvh) = (mean(Backend::Embree, 1), mean(Backend::Bvh, 2));
             let error = embree.error.hypot(bvh.error);
@@ -70,7 +71,7 @@ fn measured_images_are_the_same_bits_for_any_number_of_threads_and_as_without_me
         let accel = build(Backend::Embree, &scene).unwrap();
         let render = |threads, measure| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let mut renderer = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+            let mut renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
             for _ in 0..2 {
                 pool.install(|| renderer.iterate(measure));
             }

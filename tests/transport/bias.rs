@@ -9,9 +9,10 @@ use bdpm::render::block::CombinedImage;
 use bdpm::settings::{Bias, Direct, Kernel, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Sums over iterations that measure and others, with a renderer of these settings.
-fn rendered<'a>(from: &Renderer<'a>, settings: Settings, iterations: u64) -> Renderer<'a> {
+fn rendered<'a>(from: &Renderer, settings: Settings, iterations: u64) -> Renderer {
     let mut renderer = from.with_settings(settings).unwrap();
     for iteration in 0..iterations {
         let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
@@ -22,9 +23,9 @@ fn rendered<'a>(from: &Renderer<'a>, settings: Settings, iterations: u64) -> Ren
 
 /// Root of the mean square of what is told beyond half the radii less what images at the radii and at half of them
 /// differ by, from the same photons; over that of the difference.
-fn amiss(scene: &Scene, settings: &Settings) -> f64 {
+fn amiss(scene: &Arc<Scene>, settings: &Settings) -> f64 {
     let accel = accel(scene);
-    let from = Renderer::new(scene, &*accel, settings.clone()).unwrap();
+    let from = Renderer::new(scene, &accel, settings.clone()).unwrap();
     let whole = rendered(&from, Settings { bias: Bias::Reduce, ..settings.clone() }, 7);
     let (radius, caustic_radius) = (0.5 * settings.radius, 0.5 * settings.caustic_radius);
     let half = rendered(&from, Settings { radius, caustic_radius, ..settings.clone() }, 7);
@@ -69,7 +70,7 @@ fn images_are_the_same_but_for_what_is_taken_off() {
     let start = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(20, 15) };
     for strategy in [Strategy::Single, Strategy::Mis] {
         let keep = Settings { strategy, merge_vertex: 2, ..start.clone() };
-        let from = Renderer::new(&scene, &*accel, keep.clone()).unwrap();
+        let from = Renderer::new(&scene, &accel, keep.clone()).unwrap();
         let kept = rendered(&from, keep.clone(), 12);
         let reduced = rendered(&from, Settings { bias: Bias::Reduce, ..keep }, 12);
         // Classes of equal radii are summed apart: another order of additions.
@@ -92,7 +93,7 @@ fn images_come_nearer_to_the_truth_and_tell_how_near() {
     let accel = accel(&scene);
     // Discs lose a lot along edges within a wide radius.
     let wide = Settings { radius: 0.3, light_paths: 4000, ..settings(32, 24) };
-    let from = Renderer::new(&scene, &*accel, wide.clone()).unwrap();
+    let from = Renderer::new(&scene, &accel, wide.clone()).unwrap();
     let truth = Settings {
         radius: 0.05,
         kernel: Kernel::Area,

@@ -8,10 +8,11 @@ use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::transport::gather::GatherPoint;
 use bdpm::{Scene, Settings};
 use std::path::Path;
+use std::sync::Arc;
 
 const SIDE: u32 = 40;
 
-fn load_scene(name: &str) -> (Scene, Settings) {
+fn load_scene(name: &str) -> (Arc<Scene>, Settings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let loaded = load(&path).unwrap();
     let settings =

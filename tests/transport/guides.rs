@@ -41,7 +41,7 @@ fn a_wrong_guide_does_not_change_the_mean() {
     assert!(wrong.len() > 5);
     let blocks = |guide: Option<&Arc<Guide>>, seed: u64| -> Vec<Estimate> {
         let own = Settings { seed, ..settings.clone() };
-        let renderer = Renderer::new(scene, &*accel, own).unwrap().guided(guide.cloned());
+        let renderer = Renderer::new(scene, &accel, own).unwrap().guided(guide.cloned());
         let mut renderer = renderer;
         (0..400).for_each(|_| drop(renderer.iterate(Measure::Off)));
         let variance = renderer.film().variance_of_mean().unwrap();
@@ -71,9 +71,9 @@ fn a_wrong_guide_does_not_change_the_mean() {
 }
 
 /// `a + f`, pooled, which light paths alone decide.
-fn of_light_paths(scene: &Scene, settings: Settings) -> f64 {
+fn of_light_paths(scene: &Arc<Scene>, settings: Settings) -> f64 {
     let accel = accel(scene);
-    let renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let renderer = Renderer::new(scene, &accel, settings).unwrap();
     let mut renderer = renderer.with_batches(BatchGrain::Pixel);
     (0..60).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
     let noise = renderer.noise_image().unwrap();
@@ -86,7 +86,7 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     let scene = &daylight();
     let settings = Settings { radius: 0.1, caustic_radius: 0.1, ..settings(24, 24) };
     let accel = accel(scene);
-    let renderer = Renderer::new(scene, &*accel, settings.clone()).unwrap();
+    let renderer = Renderer::new(scene, &accel, settings.clone()).unwrap();
     let learned = renderer.learn_guide(|done, _| done < 32).unwrap();
     let plain = of_light_paths(scene, Settings { light_paths: 20_000, ..settings.clone() });
     let guided = of_light_paths(scene, Settings { light_paths: 20_000, guide: 32, ..settings });
@@ -96,7 +96,7 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
     assert!((0.03..0.4).contains(&learned.second_moment), "{}", learned.second_moment);
 }
 
-fn daylight() -> Scene {
+fn daylight() -> Arc<Scene> {
     crate::committed::small("daylight").0
 }
 
@@ -107,7 +107,7 @@ fn what_is_learned_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
     let learned = |threads, own: Settings| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut renderer = Renderer::new(scene, &*accel, own).unwrap();
+            let mut renderer = Renderer::new(scene, &accel, own).unwrap();
             renderer.iterate(Measure::Off);
             (Arc::clone(renderer.guide().unwrap()), renderer.film().mean())
         })

@@ -65,19 +65,19 @@ fn materials() -> Vec<Material> {
     ]
 }
 
-fn scene_of(arrangement: impl Into<Arrangement>) -> Scene {
+fn scene_of(arrangement: impl Into<Arrangement>) -> Arc<Scene> {
     let camera = camera(Vec3::new(-0.9, -0.85, 0.2), Vec3::new(0.3, 0.2, 0.1), 80.0);
     let lights = vec![point_light(Vec3::new(-0.5, 0.4, 0.3), 0.3)];
-    Scene::new("test".into(), arrangement, materials(), lights, camera, Vec::new()).unwrap()
+    Scene::new("test".into(), arrangement, materials(), lights, camera, Vec::new()).unwrap().into()
 }
 
-fn both() -> [Scene; 2] {
+fn both() -> [Arc<Scene>; 2] {
     let shared = scene_of(arrangement());
     let copied = scene_of(shared.copies());
     [shared, copied]
 }
 
-fn backends(scene: &Scene) -> Vec<Box<dyn Intersect>> {
+fn backends(scene: &Arc<Scene>) -> Vec<Arc<dyn Intersect>> {
     Backend::ALL.into_iter().filter_map(|backend| build(backend, scene).ok()).collect()
 }
 
@@ -152,16 +152,16 @@ impl Kind for bdpm::scene::Surface<'_> {
 fn images_are_nearly_the_same() {
     let scenes = both();
     let settings = Settings { light_paths: 5000, merge_vertex: 2, ..settings(48, 48) };
-    let image = |scene: &Scene, accel: &dyn Intersect| {
+    let image = |scene: &Arc<Scene>, accel: &Arc<dyn Intersect>| {
         let mut renderer = Renderer::new(scene, accel, settings.clone()).unwrap();
         for _ in 0..4 {
             renderer.iterate(Measure::Off);
         }
         renderer.film().mean()
     };
-    let expected = image(&scenes[1], &*build(Backend::Bvh, &scenes[1]).unwrap());
+    let expected = image(&scenes[1], &build(Backend::Bvh, &scenes[1]).unwrap());
     for accel in backends(&scenes[0]) {
-        let image = image(&scenes[0], &*accel);
+        let image = image(&scenes[0], &accel);
         let close = |(a, b): &(&Vec3, &Vec3)| {
             let (a, b) = (luminance(**a), luminance(**b));
             (a - b).abs() <= 1e-3 * a.abs().max(b.abs())

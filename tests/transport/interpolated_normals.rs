@@ -8,6 +8,7 @@ use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::Direct;
 use glam::{Vec2, Vec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const BOTH: [Direct; 2] = [Direct::Connect, Direct::PhotonMap];
 /// Of the floor z = 0: far off its own normal.
@@ -36,7 +37,7 @@ fn direct_light_goes_by_the_interpolated_normal() {
             ..settings(4, 4)
         };
         let iterations = if direct == Direct::Connect { 50 } else { 400 };
-        mean_luminance(&scene, &*accel(&scene), settings, iterations).assert_is(expected, 3e-3);
+        mean_luminance(&scene, &accel(&scene), settings, iterations).assert_is(expected, 3e-3);
     }
 }
 
@@ -68,7 +69,7 @@ fn light_paths_and_camera_paths_agree_on_every_bounce() {
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
             });
-            mean_luminance(&scene, &*accel, settings, 150)
+            mean_luminance(&scene, &accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 2);
         for (direct, merge_vertex) in [
@@ -96,7 +97,7 @@ fn coarse_ball(material: u32) -> Mesh {
     Mesh { normals: mesh.positions.clone(), ..mesh }
 }
 
-fn ball_scene(light: Vec3) -> Scene {
+fn ball_scene(light: Vec3) -> Arc<Scene> {
     let camera = camera(Vec3::new(0.0, 0.0, 8.0), Vec3::ZERO, 18.0);
     let lights = vec![point_light(light, 50.0)];
     scene(vec![coarse_ball(0)], vec![gray(0.8, 0.0)], lights, camera)
@@ -107,7 +108,7 @@ fn no_edge_is_black_and_no_light_leaks() {
     // Lit from the camera's side each pixel on the ball is lit, also where normals look away.
     let lit = ball_scene(Vec3::new(0.0, 0.0, 20.0));
     let settings = Settings { camera_paths: 64, ..settings(24, 24) };
-    let values = |scene: &Scene| pixel_samples(scene, &*accel(scene), settings.clone(), 1);
+    let values = |scene: &Arc<Scene>| pixel_samples(scene, &accel(scene), settings.clone(), 1);
     let (mut on_ball, mut rim) = (0, 0);
     for (pixel, samples) in values(&lit).iter().enumerate() {
         let at = Vec2::new((pixel % 24) as f32, (pixel / 24) as f32) - 11.5;

@@ -9,6 +9,7 @@ use bdpm::scene::{Material, Scene};
 use bdpm::settings::{Direct, Kernel, Strategy};
 use bdpm::{Renderer, Settings};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
 
@@ -17,7 +18,7 @@ fn colored(albedo: Vec3) -> Material {
 }
 
 /// A red wall at z = 0 seen from z = 4 along the axis; what lies between is of the second material.
-fn wall(between: Option<Material>, tilt: Vec3) -> Scene {
+fn wall(between: Option<Material>, tilt: Vec3) -> Arc<Scene> {
     let red = Vec3::new(0.8, 0.2, 0.1);
     let mut meshes = vec![square(Vec3::ZERO, Vec3::Z, 50.0, 0)];
     let mut materials = vec![colored(red)];
@@ -31,9 +32,9 @@ fn wall(between: Option<Material>, tilt: Vec3) -> Scene {
 }
 
 /// Means over the image of guides, of positions and of depths.
-fn seen(scene: &Scene, settings: Settings, iterations: u64) -> (Guide, Vec3, f32) {
+fn seen(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> (Guide, Vec3, f32) {
     let accel = accel(scene);
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
@@ -123,7 +124,7 @@ fn ways() -> Vec<Settings> {
 }
 
 /// A box with a mirror on the floor, so that there are caustics.
-fn mirrored_box() -> Scene {
+fn mirrored_box() -> Arc<Scene> {
     let mut meshes = Vec::new();
     for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -142,7 +143,7 @@ fn the_image_is_the_same_bit_for_bit_and_the_sum_of_its_light() {
     let scene = mirrored_box();
     let accel = accel(&scene);
     for (way, settings) in ways().into_iter().enumerate() {
-        let mut plain = Renderer::new(&scene, &*accel, settings.clone()).unwrap();
+        let mut plain = Renderer::new(&scene, &accel, settings.clone()).unwrap();
         let mut kept = plain.with_settings(settings).unwrap().with_aovs(ALL).unwrap();
         for iteration in 0..9 {
             let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
@@ -179,8 +180,7 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
     for settings in ways() {
         let settings = Settings { light_paths: 4000, ..settings };
         let photon_map = settings.direct == Direct::PhotonMap;
-        let mut renderer =
-            Renderer::new(&scene, &*accel, settings).unwrap().with_aovs(ALL).unwrap();
+        let mut renderer = Renderer::new(&scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
         // Means over the image of each iteration.
         let mut means: Vec<[f64; 3]> = Vec::new();
         let mut before = [0.0; 3];
@@ -231,7 +231,7 @@ fn measuring_leaves_layers_as_they_are() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let own = Settings { camera_paths: 1, ..settings(20, 15) };
-    let mut plain = Renderer::new(&scene, &*accel, own.clone()).unwrap().with_aovs(ALL).unwrap();
+    let mut plain = Renderer::new(&scene, &accel, own.clone()).unwrap().with_aovs(ALL).unwrap();
     let mut measured = plain.with_settings(own).unwrap().with_aovs(ALL).unwrap();
     for _ in 0..3 {
         plain.iterate(Measure::Off);

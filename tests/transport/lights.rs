@@ -12,11 +12,12 @@ use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
 use glam::Vec3;
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const ALBEDO: f32 = 0.6;
 
 /// A plane, seen over a small angle around a point, lit by `light`.
-fn lit_plane(light: Emitter, at: Vec3) -> Scene {
+fn lit_plane(light: Emitter, at: Vec3) -> Arc<Scene> {
     let plane = square(Vec3::ZERO, Vec3::Z, 4.0, 0);
     let from = at + Vec3::new(0.3, -1.0, 2.0);
     scene(vec![plane], vec![gray(ALBEDO, 0.0)], vec![light], camera(from, at, 2.0))
@@ -66,7 +67,7 @@ fn spots_and_suns_light_a_plane_as_they_say() {
                 ..settings(4, 4)
             };
             let iterations = if direct == Direct::Connect { 50 } else { 900 };
-            let mean = mean_luminance(&scene, &*accel(&scene), settings, iterations);
+            let mean = mean_luminance(&scene, &accel(&scene), settings, iterations);
             println!("{name} {direct:?}: {mean:?}, {}", radiance * expected);
             // Within the field of view of 2 degrees the falloff bends by less.
             mean.assert_is(radiance * expected, 2e-3);
@@ -80,7 +81,7 @@ fn what_lies_beyond_a_spots_cone_is_dark() {
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
         let settings = Settings { direct, ..settings(4, 4) };
-        let mut renderer = Renderer::new(&scene, &*accel, settings).unwrap();
+        let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();
         (0..20).for_each(|_| drop(renderer.iterate(Measure::Off)));
         assert_eq!(renderer.film().mean_luminance(), 0.0);
     }
@@ -101,12 +102,9 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
         sphere(Vec3::new(0.6, 0.0, 0.0), 0.5, 4, false, 1),
     ];
     let camera = camera(Vec3::new(0.0, -3.0, 0.5), Vec3::ZERO, 45.0);
-    let scene = scene(meshes, materials, vec![], camera).with_environment(Environment::new(
-        1,
-        1,
-        vec![Vec3::splat(2.0)],
-        0.0,
-    ));
+    let environment = Environment::new(1, 1, vec![Vec3::splat(2.0)], 0.0);
+    let scene = Arc::unwrap_or_clone(scene(meshes, materials, vec![], camera));
+    let scene = Arc::new(scene.with_environment(environment));
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
         for merge_vertex in [1, 2, MIS] {
@@ -119,7 +117,7 @@ fn lossless_things_are_invisible_in_a_uniform_environment() {
                 caustic_radius: 0.08,
                 ..settings(6, 6)
             });
-            let all = pixel_samples(&scene, &*accel, settings, 120);
+            let all = pixel_samples(&scene, &accel, settings, 120);
             let (mut worst, mut sum) = (0.0f64, Estimate { mean: 0.0, error: 0.0 });
             for samples in &all {
                 let Estimate { mean, error } = Estimate::from_samples(samples);

@@ -10,6 +10,7 @@ use bdpm::scene::bsdf::{
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::settings::Direct;
 use glam::Vec3;
+use std::sync::Arc;
 
 const EMISSION: f32 = 3.0;
 const ALBEDO: f32 = 0.4;
@@ -36,7 +37,7 @@ fn ball(center: Vec3, radius: f32, material: u32) -> Mesh {
 }
 
 /// The sphere with `things` of `bsdfs` (materials 1, 2, ...) in it, seen from within.
-fn furnace(things: Vec<Mesh>, bsdfs: &[Bsdf]) -> Scene {
+fn furnace(things: Vec<Mesh>, bsdfs: &[Bsdf]) -> Arc<Scene> {
     let mut meshes = vec![sphere(Vec3::ZERO, 2.0, 4, true, 0)];
     meshes.extend(things);
     let mut materials = vec![gray(ALBEDO, EMISSION)];
@@ -51,7 +52,7 @@ fn place(column: i32, row: i32) -> Vec3 {
 }
 
 /// Whether all pixels see `EXPECTED` less at most `loss` of it, by every strategy.
-fn assert_invisible(scene: &Scene, loss: f64, iterations: usize) {
+fn assert_invisible(scene: &Arc<Scene>, loss: f64, iterations: usize) {
     let accel = accel(scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {
         for merge_vertex in [1, 2, 3, MIS] {
@@ -65,7 +66,7 @@ fn assert_invisible(scene: &Scene, loss: f64, iterations: usize) {
                 seed: 2,
                 ..settings(6, 6)
             });
-            let all = pixel_samples(scene, &*accel, settings, iterations);
+            let all = pixel_samples(scene, &accel, settings, iterations);
             let mut image = Estimate { mean: 0.0, error: 0.0 };
             for (pixel, samples) in all.iter().enumerate() {
                 let Estimate { mean, error } = Estimate::from_samples(samples);

@@ -4,7 +4,6 @@
 use crate::common::*;
 use crate::material_noise::assert_predicted;
 use bdpm::Settings;
-use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Material, Scene};
@@ -12,6 +11,7 @@ use bdpm::settings::Direct;
 use bdpm::transport::light_paths::LightPaths;
 use glam::{DVec2, Vec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 fn dark(bsdf: Bsdf) -> Material {
     Material::new("dark", bsdf)
@@ -23,7 +23,7 @@ const LIGHT: f64 = 3.0;
 const FLOOR: f64 = -1.5;
 const INTENSITY: f64 = 5.0;
 
-fn glass_ball(floor_albedo: f32) -> Scene {
+fn glass_ball(floor_albedo: f32) -> Arc<Scene> {
     let meshes = vec![
         sphere(Vec3::ZERO, 1.0, 5, false, 1),
         square(Vec3::new(0.0, 0.0, FLOOR as f32), Vec3::Z, 40.0, 0),
@@ -117,7 +117,7 @@ fn the_caustic_is_the_same_by_every_strategy() {
                 seed: 1000 + u64::from(merge_vertex) + (1000.0 * radius) as u64,
                 ..settings(8, 8)
             };
-            mean_luminance(&scene, &*accel as &dyn Intersect, settings, 280)
+            mean_luminance(&scene, &accel, settings, 280)
         };
         let (wide, narrow) = (at(0.2), at(0.1));
         Estimate {

@@ -9,6 +9,7 @@ use bdpm::scene::{Camera, Emitter, Environment, FieldOfView, Material, Scene, Sp
 use bdpm::settings::Kernel;
 use bdpm::{Renderer, Settings};
 use glam::Vec3;
+use std::sync::Arc;
 
 #[test]
 fn diffuse_walls_where_all_is_as_bright() {
@@ -23,7 +24,7 @@ fn smooth_things_where_all_is_as_bright() {
 }
 
 /// A room that is open above under lights of all kinds, with a mirror, glass and gloss.
-fn room_under_all_lights() -> Scene {
+fn room_under_all_lights() -> Arc<Scene> {
     let mut meshes = vec![square(-Vec3::Z, Vec3::Z, 1.0, 0)];
     for axis in [Vec3::X, Vec3::Y] {
         meshes.push(square(axis, -axis, 1.0, 0));
@@ -50,8 +51,9 @@ fn room_under_all_lights() -> Scene {
     let gloss = Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.4, 0.3), 0.3, 1.5, 0.5));
     let materials = vec![gray(0.6, 0.0), gray(0.0, 4.0), Material::new("gloss", gloss)];
     let map = vec![Vec3::splat(0.5), Vec3::new(0.2, 0.4, 2.0)];
-    scene(meshes, materials, lights, camera.unwrap())
+    Arc::unwrap_or_clone(scene(meshes, materials, lights, camera.unwrap()))
         .with_environment(Environment::new(2, 1, map, 30.0))
+        .into()
 }
 
 #[test]
@@ -82,10 +84,10 @@ fn every_weighting_has_the_same_mean_under_all_lights() {
 }
 
 /// Images of one iteration, and their greatest relative deviation.
-fn deviation(scene: &Scene, one: Settings, other: Settings) -> f64 {
+fn deviation(scene: &Arc<Scene>, one: Settings, other: Settings) -> f64 {
     let accel = accel(scene);
     let [one, other] = [one, other].map(|settings| {
-        let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+        let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
         renderer.iterate(Measure::Off);
         renderer.film().mean()
     });

@@ -35,7 +35,7 @@ fn tilted() -> Vec3 {
 }
 
 /// The floor under a lamp and a point, beside a wall.
-fn room(floor: Mesh, material: Material) -> Scene {
+fn room(floor: Mesh, material: Material) -> Arc<Scene> {
     let wall = square(Vec3::new(-2.0, 0.0, 0.0), Vec3::X, 4.0, 1);
     let lamp = square(Vec3::new(0.5, 0.5, 2.0), -Vec3::Z, 0.5, 2);
     let camera = camera(Vec3::new(3.0, 0.3, 1.2), Vec3::new(0.2, 0.1, 0.0), 40.0);
@@ -43,10 +43,10 @@ fn room(floor: Mesh, material: Material) -> Scene {
     scene(vec![floor, wall, lamp], vec![material, gray(0.7, 0.0), gray(0.0, 4.0)], lights, camera)
 }
 
-fn image(scene: &Scene, direct: Direct) -> Vec<Vec3> {
+fn image(scene: &Arc<Scene>, direct: Direct) -> Vec<Vec3> {
     let accel = accel(scene);
     let settings = Settings { direct, merge_vertex: 2, light_paths: 5000, ..settings(12, 12) };
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
     for _ in 0..4 {
         renderer.iterate(Measure::Off);
     }
@@ -100,7 +100,7 @@ fn a_tilted_map_is_a_tilted_normal() {
 }
 
 /// The surface of the floor that is seen from straight above `(x, y)`.
-fn seen<T>(scene: &Scene, x: f32, y: f32, see: impl Fn(Surface) -> T) -> T {
+fn seen<T>(scene: &Arc<Scene>, x: f32, y: f32, see: impl Fn(Surface) -> T) -> T {
     let ray = Ray::new(Vec3::new(x, y, 1.0), -Vec3::Z);
     see(scene.surface(&ray, &accel(scene).closest_hit(&ray)))
 }
@@ -154,7 +154,8 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
     for bsdf in bsdfs() {
         let mut scene =
             room(floor(), Material { normal_map: map(&codes), ..Material::new("m", bsdf) });
-        scene.camera = camera(Vec3::new(2.0, 0.3, 1.2), Vec3::new(-2.0, 0.0, 1.2), 20.0);
+        Arc::make_mut(&mut scene).camera =
+            camera(Vec3::new(2.0, 0.3, 1.2), Vec3::new(-2.0, 0.0, 1.2), 20.0);
         let accel = accel(&scene);
         let mean = |direct, merge_vertex| {
             let settings = by_way(Settings {
@@ -167,7 +168,7 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
                 seed: u64::from(merge_vertex),
                 ..settings(8, 8)
             });
-            mean_luminance(&scene, &*accel, settings, 150)
+            mean_luminance(&scene, &accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 3);
         // What narrow facets send below the horizon of their normal, light paths do not.

@@ -37,7 +37,7 @@ fn the_path_tracer_finds_its_tables_again() {
     for name in ["box", "glass-ball", "window"] {
         let scene = &boxes::named(name);
         let settings = &Settings { seed: 7, ..settings(SIDE, SIDE) };
-        let subject = Subject { scene, accel: &*accel(scene), settings, region: &[] };
+        let subject = Subject { scene, accel: &accel(scene), settings, region: &[] };
         let table = Table::of(name, scene, [SIDE; 2]);
         let difference = subject.traced(2048).against(&table.pixels(&[]));
         println!("{name}: {difference}");

@@ -46,7 +46,7 @@ fn lamp() -> Material {
 }
 
 /// The panel above a floor of albedo 0.5, both seen from below the panel.
-fn panel_scene() -> Scene {
+fn panel_scene() -> Arc<Scene> {
     let floor = square(Vec3::ZERO, Vec3::Z, 3.0, 0);
     let camera = camera(Vec3::new(0.0, 0.0, 0.95), Vec3::new(0.3, 0.2, 0.0), 50.0);
     scene(vec![floor, panel()], vec![gray(0.5, 0.0), lamp()], vec![], camera)
@@ -119,7 +119,7 @@ fn photons_and_connections_light_the_floor_alike() {
     // A small part of the floor, seen through a long lens.
     let (x, y) = (0.4, -0.3);
     let mut scene = panel_scene();
-    scene.camera = camera(Vec3::new(2.0, -0.3, 0.9), Vec3::new(x, y, 0.0), 1.5);
+    Arc::make_mut(&mut scene).camera = camera(Vec3::new(2.0, -0.3, 0.9), Vec3::new(x, y, 0.0), 1.5);
     let expected = 0.5 / PI * irradiance(f64::from(x), f64::from(y));
     for direct in [Direct::Connect, Direct::PhotonMap] {
         let settings = Settings {
@@ -129,7 +129,7 @@ fn photons_and_connections_light_the_floor_alike() {
             caustic_radius: 0.05,
             ..settings(4, 4)
         };
-        mean_luminance(&scene, &*accel(&scene), settings, 200).assert_is(expected, 6e-3);
+        mean_luminance(&scene, &accel(&scene), settings, 200).assert_is(expected, 6e-3);
     }
 }
 
@@ -139,11 +139,11 @@ fn the_picture_is_seen() {
     // From straight below, +y at the top and +x on the left.
     let fov = FieldOfView::X(2.0 * 0.1_f32.atan().to_degrees());
     let from = Vec3::new(0.0, 0.0, -9.0);
-    scene.camera = Camera::look(from, Vec3::Z, Vec3::Y, fov).unwrap();
+    Arc::make_mut(&mut scene).camera = Camera::look(from, Vec3::Z, Vec3::Y, fov).unwrap();
     let scene =
         crate::common::scene(vec![panel()], scene.materials().to_vec(), vec![], scene.camera);
     let accel = accel(&scene);
-    let mut renderer = Renderer::new(&scene, &*accel, settings(4, 4)).unwrap();
+    let mut renderer = Renderer::new(&scene, &accel, settings(4, 4)).unwrap();
     renderer.iterate(Measure::Off);
     for (pixel, value) in renderer.film().mean().into_iter().enumerate() {
         let expected = radiance(SIDE - 1 - pixel % SIDE, pixel / SIDE);

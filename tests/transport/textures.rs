@@ -26,9 +26,9 @@ fn camera_above() -> Camera {
     Camera::look(Vec3::new(0.0, 0.0, 10.0), -Vec3::Z, Vec3::Y, fov).unwrap()
 }
 
-fn image(scene: &Scene, backend: Backend, settings: Settings, iterations: usize) -> Vec<Vec3> {
+fn image(scene: &Arc<Scene>, backend: Backend, settings: Settings, iterations: usize) -> Vec<Vec3> {
     let accel = build(backend, scene).unwrap();
-    let mut renderer = Renderer::new(scene, &*accel, settings).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
@@ -53,7 +53,7 @@ fn each_quarter_has_its_color() {
 }
 
 /// A floor, lit by a lamp above a sheet of which the left half is cut out.
-fn shaded_floor(sheet: bool, light: bool) -> Scene {
+fn shaded_floor(sheet: bool, light: bool) -> Arc<Scene> {
     let texels = (0..16).map(|i| if i % 4 < 2 { [0, 0, 0, 255] } else { [255; 4] }).collect();
     let mut cut = gray(0.0, 0.0);
     cut.opacity_texture = Some(Arc::new(Texture::new(4, 4, texels)));
@@ -110,7 +110,7 @@ fn light_and_sight_pass_through_holes() {
 }
 
 /// A black sheet of this opacity between a floor and its light, or a gray one alone that a camera sees.
-fn translucent(opacity: f32, alone: bool) -> Scene {
+fn translucent(opacity: f32, alone: bool) -> Arc<Scene> {
     let sheet = Material { opacity: Some(opacity), ..gray(if alone { 0.5 } else { 0.0 }, 0.0) };
     let floor = square(Vec3::ZERO, Vec3::Z, 5.0, 0);
     let meshes =

@@ -1,4 +1,4 @@
-//! Which triangles hang together, and which of their sides: those that share an edge with nobody else.
+//! Connected components of triangles and their sides: triangles that share an edge of two triangles.
 //!
 //! Triangles of a mesh that share an edge two by two are of one component, and so are triangles of
 //! several meshes along edges that are borders of both. Where three or more meet, light may reach
@@ -35,7 +35,7 @@ impl SideId {
 /// The components of a mesh alone.
 #[derive(Debug)]
 struct MeshComponents {
-    /// Of each triangle, with its parity in the lowest bit: whether its front is of the other side.
+    /// Component of each triangle; the lowest bit says whether its front is on the component's other side.
     of: Vec<u32>,
     /// Which triangles repeat another.
     is_double: Vec<bool>,
@@ -69,17 +69,16 @@ impl Edge {
 }
 
 impl Components {
-    /// Of all meshes at their places.
+    /// Finds the components of all meshes at their places.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
-        let geometry = surfaces.geometry();
-        let meshes: Vec<_> = geometry.meshes.par_iter().map(MeshComponents::new).collect();
+        let meshes: Vec<_> = surfaces.meshes().par_iter().map(MeshComponents::new).collect();
         let mut count = 0;
         let place = |place: &Place| {
             let first = count;
             count += meshes[place.mesh as usize].count;
             (place.mesh, first)
         };
-        let places: Vec<_> = geometry.places.iter().map(place).collect();
+        let places: Vec<_> = surfaces.places().iter().map(place).collect();
         let mut sets = Sets::new(count);
         join_places(surfaces, &meshes, &places, &mut sets);
         Self { joined: sets.flattened(), meshes, places }
@@ -104,7 +103,7 @@ impl Components {
         2 * self.joined.len()
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         let own = |mesh: &MeshComponents| {
             let borders = mesh.borders.capacity() * size_of::<Border>();
@@ -177,13 +176,12 @@ fn join_places(
     places: &[(u32, u32)],
     sets: &mut Sets,
 ) {
-    let geometry = surfaces.geometry();
     let mut numbers = HashMap::new();
     let (mut edges, mut members) = (Vec::new(), Vec::new());
-    for (index, (place, &(mesh, first))) in (0..).zip(geometry.places.iter().zip(places)) {
+    for (index, (place, &(mesh, first))) in (0..).zip(surfaces.places().iter().zip(places)) {
         let MeshComponents { of, borders, .. } = &meshes[mesh as usize];
         for &Border { triangle, corner } in borders {
-            let corners = corners(geometry, place, triangle);
+            let corners = corners(surfaces, place, triangle);
             let around = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             let reversed = surfaces.normal(index, triangle).as_dvec3().dot(around) < 0.0;
             let welded = corners.map(|corner| number(&mut numbers, corner.as_vec3()));
@@ -240,7 +238,7 @@ impl Sets {
         }
     }
 
-    /// Of each member the one that stands for its set, with the parity.
+    /// The representative of each member's set, with the parity.
     fn flattened(mut self) -> Vec<u32> {
         (0..self.parents.len() as u32).map(|member| self.find(member)).collect()
     }

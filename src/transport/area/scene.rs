@@ -2,14 +2,15 @@
 
 use super::pilot;
 use super::{Areas, Hole, Surfaces};
-use crate::accel::{Geometry, Intersect};
+use crate::accel::{Intersect, Place, TriangleMesh};
 use crate::base::math::Frame;
-use crate::scene::{Placement, Scene};
+use crate::scene::{Mesh, Placement, Scene};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
+use std::sync::Arc;
 
-/// Bytes of areas that are kept at the most: some hundred for each patch of a surface about as large as the
-/// merge sphere. The hall, of 1.5 million triangles, takes half of it.
+/// Maximum size of the areas that are kept, bytes: some hundred for each cell. The hall, of 1.5 million
+/// triangles, takes half of it.
 const BUDGET: usize = 1 << 30;
 
 /// Points of a disc at which the opacity of a cut-out is asked for.
@@ -18,30 +19,38 @@ const SAMPLES: u16 = 64;
 /// Turn from one of these points to the next: by the golden ratio, so that they spread evenly.
 const GOLDEN_TURN: f32 = 0.381_966_01;
 
-struct SceneSurfaces<'a> {
-    scene: &'a Scene,
-    geometry: Geometry<'a>,
+struct SceneSurfaces {
+    scene: Arc<Scene>,
+    places: Vec<Place>,
 }
 
-impl<'a> Areas<'a> {
-    /// Of all surfaces of a scene that light reaches, which light paths of its own find out, the same for any
-    /// settings and number of threads; for spheres of up to `radius`, scene units.
-    pub fn of_scene(scene: &'a Scene, accel: &dyn Intersect, radius: f32) -> Self {
-        let surfaces = SceneSurfaces { scene, geometry: scene.geometry() };
+impl Areas {
+    /// Areas of all surfaces of a scene, in spheres of up to `radius`, scene units. A pilot traces light
+    /// paths to find the sides that light reaches. It does not depend on settings or the number of threads.
+    pub fn of_scene(scene: &Arc<Scene>, accel: &dyn Intersect, radius: f32) -> Self {
+        let surfaces = SceneSurfaces { scene: Arc::clone(scene), places: scene.geometry().places };
         let sides = pilot::reached(scene, accel, &surfaces);
         Self::new(Box::new(surfaces), sides, radius, BUDGET)
     }
 }
 
-impl SceneSurfaces<'_> {
+impl SceneSurfaces {
     fn placement(&self, place: u32) -> &Placement {
         &self.scene.placements()[place as usize]
     }
 }
 
-impl Surfaces for SceneSurfaces<'_> {
-    fn geometry(&self) -> &Geometry<'_> {
-        &self.geometry
+impl Surfaces for SceneSurfaces {
+    fn meshes(&self) -> Vec<TriangleMesh<'_>> {
+        self.scene.meshes().iter().map(Mesh::as_triangles).collect()
+    }
+
+    fn mesh(&self, mesh: u32) -> TriangleMesh<'_> {
+        self.scene.meshes()[mesh as usize].as_triangles()
+    }
+
+    fn places(&self) -> &[Place] {
+        &self.places
     }
 
     fn normal(&self, place: u32, triangle: u32) -> Vec3 {

@@ -1,14 +1,20 @@
-//! What the area asks of a scene.
+//! The interface through which areas see a scene.
 
 use super::bvh::Box3;
-use crate::accel::{Geometry, Place};
+use crate::accel::{Place, TriangleMesh};
 use glam::{DVec3, Vec3};
 
 /// The surfaces of a scene. Triangles are named as in hits: by the index of their place, and theirs
 /// in the mesh.
 pub trait Surfaces: Send + Sync {
-    /// All meshes at their places.
-    fn geometry(&self) -> &Geometry<'_>;
+    /// All meshes, each in its own space.
+    fn meshes(&self) -> Vec<TriangleMesh<'_>>;
+
+    /// A mesh by its index in [`Self::meshes`].
+    fn mesh(&self, mesh: u32) -> TriangleMesh<'_>;
+
+    /// The meshes' places in the scene.
+    fn places(&self) -> &[Place];
 
     /// Unit normal of a triangle's front in the scene, as vertices on it have it; zero of triangles
     /// without area.
@@ -30,7 +36,7 @@ pub trait Surfaces: Send + Sync {
     }
 }
 
-/// Where the opacity of a surface with holes is asked for.
+/// A disc of a surface with holes, over which its mean opacity is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hole {
     /// Index of the place.
@@ -40,13 +46,13 @@ pub struct Hole {
     /// Barycentric weights of the second and third corner, of the triangle's point that is nearest
     /// to the middle of the disc.
     pub at: [f32; 2],
-    /// Of the disc over which the mean is taken, scene units.
+    /// Radius of the disc over which the mean is taken, scene units.
     pub radius: f32,
 }
 
 /// The corners of a triangle in the scene, in the order of the mesh.
-pub(super) fn corners(geometry: &Geometry, place: &Place, triangle: u32) -> [DVec3; 3] {
-    let mesh = &geometry.meshes[place.mesh as usize];
+pub(super) fn corners(surfaces: &dyn Surfaces, place: &Place, triangle: u32) -> [DVec3; 3] {
+    let mesh = surfaces.mesh(place.mesh);
     mesh.triangles[triangle as usize].map(|index| {
         let own = mesh.positions[index as usize].as_dvec3();
         place.to_scene.map_or(own, |to_scene| to_scene.transform_point3(own))

@@ -1,4 +1,4 @@
-//! Finds the triangles near a place, in whichever mesh and however often it is placed.
+//! Finds the triangles near a box, in all meshes at all their places.
 
 use super::bvh::{Box3, Bvh};
 use super::surfaces::{Surfaces, box_around, corners};
@@ -6,40 +6,41 @@ use crate::accel::{Place, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Of a leaf at the most. Places take leaves of their own: a look into one costs more than its box.
+/// Maximum number of triangles in a leaf. Each place has a leaf of its own, because a search in its mesh
+/// costs more than a test of its box.
 const TRIANGLES: usize = 4;
 
 /// Trees over each mesh's triangles, in its own space, and over the places.
 #[derive(Debug)]
-pub struct Reach {
+pub struct TriangleIndex {
     meshes: Vec<Bvh>,
     places: Bvh,
     /// From the scene to the mesh's space, for each place.
     to_mesh: Vec<Option<DAffine3>>,
 }
 
-impl Reach {
-    /// Of all triangles of a scene.
+impl TriangleIndex {
+    /// Builds the trees over all triangles of a scene.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
-        let geometry = surfaces.geometry();
-        let tree = |(mesh, _): (usize, _)| {
+        let tree = |(mesh, own): (usize, &TriangleMesh)| {
             let place = Place { mesh: mesh as u32, to_scene: None };
-            let count = geometry.meshes[mesh].triangles.len() as u32;
-            let around = |triangle| box_around(corners(geometry, &place, triangle).into_iter());
+            let count = own.triangles.len() as u32;
+            let around = |triangle| box_around(corners(surfaces, &place, triangle).into_iter());
             Bvh::new(&(0..count).map(around).collect::<Vec<_>>(), TRIANGLES)
         };
-        let meshes: Vec<_> = geometry.meshes.par_iter().enumerate().map(tree).collect();
+        let meshes: Vec<_> = surfaces.meshes().par_iter().enumerate().map(tree).collect();
         let around = |place: &Place| {
             let own = meshes[place.mesh as usize].bounds();
             place.to_scene.map_or(own, |to_scene| moved(&own, &to_scene))
         };
-        let places = Bvh::new(&geometry.places.iter().map(around).collect::<Vec<_>>(), 1);
+        let places = Bvh::new(&surfaces.places().iter().map(around).collect::<Vec<_>>(), 1);
         let to_mesh = |place: &Place| place.to_scene.map(|to_scene| to_scene.inverse());
-        Self { places, to_mesh: geometry.places.iter().map(to_mesh).collect(), meshes }
+        Self { places, to_mesh: surfaces.places().iter().map(to_mesh).collect(), meshes }
     }
 
-    /// Visits triangles, by place and index, with their corners in the mesh's space, until a visit says
-    /// `false`: at least those that meet a box, and those of a place together. Says whether none did.
+    /// Visits triangles whose boxes meet `around`, by place and index, with their corners in the mesh's
+    /// space, until a visit returns `false`. Returns whether none did. Triangles of a place follow each
+    /// other. Where a place is rotated, `around` is widened to a box in the mesh's space.
     pub fn find(
         &self,
         surfaces: &dyn Surfaces,
@@ -47,10 +48,10 @@ impl Reach {
         mut visit: impl FnMut(u32, u32, [Vec3; 3]) -> bool,
     ) -> bool {
         self.places.find(around, |place| {
-            let mesh = surfaces.geometry().places[place as usize].mesh;
+            let mesh = surfaces.places()[place as usize].mesh;
             let to_mesh = &self.to_mesh[place as usize];
             let around = to_mesh.map_or(*around, |to_mesh| moved(around, &to_mesh));
-            let TriangleMesh { positions, triangles } = &surfaces.geometry().meshes[mesh as usize];
+            let TriangleMesh { positions, triangles } = surfaces.mesh(mesh);
             self.meshes[mesh as usize].find(&around, |triangle| {
                 let corners = triangles[triangle as usize].map(|index| positions[index as usize]);
                 let own = corners.into_iter().fold(Box3::EMPTY, |own, p| own.with(p.into()));
@@ -59,7 +60,7 @@ impl Reach {
         })
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         let meshes: usize = self.meshes.iter().map(Bvh::bytes).sum();
         meshes + self.places.bytes() + self.to_mesh.capacity() * size_of::<Option<DAffine3>>()
