@@ -40,7 +40,7 @@ struct Pixel {
 }
 
 impl LitCheck {
-    /// Traces the paths for an image of this resolution, of which the aspect ratio matters.
+    /// Traces the paths for an image of this resolution. Only its aspect ratio matters.
     pub fn new(scene: &Scene, accel: &dyn Intersect, [width, height]: [u32; 2]) -> Self {
         let shrink = (PIXELS / (width as f32 * height as f32)).sqrt();
         let [width, height] = [width, height].map(|n| ((n as f32 * shrink).ceil() as u32).max(1));

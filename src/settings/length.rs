@@ -47,7 +47,7 @@ impl FromStr for Length {
 impl Serialize for Length {
     /// Writes the shortest number or share that [`Deserialize`] reads as this length.
     fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
-        // Through text, which keeps an f32 such as 0.1 as short as it was written.
+        // Through text, which keeps an f32 such as 0.1 short.
         let short = |value: f32| value.to_string().parse::<f64>().expect("a number");
         match *self {
             Self::Units(length) => to.serialize_f64(short(length)),

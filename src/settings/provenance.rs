@@ -1,38 +1,38 @@
-//! What an image was made of, in checkpoints and in the metadata of image files.
+//! Provenance of an image, in checkpoints and in the metadata of image files.
 
 use super::Settings;
 use crate::base::error::{Error, Result};
 use crate::image_io::{Metadata, Value};
 use serde::{Deserialize, Serialize};
 
-/// What an image was made of; a run that continues it must agree.
+/// Program, scene and settings of an image; a run that continues it must agree.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// Version of this program. Another one may draw other random numbers.
+    /// Version of this program. Another version may draw other random numbers.
     pub version: String,
     /// The scene's name, for messages.
     pub scene: String,
     /// [`Scene::fingerprint`](crate::Scene::fingerprint).
     pub fingerprint: u64,
-    /// Name of the intersection backend: rays that graze an edge may go another way in another.
+    /// Name of the intersection backend: another one may decide otherwise about rays that graze an edge.
     pub backend: String,
-    /// Everything else.
+    /// Settings of the image.
     pub settings: Settings,
 }
 
-/// What is done with an image that was begun.
+/// Use of an image that another run began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reuse {
-    /// Its iterations are gone on with.
+    /// Continue its iterations.
     Resume,
-    /// Its plan is rendered.
+    /// Repeat its plan.
     Plan,
-    /// It is a part of another.
+    /// Merge it with other parts of one image.
     Merge,
 }
 
 impl Provenance {
-    /// As facts about an image.
+    /// Converts to the metadata of an image file.
     pub fn to_metadata(&self) -> Metadata {
         let Self { version, scene, fingerprint, backend, settings } = self;
         let mut facts = Metadata::from([
@@ -55,14 +55,14 @@ impl Provenance {
         facts
     }
 
-    /// From the facts that [`Self::to_metadata`] gave; others may be among them.
+    /// Reads the metadata that [`Self::to_metadata`] made. Other entries are ignored.
     ///
     /// # Errors
-    /// If one is missing or invalid; names it.
+    /// If an entry is missing or invalid; names it.
     pub fn from_metadata(facts: &Metadata) -> Result<Self> {
         let broken = |name: &str| {
             Error::new(
-                format!("the file does not tell how it was made: no valid attribute bdpm.{name}"),
+                format!("the file does not say how it was made: no valid attribute bdpm.{name}"),
                 "give an .exr file that bdpm wrote",
             )
         };
@@ -98,10 +98,10 @@ impl Provenance {
         })
     }
 
-    /// Refuses to reuse an image that `self` made for one of `other`.
+    /// Refuses to reuse an image of this provenance for an image of the provenance `other`.
     ///
     /// # Errors
-    /// Names everything that differs, with both values.
+    /// Names every difference, with both values.
     pub fn check_agrees(&self, other: &Self, reuse: Reuse) -> Result<()> {
         let mut differences = Vec::new();
         if self.fingerprint != other.fingerprint {
@@ -129,8 +129,7 @@ impl Provenance {
         let (problem, advice) = match reuse {
             Reuse::Resume => (
                 "cannot continue this image",
-                "resume with the scene and settings that it was begun with, or render anew without \
-                 --resume",
+                "resume with the scene and settings that it was begun with, or start a new image",
             ),
             Reuse::Merge => (
                 "this is no part of the same image",
@@ -138,7 +137,7 @@ impl Provenance {
             ),
             Reuse::Plan => (
                 "this plan is for another image",
-                "give the scene and settings that it was made for, or leave --plan out",
+                "give the scene and settings that it was made for, or render without a plan",
             ),
         };
         Err(Error::new(format!("{problem}: its {}", differences.join("; its ")), advice))
@@ -177,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn metadata_keeps_everything() {
+    fn metadata_keeps_the_provenance() {
         let facts = origin().to_metadata();
         assert_eq!(Provenance::from_metadata(&facts).unwrap(), origin());
         assert_eq!(origin().settings.to_map().len(), Settings::NAMES.len());
@@ -193,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn every_difference_is_named_with_both_values() {
+    fn differences_are_named_with_both_values() {
         let begun = origin();
         begun.check_agrees(&begun, Reuse::Resume).unwrap();
         let mut other = begun.clone();
@@ -206,9 +205,9 @@ mod tests {
         other.settings.direct = Direct::PhotonMap;
         let shown = begun.check_agrees(&other, Reuse::Plan).unwrap_err().to_string();
         assert!(shown.starts_with("this plan is for another image"), "{shown}");
-        assert!(shown.contains("--plan") && !shown.contains("resume"), "{shown}");
+        assert!(shown.contains("without a plan") && !shown.contains("resume"), "{shown}");
         let shown = begun.check_agrees(&other, Reuse::Resume).unwrap_err().to_string();
-        assert!(shown.contains("without --resume") && !shown.contains("plan"), "{shown}");
+        assert!(shown.contains("start a new image") && !shown.contains("plan"), "{shown}");
         for part in [
             "scene is `box`, not `sphere`",
             "backend is bvh, not embree",

@@ -239,7 +239,7 @@ impl Settings {
 
     /// All settings by name.
     pub fn to_map(&self) -> serde_json::Map<String, serde_json::Value> {
-        // Through text, which keeps an f32 such as 0.1 as short as it was written.
+        // Through text, which keeps an f32 such as 0.1 short.
         let text = serde_json::to_string(self).expect("plain numbers and names");
         serde_json::from_str(&text).expect("what was just written")
     }

@@ -206,52 +206,43 @@ impl<'a> MergeKernel<'a> {
         if self.radii[CAUSTIC] == self.radii[DIFFUSE] {
             let [radius, inner, half] = [self.radii, inner, half].map(|radii| radii[DIFFUSE]);
             return match nested {
-                NestedRadii::None => of_one(areas.areas(&query, &[radius])),
-                NestedRadii::Half => of_one(areas.areas(&query, &[radius, half])),
-                NestedRadii::Both => of_one(areas.areas(&query, &[radius, half, inner])),
+                NestedRadii::None => from_areas::<1, _>(areas.areas(&query, &[radius])),
+                NestedRadii::Half => from_areas::<1, _>(areas.areas(&query, &[radius, half])),
+                NestedRadii::Both => {
+                    from_areas::<1, _>(areas.areas(&query, &[radius, half, inner]))
+                }
             };
         }
         let ([caustic, diffuse], [c_half, d_half], [c_inner, d_inner]) = (self.radii, half, inner);
         match nested {
-            NestedRadii::None => of_two(areas.areas(&query, &[caustic, diffuse])),
-            NestedRadii::Half => of_two(areas.areas(&query, &[caustic, diffuse, c_half, d_half])),
-            NestedRadii::Both => {
-                of_two(areas.areas(&query, &[caustic, diffuse, c_half, d_half, c_inner, d_inner]))
+            NestedRadii::None => from_areas::<2, _>(areas.areas(&query, &[caustic, diffuse])),
+            NestedRadii::Half => {
+                from_areas::<2, _>(areas.areas(&query, &[caustic, diffuse, c_half, d_half]))
             }
+            NestedRadii::Both => from_areas::<2, _>(
+                areas.areas(&query, &[caustic, diffuse, c_half, d_half, c_inner, d_inner]),
+            ),
         }
     }
 }
 
-/// The kernels of one radius for all photons, from the areas at that radius, at half and at `1/sqrt(2)` of it, as
-/// far as these were computed.
+/// Kernels from areas at the merge radii, at half and at `1/sqrt(2)` of them, as far as these were computed. Each is
+/// one area for all photons, or one for each of two classes.
 #[inline(always)] // vectorized
-fn of_one<const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
+fn from_areas<const CLASSES: usize, const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
+    let of_class = |class: usize| class.min(CLASSES - 1);
     let over = |at: usize| -> ByClass<[f32; LANES]> {
-        areas.get(at).map_or_else(Default::default, |inner| {
-            [from_fn(|lane| areas[0][lane] / inner[lane]); 2]
-        })
-    };
-    PointKernels {
-        inverse_area: areas[0].map(f32::recip),
-        caustic: [1.0; LANES],
-        nested: [over(2), over(1)],
-    }
-}
-
-/// The kernels of two radii, from areas in the order of [`of_one`] that alternate between the classes.
-#[inline(always)] // vectorized
-fn of_two<const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
-    let over = |at: usize| -> ByClass<[f32; LANES]> {
-        let of = |class: usize| {
+        let quotient = |class: usize| {
             areas
-                .get(2 * at + class)
+                .get(CLASSES * at + class)
                 .map_or([0.0; LANES], |inner| from_fn(|lane| areas[class][lane] / inner[lane]))
         };
-        [of(CAUSTIC), of(DIFFUSE)]
+        [quotient(of_class(CAUSTIC)), quotient(of_class(DIFFUSE))]
     };
+    let [caustic, diffuse] = [CAUSTIC, DIFFUSE].map(|class| areas[of_class(class)]);
     PointKernels {
-        inverse_area: areas[DIFFUSE].map(f32::recip),
-        caustic: from_fn(|lane| areas[DIFFUSE][lane] / areas[CAUSTIC][lane]),
+        inverse_area: diffuse.map(f32::recip),
+        caustic: from_fn(|lane| if CLASSES == 1 { 1.0 } else { diffuse[lane] / caustic[lane] }),
         nested: [over(2), over(1)],
     }
 }

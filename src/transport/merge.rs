@@ -95,10 +95,10 @@ impl Batch<'_> {
         self.paths.gather_points.packets()
     }
 
-    /// The lanes of a packet that gather. All paths gather unless pairs are listed.
+    /// The lanes of a packet that gather.
     #[inline(always)] // vectorized
-    fn gathers<const PAIRS: bool>(&self, packet: &GatherPacket) -> Mask {
-        if PAIRS { packet.gathers_of(self.part) } else { packet.gathers }
+    fn gathers(&self, packet: &GatherPacket) -> Mask {
+        packet.gathers_of(self.part)
     }
 }
 
@@ -231,7 +231,7 @@ impl<'a> Merge<'a> {
         sums: &mut PathSums,
     ) -> bool {
         for (index, packet) in batch.packets().iter().enumerate() {
-            self.map.find_ranges(&packet.position, &batch.gathers::<PAIRS>(packet), ranges);
+            self.map.find_ranges(&packet.position, &batch.gathers(packet), ranges);
             if ranges.is_empty() {
                 continue;
             }
@@ -272,7 +272,7 @@ impl<'a> Merge<'a> {
         queries.sort(
             self.map,
             packets.iter().enumerate().flat_map(|(index, packet)| {
-                let gathers = batch.gathers::<PAIRS>(packet);
+                let gathers = batch.gathers(packet);
                 let lanes = (0..LANES).filter(move |&lane| gathers[lane]);
                 lanes.map(move |lane| self.query(&packet.get(lane), index * LANES + lane))
             }),
@@ -286,7 +286,7 @@ impl<'a> Merge<'a> {
         kernels.resize(packets.len(), PointKernels::default());
         if PAIRS {
             for (packet, kernels) in packets.iter().zip(&mut *kernels) {
-                let gathers = batch.gathers::<PAIRS>(packet);
+                let gathers = batch.gathers(packet);
                 *kernels = self.kernel.at(packet, &gathers, NestedRadii::Both);
             }
         }

@@ -75,8 +75,8 @@ impl PairList {
         self.runs.push(Run { camera_path, start, end: self.count as u32, nested });
     }
 
-    /// Sorts the pairs by camera path, all of which are in `camera_paths`. Pairs of one path keep their order: this
-    /// is a counting sort.
+    /// Sorts the pairs by camera path; `camera_paths` holds all paths. Pairs of one path keep their order: this is a
+    /// counting sort.
     pub(crate) fn order_by_path(&mut self, camera_paths: ops::Range<usize>) {
         let Self { runs, ordered, starts, first, .. } = self;
         *first = camera_paths.start;

@@ -242,7 +242,7 @@ fn another_image_is_not_continued() {
         assert!(shown.contains(expected) && shown.contains("c.ckpt"), "{shown}");
     }
     for (option, file, advice) in
-        [("--resume", checkpoint, "without --resume"), ("--plan", plan, "leave --plan out")]
+        [("--resume", checkpoint, "start a new image"), ("--plan", plan, "without a plan")]
     {
         let classic = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
         let mut other = bdpm(&["render", classic, "--output"]);

@@ -111,7 +111,8 @@ impl Range {
     }
 }
 
-/// Maximum number of ranges of one query: two by two rows of cells, one of which may lie at both ends of the table.
+/// Maximum number of ranges of one query: two by two rows of cells, and one more as a row may lie at both ends of the
+/// table.
 const MAX_ROWS: usize = 5;
 
 impl Default for Ranges {
