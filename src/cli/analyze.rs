@@ -13,11 +13,11 @@ use bdpm::film::radiance::Film;
 use bdpm::image_io::Value;
 use bdpm::noise::Measure;
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH, check_memory};
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
+use bdpm::render::RenderConfig;
 use bdpm::scene::Region;
 use bdpm::settings::Settings;
 use bdpm::settings::provenance::Provenance;
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<String> {
     check_counts(settings)?;
     let region = region::find(args.region.as_deref(), &prepared.scene.regions)?;
     check_memory(settings.width, settings.height)?;
-    let mut renderer = prepared.renderer()?.with_batches(BatchGrain::Pixel);
+    let mut renderer = prepared.renderer()?.configure(RenderConfig::with_pixel_batches())?;
 
     let time = args.session.time;
     if let Some(time) = time {
@@ -112,7 +112,7 @@ pub fn run(args: &Args) -> Result<String> {
         session.progress.note("note: standard errors take at least 32 iterations");
     }
 
-    let noise = renderer.noise_image()?;
+    let noise = renderer.block().noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
     let mut file =

@@ -3,7 +3,7 @@
 use bdpm::adaptive::stopping::Goal;
 use bdpm::base::error::Result;
 use bdpm::base::math::Rgb;
-use bdpm::film::aov::PARTS;
+use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::image_io::Layer;
 use bdpm::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
 use bdpm::render::Renderer;
@@ -76,7 +76,7 @@ impl Denoising {
         // The first run also reads the library's weights.
         let (first, run) = (timed()?, timed()?);
         let most = |time: Duration| time.mul_f64(DENOISE_SHARE).div_duration_f64(run) as usize;
-        let parts = time.map_or(PARTS, |time| fitting(most(time).saturating_sub(1)));
+        let parts = time.map_or(DENOISE_FOLDS, |time| fitting(most(time).saturating_sub(1)));
         Ok(Self {
             oidn: Mutex::new(oidn),
             size,
@@ -124,7 +124,7 @@ impl Denoising {
         // Where guides have to be denoised as well, as many parts as take no longer; unless time does not matter.
         let fewer = if self.is_timed { fitting(parts / NOISY) } else { parts };
         let parts = |clean: bool| if clean { parts } else { fewer };
-        let denoised = denoise(image, renderer.features(), parts, run);
+        let denoised = denoise(image, renderer.shared().features.as_ref(), parts, run);
         self.time += start.elapsed();
         denoised
     }
@@ -183,7 +183,7 @@ const NOISY: usize = 3;
 
 /// The most parts up to so many that tell an error.
 fn fitting(most: usize) -> usize {
-    [PARTS, PARTS / 2].into_iter().find(|parts| *parts <= most).unwrap_or(0)
+    [DENOISE_FOLDS, DENOISE_FOLDS / 2].into_iter().find(|parts| *parts <= most).unwrap_or(0)
 }
 
 /// What a denoised image is as layers of a file.

@@ -1,7 +1,9 @@
 //! What an image file has beside the image: `--layers`.
 
 use bdpm::base::math::Rgb;
-use bdpm::film::aov::{AovSelection, FAR, FeatureBuffers, LightComponents};
+use bdpm::film::aov::AovSelection;
+use bdpm::film::features::{FAR, FeatureBuffers};
+use bdpm::film::light_components::LightComponents;
 use bdpm::film::radiance::Film;
 use bdpm::image_io::Layer;
 use bdpm::render::block::CombinedImage;
@@ -61,7 +63,7 @@ impl Layers {
         let light = all || self.0.iter().any(|name| name.is_light());
         let features =
             all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
-        AovSelection { light, features, parts: false }
+        AovSelection { light, features, folds: false }
     }
 
     /// Of what was kept, `pixels` being the image; the sum of all light is the image.
@@ -73,7 +75,7 @@ impl Layers {
     ) -> Vec<Layer> {
         let mut layers = self.seen(features, &image.blocks()[0].film);
         if self.kept().light
-            && let Some(light) = image.light()
+            && let Some(light) = image.light_components()
         {
             layers.extend(self.light(&light, pixels));
         }
@@ -85,8 +87,9 @@ impl Layers {
             return Vec::new();
         };
         let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); film.pixels()];
-        film.zip_pixels(&mut seen, |seen, at| {
-            let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));
+        film.sums.zip_pixels(&mut seen, |seen, at| {
+            let (guide, (position, depth)) =
+                (features.denoise_features(at, |_| true), features.first_hit(at));
             *seen = (guide.albedo, guide.normal, position, [depth, features.coverage(at)]);
         });
         type Look = (Vec3, Vec3, Vec3, [f32; 2]);

@@ -12,7 +12,7 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::counts::Counts;
 use bdpm::mpi::{Exchange, Ranks};
 use bdpm::noise::film::BatchGrain;
-use bdpm::render::{IterationReport, Renderer, Sums};
+use bdpm::render::{IterationReport, PartialRender, Renderer};
 use bdpm::settings::Settings;
 use bdpm::settings::provenance::{Provenance, Reuse};
 use serde::{Deserialize, Serialize};
@@ -60,7 +60,7 @@ pub struct Round {
 /// What became of it.
 #[derive(Default, Serialize, Deserialize)]
 pub struct WorkerResult {
-    pub sums: Sums,
+    pub sums: PartialRender,
     pub totals: Totals,
     /// Whether any was asked to end.
     pub is_interrupted: bool,
@@ -70,7 +70,7 @@ impl WorkerResult {
     pub fn add(&mut self, other: Self) -> Result<()> {
         self.totals.join(&other.totals);
         self.is_interrupted |= other.is_interrupted;
-        self.sums.add(other.sums)
+        self.sums.merge(other.sums)
     }
 }
 
@@ -82,9 +82,9 @@ pub fn render_own(
     mut told: impl FnMut(&IterationReport, u64),
 ) {
     let count = own.count();
-    renderer.share(own);
+    renderer.assign(own);
     for _ in 0..count {
-        let number = renderer.next();
+        let number = renderer.next_iteration();
         let measure = schedule.measure(renderer.block_iteration(), &renderer.block().counts);
         let report = prepared.threads.install(|| renderer.iterate(measure));
         told(&report, number);
@@ -173,12 +173,12 @@ impl<'a> MpiLeader<'a> {
         if count > 0 {
             self.tau = start.elapsed().as_secs_f64() / reports.len() as f64;
         }
-        renderer.share(all);
+        renderer.assign(all);
         let before = self.exchange.adding.get();
         let haul = self.ranks.reduce(WorkerResult::default(), &self.exchange, WorkerResult::add)?;
         let WorkerResult { sums, totals, is_interrupted } = haul.unwrap_or_default();
         let adding = Instant::now();
-        renderer.add_sums(sums)?;
+        renderer.add_partial(sums)?;
         let adding = self.exchange.adding.get() + adding.elapsed();
         self.exchange.adding.set(adding);
         self.adding = (adding - before).as_secs_f64();

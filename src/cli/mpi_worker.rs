@@ -8,7 +8,7 @@ use super::render::Args;
 use bdpm::adaptive::stopping::Goal;
 use bdpm::base::error::Result;
 use bdpm::mpi::{Exchange, Ranks, encode};
-use bdpm::render::Renderer;
+use bdpm::render::{RenderConfig, Renderer};
 use std::sync::atomic::Ordering;
 
 /// Renders its shares until there is none left. Ctrl-C ends a share after the iteration under way.
@@ -31,8 +31,9 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
     ranks.send(0, &encode(&Ready::Ok(prepared.origin.clone())));
     let RenderSetup { settings, grain, kept } = ranks.broadcast(None)?;
     let new = || Renderer::new(&prepared.scene, &prepared.accel, settings);
-    let renderer = prepared.threads.install(new)?.with_batches(grain).with_aovs(kept)?;
-    let mut renderer = renderer.with_ranks(ranks.count());
+    let config =
+        RenderConfig { aovs: kept, grain, ranks: ranks.count(), ..RenderConfig::default() };
+    let mut renderer = prepared.threads.install(new)?.configure(config)?;
     let interrupted = catch_interrupts(Progress::new(Goal::default(), Manner::Nothing))?;
     let exchange = Exchange::default();
     while let Some(Round { block, schedule, numbers }) = ranks.broadcast::<Option<Round>>(None)? {
@@ -44,7 +45,7 @@ pub fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
         let is_over = || interrupted.load(Ordering::Relaxed);
         let told = |report: &_, _| totals.add(report);
         render_own((&prepared, &mut renderer), (own, schedule), is_over, told);
-        let sums = renderer.take_sums();
+        let sums = renderer.take_partial();
         let haul = WorkerResult { sums, totals, is_interrupted: is_over() };
         ranks.reduce(haul, &exchange, WorkerResult::add)?;
     }

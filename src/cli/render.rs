@@ -28,11 +28,11 @@ use bdpm::mpi::Ranks;
 use bdpm::noise::file::check_memory;
 use bdpm::noise::film::BatchGrain;
 use bdpm::output::checkpoint::Checkpoint;
+use bdpm::render::RenderConfig;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
 use bdpm::settings::provenance::Reuse;
 use bdpm::timing::Timings;
-use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -172,7 +172,8 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     let (scene, accel) = (&prepared.scene, &prepared.accel);
     let settings = prepared.origin.settings.clone();
     let new = prepared.threads.install(|| Renderer::new(scene, accel, settings));
-    let mut renderer = new?.with_ranks(ranks.count());
+    let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
+    let mut renderer = new?.configure(config)?;
     let mut page = args.report.clone().map(Page::new);
     let chosen = match counting {
         Counting::Automatic if resumed.is_none() => {
@@ -192,41 +193,40 @@ fn lead(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         };
         goal.bias2 = chosen.best().bias.powi(2);
         let settings = prepared.origin.settings.clone();
-        let like = prepared.threads.install(|| renderer.with_settings(settings))?;
-        renderer = like.with_ranks(ranks.count());
+        renderer = prepared.threads.install(|| renderer.with_settings(settings))?;
     }
     if let (Some(time), Some(counts)) = (args.session.time, fixed_counts(&counting, &prepared)) {
         prepared.check_time(time, 1, &counts, args.session.quiet)?;
     }
-    let mut grain = BatchGrain::Tile;
     if args.noise.is_some() {
         let settings = &prepared.origin.settings;
         if !matches!(counting, Counting::Automatic) {
             check_counts(settings)?;
         }
         check_memory(settings.width, settings.height)?;
-        grain = BatchGrain::Pixel;
+        config.grain = BatchGrain::Pixel;
     }
-    renderer = renderer.with_batches(grain).with_aovs(args.kept())?;
+    config.aovs = args.kept();
+    renderer = renderer.configure(config)?;
     if let Some(share) = &share {
-        renderer = renderer.sharing(share.own.clone());
+        renderer.assign(share.own.clone());
         if !args.session.quiet {
             say(&share.to_string());
         }
     }
     let mut state = None;
-    if let Some(checkpoint) = resumed {
+    if let Some(mut checkpoint) = resumed {
         check_goal(goal, &checkpoint.blocks)?;
         check_grain(args, &checkpoint.blocks)?;
         share.as_ref().map_or(Ok(()), |share| share.check_holds(&checkpoint.blocks))?;
-        let features = checkpoint.features.map(Cow::into_owned);
         state = checkpoint.autopilot;
         goal.bias2 = state.map_or(0.0, |state| state.bias2());
-        renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
-        check_kept(args, renderer.kept())?;
+        renderer.resume(checkpoint.take_partial())?;
+        check_kept(args, renderer.config().aovs)?;
     }
     if let Some(crew) = &crew {
-        let (settings, kept) = (prepared.origin.settings.clone(), renderer.kept());
+        let settings = prepared.origin.settings.clone();
+        let (grain, kept) = (config.grain, renderer.config().aovs);
         crew.set_up(RenderSetup { settings, grain, kept })?;
     }
     let automatic = matches!(counting, Counting::Automatic);
@@ -268,7 +268,7 @@ impl Args {
     /// What is to be kept beside the image.
     pub fn kept(&self) -> AovSelection {
         let kept = Layers::new(&self.layers).kept();
-        AovSelection { parts: self.denoise, features: kept.features || self.denoise, ..kept }
+        AovSelection { folds: self.denoise, features: kept.features || self.denoise, ..kept }
     }
 
     fn load_denoiser(&self, prepared: &LoadedScene) -> Result<Denoising> {

@@ -12,7 +12,7 @@ use bdpm::adaptive::Steer;
 use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
 use bdpm::base::file_id::FileId;
-use bdpm::film::aov::FeatureBuffers;
+use bdpm::film::features::FeatureBuffers;
 use bdpm::image_io;
 use bdpm::image_io::{Image, Layer, Value};
 use bdpm::output::checkpoint::{Checkpoint, Whole};
@@ -154,7 +154,7 @@ impl Writer<'_> {
         let checkpoint = Checkpoint {
             origin: self.origin.clone(),
             blocks: Cow::Borrowed(renderer.blocks()),
-            features: renderer.features().map(Cow::Borrowed),
+            shared: Cow::Borrowed(renderer.shared()),
             autopilot: steer.state(elapsed.as_secs_f64()),
             plan: steer.plan().cloned(),
             whole: self.whole,

@@ -76,8 +76,9 @@ pub fn check_goal(goal: Goal, blocks: &[Block]) -> Result<()> {
 /// Refuses to write coefficients by pixel of which a checkpoint has only sums by tile.
 pub fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
     let Some(path) = &args.noise else { return Ok(()) };
-    let by_tile =
-        |block: &Block| block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile);
+    let by_tile = |block: &Block| {
+        block.statistics.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+    };
     if blocks.iter().any(by_tile) {
         return Err(Error::new(
             "the checkpoint was begun without --noise and lacks the batches of single pixels",
@@ -91,7 +92,7 @@ pub fn check_grain(args: &Args, blocks: &[Block]) -> Result<()> {
 /// Refuses what a checkpoint did not keep.
 pub fn check_kept(args: &Args, kept: AovSelection) -> Result<()> {
     let wanted = args.kept();
-    let lacks = if args.denoise && !kept.parts {
+    let lacks = if args.denoise && !kept.folds {
         "--denoise"
     } else if args.layers.is_empty() {
         return Ok(());

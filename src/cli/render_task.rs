@@ -66,7 +66,7 @@ impl Task<'_> {
         } else {
             describe_counts(renderer.block())
         };
-        let announced = match renderer.ranks() {
+        let announced = match renderer.config().ranks {
             1 => announced,
             ranks => format!("{announced}, {ranks} processes"),
         };
@@ -94,7 +94,7 @@ impl Task<'_> {
                     let image = image();
                     match session.preview(renderer, &image) {
                         Ok(denoised) => {
-                            let features = renderer.features();
+                            let features = renderer.shared().features.as_ref();
                             writer.save_image(features, &image, denoised.as_ref(), attempts);
                         }
                         Err(error) => session.progress.note(&format!("warning: {error}")),
@@ -139,7 +139,7 @@ impl Task<'_> {
         let mut attempts = Attempts::default();
         let denoised = session.denoise(&renderer, &image);
         let latest = session.denoising.as_ref().and_then(|denoising| denoising.latest.as_ref());
-        writer.save_image(renderer.features(), &image, latest, &mut attempts);
+        writer.save_image(renderer.shared().features.as_ref(), &image, latest, &mut attempts);
         if denoised.is_err() {
             attempts.add(&writer.outputs.exr, || denoised);
         }
@@ -172,7 +172,7 @@ impl Task<'_> {
             technique: chosen,
             half_way,
             // What stands out is off already where it is taken off.
-            merge_bias: match image.reduction() {
+            merge_bias: match image.bias_correction() {
                 None => MergeBias::new(renderer.blocks(), &image),
                 Some(_) => None,
             },
@@ -215,7 +215,8 @@ fn combined<'a>(
 
 /// The block with the most measuring iterations, if they tell its noise.
 pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
-    let measured = |block: &Block| block.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let measured =
+        |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
     let best = blocks.iter().max_by_key(|block| measured(block));
     best.filter(|block| measured(block) >= 2)
 }

@@ -212,7 +212,7 @@ impl<'a> Session<'a> {
             if let Some(crew) = &mut crew {
                 crew.round(self, renderer, steer)?;
             } else {
-                let number = renderer.next();
+                let number = renderer.next_iteration();
                 let report = threads.install(|| renderer.iterate(measure));
                 self.count(&report, number);
             }

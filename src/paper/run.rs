@@ -8,10 +8,10 @@ use crate::base::error::Result;
 use crate::image_io::Value;
 use crate::noise::Measure;
 use crate::noise::file::NoiseFile;
-use crate::noise::film::{BATCHES, BatchGrain};
+use crate::noise::film::BATCHES;
 use crate::noise::region;
 use crate::output::checkpoint::Checkpoint;
-use crate::render::{IterationReport, Renderer};
+use crate::render::{IterationReport, RenderConfig, Renderer};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::provenance::Provenance;
@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
         let Bench { scene, accel, threads } = self.bench;
         let origin = self.origin(&part);
         let renderer = Renderer::new(scene, accel, origin.settings.clone())?;
-        let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+        let mut renderer = renderer.configure(RenderConfig::with_pixel_batches())?;
         self.resume(&mut renderer, &origin)?;
         let mut recorder = Recorder::new(threads.current_num_threads());
         let mut saved = Instant::now();
@@ -172,8 +172,8 @@ impl<'a> Run<'a> {
     /// Takes the sums of an earlier run, if they are of this part.
     fn resume(&mut self, renderer: &mut Renderer, origin: &Provenance) -> Result<()> {
         match self.folder.under_way()? {
-            Some(sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
-                renderer.resume(sums.blocks.into_owned())
+            Some(mut sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
+                renderer.resume(sums.take_partial())
             }
             _ => {
                 self.experiment.under_way = 0.0;
@@ -184,7 +184,8 @@ impl<'a> Run<'a> {
 
     /// Whether a part has had its time, and enough iterations, as many in each batch.
     fn is_complete(&self, part: &Part, renderer: &Renderer) -> bool {
-        let iterations = renderer.noise().map_or(0, |noise| noise.iterations);
+        let iterations =
+            renderer.block().statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
         let batches = BATCHES as u64;
         match part.purpose {
             Purpose::Halves => iterations >= self.experiment.done[0].iterations,
@@ -205,7 +206,7 @@ impl<'a> Run<'a> {
         renderer: &Renderer,
         recorder: &Recorder,
     ) -> Result<()> {
-        let (film, noise) = (renderer.film(), renderer.noise_image()?);
+        let (film, noise) = (renderer.film(), renderer.block().noise_image()?);
         let pixels = region::pixels(&self.experiment.identity.region, &noise)?;
         self.experiment.done.push(Measured {
             part,

@@ -260,6 +260,11 @@ pub(crate) fn shared_by(camera_paths: u32) -> f64 {
 }
 
 impl Settings {
+    /// Width and height, pixels.
+    pub fn resolution(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize

@@ -29,14 +29,14 @@ fn amiss(scene: &Arc<Scene>, settings: &Settings) -> f64 {
     let whole = rendered(&from, Settings { bias: Bias::Reduce, ..settings.clone() }, 7);
     let (radius, caustic_radius) = (0.5 * settings.radius, 0.5 * settings.caustic_radius);
     let half = rendered(&from, Settings { radius, caustic_radius, ..settings.clone() }, 7);
-    let beyond = whole.block().beyond.as_ref().unwrap();
-    assert_eq!(beyond.iterations(), [4, 3]);
+    let annulus = whole.block().statistics.annulus.as_ref().unwrap();
+    assert_eq!(annulus.iterations(), [4, 3]);
     let (mut square, mut apart) = (0.0, 0.0);
-    let sums = whole.film().sums().iter().zip(half.film().sums()).zip(beyond.pixels());
-    for ((whole, half), told) in sums {
+    let sums = whole.film().sums.values().iter().zip(half.film().sums.values());
+    for (at, (whole, half)) in sums.enumerate() {
         let expected = whole.radiance - half.radiance;
-        let told: DVec3 =
-            told.iter().flat_map(|side| side.classes).map(|moments| moments.sum.as_dvec3()).sum();
+        let folds = annulus.folds().iter().flat_map(|fold| fold.values()[at].classes);
+        let told: DVec3 = folds.map(|moments| moments.sum.as_dvec3()).sum();
         square += expected.length_squared();
         apart += (told - expected).length_squared();
     }
@@ -78,12 +78,12 @@ fn images_are_the_same_but_for_what_is_taken_off() {
             assert!((*one - other).abs().max_element() <= 1e-5 * one.max_element());
         }
         let image = CombinedImage::new(reduced.blocks(), vec![1.0]);
-        let reduction = image.reduction().unwrap();
+        let reduction = image.bias_correction().unwrap();
         let merged = reduced.film().mean();
-        for ((mean, merged), off) in image.mean().iter().zip(merged).zip(&reduction.amount) {
+        for ((mean, merged), off) in image.mean().iter().zip(merged).zip(&reduction.correction) {
             assert_eq!(*mean, merged - *off);
         }
-        assert!(CombinedImage::new(kept.blocks(), vec![1.0]).reduction().is_none());
+        assert!(CombinedImage::new(kept.blocks(), vec![1.0]).bias_correction().is_none());
     }
 }
 
@@ -108,7 +108,7 @@ fn images_come_nearer_to_the_truth_and_tell_how_near() {
             luminance((*one - *other).as_dvec3()).powi(2)
         };
         let found = image.mean().iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64;
-        let told = image.reduction().map_or(0.0, |reduction| {
+        let told = image.bias_correction().map_or(0.0, |reduction| {
             let noise: f64 = image.variance_of_mean().unwrap().iter().sum();
             (noise + reduction.bias2.iter().sum::<f64>()) / truth.len() as f64
         });
@@ -117,7 +117,7 @@ fn images_come_nearer_to_the_truth_and_tell_how_near() {
     let (kept, _) = error(&rendered(&from, wide.clone(), 200));
     let reduced = rendered(&from, Settings { bias: Bias::Reduce, ..wide }, 200);
     let (found, told) = error(&reduced);
-    println!("kept {kept}, reduced {found}, told {told}; {FOLDS} sides");
+    println!("kept {kept}, reduced {found}, told {told}; {FOLDS} folds");
     // Half the radius has half the loss, and more noise.
     assert!(found < 0.65 * kept, "{found} of {kept}");
     assert!((told / found - 1.0).abs() < 0.25, "{told} for {found}");

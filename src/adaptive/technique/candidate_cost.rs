@@ -4,7 +4,7 @@ use super::census::Surfaces;
 use super::trial::Trial;
 use super::{Candidate, End, FreeParameters, Technique};
 use crate::noise::Coefficients;
-use crate::render::bias_correction::share;
+use crate::render::bias_correction::shrinkage;
 use crate::settings::Settings;
 use crate::settings::policy::*;
 use crate::timing::TimeModel;
@@ -152,7 +152,7 @@ impl CandidateCost {
             return [0.0, bias2];
         }
         let beyond = bias2 / (1.0 + left).powi(2);
-        let share = share(beyond / BIASED_PIXELS, variance);
+        let share = shrinkage(beyond / BIASED_PIXELS, variance);
         [BIASED_PIXELS * share * share * variance, (1.0 - share + left).powi(2) * beyond]
     }
 }

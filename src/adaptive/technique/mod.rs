@@ -292,7 +292,7 @@ pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Sel
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
             let first = pilot(TECHNIQUE_TIME)?;
-            let budget = share(first.best().seconds / f64::from(renderer.ranks()));
+            let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
             if budget < LONGER_PILOT * TECHNIQUE_TIME {
                 return Ok(first);
             }

@@ -34,10 +34,10 @@ pub fn run(
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
         end: match end {
-            End::Time(time) => End::Time((time - budget) * f64::from(renderer.ranks())),
+            End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
             error => error,
         },
-        ranks: renderer.ranks(),
+        ranks: renderer.config().ranks,
         most_light_paths: renderer.most_light_paths(),
         open,
         reduces: settings.bias == Bias::Reduce,

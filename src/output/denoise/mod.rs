@@ -1,6 +1,6 @@
 //! Denoising, and how wrong the denoised image is.
 //!
-//! Iterations are dealt out to parts ([`Parts`](crate::film::aov::Parts)). Each part in turn is left out: what is
+//! Iterations are dealt out to parts ([`RadianceFolds`](crate::film::folds::RadianceFolds)). Each part in turn is left out: what is
 //! denoised from the others is independent of it, so that the part tells the error without a reference, the
 //! denoiser's own bias included. docs/denoising.md has the formulas.
 
@@ -17,7 +17,7 @@ pub use parts::{Guides, InParts};
 
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::film::aov::FeatureBuffers;
+use crate::film::features::FeatureBuffers;
 use crate::film::radiance::{luminance_weights, total};
 use crate::render::block::CombinedImage;
 use serde::Serialize;
