@@ -2,10 +2,10 @@
 
 use bdpm::base::math::Rgb;
 use bdpm::film::aov::AovSelection;
-use bdpm::film::features::{FAR, FeatureBuffers};
+use bdpm::film::features::FAR;
 use bdpm::film::light_components::LightComponents;
-use bdpm::film::radiance::Film;
 use bdpm::image_io::Layer;
+use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use glam::Vec3;
 
@@ -69,11 +69,11 @@ impl Layers {
     /// Of what was kept, `pixels` being the image; the sum of all light is the image.
     pub fn of(
         &self,
-        features: Option<&FeatureBuffers>,
+        shared: &SharedStatistics,
         image: &CombinedImage,
         pixels: &[Rgb],
     ) -> Vec<Layer> {
-        let mut layers = self.seen(features, &image.blocks()[0].film);
+        let mut layers = self.seen(shared);
         if self.kept().light
             && let Some(light) = image.light_components()
         {
@@ -82,15 +82,16 @@ impl Layers {
         layers
     }
 
-    fn seen(&self, features: Option<&FeatureBuffers>, film: &Film) -> Vec<Layer> {
-        let Some(features) = features.filter(|_| self.kept().features) else {
+    fn seen(&self, shared: &SharedStatistics) -> Vec<Layer> {
+        let kept = shared.features.as_ref().zip(shared.first_hits.as_ref());
+        let Some((features, first_hits)) = kept.filter(|_| self.kept().features) else {
             return Vec::new();
         };
-        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); film.pixels()];
-        film.sums.zip_pixels(&mut seen, |seen, at| {
-            let (guide, (position, depth)) =
-                (features.denoise_features(at, |_| true), features.first_hit(at));
-            *seen = (guide.albedo, guide.normal, position, [depth, features.coverage(at)]);
+        let first = &first_hits.folds()[0];
+        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); first.pixels()];
+        first.zip_pixels(&mut seen, |seen, at| {
+            let (guide, (position, depth)) = (features.mean(at, |_| true), first_hits.mean(at));
+            *seen = (guide.albedo, guide.normal, position, [depth, first_hits.coverage(at)]);
         });
         type Look = (Vec3, Vec3, Vec3, [f32; 2]);
         let three = |name: &str, of: fn(&Look) -> Vec3, channels: [&str; 3]| {

@@ -101,7 +101,7 @@ pub fn run(args: &Args) -> Result<String> {
         layers: Layers::new(&[]),
         time: Duration::ZERO,
     };
-    writer.save_image(checkpoint.shared.features.as_ref(), &image, None, &mut attempts);
+    writer.save_image(&checkpoint.shared, &image, None, &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {
             let block = best_measured(&checkpoint.blocks).ok_or_else(|| {

@@ -12,12 +12,12 @@ use bdpm::adaptive::Steer;
 use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
 use bdpm::base::file_id::FileId;
-use bdpm::film::features::FeatureBuffers;
 use bdpm::image_io;
 use bdpm::image_io::{Image, Layer, Value};
 use bdpm::output::checkpoint::{Checkpoint, Whole};
 use bdpm::output::denoise::Denoised;
 use bdpm::render::Renderer;
+use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::scene::Region;
 use bdpm::settings::provenance::Provenance;
@@ -179,7 +179,7 @@ impl Writer<'_> {
     /// The image and its preview, which is of the denoised one if there is one.
     pub fn save_image(
         &mut self,
-        features: Option<&FeatureBuffers>,
+        shared: &SharedStatistics,
         combined: &CombinedImage,
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
@@ -191,7 +191,7 @@ impl Writer<'_> {
         if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        layers.extend(self.layers.of(features, combined, &pixels));
+        layers.extend(self.layers.of(shared, combined, &pixels));
         layers.extend(denoised.into_iter().flat_map(denoising::layers));
         let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = self.origin.to_metadata();

@@ -94,8 +94,8 @@ impl Task<'_> {
                     let image = image();
                     match session.preview(renderer, &image) {
                         Ok(denoised) => {
-                            let features = renderer.shared().features.as_ref();
-                            writer.save_image(features, &image, denoised.as_ref(), attempts);
+                            let shared = renderer.shared();
+                            writer.save_image(shared, &image, denoised.as_ref(), attempts);
                         }
                         Err(error) => session.progress.note(&format!("warning: {error}")),
                     }
@@ -139,7 +139,7 @@ impl Task<'_> {
         let mut attempts = Attempts::default();
         let denoised = session.denoise(&renderer, &image);
         let latest = session.denoising.as_ref().and_then(|denoising| denoising.latest.as_ref());
-        writer.save_image(renderer.shared().features.as_ref(), &image, latest, &mut attempts);
+        writer.save_image(renderer.shared(), &image, latest, &mut attempts);
         if denoised.is_err() {
             attempts.add(&writer.outputs.exr, || denoised);
         }

@@ -1,10 +1,10 @@
 //! Contribution of photons in the outer annulus of the merge disc, between half the radius and the
 //! radius. Its moments separate the merge bias of each pixel from its noise: theory.md, section 17a.
 
-use super::folds::FoldedBuffer;
+use super::folds::FoldedStatistic;
 use super::radiance::luminance;
-use super::statistic::{CurrentIteration, PixelSample, PixelStatistic, StatisticRequest};
-use super::tiled_buffer::{Accumulate, TiledBuffer};
+use super::statistic::{PixelSample, StatisticRequest};
+use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
 use crate::settings::{Bias, Kernel, Settings};
 use serde::{Deserialize, Serialize};
@@ -62,14 +62,6 @@ impl Accumulate for FoldSums {
     }
 }
 
-/// Sums of all pixels of a block.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Annulus {
-    sums: FoldedBuffer<FoldSums>,
-    /// [`left_at_half`] of the block's kernel.
-    pub left_at_half: [f64; CLASSES],
-}
-
 /// Typical merge bias at half the radius, relative to the contribution of the annulus, by photon class.
 ///
 /// Caustics and the disc kernel are fitted to renders with known bias. A disc at a distance of less than
@@ -82,51 +74,16 @@ pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
     }
 }
 
-impl Annulus {
-    /// Iterations of each fold.
-    pub fn iterations(&self) -> [u64; FOLDS] {
-        [0, 1].map(|fold| self.sums.iterations()[fold])
+impl FoldedStatistic for FoldSums {
+    fn folds(request: &StatisticRequest) -> usize {
+        match request.settings.bias {
+            Bias::Reduce => FOLDS,
+            Bias::Keep => 0,
+        }
     }
 
-    /// Sums of each fold.
-    pub fn folds(&self) -> &[TiledBuffer<FoldSums>] {
-        self.sums.folds()
-    }
-}
-
-impl PixelStatistic for Annulus {
-    type Tile<'a> = &'a mut [FoldSums];
-
-    fn start(request: &StatisticRequest) -> Option<Self> {
-        let settings = request.settings;
-        Self::is_required(settings).then(|| Self {
-            sums: FoldedBuffer::new(settings.resolution(), FOLDS),
-            left_at_half: left_at_half(settings.kernel),
-        })
-    }
-
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        if Self::is_required(request.settings) { FOLDS * size_of::<FoldSums>() } else { 0 }
-    }
-
-    fn fits(&self, settings: &Settings) -> bool {
-        Self::is_required(settings) && self.sums.fits(settings.resolution(), FOLDS)
-    }
-
-    fn is_required(settings: &Settings) -> bool {
-        settings.bias == Bias::Reduce
-    }
-
-    fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<&mut [FoldSums]> {
-        self.sums.tiles_mut(iteration.number)
-    }
-
-    fn end_iteration(&mut self, iteration: CurrentIteration) {
-        self.sums.end_iteration(iteration.number);
-    }
-
-    fn merge(&mut self, other: &Self) {
-        self.sums.merge(&other.sums);
+    fn is_possible(folds: usize, settings: &Settings) -> bool {
+        folds == if settings.bias == Bias::Reduce { FOLDS } else { 0 }
     }
 }
 

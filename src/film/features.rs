@@ -1,11 +1,9 @@
 //! Geometry and albedo of the surfaces in each pixel.
 
 use super::aov::AovSelection;
-use super::folds::{DENOISE_FOLDS, FoldedBuffer};
-use super::statistic::{
-    CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
-};
-use super::tiled_buffer::{Accumulate, TiledBuffer};
+use super::folds::{DENOISE_FOLDS, FoldedBuffer, FoldedStatistic};
+use super::statistic::{PixelSample, StatisticRequest};
+use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
 use crate::settings::Settings;
 use glam::{DVec3, Vec3};
@@ -80,34 +78,42 @@ impl Accumulate for DepthSample {
     }
 }
 
-/// Features of each pixel, over the iterations of all blocks: they do not depend on the path counts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FeatureBuffers {
-    /// One fold, or [`DENOISE_FOLDS`].
-    denoise: FoldedBuffer<DenoiseFeatures>,
-    first_hits: TiledBuffer<DepthSample>,
+impl FoldedStatistic for DenoiseFeatures {
+    fn folds(request: &StatisticRequest) -> usize {
+        match request.aovs {
+            AovSelection { folds: true, .. } => DENOISE_FOLDS,
+            AovSelection { features, .. } => usize::from(features),
+        }
+    }
+
+    fn is_possible(folds: usize, _settings: &Settings) -> bool {
+        [0, 1, DENOISE_FOLDS].contains(&folds)
+    }
 }
 
-impl FeatureBuffers {
-    /// Sums of no iteration in one fold or [`DENOISE_FOLDS`].
-    pub fn new(resolution: (u32, u32), folds: usize) -> Self {
-        let denoise = FoldedBuffer::new(resolution, folds);
-        Self { denoise, first_hits: TiledBuffer::new(resolution) }
+impl FoldedStatistic for DepthSample {
+    fn folds(request: &StatisticRequest) -> usize {
+        usize::from(request.aovs.features || request.aovs.folds)
     }
 
-    /// Whether the denoiser's features are kept by fold.
+    fn is_possible(folds: usize, _settings: &Settings) -> bool {
+        folds <= 1
+    }
+}
+
+/// Features of each fold of the iterations, or of all.
+pub type FeatureFolds = FoldedBuffer<DenoiseFeatures>;
+
+impl FeatureFolds {
+    /// Whether the features of [`DENOISE_FOLDS`] folds are kept.
     pub fn is_folded(&self) -> bool {
-        self.folds() == DENOISE_FOLDS
-    }
-
-    fn folds(&self) -> usize {
-        self.denoise.folds().len()
+        self.folds().len() == DENOISE_FOLDS
     }
 
     /// Mean features of one pixel over the `included` folds; `at` is its index in tile order.
-    pub fn denoise_features(&self, at: usize, included: impl Fn(usize) -> bool) -> DenoiseFeatures {
+    pub fn mean(&self, at: usize, included: impl Fn(usize) -> bool) -> DenoiseFeatures {
         let (mut sum, mut count) = (DenoiseFeatures::default(), 0);
-        let folds = self.denoise.at(at).zip(self.denoise.iterations()).enumerate();
+        let folds = self.at(at).zip(self.iterations()).enumerate();
         for (_, (sums, iterations)) in folds.filter(|(fold, _)| included(*fold)) {
             sum.merge(sums);
             count += iterations;
@@ -115,17 +121,18 @@ impl FeatureBuffers {
         let scale = (count.max(1) as f32).recip();
         DenoiseFeatures { albedo: sum.albedo * scale, normal: sum.normal * scale }
     }
+}
 
-    /// Fraction of one pixel's camera paths that hit a surface.
+impl FoldedBuffer<DepthSample> {
+    /// Fraction of one pixel's camera paths that hit a surface; `at` is its index in tile order.
     pub fn coverage(&self, at: usize) -> f32 {
-        let iterations: u64 = self.denoise.iterations().iter().sum();
-        (self.first_hits.values()[at].hits / iterations.max(1) as f64) as f32
+        (self.folds()[0].values()[at].hits / self.total().max(1) as f64) as f32
     }
 
     /// Mean position and depth over the camera paths of one pixel that hit a surface; depth is [`FAR`]
     /// if none does.
-    pub fn first_hit(&self, at: usize) -> (Vec3, f32) {
-        let DepthSample { position, depth, hits } = self.first_hits.values()[at];
+    pub fn mean(&self, at: usize) -> (Vec3, f32) {
+        let DepthSample { position, depth, hits } = self.folds()[0].values()[at];
         if hits > 0.0 {
             ((position / hits).as_vec3(), (depth / hits) as f32)
         } else {
@@ -134,77 +141,23 @@ impl FeatureBuffers {
     }
 }
 
-/// Features of one tile.
-#[derive(Debug)]
-pub struct FeatureTile<'a> {
-    denoise: &'a mut [DenoiseFeatures],
-    first_hits: &'a mut [DepthSample],
-}
-
-impl StatisticTile for FeatureTile<'_> {
-    type Sample = PixelSample;
-
-    #[inline]
-    fn add_sample(&mut self, index: usize, sample: &PixelSample) {
-        self.denoise.add_sample(index, sample);
-        self.first_hits.add_sample(index, sample);
-    }
-}
-
-impl PixelStatistic for FeatureBuffers {
-    type Tile<'a> = FeatureTile<'a>;
-
-    fn start(request: &StatisticRequest) -> Option<Self> {
-        let folds = if request.aovs.folds { DENOISE_FOLDS } else { 1 };
-        let is_kept = request.aovs.features || request.aovs.folds;
-        is_kept.then(|| Self::new(request.settings.resolution(), folds))
-    }
-
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        let folds = match request.aovs {
-            AovSelection { folds: true, .. } => DENOISE_FOLDS,
-            AovSelection { features: true, .. } => 1,
-            _ => return 0,
-        };
-        folds * size_of::<DenoiseFeatures>() + size_of::<DepthSample>()
-    }
-
-    fn fits(&self, settings: &Settings) -> bool {
-        let resolution = settings.resolution();
-        [1, DENOISE_FOLDS].contains(&self.folds())
-            && self.denoise.fits(resolution, self.folds())
-            && self.first_hits.fits(resolution)
-    }
-
-    fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<FeatureTile<'_>> {
-        let denoise = self.denoise.tiles_mut(iteration.number).into_iter();
-        let tiles = denoise.zip(self.first_hits.tiles_mut());
-        tiles.map(|(denoise, (_, first_hits))| FeatureTile { denoise, first_hits }).collect()
-    }
-
-    fn end_iteration(&mut self, iteration: CurrentIteration) {
-        self.denoise.end_iteration(iteration.number);
-    }
-
-    fn can_merge(&self, other: &Self) -> bool {
-        self.folds() == other.folds()
-    }
-
-    fn merge(&mut self, other: &Self) {
-        self.denoise.merge(&other.denoise);
-        self.first_hits.merge(&other.first_hits);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::film::aov::AovSample;
+    use crate::film::statistic::{BatchGrain, CurrentIteration, PixelStatistic, StatisticTile};
+    use crate::settings::PartialSettings;
 
     #[test]
     fn features_are_means_over_hits_and_iterations() {
-        for folds in [1, DENOISE_FOLDS] {
-            let mut features = FeatureBuffers::new((20, 3), folds);
+        let partial = PartialSettings { resolution: Some([20, 3]), ..Default::default() };
+        let settings = &Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
+        for folds in [false, true] {
+            let aovs = AovSelection { features: true, folds, light: false };
+            let grain = BatchGrain::Tile;
+            let request = StatisticRequest { settings, aovs, grain, measured_before: None };
+            let mut features = FoldedBuffer::<DenoiseFeatures>::start(&request).unwrap();
+            let mut first_hits = FoldedBuffer::<DepthSample>::start(&request).unwrap();
             for number in 0..11 {
                 let iteration = CurrentIteration { number, is_measured: false };
                 let albedo = Rgb::splat(number as f32);
@@ -213,18 +166,19 @@ mod tests {
                 let first_hit = DepthSample { position: DVec3::Y * hits, depth: 3.0 * hits, hits };
                 let aovs = Some(AovSample { denoise, first_hit, ..AovSample::default() });
                 let sample = PixelSample { aovs, ..PixelSample::default() };
-                for tile in &mut features.tiles_mut(iteration) {
-                    tile.add_sample(1, &sample);
-                }
+                features.tiles_mut(iteration)[0].add_sample(1, &sample);
+                first_hits.tiles_mut(iteration)[0].add_sample(1, &sample);
                 features.end_iteration(iteration);
+                first_hits.end_iteration(iteration);
             }
-            let DenoiseFeatures { albedo, normal } = features.denoise_features(1, |_| true);
+            let DenoiseFeatures { albedo, normal } = features.mean(1, |_| true);
             assert_eq!((albedo, normal), (Rgb::splat(5.0), Vec3::X));
-            assert_eq!(features.first_hit(1), (Vec3::Y, 3.0));
-            assert_eq!(features.first_hit(0), (Vec3::ZERO, FAR));
-            assert_eq!((features.coverage(0), features.coverage(1)), (0.0, 5.0 / 11.0));
-            if features.is_folded() {
-                let one = features.denoise_features(1, |fold| fold == 2);
+            assert_eq!(first_hits.mean(1), (Vec3::Y, 3.0));
+            assert_eq!(first_hits.mean(0), (Vec3::ZERO, FAR));
+            assert_eq!((first_hits.coverage(0), first_hits.coverage(1)), (0.0, 5.0 / 11.0));
+            assert_eq!(features.is_folded(), folds);
+            if folds {
+                let one = features.mean(1, |fold| fold == 2);
                 assert_eq!(one.albedo, Rgb::splat(6.0));
             }
         }

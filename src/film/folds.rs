@@ -1,7 +1,7 @@
 //! Sums over disjoint subsets of the iterations, so that an estimate from some of them can be tested
 //! on the others.
 
-use super::statistic::{CurrentIteration, PixelStatistic, StatisticRequest};
+use super::statistic::{CurrentIteration, PixelSample, PixelStatistic, StatisticRequest};
 use super::tiled_buffer::{Accumulate, TiledBuffer};
 use crate::base::math::Rgb;
 use crate::settings::Settings;
@@ -10,29 +10,32 @@ use serde::{Deserialize, Serialize};
 /// Folds for cross-validation of the denoiser.
 pub const DENOISE_FOLDS: usize = 8;
 
-/// Sums over the iterations of each of `n` folds. Iteration `i` belongs to fold `i % n`.
+/// Sums over the iterations of each of `n` folds. Iteration `i` belongs to fold `i % n`. A statistic
+/// without cross-validation has one fold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FoldedBuffer<T> {
     folds: Vec<TiledBuffer<T>>,
     iterations: Vec<u64>,
 }
 
-impl<T: Clone + Default + Accumulate> FoldedBuffer<T> {
-    /// Sums of no iteration.
-    pub fn new(resolution: (u32, u32), folds: usize) -> Self {
-        Self { folds: vec![TiledBuffer::new(resolution); folds], iterations: vec![0; folds] }
-    }
+/// Sums of one pixel that make a [`PixelStatistic`].
+pub trait FoldedStatistic: Accumulate + Clone + Default {
+    /// Number of folds that `request` includes; 0 if it does not include this statistic.
+    fn folds(request: &StatisticRequest) -> usize;
 
-    /// Whether there are `folds` folds of an image of this resolution. They may come from a file.
-    pub fn fits(&self, resolution: (u32, u32), folds: usize) -> bool {
-        self.folds.len() == folds
-            && self.iterations.len() == folds
-            && self.folds.iter().all(|fold| fold.fits(resolution))
-    }
+    /// Whether an image with these settings can have this number of folds.
+    fn is_possible(folds: usize, settings: &Settings) -> bool;
+}
 
-    /// Iterations of each fold.
+impl<T> FoldedBuffer<T> {
+    /// Number of iterations of each fold.
     pub fn iterations(&self) -> &[u64] {
         &self.iterations
+    }
+
+    /// Number of iterations of all folds.
+    pub fn total(&self) -> u64 {
+        self.iterations.iter().sum()
     }
 
     /// Sums of each fold over its iterations.
@@ -40,76 +43,107 @@ impl<T: Clone + Default + Accumulate> FoldedBuffer<T> {
         &self.folds
     }
 
-    /// Sums of all folds of the pixel with index `at` in tile order.
+    /// Sums of each fold, of the pixel with index `at` in tile order.
     pub fn at(&self, at: usize) -> impl Iterator<Item = &T> {
         self.folds.iter().map(move |fold| &fold.values()[at])
     }
 
-    fn fold_of(&self, iteration: u64) -> usize {
-        (iteration % self.folds.len() as u64) as usize
+    fn fold_of(&self, iteration: CurrentIteration) -> usize {
+        (iteration.number % self.folds.len() as u64) as usize
+    }
+}
+
+impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
+    type Tile<'a>
+        = &'a mut [T]
+    where
+        T: 'a;
+
+    fn start(request: &StatisticRequest) -> Option<Self> {
+        let (n, resolution) = (T::folds(request), request.settings.resolution());
+        let folds = vec![TiledBuffer::new(resolution); n];
+        (n > 0).then(|| Self { folds, iterations: vec![0; n] })
     }
 
-    /// Tiles of the fold that `iteration` belongs to.
-    pub fn tiles_mut(&mut self, iteration: u64) -> Vec<&mut [T]> {
+    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
+        T::folds(request) * size_of::<T>()
+    }
+
+    fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {
+        let Some(Self { folds, iterations }) = statistic else {
+            return T::is_possible(0, settings);
+        };
+        !folds.is_empty()
+            && T::is_possible(folds.len(), settings)
+            && iterations.len() == folds.len()
+            && folds.iter().all(|fold| fold.fits(settings.resolution()))
+    }
+
+    fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<&mut [T]> {
         let fold = self.fold_of(iteration);
         self.folds[fold].tiles_mut().into_iter().map(|(_, sums)| sums).collect()
     }
 
-    /// Counts an iteration that all tiles have added.
-    pub fn end_iteration(&mut self, iteration: u64) {
+    fn end_iteration(&mut self, iteration: CurrentIteration) {
         let fold = self.fold_of(iteration);
         self.iterations[fold] += 1;
     }
 
-    /// Adds the sums of other iterations in as many folds.
-    pub fn merge(&mut self, other: &Self) {
+    fn can_merge(one: Option<&Self>, other: Option<&Self>) -> bool {
+        let [one, other] = [one, other].map(|buffer| buffer.map_or(0, |own| own.folds.len()));
+        one == other
+    }
+
+    fn merge(&mut self, other: &Self) {
         self.folds.iter_mut().zip(&other.folds).for_each(|(own, other)| own.merge(other));
         self.iterations.iter_mut().zip(&other.iterations).for_each(|(n, m)| *n += m);
     }
 }
 
-/// Radiance by fold, for the error of the denoised image; W/(m^2 sr).
-pub type RadianceFolds = FoldedBuffer<Rgb>;
-
-impl PixelStatistic for RadianceFolds {
-    type Tile<'a> = &'a mut [Rgb];
-
-    fn start(request: &StatisticRequest) -> Option<Self> {
-        request.aovs.folds.then(|| Self::new(request.settings.resolution(), DENOISE_FOLDS))
-    }
-
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        if request.aovs.folds { DENOISE_FOLDS * size_of::<Rgb>() } else { 0 }
-    }
-
-    fn fits(&self, settings: &Settings) -> bool {
-        self.fits(settings.resolution(), DENOISE_FOLDS)
-    }
-
-    fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<&mut [Rgb]> {
-        self.tiles_mut(iteration.number)
-    }
-
-    fn end_iteration(&mut self, iteration: CurrentIteration) {
-        self.end_iteration(iteration.number);
+/// Sum of the radiance of a pixel, for the error of the denoised image; W/(m^2 sr).
+impl Accumulate for Rgb {
+    #[inline]
+    fn add_sample(&mut self, sample: &PixelSample) {
+        *self += sample.value.as_vec3();
     }
 
     fn merge(&mut self, other: &Self) {
-        self.merge(other);
+        *self += *other;
+    }
+}
+
+impl FoldedStatistic for Rgb {
+    fn folds(request: &StatisticRequest) -> usize {
+        if request.aovs.folds { DENOISE_FOLDS } else { 0 }
+    }
+
+    fn is_possible(folds: usize, _settings: &Settings) -> bool {
+        [0, DENOISE_FOLDS].contains(&folds)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::statistic::{PixelSample, StatisticTile};
+    use crate::film::aov::AovSelection;
+    use crate::film::statistic::{BatchGrain, StatisticTile};
+    use crate::settings::PartialSettings;
     use glam::DVec3;
+
+    fn settings() -> Settings {
+        let partial = PartialSettings { resolution: Some([20, 3]), ..Default::default() };
+        Settings::resolve(&partial, &Default::default(), 1.0).unwrap()
+    }
 
     /// The second pixel of each tile has the iteration's number as its value.
     fn folded(iterations: std::ops::Range<u64>) -> FoldedBuffer<Rgb> {
-        let mut folds = FoldedBuffer::new((20, 3), DENOISE_FOLDS);
-        for iteration in iterations {
-            let value = DVec3::splat(iteration as f64);
+        let aovs = AovSelection { folds: true, ..AovSelection::default() };
+        let (settings, grain) = (&settings(), BatchGrain::Tile);
+        let request = StatisticRequest { settings, aovs, grain, measured_before: None };
+        let mut folds = FoldedBuffer::<Rgb>::start(&request).unwrap();
+        for number in iterations {
+            let iteration = CurrentIteration { number, is_measured: false };
+            let value = DVec3::splat(number as f64);
             for tile in &mut folds.tiles_mut(iteration) {
                 tile.add_sample(1, &PixelSample { value, ..PixelSample::default() });
             }
@@ -121,11 +155,10 @@ mod tests {
     #[test]
     fn iterations_go_to_the_folds_in_turn() {
         let folds = folded(0..11);
-        assert_eq!(folds.iterations(), [2, 2, 2, 1, 1, 1, 1, 1]);
+        assert_eq!((folds.iterations(), folds.total()), (&[2, 2, 2, 1, 1, 1, 1, 1][..], 11));
         let sums: Vec<f32> = folds.at(1).map(|sum| sum.x).collect();
         assert_eq!(sums, [8.0, 10.0, 12.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         assert!(folds.at(0).all(|sum| *sum == Rgb::ZERO));
-        assert!(folds.fits((20, 3), DENOISE_FOLDS) && !folds.fits((20, 3), 4));
     }
 
     #[test]
@@ -133,5 +166,19 @@ mod tests {
         let mut merged = folded(0..5);
         merged.merge(&folded(5..11));
         assert_eq!(merged, folded(0..11));
+    }
+
+    #[test]
+    fn folds_fit_their_own_number_and_resolution_only() {
+        let mut folds = folded(0..1);
+        let fits = |folds: &FoldedBuffer<Rgb>, settings| {
+            <FoldedBuffer<Rgb> as PixelStatistic>::fits(Some(folds), settings)
+        };
+        assert!(fits(&folds, &settings()));
+        assert!(!fits(&folds, &Settings { height: 4, ..settings() }));
+        assert!(!FoldedBuffer::can_merge(Some(&folds), None));
+        folds.folds.pop();
+        folds.iterations.pop();
+        assert!(!fits(&folds, &settings()));
     }
 }

@@ -1,7 +1,8 @@
 //! Light of each pixel by component.
 
-use super::statistic::{CurrentIteration, PixelSample, PixelStatistic, StatisticRequest};
-use super::tiled_buffer::{Accumulate, TiledBuffer};
+use super::folds::FoldedStatistic;
+use super::statistic::{PixelSample, StatisticRequest};
+use super::tiled_buffer::Accumulate;
 use crate::settings::Settings;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -40,28 +41,12 @@ impl Accumulate for LightComponents {
     }
 }
 
-impl PixelStatistic for TiledBuffer<LightComponents> {
-    type Tile<'a> = &'a mut [LightComponents];
-
-    fn start(request: &StatisticRequest) -> Option<Self> {
-        request.aovs.light.then(|| Self::new(request.settings.resolution()))
+impl FoldedStatistic for LightComponents {
+    fn folds(request: &StatisticRequest) -> usize {
+        usize::from(request.aovs.light)
     }
 
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        if request.aovs.light { size_of::<LightComponents>() } else { 0 }
-    }
-
-    fn fits(&self, settings: &Settings) -> bool {
-        self.fits(settings.resolution())
-    }
-
-    fn tiles_mut(&mut self, _iteration: CurrentIteration) -> Vec<&mut [LightComponents]> {
-        self.tiles_mut().into_iter().map(|(_, sums)| sums).collect()
-    }
-
-    fn end_iteration(&mut self, _iteration: CurrentIteration) {}
-
-    fn merge(&mut self, other: &Self) {
-        self.merge(other);
+    fn is_possible(folds: usize, _settings: &Settings) -> bool {
+        folds <= 1
     }
 }

@@ -1,8 +1,10 @@
 //! Interface of a statistic that is kept per pixel: start, add iterations, merge with other sums.
 //!
 //! `render/accumulators.rs` lists all statistics. Everything that a render does with each of them goes
-//! over that list, so that a new statistic takes one file, which implements [`PixelStatistic`], and one
-//! line there.
+//! over that list. A new statistic takes one file, with a type of sums that implements
+//! [`FoldedStatistic`], and one line there.
+//!
+//! [`FoldedStatistic`]: super::folds::FoldedStatistic
 
 use super::annulus::CLASSES;
 use super::aov::{AovSample, AovSelection};
@@ -63,23 +65,15 @@ pub trait PixelStatistic: Clone {
     where
         Self: 'a;
 
-    /// Whether the statistic starts with the first measured iteration. If so, one of two blocks that
-    /// are merged may lack it.
-    const STARTS_LATE: bool = false;
-
     /// Sums of no iteration; `None` if `request` does not include this statistic.
     fn start(request: &StatisticRequest) -> Option<Self>;
 
     /// Memory per pixel that `request` takes.
     fn bytes_per_pixel(request: &StatisticRequest) -> usize;
 
-    /// Whether the sums belong to an image with these settings. They may come from a file.
-    fn fits(&self, settings: &Settings) -> bool;
-
-    /// Whether an image with these settings cannot go without this statistic.
-    fn is_required(_settings: &Settings) -> bool {
-        false
-    }
+    /// Whether the sums, or their absence, are possible for an image with these settings. They may come
+    /// from a file.
+    fn fits(statistic: Option<&Self>, settings: &Settings) -> bool;
 
     /// All tiles, in the order of the image's tiles; none if `iteration` does not add to them.
     fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<Self::Tile<'_>>;
@@ -87,10 +81,8 @@ pub trait PixelStatistic: Clone {
     /// Counts an iteration that all tiles have added.
     fn end_iteration(&mut self, iteration: CurrentIteration);
 
-    /// Whether the sums of other iterations have the same form.
-    fn can_merge(&self, _other: &Self) -> bool {
-        true
-    }
+    /// Whether the sums of two parts of an image can be merged.
+    fn can_merge(one: Option<&Self>, other: Option<&Self>) -> bool;
 
     /// Adds the sums of other iterations of the same image.
     fn merge(&mut self, other: &Self);

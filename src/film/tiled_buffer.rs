@@ -1,7 +1,6 @@
 //! Storage of one value per pixel, tile by tile, so that each thread writes to memory of its own.
 
-use crate::base::math::Rgb;
-use crate::film::statistic::PixelSample;
+use super::statistic::PixelSample;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -78,18 +77,6 @@ pub trait Accumulate {
 
     /// Adds the sums of other iterations.
     fn merge(&mut self, other: &Self);
-}
-
-/// Sum of the pixel's value.
-impl Accumulate for Rgb {
-    #[inline]
-    fn add_sample(&mut self, sample: &PixelSample) {
-        *self += sample.value.as_vec3();
-    }
-
-    fn merge(&mut self, other: &Self) {
-        *self += *other;
-    }
 }
 
 /// One value for each pixel of an image. The values of a tile are stored one after the other, row by
@@ -178,6 +165,7 @@ impl<T: Accumulate> TiledBuffer<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::math::Rgb;
 
     const SIZES: [(u32, u32); 6] = [(1, 1), (16, 16), (17, 15), (100, 37), (15, 33), (1, 40)];
 

@@ -235,8 +235,6 @@ fn group(grain: BatchGrain, index: usize) -> usize {
 impl PixelStatistic for NoiseFilm {
     type Tile<'a> = NoiseTile<'a>;
 
-    const STARTS_LATE: bool = true;
-
     fn start(request: &StatisticRequest) -> Option<Self> {
         let resolution = request.settings.resolution();
         request.measured_before.map(|before| Self::new(resolution, request.grain, before))
@@ -246,12 +244,14 @@ impl PixelStatistic for NoiseFilm {
         Self::bytes_per_pixel(request.grain)
     }
 
-    fn fits(&self, settings: &Settings) -> bool {
+    fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {
         let resolution = settings.resolution();
-        self.sums.fits(resolution)
-            && self.batches.len() == batch_count(resolution, self.grain)
-            && self.counts.is_consistent()
-            && self.counts.total() == self.iterations
+        statistic.is_none_or(|noise| {
+            noise.sums.fits(resolution)
+                && noise.batches.len() == batch_count(resolution, noise.grain)
+                && noise.counts.is_consistent()
+                && noise.counts.total() == noise.iterations
+        })
     }
 
     fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<NoiseTile<'_>> {
@@ -277,8 +277,9 @@ impl PixelStatistic for NoiseFilm {
         }
     }
 
-    fn can_merge(&self, other: &Self) -> bool {
-        self.grain == other.grain
+    /// A part without a measured iteration has no sums.
+    fn can_merge(one: Option<&Self>, other: Option<&Self>) -> bool {
+        one.zip(other).is_none_or(|(one, other)| one.grain == other.grain)
     }
 
     fn merge(&mut self, other: &Self) {

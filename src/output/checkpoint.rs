@@ -232,8 +232,6 @@ mod tests {
     use super::*;
     use crate::film::aov::AovSelection;
     use crate::film::counts::{CameraCounts, Counts};
-    use crate::film::features::FeatureBuffers;
-    use crate::film::folds::DENOISE_FOLDS;
     use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use crate::render::RenderConfig;
@@ -297,8 +295,8 @@ mod tests {
         noise.tiles_mut(iteration)[0].add_sample(3, &measured);
         noise.end_iteration(iteration);
         second.statistics.noise = Some(noise);
-        let features = Some(FeatureBuffers::new(settings.resolution(), DENOISE_FOLDS));
-        let shared = Cow::Owned(SharedStatistics { features });
+        let mut shared = SharedStatistics::default();
+        shared.start(&request);
         let origin = Provenance {
             version: "1.2.3".into(),
             scene: "box".into(),
@@ -310,7 +308,15 @@ mod tests {
         let plan = Some(Plan::new(counts));
         let whole = Some(Whole { iterations: 100, parts: 9 });
         let regions = vec![Region { name: "ball".into(), rectangles: vec![[0.0, 0.0, 0.5, 1.0]] }];
-        Checkpoint { origin, blocks, shared, autopilot: Some(state()), plan, whole, regions }
+        Checkpoint {
+            origin,
+            blocks,
+            shared: Cow::Owned(shared),
+            autopilot: Some(state()),
+            plan,
+            whole,
+            regions,
+        }
     }
 
     #[test]

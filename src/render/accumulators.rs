@@ -4,14 +4,14 @@
 //! two lists below. Blocks, tiles, workers, merges, checkpoints and the memory check go over these lists
 //! and name no statistic.
 
-use crate::film::annulus::Annulus;
-use crate::film::features::FeatureBuffers;
-use crate::film::folds::RadianceFolds;
+use crate::base::math::Rgb;
+use crate::film::annulus::FoldSums;
+use crate::film::features::{DenoiseFeatures, DepthSample};
+use crate::film::folds::FoldedBuffer;
 use crate::film::light_components::LightComponents;
 use crate::film::statistic::{
     CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
 };
-use crate::film::tiled_buffer::TiledBuffer;
 use crate::noise::film::{NoiseFilm, PixelMeasurement};
 use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ macro_rules! statistics {
 
         impl $list {
             /// Starts the statistics that `request` includes and that are not there yet.
-            pub(super) fn start(&mut self, request: &StatisticRequest) {
+            pub(crate) fn start(&mut self, request: &StatisticRequest) {
                 $(if self.$field.is_none() {
                     self.$field = PixelStatistic::start(request);
                 })*
@@ -71,10 +71,7 @@ macro_rules! statistics {
 
             /// Whether all statistics belong to an image with these settings.
             pub(crate) fn fits(&self, settings: &Settings) -> bool {
-                true $(&& match &self.$field {
-                    Some(statistic) => PixelStatistic::fits(statistic, settings),
-                    None => !<$kind as PixelStatistic>::is_required(settings),
-                })*
+                true $(&& PixelStatistic::fits(self.$field.as_ref(), settings))*
             }
 
             /// Tiles to add `iteration` to, in the order of the image's tiles; without end.
@@ -83,7 +80,7 @@ macro_rules! statistics {
                 iteration: CurrentIteration,
             ) -> impl Iterator<Item = $tile<'_>> {
                 $(let mut $field = self.$field.as_mut()
-                    .map(|statistic| PixelStatistic::tiles_mut(statistic, iteration))
+                    .map(|statistic| statistic.tiles_mut(iteration))
                     .into_iter()
                     .flatten();)*
                 iter::repeat_with(move || $tile { $($field: $field.next(),)* })
@@ -92,23 +89,19 @@ macro_rules! statistics {
             /// Counts an iteration that all tiles have added.
             pub(super) fn end_iteration(&mut self, iteration: CurrentIteration) {
                 $(if let Some(statistic) = &mut self.$field {
-                    PixelStatistic::end_iteration(statistic, iteration);
+                    statistic.end_iteration(iteration);
                 })*
             }
 
             /// Whether `other` keeps the same statistics.
             pub(super) fn can_merge(&self, other: &Self) -> bool {
-                true $(&& match (&self.$field, &other.$field) {
-                    (Some(own), Some(other)) => PixelStatistic::can_merge(own, other),
-                    (None, None) => true,
-                    _ => <$kind as PixelStatistic>::STARTS_LATE,
-                })*
+                true $(&& PixelStatistic::can_merge(self.$field.as_ref(), other.$field.as_ref()))*
             }
 
             /// Adds the sums of other iterations; see [`Self::can_merge`].
             pub(super) fn merge(&mut self, other: &Self) {
                 $(match (&mut self.$field, &other.$field) {
-                    (Some(own), Some(other)) => PixelStatistic::merge(own, other),
+                    (Some(own), Some(other)) => own.merge(other),
                     (own @ None, other) => own.clone_from(other),
                     (Some(_), None) => {}
                 })*
@@ -133,18 +126,20 @@ statistics! {
         /// Coefficients of the noise, from the measured iterations.
         noise: NoiseFilm,
         /// Emission, direct light and caustics.
-        light: TiledBuffer<LightComponents>,
+        light: FoldedBuffer<LightComponents>,
         /// Radiance of each fold of the iterations.
-        folds: RadianceFolds,
+        folds: FoldedBuffer<Rgb>,
         /// Contribution of photons in the outer annulus of the merge discs.
-        annulus: Annulus,
+        annulus: FoldedBuffer<FoldSums>,
     }
 }
 
 statistics! {
     /// Statistics that do not depend on the path counts: kept once for all blocks of an image.
     SharedStatistics, SharedStatisticsTile {
-        /// Albedo, normal, position and depth.
-        features: FeatureBuffers,
+        /// Albedo and normal, which the denoiser uses.
+        features: FoldedBuffer<DenoiseFeatures>,
+        /// Position and depth of the first surface.
+        first_hits: FoldedBuffer<DepthSample>,
     }
 }

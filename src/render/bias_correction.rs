@@ -7,7 +7,7 @@
 
 use super::block::Block;
 use crate::base::math::Rgb;
-use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums};
+use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
 use crate::film::radiance::{luminance, luminance_weights};
 use rayon::prelude::*;
 
@@ -83,7 +83,7 @@ impl BiasCorrection {
             variance_change: vec![0.0; pixels],
             bias2: vec![0.0; pixels],
         };
-        let left_at_half = blocks[0].statistics.annulus.as_ref()?.left_at_half;
+        let left_at_half = left_at_half(blocks[0].kernel);
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
             let estimates = weighted.estimates(class);
             if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {
@@ -144,8 +144,8 @@ impl<'a> WeightedBlocks<'a> {
     fn new(blocks: &'a [Block], weights: &'a [f64]) -> Option<Self> {
         let mut folds = [FoldWeight::default(); FOLDS];
         for (block, &weight) in blocks.iter().zip(weights) {
-            let iterations = block.statistics.annulus.as_ref()?.iterations().map(|n| n as f64);
-            for (fold, n) in folds.iter_mut().zip(iterations) {
+            let iterations = block.statistics.annulus.as_ref()?.iterations();
+            for (fold, n) in folds.iter_mut().zip(iterations.iter().map(|n| *n as f64)) {
                 fold.first += weight * n;
                 fold.second += weight * weight * n;
             }
@@ -227,7 +227,7 @@ const SMOOTHING_RADIUS: usize = 4;
 mod tests {
     use super::*;
     use crate::base::rng::{Rng, Stream, StreamKey};
-    use crate::film::annulus::{CLASSES, left_at_half};
+    use crate::film::annulus::CLASSES;
     use crate::film::counts::Counts;
     use crate::film::radiance::total;
     use crate::film::statistic::{CurrentIteration, PixelSample};

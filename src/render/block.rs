@@ -12,8 +12,8 @@ use crate::film::statistic::{BatchGrain, CurrentIteration, StatisticRequest};
 use crate::noise::Coefficients;
 use crate::noise::film::NoiseFilm;
 use crate::noise::image::NoiseImage;
-use crate::settings::Settings;
 use crate::settings::policy::measured_before;
+use crate::settings::{Kernel, Settings};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,8 @@ pub struct Block {
     pub numbers: IterationSet,
     /// Path counts of every iteration.
     pub counts: Counts,
+    /// Kernel of the merges, which determines the bias that remains after correction.
+    pub kernel: Kernel,
     /// Sums of the image.
     pub film: Film,
     /// Statistics that are kept beside the image.
@@ -61,6 +63,7 @@ impl Block {
             first,
             numbers: IterationSet::default(),
             counts,
+            kernel: request.settings.kernel,
             film: Film::new(width, height),
             statistics,
             clock: PhaseClock::default(),
@@ -123,6 +126,7 @@ impl Block {
             && self.numbers.count() == self.film.iterations
             && self.numbers.first().is_none_or(|number| number >= self.first)
             && self.counts.validate(settings).is_ok()
+            && self.kernel == settings.kernel
             && self.film.sums.fits(settings.resolution())
             && self.statistics.fits(settings)
     }

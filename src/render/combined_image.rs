@@ -110,7 +110,7 @@ impl<'a> CombinedImage<'a> {
         let mut sums = vec![LightComponents::default(); self.blocks[0].film.pixels()];
         let scale = self.total().recip();
         for (block, weight) in self.pairs() {
-            let light = block.statistics.light.as_ref()?;
+            let light = &block.statistics.light.as_ref()?.folds()[0];
             light.zip_pixels(&mut sums, |sum, at| sum.add(&light.values()[at], weight * scale));
         }
         Some(sums)

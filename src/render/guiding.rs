@@ -2,8 +2,7 @@
 //! sample of its pixels, the contribution of light paths by their start. theory.md, section 10a.
 
 use super::Renderer;
-use super::tile_paths::TilePaths;
-use super::worker::{Job, WorkerClock, trace};
+use super::worker::{Job, WorkerCounts, trace};
 use crate::base::error::Result;
 use crate::base::rng::{Stream, StreamKey};
 use crate::film::counts::Counts;
@@ -157,10 +156,9 @@ fn scores(job: &Job, tiles: &[Tile], weights: &[f64]) -> Vec<Score> {
     let (mut paths, mut gathered) = <(CameraPaths, Gathered)>::default();
     let mut table = PairTable::<f64>::default();
     let mut scores = Vec::new();
-    let width = job.pass.settings.width;
-    let ids = TilePaths::new(tiles, &job.counts.camera_paths, LEARNING_CAMERA_PATHS, width);
+    let ids = job.paths(tiles);
     let mut current = ids.clone();
-    trace(job, ids, &mut paths, &mut WorkerClock::default(), |paths| {
+    trace(job, ids, &mut paths, &mut WorkerCounts::default(), |paths| {
         job.merge.gather_pairs(paths, &mut gathered, |gathered, complete| {
             for path in complete {
                 for pair in gathered.pairs.of_path(path).flat_map(|(pairs, _)| pairs) {

@@ -26,7 +26,7 @@ use crate::base::memory::available_memory;
 use crate::base::pool::Pool;
 use crate::film::aov::AovSelection;
 use crate::film::counts::Counts;
-use crate::film::features::FeatureBuffers;
+use crate::film::features::FeatureFolds;
 use crate::film::radiance::Film;
 use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
@@ -238,7 +238,7 @@ impl Renderer {
         self.config.aovs = AovSelection {
             light: blocks.iter().all(|block| block.statistics.light.is_some()),
             features: features.is_some(),
-            folds: features.is_some_and(FeatureBuffers::is_folded)
+            folds: features.is_some_and(FeatureFolds::is_folded)
                 && blocks.iter().all(|block| block.statistics.folds.is_some()),
         };
         self.current = blocks.len() - 1;

@@ -62,6 +62,12 @@ impl<'a> Job<'a> {
         (self.batch_size as f64 / (per_pixel * Tile::PIXELS)) as usize
     }
 
+    /// Camera paths of `tiles`.
+    pub fn paths<'b>(&'b self, tiles: &'b [Tile]) -> TilePaths<'b> {
+        let width = self.pass.settings.width;
+        TilePaths::new(tiles, &self.counts.camera_paths, self.min_camera_paths(), width)
+    }
+
     /// Weight of a light path, `1/N_F`.
     pub fn per_light_path(&self) -> f64 {
         f64::from(self.counts.light_paths).recip()
@@ -87,19 +93,11 @@ pub struct Worker {
     caustics: Gathered,
     pairs: AllPairs,
     halves: Halves,
-    clock: WorkerClock,
-    non_finite: Vec<(u32, u32)>,
-}
-
-/// Busy times of a thread.
-#[derive(Debug, Default)]
-pub(super) struct WorkerClock {
-    camera: Duration,
-    merge: Duration,
+    counts: WorkerCounts,
 }
 
 /// Counters of a thread since they were last taken.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct WorkerCounts {
     /// Busy time of the camera phase.
     pub camera: Duration,
@@ -129,8 +127,7 @@ impl Worker {
         reset(&mut self.measurements, job.measure != Measure::Off, pixels);
         self.paths.tell(job.aovs.any());
 
-        let (counts, width) = (&job.counts.camera_paths, job.pass.settings.width);
-        let ids = TilePaths::new(&self.tiles, counts, job.min_camera_paths(), width);
+        let ids = job.paths(&self.tiles);
         let mut image = ImageSums {
             values: &mut self.values,
             annulus: &mut self.annulus,
@@ -138,9 +135,9 @@ impl Worker {
             per_light_path: job.per_light_path(),
             paths: ids.clone(),
         };
-        let Self { paths, gathered, measurements, clock, .. } = self;
+        let Self { paths, gathered, measurements, counts, .. } = self;
         match job.measure {
-            Measure::Off => trace(job, ids, paths, clock, |paths| {
+            Measure::Off => trace(job, ids, paths, counts, |paths| {
                 job.merge.gather(paths, gathered);
                 image.aovs.gather_caustics(job, paths);
                 for path in 0..paths.direct.len() {
@@ -149,11 +146,11 @@ impl Worker {
             }),
             Measure::Pairs => {
                 let measuring = Measuring::new(job, image, &mut self.pairs, measurements);
-                measuring.run(ids, paths, gathered, clock);
+                measuring.run(ids, paths, gathered, counts);
             }
             Measure::Halves => {
                 let measuring = Measuring::new(job, image, &mut self.halves, measurements);
-                measuring.run(ids, paths, gathered, clock);
+                measuring.run(ids, paths, gathered, counts);
             }
         }
         self.finish(job, tiles);
@@ -171,7 +168,7 @@ impl Worker {
                 if sample.pixel.value.is_finite() {
                     sums.add_sample(index, &sample);
                 } else {
-                    self.non_finite.push((x, y));
+                    self.counts.non_finite.push((x, y));
                 }
             }
             first += tile.len();
@@ -199,13 +196,7 @@ impl Worker {
 
     /// Takes the counters and resets them.
     pub fn take_counts(&mut self) -> WorkerCounts {
-        let WorkerClock { camera, merge } = mem::take(&mut self.clock);
-        WorkerCounts {
-            camera,
-            merge,
-            rays: mem::take(&mut self.paths.rays),
-            non_finite: mem::take(&mut self.non_finite),
-        }
+        WorkerCounts { rays: mem::take(&mut self.paths.rays), ..mem::take(&mut self.counts) }
     }
 }
 
@@ -214,7 +205,7 @@ pub(super) fn trace(
     job: &Job,
     mut ids: TilePaths,
     paths: &mut CameraPaths,
-    clock: &mut WorkerClock,
+    counts: &mut WorkerCounts,
     mut merge: impl FnMut(&mut CameraPaths),
 ) {
     while !ids.is_done() {
@@ -228,8 +219,8 @@ pub(super) fn trace(
         }
         let traced = Instant::now();
         merge(paths);
-        clock.camera += traced - start;
-        clock.merge += traced.elapsed();
+        counts.camera += traced - start;
+        counts.merge += traced.elapsed();
     }
 }
 
@@ -293,10 +284,10 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         ids: TilePaths,
         paths: &mut CameraPaths,
         gathered: &mut Gathered,
-        clock: &mut WorkerClock,
+        counts: &mut WorkerCounts,
     ) {
         let job = self.job;
-        trace(job, ids, paths, clock, |paths| {
+        trace(job, ids, paths, counts, |paths| {
             self.image.aovs.gather_caustics(job, paths);
             job.merge.gather_pairs(paths, gathered, |gathered, complete| {
                 for path in complete {

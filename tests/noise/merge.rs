@@ -85,7 +85,7 @@ fn assert_same(merged: &Block, whole: &Block) {
         assert_same_noise(noise, others);
     }
     let [light, others] =
-        [merged, whole].map(|block| block.statistics.light.as_ref().unwrap().values());
+        [merged, whole].map(|block| block.statistics.light.as_ref().unwrap().folds()[0].values());
     for (own, other) in light.iter().zip(others) {
         for (one, two) in [
             (own.direct, other.direct),
@@ -153,14 +153,14 @@ fn assert_same_image(merged: &Checkpoint, whole: &Checkpoint) {
         }
     }
     let [own, other] = [merged, whole].map(|all| all.shared.features.as_ref().unwrap());
+    let [hits, other_hits] = [merged, whole].map(|all| all.shared.first_hits.as_ref().unwrap());
     for pixel in 0..whole.blocks[0].film.pixels() {
         for fold in 0..DENOISE_FOLDS {
-            let [one, two] =
-                [own, other].map(|features| features.denoise_features(pixel, |f| f == fold));
+            let [one, two] = [own, other].map(|features| features.mean(pixel, |f| f == fold));
             assert!((one.albedo - two.albedo).length() < 1e-5);
             assert!((one.normal - two.normal).length() < 1e-5);
         }
-        assert!((own.first_hit(pixel).0 - other.first_hit(pixel).0).length() < 1e-5);
+        assert!((hits.mean(pixel).0 - other_hits.mean(pixel).0).length() < 1e-5);
     }
 }
 

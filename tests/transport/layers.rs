@@ -46,13 +46,13 @@ fn seen(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> (DenoiseFeat
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
-    let (features, pixels) =
-        (renderer.shared().features.as_ref().unwrap(), renderer.film().pixels());
+    let pixels = renderer.film().pixels();
+    let features = renderer.shared().features.as_ref().unwrap();
+    let first_hits = renderer.shared().first_hits.as_ref().unwrap();
     let (mut albedo, mut normal, mut position) = <(DVec3, DVec3, DVec3)>::default();
     let (mut depth, share) = (0.0, 1.0 / pixels as f64);
     for pixel in 0..pixels {
-        let (own, (place, away)) =
-            (features.denoise_features(pixel, |_| true), features.first_hit(pixel));
+        let (own, (place, away)) = (features.mean(pixel, |_| true), first_hits.mean(pixel));
         albedo += own.albedo.as_dvec3() * share;
         normal += own.normal.as_dvec3() * share;
         position += place.as_dvec3() * share;
@@ -197,7 +197,7 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
         let mut before = [0.0; 3];
         for _ in 0..60 {
             renderer.iterate(Measure::Off);
-            let light = renderer.block().statistics.light.as_ref().unwrap().values();
+            let light = renderer.block().statistics.light.as_ref().unwrap().folds()[0].values();
             let sum = |of: &dyn Fn(usize) -> f64| {
                 (0..light.len()).map(of).sum::<f64>() / light.len() as f64
             };

@@ -1,7 +1,7 @@
 //! An image in parts of equal composition.
 
 use crate::base::math::Rgb;
-use crate::film::features::FeatureBuffers;
+use crate::film::features::FeatureFolds;
 use crate::film::folds::DENOISE_FOLDS;
 use crate::film::radiance::{luminance, total};
 use crate::render::block::{Block, CombinedImage};
@@ -24,14 +24,14 @@ pub struct Guides {
 /// Guides of the parts that are taken.
 pub(super) fn guides(
     image: &CombinedImage,
-    features: Option<&FeatureBuffers>,
+    features: Option<&FeatureFolds>,
     takes: impl Fn(usize) -> bool + Sync,
 ) -> Guides {
     let Some(features) = features else { return Guides::default() };
     let film = &image.blocks()[0].film;
     let mut both = vec![(Rgb::ZERO, Vec3::ZERO); film.pixels()];
     film.sums.zip_pixels(&mut both, |both, at| {
-        let guide = features.denoise_features(at, &takes);
+        let guide = features.mean(at, &takes);
         *both = (guide.albedo, guide.normal);
     });
     let (albedo, normal) = both.into_iter().unzip();
@@ -39,19 +39,19 @@ pub(super) fn guides(
 }
 
 /// Whether guides of all parts have hardly any noise.
-pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureBuffers>) -> bool {
+pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureFolds>) -> bool {
     guide_noise(image, features).is_some_and(|noise| noise < CLEAN)
 }
 
 /// RMS of the noise that guides of all parts have, per channel; nothing unless parts are told apart.
-fn guide_noise(image: &CombinedImage, features: Option<&FeatureBuffers>) -> Option<f64> {
+fn guide_noise(image: &CombinedImage, features: Option<&FeatureFolds>) -> Option<f64> {
     let features = features.filter(|features| features.is_folded())?;
     let film = &image.blocks()[0].film;
     let mut variance = vec![0.0; film.pixels()];
     film.sums.zip_pixels(&mut variance, |variance, at| {
-        let mean = features.denoise_features(at, |_| true);
+        let mean = features.mean(at, |_| true);
         let off = |part: usize| {
-            let own = features.denoise_features(at, |p| p == part);
+            let own = features.mean(at, |p| p == part);
             f64::from((own.albedo - mean.albedo).length_squared())
                 + f64::from((own.normal - mean.normal).length_squared())
         };
@@ -64,7 +64,7 @@ fn guide_noise(image: &CombinedImage, features: Option<&FeatureBuffers>) -> Opti
 /// An image as `n` images of as many samples.
 pub struct InParts<'a> {
     image: &'a CombinedImage<'a>,
-    features: Option<&'a FeatureBuffers>,
+    features: Option<&'a FeatureFolds>,
     n: usize,
     /// Whether guides are clean, of all parts.
     clean: bool,
@@ -74,7 +74,7 @@ impl<'a> InParts<'a> {
     /// `None` unless all blocks keep parts, and each of `n` of them has at least one iteration.
     pub fn new(
         image: &'a CombinedImage<'a>,
-        features: Option<&'a FeatureBuffers>,
+        features: Option<&'a FeatureFolds>,
         n: usize,
     ) -> Option<Self> {
         let divides = n >= 4 && DENOISE_FOLDS.is_multiple_of(n);
