@@ -65,7 +65,7 @@ fn main() -> Result<()> {
                 if !wanted(name) {
                     continue;
                 }
-                let radius = subject.base.settings().radius;
+                let radius = subject.settings.radius;
                 let technique =
                     Technique { strategy, merge_vertex, direct: Direct::Connect, kernel };
                 let place = Place { technique, radius, caustic_radius: caustics * radius };

@@ -11,10 +11,9 @@
 //! iteration.
 
 use bdpm::accel::Intersect;
-use bdpm::adaptive::Steer;
 use bdpm::adaptive::autopilot::Autopilot;
 use bdpm::adaptive::optimize::{CountLimits, Objective, Problem};
-use bdpm::adaptive::stopping::Goal;
+use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::film::radiance::box_filter;
@@ -84,7 +83,7 @@ impl Pilot {
     fn new(mut autopilot: Autopilot, mut renderer: Renderer, time: TimeModel) -> Result<Self> {
         let start = Instant::now();
         for _ in 0..=FIRST_ITERATIONS {
-            let measure = autopilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
+            let measure = autopilot.prepare(&mut renderer, start.elapsed().as_secs_f64())?;
             if renderer.film().iterations < FIRST_ITERATIONS {
                 renderer.iterate(measure);
             }
@@ -117,7 +116,7 @@ fn candidates(
     settings: &Settings,
     time: Duration,
 ) -> Result<Vec<Candidate>> {
-    let goal = Goal { time: Some(time / 2), ..Goal::default() };
+    let goal = Stop { time: Some(time / 2), ..Stop::default() };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
     let chosen = technique::choose(&base, FreeParameters::NONE, end)?;

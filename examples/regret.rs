@@ -57,7 +57,7 @@ struct Run {
 }
 
 fn places(subject: &Subject) -> Vec<Place> {
-    let Settings { radius, .. } = *subject.base.settings();
+    let Settings { radius, .. } = subject.settings;
     let place = |(strategy, merge_vertex, direct), kernel, factor, caustics| Place {
         technique: Technique { strategy, merge_vertex, direct, kernel },
         radius: factor * radius,
@@ -147,7 +147,7 @@ fn compare(
         let mut promises = Vec::new();
         let mut own = None;
         for seed in SEEDS {
-            let settings = Settings { seed, ..subject.base.settings().clone() };
+            let settings = Settings { seed, ..subject.settings.clone() };
             let key = format!("{seconds}s-seed-{seed}");
             let automatic: Run = subject
                 .kept(&key, || run(subject, reference, settings, FreeParameters::ALL, seconds))?;

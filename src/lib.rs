@@ -19,11 +19,15 @@ pub mod adaptive;
 pub mod output;
 #[doc(hidden)] // public for the program
 pub mod mpi;
+pub mod job;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // public for the program
 pub mod paper;
 
+pub use adaptive::stopping::Stop;
 pub use base::error::{Error, Result};
+pub use import::load;
+pub use job::{Event, RenderJob, RenderResult};
 pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

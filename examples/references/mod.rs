@@ -1,21 +1,20 @@
 //! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
 
-use bdpm::adaptive::Steer;
-use bdpm::adaptive::autopilot::Autopilot;
-use bdpm::adaptive::optimize::Objective;
-use bdpm::adaptive::stopping::{Convergence, Goal, importance, without_noise};
-use bdpm::adaptive::technique::{self, Candidate, End, FreeParameters, Technique};
+use bdpm::accel::Intersect;
+use bdpm::adaptive::stopping::{importance, without_noise};
+use bdpm::adaptive::technique::{Candidate, FreeParameters, Technique};
 use bdpm::film::radiance::{luminance, luminance_weights};
 use bdpm::import::load;
-use bdpm::render::block::{self, CombinedImage};
+use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
-use bdpm::{Renderer, Settings};
+use bdpm::{RenderJob, RenderResult, Scene, Settings, Stop};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
 pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -24,7 +23,9 @@ const REFERENCE: f64 = 40.0;
 
 /// A scene at a size.
 pub struct Subject {
-    pub base: Renderer,
+    scene: Arc<Scene>,
+    accel: Arc<dyn Intersect>,
+    pub settings: Settings,
     name: String,
 }
 
@@ -61,8 +62,8 @@ pub fn with<T>(
     let accel = build(Backend::default(), &loaded.scene)?;
     let wishes = PartialSettings { resolution: Some([side; 2]), ..Default::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
-    let base = Renderer::new(&loaded.scene, &accel, settings)?;
-    let subject = Subject { base, name: format!("{scene}-{side}") };
+    let name = format!("{scene}-{side}");
+    let subject = Subject { scene: loaded.scene, accel, settings, name };
     let reference = Reference::new(&subject)?;
     work(&subject, &reference)
 }
@@ -89,47 +90,41 @@ impl Subject {
 
     /// Renders for so many seconds, with what is open chosen for that.
     pub fn render(&self, settings: Settings, open: FreeParameters, seconds: f64) -> Result<Image> {
-        let start = Instant::now();
-        let base = self.base.with_settings(settings)?;
-        let choice = technique::choose(&base, open, End::Time(seconds))?;
-        let chosen = *choice.best();
-        let time = Some(Duration::from_secs_f64(seconds));
-        let objective = Objective::Relative;
-        let goal = Goal { time, objective, bias2: chosen.bias.powi(2), ..Goal::default() };
-        let mut pilot = Autopilot::new(goal, chosen.times);
-        let mut renderer = base.with_settings(choice.apply(base.settings()))?;
-        while start.elapsed().as_secs_f64() < seconds {
-            let measure = pilot.steer(&mut renderer, start.elapsed().as_secs_f64())?;
-            renderer.iterate(measure);
-        }
-        let pace = pilot.pace(&renderer, 0, start.elapsed().as_secs_f64());
-        let blocks = renderer.blocks();
-        let importance = importance(blocks, objective);
-        let weights = pilot.weights(blocks, &importance);
-        let standing = Convergence::new(blocks, weights.clone(), &importance);
-        let image = CombinedImage::new(blocks, weights);
+        let job = RenderJob::from_scene(&self.scene)
+            .acceleration(Backend::default(), Arc::clone(&self.accel))
+            .settings((&settings).into())
+            .free_parameters(open)
+            .stop(Stop::time(Duration::from_secs_f64(seconds)));
+        let RenderResult { mut state, .. } = job.render()?;
+        state.estimate();
+        let elapsed = state.elapsed().as_secs_f64();
+        let pace = state.policy.iteration_time(&state.renderer, state.totals.iterations, elapsed);
+        let convergence = state.status.convergence.as_ref().ok_or("nothing was rendered")?;
+        let image = state.image();
+        let importance = importance(image.blocks(), state.stop.objective);
         let mut parts = [0.0; 3];
-        let coefficients = block::coefficients(blocks).unwrap_or_default();
+        let coefficients = block::coefficients(image.blocks()).unwrap_or_default();
         for (own, weight) in coefficients.iter().zip(&importance) {
             let of_pixel = [own.a, own.b, own.f];
             for (sum, part) in parts.iter_mut().zip(of_pixel) {
                 *sum += weight * part / importance.len() as f64;
             }
         }
+        let cost = convergence.per_iteration.zip(pace).map(|(v, tau)| v * tau);
         let pixels = image.mean().into_iter().map(|value| luminance(value.as_dvec3()));
         Ok(Image {
             luminance: pixels.collect(),
-            chosen,
-            cost: standing.per_iteration.zip(pace).map(|(v, tau)| v * tau).filter(|c| *c > 0.0),
-            noise2: standing.counted.unwrap_or(f64::NAN),
-            promised: pilot.promise().and_then(|promise| promise.error),
+            chosen: *state.selection.as_ref().ok_or("the pilot did not run")?.best(),
+            cost: cost.filter(|c| *c > 0.0),
+            noise2: convergence.weighted_variance.unwrap_or(f64::NAN),
+            promised: state.promise().and_then(|promise| promise.error),
             parts,
         })
     }
 
     /// One half of the reference: at narrow radii, so that its bias is small.
     fn half(&self, seed: u64) -> Result<Vec<f64>> {
-        let own = self.base.settings();
+        let own = &self.settings;
         let radius = 0.25 * own.radius;
         let narrow = Settings { radius, caustic_radius: 0.4 * radius, seed, ..own.clone() };
         let strategy = FreeParameters { strategy: true, ..FreeParameters::NONE };
@@ -140,7 +135,7 @@ impl Subject {
     pub fn settings(&self, place: &Place, seed: u64) -> Settings {
         let Place { technique, radius, caustic_radius } = *place;
         let Technique { strategy, merge_vertex, direct, kernel } = technique;
-        let own = self.base.settings().clone();
+        let own = self.settings.clone();
         Settings { strategy, merge_vertex, direct, kernel, radius, caustic_radius, seed, ..own }
     }
 }
@@ -160,7 +155,7 @@ impl Reference {
         let pairs = || halves[0].iter().zip(&halves[1]);
         let mean: Vec<f64> = pairs().map(|(a, b)| 0.5 * (a + b)).collect();
         let variance: Vec<f64> = pairs().map(|(a, b)| 0.25 * (a - b).powi(2)).collect();
-        let Settings { width, height, .. } = *subject.base.settings();
+        let Settings { width, height, .. } = subject.settings;
         let weights = luminance_weights(&without_noise(&mean, &variance, (width, height)));
         Ok(Self { halves, weights })
     }

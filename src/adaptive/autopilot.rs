@@ -1,12 +1,13 @@
 //! Automatic counts: those of the settings at first, which a choice of technique found, then the optimum, chosen
 //! again at a few moments from all that is known by then.
 
-use super::stopping::{Convergence, Goal, importance, luminances};
-use super::{Schedule, Steer};
+use super::stopping::{Convergence, Stop, importance, luminances};
+
 use crate::adaptive::optimize::{CountLimits, Objective, Problem};
 use crate::base::error::Result;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
+use crate::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use crate::noise::{Coefficients, Measure};
 use crate::render::Renderer;
 use crate::render::block;
@@ -19,26 +20,25 @@ use std::time::Instant;
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
 pub struct Autopilot {
-    goal: Goal,
+    goal: Stop,
     /// Whether counts may differ from pixel to pixel.
     per_pixel: bool,
     /// Times that are known beforehand.
     times: Option<TimeModel>,
     /// Rendering time before this run.
     earlier: f64,
-    state: State,
+    state: AutopilotState,
 }
 
 /// What an interrupted run needs to go on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct State {
-    stage: Stage,
+pub struct AutopilotState {
     /// Rendering time when it was saved, seconds.
     elapsed: f64,
     /// Rendering time when the block under way began.
     block_began: f64,
-    /// Rendering time when counts are chosen next.
-    next_choice: f64,
+    /// Rendering time when counts are chosen next, seconds; `None` before the first choice.
+    next_choice: Option<f64>,
     /// What is known of the choice that the promise is about.
     expected: Expected,
     /// Times on a sample of the image, from a choice of technique before: in proportion to those of the image.
@@ -58,13 +58,6 @@ struct Expected {
     one_each: f64,
     /// Cost of the best counts that are equal in all pixels.
     uniform: f64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Stage {
-    /// The first iterations, at the counts of the settings.
-    First,
-    Chosen,
 }
 
 /// What was expected after the first iterations at the second choice of counts: these are new
@@ -94,14 +87,13 @@ struct Choice {
     saves: bool,
 }
 
-impl State {
+impl AutopilotState {
     /// Before the first iteration.
     pub fn new(sampled: TimeModel, bias2: f64) -> Self {
         Self {
-            stage: Stage::First,
             elapsed: 0.0,
             block_began: 0.0,
-            next_choice: 0.0,
+            next_choice: None,
             expected: Expected::default(),
             sampled,
             bias2,
@@ -123,13 +115,13 @@ impl State {
 impl Autopilot {
     /// Begins with the counts of a renderer's settings; `sampled` are times in proportion to those of its image, of
     /// a sample of the pixels.
-    pub fn new(goal: Goal, sampled: TimeModel) -> Self {
-        Self::resume(goal, State::new(sampled, goal.bias2))
+    pub fn new(goal: Stop, sampled: TimeModel) -> Self {
+        Self::resume(goal, AutopilotState::new(sampled, goal.bias2))
     }
 
     /// Goes on from `state`, which knows the bias.
-    pub fn resume(goal: Goal, state: State) -> Self {
-        let goal = Goal { bias2: state.bias2, ..goal };
+    pub fn resume(goal: Stop, state: AutopilotState) -> Self {
+        let goal = Stop { bias2: state.bias2, ..goal };
         Self { goal, per_pixel: true, times: None, earlier: state.elapsed, state }
     }
 
@@ -150,8 +142,8 @@ impl Autopilot {
     /// theory.md (89).
     fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let standing = self.standing(renderer);
-        let goal = standing.told(&self.goal);
-        let (variance, tau) = (standing.per_iteration?, self.pace(renderer, 0, elapsed)?);
+        let goal = standing.with_measured_bias(&self.goal);
+        let (variance, tau) = (standing.per_iteration?, self.iteration_time(renderer, elapsed)?);
         let forecast = standing.forecast(&goal, variance, tau, elapsed)?;
         let (pooled, error) = renderer.film().pooled_variance()?;
         let is_late = elapsed > PROMISE_SHARE * (elapsed + forecast.seconds);
@@ -173,7 +165,7 @@ impl Autopilot {
 
     fn standing(&self, renderer: &Renderer) -> Convergence {
         let importance = importance(renderer.blocks(), self.goal.objective);
-        let weights = self.weights(renderer.blocks(), &importance);
+        let weights = block::weights(renderer.blocks(), &importance);
         Convergence::new(renderer.blocks(), weights, &importance)
     }
 
@@ -253,40 +245,26 @@ impl Autopilot {
     }
 }
 
-impl Steer for Autopilot {
-    fn steer(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+impl Autopilot {
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns what to measure in it.
+    ///
+    /// # Errors
+    /// If other counts are chosen and do not fit in the memory.
+    pub fn prepare(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
         let (now, entered) = (self.earlier + elapsed, Instant::now());
-        let begin = |state: &mut State, renderer: &mut Renderer, counts| {
-            state.block_began = now + entered.elapsed().as_secs_f64();
-            renderer.begin_block(counts)
-        };
-        match self.state.stage {
-            Stage::First if renderer.iterations() == 0 => self.state.block_began = now,
-            Stage::First | Stage::Chosen if renderer.film().iterations < FIRST_ITERATIONS => {}
-            // The pilot saw a sample of the pixels: the first iterations tell about all, before anything is
-            // promised.
-            Stage::First => {
-                self.state.stage = Stage::Chosen;
-                self.state.next_choice = 2.0 * now;
+        if renderer.iterations() == 0 {
+            self.state.block_began = now;
+        } else if self.is_choice_due(renderer, now) {
+            let is_first = self.state.next_choice.is_none();
+            self.state.next_choice = Some(2.0 * now);
+            if is_first || renderer.blocks().len() < MOST_BLOCKS {
                 let choice = self.choose(renderer, elapsed)?;
-                self.state.expected = choice.expected;
+                if is_first {
+                    self.state.expected = choice.expected;
+                }
                 if choice.saves {
-                    begin(&mut self.state, renderer, choice.counts)?;
-                }
-            }
-            Stage::Chosen => {
-                if self.state.promise.is_none() && is_time_to_look(renderer) {
-                    self.state.promise = self.promised(renderer, elapsed);
-                }
-                let due = now >= self.state.next_choice;
-                if due {
-                    self.state.next_choice = 2.0 * now;
-                }
-                if due && renderer.blocks().len() < MOST_BLOCKS {
-                    let choice = self.choose(renderer, elapsed)?;
-                    if choice.saves {
-                        begin(&mut self.state, renderer, choice.counts)?;
-                    }
+                    self.state.block_began = now + entered.elapsed().as_secs_f64();
+                    renderer.begin_block(choice.counts)?;
                 }
             }
         }
@@ -295,13 +273,31 @@ impl Steer for Autopilot {
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
 
-    fn schedule(&self) -> Schedule {
-        let first = self.state.stage == Stage::First;
-        Schedule { pilot: 0, every: if first { MEASURE_FIRST_EVERY } else { MEASURE_EVERY } }
+    /// Whether counts are to be chosen before the next iteration. On the way, makes the promise once enough is known.
+    ///
+    /// The pilot saw a sample of the pixels only, so that the first choice, from iterations of the whole image, comes
+    /// before any promise.
+    fn is_choice_due(&mut self, renderer: &Renderer, now: f64) -> bool {
+        if renderer.film().iterations < FIRST_ITERATIONS {
+            return false;
+        }
+        let Some(next_choice) = self.state.next_choice else { return true };
+        if self.state.promise.is_none() && is_time_to_look(renderer) {
+            self.state.promise = self.promised(renderer, now - self.earlier);
+        }
+        now >= next_choice
     }
 
-    /// Production and measuring iterations in the shares that they have in the long run.
-    fn pace(&self, renderer: &Renderer, _: u64, elapsed: f64) -> Option<f64> {
+    /// Which iterations are measured before the next decision.
+    pub fn schedule(&self) -> MeasureSchedule {
+        let is_first = self.state.next_choice.is_none();
+        let every = if is_first { MEASURE_FIRST_EVERY } else { MEASURE_EVERY };
+        MeasureSchedule { pilot: 0, every, estimator: Measure::Pairs }
+    }
+
+    /// Seconds per iteration from now on, with production and measured iterations in the shares that they have in the
+    /// long run; `None` before the block has enough iterations.
+    pub fn iteration_time(&self, renderer: &Renderer, elapsed: f64) -> Option<f64> {
         let Block { film, clock, .. } = renderer.block();
         let measured = film.iterations.saturating_sub(clock.iterations);
         let known = film.iterations >= MEASURE_EVERY;
@@ -314,11 +310,13 @@ impl Steer for Autopilot {
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
-    fn state(&self, elapsed: f64) -> Option<State> {
-        Some(State { elapsed: self.earlier + elapsed, ..self.state })
+    /// AutopilotState for a checkpoint, after `elapsed` seconds of this run.
+    pub fn state(&self, elapsed: f64) -> AutopilotState {
+        AutopilotState { elapsed: self.earlier + elapsed, ..self.state }
     }
 
-    fn promise(&self) -> Option<&Promise> {
+    /// The promise, once enough is known to make one.
+    pub fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
 }

@@ -12,26 +12,49 @@ use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
 
-/// When to stop: at whatever comes first. Without any of these, never.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Goal {
-    /// At this many iterations, those of a resumed image included.
+/// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// Number of iterations, those of a resumed image included.
     pub iterations: Option<u64>,
-    /// After this much time of rendering.
+    /// Rendering time.
     pub time: Option<Duration>,
-    /// At this much noise.
+    /// Pooled RMS of the noise.
     pub target: Option<Target>,
-    /// At this relative error, noise and bias.
+    /// Relative RMS error, noise and bias together: 0.01 for 1 %.
     pub error: Option<f64>,
-    /// Which noise counts: the pooled or the relative one.
+    /// The noise that is to be small: the pooled or the relative one.
     pub objective: Objective,
     /// Squared relative bias of the image, as far as it is known.
     pub bias2: f64,
 }
 
-impl Goal {
-    /// Relative variance that the error allows beside the bias; a small part of it even where the bias is too
-    /// much.
+impl Default for Stop {
+    /// No condition; the relative error counts.
+    fn default() -> Self {
+        let (iterations, time, target, error) = (None, None, None, None);
+        Self { iterations, time, target, error, objective: Objective::Relative, bias2: 0.0 }
+    }
+}
+
+impl Stop {
+    /// Stops after this rendering time.
+    pub fn time(time: Duration) -> Self {
+        Self { time: Some(time), ..Self::default() }
+    }
+
+    /// Stops at this relative RMS error, noise and bias together: 0.01 for 1 %.
+    pub fn error(error: f64) -> Self {
+        Self { error: Some(error), ..Self::default() }
+    }
+
+    /// Stops after this number of iterations. The counts are then not chosen.
+    pub fn iterations(iterations: u64) -> Self {
+        Self { iterations: Some(iterations), ..Self::default() }
+    }
+
+    /// Relative variance that an error allows beside the bias; a small part of it even if the bias alone exceeds the
+    /// error.
     pub fn noise2(&self, error: f64) -> f64 {
         let error2 = error * error;
         (error2 - self.bias2).max(LEAST_NOISE_SHARE * error2)
@@ -140,7 +163,7 @@ pub struct Convergence {
     /// Pooled variance of the image, and its standard error, once it is known.
     pub variance: Option<(f64, f64)>,
     /// Mean over pixels of their variance by its importance, once it is known: the pooled or the relative one.
-    pub counted: Option<f64>,
+    pub weighted_variance: Option<f64>,
     /// Squared relative bias that is left where it is taken off, once it is known.
     pub bias2: Option<f64>,
     /// The same of one iteration at the present counts, once it is known.
@@ -162,7 +185,7 @@ impl Convergence {
     /// Of an image with given weights of its blocks, by the importance of its pixels.
     pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = CombinedImage::new(blocks, weights);
-        let counted = |variance: &[f64]| {
+        let mean_of = |variance: &[f64]| {
             let weighted = variance.par_iter().zip(importance).map(|(v, weight)| v * weight);
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
@@ -174,12 +197,12 @@ impl Convergence {
             }
             _ => combined.variance_of_mean(),
         };
-        let bias2 = combined.bias_correction().map(|reduction| counted(&reduction.bias2).max(0.0));
+        let bias2 = combined.bias_correction().map(|reduction| mean_of(&reduction.bias2).max(0.0));
         // An iteration leaves the less of its noise, the more of that is taken off.
         let shown = match (combined.bias_correction(), combined.uncorrected_variance()) {
             (Some(_), Some(merged)) => {
-                let all = counted(&merged);
-                of_all.as_deref().map_or(1.0, |of_all| counted(of_all) / all)
+                let all = mean_of(&merged);
+                of_all.as_deref().map_or(1.0, |of_all| mean_of(of_all) / all)
             }
             _ => 1.0,
         };
@@ -187,21 +210,21 @@ impl Convergence {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            counted: of_all.as_deref().map(counted),
+            weighted_variance: of_all.as_deref().map(mean_of),
             bias2,
             per_iteration: own
-                .map(|(variance, iterations)| shown * counted(&variance) * iterations),
+                .map(|(variance, iterations)| shown * mean_of(&variance) * iterations),
             weights: combined.into_weights(),
         }
     }
 
     /// The goal with the bias that the image itself shows, if it does.
-    pub fn told(&self, goal: &Goal) -> Goal {
-        Goal { bias2: self.bias2.unwrap_or(goal.bias2), ..*goal }
+    pub fn with_measured_bias(&self, goal: &Stop) -> Stop {
+        Stop { bias2: self.bias2.unwrap_or(goal.bias2), ..*goal }
     }
 
     /// Whether an image of this bias has the goal's noise or error.
-    pub fn is_good_enough(&self, goal: &Goal) -> bool {
+    pub fn is_good_enough(&self, goal: &Stop) -> bool {
         goal.target.is_some_and(|target| self.reaches(target))
             || goal.error.is_some_and(|error| self.comes_to(goal.noise2(error)))
     }
@@ -209,17 +232,17 @@ impl Convergence {
     /// Whether the upper 90 % bound of the variance that counts lies under `allowed`. Its relative standard error
     /// is at most about that of the pooled one, in which few pixels weigh most.
     fn comes_to(&self, allowed: f64) -> bool {
-        let bound = |(counted, (variance, error)): (f64, (f64, f64))| {
-            counted * (1.0 + UPPER_BOUND * error / variance)
+        let bound = |(weighted, (variance, error)): (f64, (f64, f64))| {
+            weighted * (1.0 + UPPER_BOUND * error / variance)
         };
         self.iterations >= LEAST_ITERATIONS_TO_TARGET
             // theory.md (91)
-            && self.counted.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
+            && self.weighted_variance.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
     }
 
     /// Relative error, noise and bias, when a part `left` of the noise's square is left, if that is what counts.
-    pub fn error(&self, goal: &Goal, left: f64) -> Option<f64> {
-        let noise2 = self.counted.filter(|_| goal.objective == Objective::Relative)?;
+    pub fn error(&self, goal: &Stop, left: f64) -> Option<f64> {
+        let noise2 = self.weighted_variance.filter(|_| goal.objective == Objective::Relative)?;
         Some((noise2 * left + goal.bias2).sqrt())
     }
 
@@ -229,7 +252,7 @@ impl Convergence {
             Objective::Relative => 1.0,
             _ => self.mean_luminance.powi(2).recip(),
         };
-        self.counted.map(|counted| counted * scale).filter(|share| share.is_finite())
+        self.weighted_variance.map(|variance| variance * scale).filter(|share| share.is_finite())
     }
 
     /// Pooled RMS, W/(m^2 sr).
@@ -249,8 +272,8 @@ impl Convergence {
     /// `variance`, after `elapsed` seconds of rendering; `None` before the noise is known.
     ///
     /// Information, the reciprocal of the variance, adds up over iterations.
-    pub fn forecast(&self, goal: &Goal, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
-        let ((pooled, error), now) = (self.variance?, self.counted?);
+    pub fn forecast(&self, goal: &Stop, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
+        let ((pooled, error), now) = (self.variance?, self.weighted_variance?);
         if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
             return Some(Forecast { rms: pooled.sqrt(), left: 1.0, seconds: 0.0 });
         }
@@ -301,7 +324,7 @@ mod tests {
             iterations,
             mean_luminance: 2.0,
             variance: Some((variance, error)),
-            counted: Some(variance),
+            weighted_variance: Some(variance),
             bias2: None,
             per_iteration: Some(variance * iterations as f64),
         }
@@ -314,30 +337,31 @@ mod tests {
         assert!(!standing(31, 0.009, 0.0005).reaches(target));
         assert!(!standing(32, 0.009, 0.001).reaches(target));
         assert!(!standing(32, 0.009, f64::INFINITY).reaches(target));
-        let unknown = Convergence { variance: None, counted: None, ..standing(32, 0.0, 0.0) };
+        let unknown =
+            Convergence { variance: None, weighted_variance: None, ..standing(32, 0.0, 0.0) };
         assert!(!unknown.reaches(target));
     }
 
     #[test]
     fn forecasts_end_at_whatever_comes_first() {
         let now = standing(100, 0.04, 0.0);
-        let forecast = |goal: Goal| now.forecast(&goal, 4.0, 0.5, 50.0).unwrap();
-        let by_count = forecast(Goal { iterations: Some(400), ..Goal::default() });
+        let forecast = |goal: Stop| now.forecast(&goal, 4.0, 0.5, 50.0).unwrap();
+        let by_count = forecast(Stop { iterations: Some(400), ..Stop::default() });
         assert!((by_count.rms - 0.1).abs() < 1e-12 && by_count.seconds == 150.0);
         let time = Some(Duration::from_secs(150));
-        let by_time = forecast(Goal { time, ..Goal::default() });
+        let by_time = forecast(Stop { time, ..Stop::default() });
         assert!((by_time.rms.powi(2) - 4.0 / 300.0).abs() < 1e-12 && by_time.seconds == 100.0);
         let target = Some(Target::Absolute(0.1));
-        let by_target = forecast(Goal { target, ..Goal::default() });
+        let by_target = forecast(Stop { target, ..Stop::default() });
         assert!((by_target.rms - 0.1).abs() < 1e-12 && (by_target.seconds - 150.0).abs() < 1e-9);
-        let first = forecast(Goal { iterations: Some(400), time, target, ..Goal::default() });
+        let first = forecast(Stop { iterations: Some(400), time, target, ..Stop::default() });
         assert_eq!(first, by_time);
     }
 
     #[test]
     fn an_uncertain_variance_makes_it_take_longer() {
         let target = Some(Target::Absolute(0.1));
-        let goal = Goal { target, ..Goal::default() };
+        let goal = Stop { target, ..Stop::default() };
         let certain = standing(100, 0.04, 0.0).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
         let unsure = standing(100, 0.04, 0.004).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
         assert!(unsure.seconds > 1.05 * certain.seconds && unsure.seconds < 1.2 * certain.seconds);

@@ -1,27 +1,29 @@
 //! `bdpm analyze SCENE`.
 
 use super::analyze_text::text;
+use super::interrupts::catch_interrupts;
 use super::json;
-use super::loaded_scene::{LoadedScene, SessionArgs};
 use super::outputs::{self, Attempts, Output};
-use super::render_report::describe_counts;
-use super::session::{RunReport, Session};
-use bdpm::adaptive::Measuring;
-use bdpm::adaptive::stopping::{Goal, StoppedBy};
+use super::progress::Progress;
+use super::render_report::announce;
+use super::run_report::RunReport;
+use super::scene_input::{SceneInput, SessionArgs};
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::{Stop, StoppedBy};
 use bdpm::base::error::{Error, Result};
 use bdpm::film::radiance::Film;
 use bdpm::image_io::Value;
 use bdpm::noise::Measure;
-use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH, check_memory};
+use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
-use bdpm::render::RenderConfig;
 use bdpm::scene::Region;
-use bdpm::settings::Settings;
 use bdpm::settings::provenance::Provenance;
+use bdpm::{Event, RenderResult};
 use serde::Serialize;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -79,46 +81,49 @@ pub fn run(args: &Args) -> Result<String> {
     if let Some(iterations @ ..2) = args.iterations {
         return Err(too_few(iterations));
     }
-    let prepared = LoadedScene::new(&args.session, None)?;
+    let input = SceneInput::load(&args.session)?;
     outputs::spare_inputs(&files)?;
-    let settings = &prepared.origin.settings;
-    check_counts(settings)?;
-    let region = region::find(args.region.as_deref(), &prepared.scene.regions)?;
-    check_memory(settings.width, settings.height)?;
-    let mut renderer = prepared.renderer()?.configure(RenderConfig::with_pixel_batches())?;
+    let region = region::find(args.region.as_deref(), &input.loaded.scene.regions)?;
 
     let time = args.session.time;
-    if let Some(time) = time {
-        let counts = &renderer.block().counts;
-        prepared.check_time(time, LEAST_ITERATIONS, counts, args.session.quiet)?;
-    }
     let default = time.is_none().then_some(DEFAULT_ITERATIONS);
-    let goal = Goal { iterations: args.iterations.or(default), time, ..Goal::default() };
-    let counts = describe_counts(renderer.block());
-    let mut session = Session::new(
-        &prepared,
-        (goal, LEAST_ITERATIONS),
-        args.session.manner(),
-        ("measuring", &counts),
-    )?;
-    let mut measuring = Measuring(args.estimator);
-    let stopped_by = session.iterate(&mut renderer, &mut measuring, None, |_, _, _| Ok(None))?;
-    let film = renderer.film();
-    session.progress.finish();
+    let iterations = args.iterations.or(default);
+    let stop = Stop { iterations, time, objective: Objective::Pooled, ..Stop::default() };
+    let mut progress = Progress::new(args.session.progress_format());
+    let job = input
+        .job(&args.session)
+        .measure_always(args.estimator)
+        .at_least(LEAST_ITERATIONS)
+        .stop(stop)
+        .interrupted_by(catch_interrupts(progress.clone())?);
+    let RenderResult { state, stopped_by, .. } = job.run(|event| {
+        match event {
+            Event::Warning(warning) => progress.note(&format!("warning: {warning}")),
+            Event::Started(state) => {
+                announce(&progress, &input, state, "measuring", "");
+                progress.start();
+            }
+            Event::Iterated(state) => progress.update(state),
+            Event::Choosing(..) | Event::Denoised(..) => {}
+        }
+        ControlFlow::Continue(())
+    })?;
+    progress.finish();
+    let film = state.renderer.film();
     if film.iterations < LEAST_ITERATIONS {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
-        session.progress.note("note: standard errors take at least 32 iterations");
+        progress.note("note: standard errors take at least 32 iterations");
     }
 
-    let noise = renderer.block().noise_image()?;
+    let noise = state.renderer.block().noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
-    let mut file =
-        noise_file((&prepared.origin, &prepared.scene.regions), film, noise, args.estimator);
-    let light_paths = session.totals.iterations as f64 * f64::from(settings.light_paths);
-    let photons = session.totals.photons as f64 / light_paths;
+    let settings = &state.provenance.settings;
+    let mut file = noise_file((&state.provenance, &state.regions), film, noise, args.estimator);
+    let light_paths = state.totals.iterations as f64 * f64::from(settings.light_paths);
+    let photons = state.totals.photons as f64 / light_paths;
     file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), Value::Number(photons));
     let mut attempts = Attempts::default();
     attempts.add(exr, || file.write(exr));
@@ -130,7 +135,7 @@ pub fn run(args: &Args) -> Result<String> {
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let report = Report {
-        run: session.report((film.iterations, film.mean_luminance()), stopped_by, write_time),
+        run: RunReport::new(&input, &state, stopped_by, write_time),
         light_paths: settings.light_paths,
         camera_paths: settings.camera_paths,
         estimator: args.estimator,
@@ -169,20 +174,4 @@ fn too_few(iterations: u64) -> Error {
         format!("{iterations} measured iterations have no sample variance"),
         "measure at least 2 iterations; standard errors take 32, good ones 256",
     )
-}
-
-/// Coefficients are about pairs of paths of the same kind.
-pub fn check_counts(settings: &Settings) -> Result<()> {
-    for (count, what, option) in [
-        (settings.light_paths, "light path", "--light-paths"),
-        (settings.camera_paths, "camera path per pixel", "--camera-paths"),
-    ] {
-        if count < 2 {
-            return Err(Error::new(
-                format!("the noise cannot be measured with {count} {what}"),
-                format!("give {option} 2 or more; the result predicts the noise at 1 as well"),
-            ));
-        }
-    }
-    Ok(())
 }

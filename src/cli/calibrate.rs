@@ -2,11 +2,12 @@
 
 use super::interrupts::catch_interrupts;
 use super::json;
-use super::loaded_scene::{LoadedScene, SessionArgs};
 use super::outputs::{self, Output};
-use super::progress::{Progress, Status, Totals};
-use bdpm::adaptive::stopping::Goal;
+use super::progress::Progress;
+use super::scene_input::{LoadedScene, SessionArgs};
+use bdpm::adaptive::stopping::Stop;
 use bdpm::base::error::{Error, Result};
+use bdpm::job::{Status, Totals};
 use bdpm::noise::Measure;
 use bdpm::paper::table_2::beside_table_2;
 use bdpm::render::Renderer;
@@ -69,7 +70,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let files = [Output::new("--output", &args.output, Some("json"))];
     outputs::check(&files)?;
-    let prepared = LoadedScene::new(&args.session, None)?;
+    let prepared = LoadedScene::new(&args.session)?;
     outputs::spare_inputs(&files)?;
     let setup = Setup::new(&prepared.origin, prepared.threads.current_num_threads());
     let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
@@ -98,8 +99,9 @@ fn measure(
     args: &Args,
 ) -> Result<(Recorder, u64, Duration)> {
     let time = args.session.time.unwrap_or(DEFAULT_TIME);
-    let goal = Goal { time: Some(time), ..Goal::default() };
-    let mut progress = Progress::new(goal, args.session.manner());
+    let stop = Stop::time(time);
+    let mut progress = Progress::new(args.session.progress_format());
+    progress.start();
     let interrupted = catch_interrupts(progress.clone())?;
     let sizes = grid::sizes(prepared.origin.settings.pixels());
     progress.note(&format!("measuring the times of {} sizes: {setup}", sizes.len()));
@@ -119,7 +121,7 @@ fn measure(
                 let report = prepared.threads.install(|| renderer.iterate(Measure::Off));
                 totals.add(&report);
                 let status = Status { iterations: totals.iterations, ..Status::default() };
-                progress.update(&totals, &status, start.elapsed());
+                progress.show(&stop, &totals, &status, start.elapsed());
                 if interrupted.load(Ordering::Relaxed) {
                     progress.finish();
                     return Err(Error::new(

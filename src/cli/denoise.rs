@@ -1,6 +1,5 @@
 //! `bdpm denoise IMAGE`.
 
-use super::denoising;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use bdpm::base::error::{Error, Result};
@@ -56,7 +55,7 @@ pub fn run(args: &Args) -> Result<String> {
     // Errors that were told are those of what was denoised before.
     image.layers.retain(|layer| !layer.name.starts_with("denoised"));
     image.metadata.retain(|name, _| !name.starts_with("denoised"));
-    image.layers.extend(denoising::layers(&denoised));
+    image.layers.extend(bdpm::output::denoise::layers(&denoised));
     let mut attempts = Attempts::default();
     attempts.add(&exr, || image_io::write_exr(&exr, &image));
     attempts.add(&png, || image_io::write_png(&png, size.0, size.1, &denoised.image));

@@ -1,11 +1,10 @@
 //! `bdpm merge PART...`.
 
 use super::json;
-use super::layers::Layers;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use super::render_files::{Outputs, Writer};
-use super::render_task::{best_measured, save_noise};
+use super::render_observer::save_noise;
 use super::say;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::importance;
@@ -16,7 +15,6 @@ use bdpm::render::block;
 use bdpm::render::block::CombinedImage;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -92,19 +90,12 @@ pub fn run(args: &Args) -> Result<String> {
     if image.iterations() == 0 {
         return Err(Error::new("the parts hold no iteration", "render them first"));
     }
-    let mut writer = Writer {
-        origin: &checkpoint.origin,
-        regions: &checkpoint.regions,
-        outputs,
-        page: None,
-        whole: checkpoint.whole,
-        layers: Layers::new(&[]),
-        time: Duration::ZERO,
-    };
-    writer.save_image(&checkpoint.shared, &image, None, &mut attempts);
+    let mut writer = Writer::new(outputs, &[]);
+    let shown = (&image, &*checkpoint.shared);
+    writer.save(&checkpoint.origin, shown, None, &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {
-            let block = best_measured(&checkpoint.blocks).ok_or_else(|| {
+            let block = bdpm::job::best_measured(&checkpoint.blocks).ok_or_else(|| {
                 let problem = "too few iterations were measured to tell the noise";
                 Error::new(problem, "leave --noise out, or render more iterations").at(path)
             })?;

@@ -1,11 +1,12 @@
 //! `bdpm reproduce`.
 
 use super::interrupts::catch_interrupts;
-use super::loaded_scene::{LoadedScene, SessionArgs};
-use super::progress::{Manner, Progress, Status, Totals};
+use super::progress::{Progress, ProgressFormat};
+use super::scene_input::{LoadedScene, SessionArgs};
 use super::{human_time, json, say};
-use bdpm::adaptive::stopping::{Forecast, Goal};
+use bdpm::adaptive::stopping::{Forecast, Stop};
 use bdpm::base::error::{Error, Result};
+use bdpm::job::{Status, Totals};
 use bdpm::noise::file::check_memory;
 use bdpm::noise::region;
 use bdpm::paper::findings::Verdict;
@@ -81,7 +82,7 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let (time, resolution) = if args.quick { QUICK } else { FULL };
     let time = args.time_budget.unwrap_or(time);
-    let mut prepared = LoadedScene::with_resolution(&args.session, resolution)?;
+    let mut prepared = LoadedScene::with_default_resolution(&args.session, Some(resolution))?;
     as_published(&mut prepared.origin.settings, &scene.wishes);
     let identity = identity(&prepared, time)?;
     let folder = Folder::new(&args.output)?;
@@ -155,8 +156,10 @@ fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
 
 /// Measures what is left; returns whether all is complete.
 fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
-    let manner = if quiet { Manner::Nothing } else { Manner::Text };
-    let mut progress = Progress::new(Goal { time: Some(time), ..Goal::default() }, manner);
+    let format = if quiet { ProgressFormat::Nothing } else { ProgressFormat::Text };
+    let stop = Stop::time(time);
+    let mut progress = Progress::new(format);
+    progress.start();
     let interrupted = catch_interrupts(progress.clone())?;
     let (done, all) = (run.experiment().done.len(), Part::all().len());
     let Identity { setup, .. } = &run.experiment().identity;
@@ -178,8 +181,8 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
         totals.add(glimpse.report);
         // Only the time that is left is forecast.
         let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: glimpse.left });
-        let status = Status { iterations, standing: None, forecast };
-        progress.update(&totals, &status, Duration::from_secs_f64(glimpse.seconds));
+        let status = Status { iterations, convergence: None, forecast };
+        progress.show(&stop, &totals, &status, Duration::from_secs_f64(glimpse.seconds));
         match interrupted.load(Ordering::Relaxed) {
             false => ControlFlow::Continue(()),
             true => ControlFlow::Break(()),

@@ -1,11 +1,10 @@
 //! Progress on stderr: a bar on a terminal, else a line now and then.
 
 use super::{human_time, say};
-use bdpm::adaptive::stopping::{Convergence, Forecast, Goal};
+use bdpm::adaptive::stopping::{Convergence, Forecast, Stop};
 use bdpm::film::PhaseTimes;
-use bdpm::render::IterationReport;
+use bdpm::job::{RenderState, Status, Totals};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
-use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::io::{self, IsTerminal, Write as _};
 use std::sync::{Arc, Mutex};
@@ -17,71 +16,13 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Time between objects for programs.
 const OBJECT_EVERY: Duration = Duration::from_millis(500);
 
-/// Where an image stands after an iteration.
-#[derive(Clone, Debug, Default)]
-pub struct Status {
-    /// Iterations of the image.
-    pub iterations: u64,
-    /// As it was found a moment ago.
-    pub standing: Option<Convergence>,
-    /// What the rest leads to, once that is known.
-    pub forecast: Option<Forecast>,
-}
-
-/// What this run has done.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Totals {
-    /// Iterations of this run.
-    pub iterations: u64,
-    /// Rays of this run.
-    pub rays: u64,
-    /// Photons of this run.
-    pub photons: u64,
-    /// Pixel values that were not finite.
-    pub non_finite: u64,
-    /// Busy thread time of the phases, and wall-clock time.
-    pub times: PhaseTimes,
-}
-
-impl Totals {
-    /// Adds an iteration.
-    pub fn add(&mut self, report: &IterationReport) {
-        self.iterations += 1;
-        self.rays += report.rays;
-        self.photons += report.photons as u64;
-        self.non_finite += report.non_finite.len() as u64;
-        self.times += report.times;
-    }
-
-    /// Adds what another process has done.
-    pub fn join(&mut self, other: &Self) {
-        self.iterations += other.iterations;
-        self.rays += other.rays;
-        self.photons += other.photons;
-        self.non_finite += other.non_finite;
-        self.times += other.times;
-    }
-
-    /// Rays per second of wall-clock time.
-    pub fn rays_per_second(&self) -> f64 {
-        self.rays as f64 / self.times.wall.as_secs_f64().max(1e-9)
-    }
-
-    /// Shares of the light, camera and merge phases, percent.
-    fn shares(&self) -> [f64; 3] {
-        let PhaseTimes { light, camera, merge, .. } = self.times;
-        let all = (light + camera + merge).as_secs_f64().max(1e-9);
-        [light, camera, merge].map(|phase| 100.0 * phase.as_secs_f64() / all)
-    }
-}
-
-/// How to tell of it.
+/// Format of the progress on stderr.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Manner {
-    /// A bar on a terminal, else a line now and then
+pub enum ProgressFormat {
+    /// A bar on a terminal, else a line every 10 seconds
     #[default]
     Text,
-    /// A JSON object per line on stderr, every half a second, for programs that run this one
+    /// A JSON object per line, every half a second, for programs that run this one
     Json,
     /// Nothing
     #[value(skip)]
@@ -92,7 +33,6 @@ pub enum Manner {
 #[derive(Clone)]
 pub struct Progress {
     shown: Shown,
-    goal: Goal,
     last_line: Instant,
     /// Expected end; the bar counts down to it while an iteration is under way.
     end: Arc<Mutex<Option<Instant>>>,
@@ -111,34 +51,38 @@ enum Shown {
 }
 
 impl Progress {
-    /// Starts showing, or stays silent if `quiet`.
-    pub fn new(goal: Goal, manner: Manner) -> Self {
+    /// Shows nothing but notes before [`Self::start`].
+    pub fn new(format: ProgressFormat) -> Self {
         let end = Arc::new(Mutex::new(None));
-        let shown = if manner == Manner::Nothing {
+        let shown = if format == ProgressFormat::Nothing {
             Shown::Nothing
-        } else if manner == Manner::Json {
+        } else if format == ProgressFormat::Json {
             Shown::Json
         } else if io::stderr().is_terminal() {
             Shown::Bar(bar(end.clone()))
         } else {
             Shown::Lines
         };
-        Self {
-            shown,
-            goal,
-            last_line: Instant::now(),
-            end,
-            is_orphan: false,
-            picture: Arc::default(),
+        Self { shown, last_line: Instant::now(), end, is_orphan: false, picture: Arc::default() }
+    }
+
+    /// Begins to show how far the image is.
+    pub fn start(&self) {
+        if let Shown::Bar(bar) = &self.shown {
+            bar.enable_steady_tick(Duration::from_millis(200));
         }
     }
 
-    /// Shows the state after an iteration, `elapsed` being the time since rendering began.
-    pub fn update(&mut self, totals: &Totals, status: &Status, elapsed: Duration) {
-        let goal = self.goal;
-        let (left, fraction) = way(&goal, status, elapsed.as_secs_f64());
+    /// Shows where a render stands after an iteration.
+    pub fn update(&mut self, state: &RenderState) {
+        self.show(&state.stop, &state.totals, &state.status, state.elapsed());
+    }
+
+    /// Shows the work of `elapsed` time on the way to `stop`.
+    pub fn show(&mut self, stop: &Stop, totals: &Totals, status: &Status, elapsed: Duration) {
+        let (left, fraction) = time_left(stop, status, elapsed.as_secs_f64());
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
-        let state = describe(goal, totals, status);
+        let state = describe(stop, totals, status);
         match &self.shown {
             Shown::Nothing => {}
             Shown::Lines => {
@@ -153,7 +97,7 @@ impl Progress {
             Shown::Json => {
                 if self.last_line.elapsed() >= OBJECT_EVERY {
                     self.last_line = Instant::now();
-                    let object = object(&goal, status, left, fraction);
+                    let object = object(stop, status, left, fraction);
                     self.is_orphan |= writeln!(io::stderr(), "{object}").is_err();
                 }
             }
@@ -208,25 +152,25 @@ impl Progress {
     }
 }
 
-/// Seconds that are left, if that is known, and the part of the way that is done, after `elapsed` seconds.
-pub fn way(goal: &Goal, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
+/// Seconds that are left, if that is known, and the share of the work that is done, after `elapsed` seconds.
+pub fn time_left(stop: &Stop, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
     let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
     let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
         let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
-        goal.time.filter(|_| goal.target.is_none() && goal.error.is_none()).map(rest)
+        stop.time.filter(|_| stop.target.is_none() && stop.error.is_none()).map(rest)
     });
-    let fraction = match (left, goal.iterations) {
+    let fraction = match (left, stop.iterations) {
         (_, Some(n)) => status.iterations as f64 / n as f64,
         (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
-        (None, None) => goal.time.map_or(0.0, of_time),
+        (None, None) => stop.time.map_or(0.0, of_time),
     };
     (left, fraction)
 }
 
-/// The same for programs: errors as shares, times in seconds, `null` where nothing is known yet.
-fn object(goal: &Goal, status: &Status, left: Option<Duration>, done: f64) -> serde_json::Value {
-    let standing = status.standing.as_ref();
-    let error = |left| standing.and_then(|standing| standing.error(goal, left));
+/// An object for programs: errors as shares, times in seconds, `null` for what is not known yet.
+fn object(stop: &Stop, status: &Status, left: Option<Duration>, done: f64) -> serde_json::Value {
+    let convergence = status.convergence.as_ref();
+    let error = |left| convergence.and_then(|convergence| convergence.error(stop, left));
     serde_json::json!({
         "iterations": status.iterations,
         "done": done.clamp(0.0, 1.0),
@@ -237,20 +181,23 @@ fn object(goal: &Goal, status: &Status, left: Option<Duration>, done: f64) -> se
 }
 
 /// Count, noise now and at the end, speed, and what takes the time.
-fn describe(goal: Goal, totals: &Totals, status: &Status) -> String {
-    let mut state = match goal.iterations {
+fn describe(stop: &Stop, totals: &Totals, status: &Status) -> String {
+    let mut state = match stop.iterations {
         Some(n) => format!("{}/{n}", status.iterations),
         None => format!("{} done", status.iterations),
     };
-    let luminance = status.standing.as_ref().map_or(0.0, |standing| standing.mean_luminance);
+    let luminance =
+        status.convergence.as_ref().map_or(0.0, |convergence| convergence.mean_luminance);
     let percent = |rms: f64| format!("{:.2}%", 100.0 * rms / luminance);
-    if let Some(now) = status.standing.as_ref().and_then(|standing| standing.error(&goal, 1.0)) {
+    if let Some(now) =
+        status.convergence.as_ref().and_then(|convergence| convergence.error(stop, 1.0))
+    {
         state += &format!("  error {:.2}%", 100.0 * now);
-        let forecast = status.standing.as_ref().zip(status.forecast);
-        if let Some(then) = forecast.and_then(|(now, then)| now.error(&goal, then.left)) {
+        let forecast = status.convergence.as_ref().zip(status.forecast);
+        if let Some(then) = forecast.and_then(|(now, then)| now.error(stop, then.left)) {
             state += &format!(" to {:.2}%", 100.0 * then);
         }
-    } else if let Some(rms) = status.standing.as_ref().and_then(Convergence::rms)
+    } else if let Some(rms) = status.convergence.as_ref().and_then(Convergence::rms)
         && luminance > 0.0
     {
         state += &format!("  RMS {}", percent(rms));
@@ -258,7 +205,7 @@ fn describe(goal: Goal, totals: &Totals, status: &Status) -> String {
             state += &format!(" to {}", percent(rms));
         }
     }
-    let [light, camera, merge] = totals.shares();
+    let [light, camera, merge] = phase_shares(totals);
     let speed = totals.rays_per_second() / 1e6;
     state + &format!("  {speed:.1} Mray/s  light {light:.0}% camera {camera:.0}% merge {merge:.0}%")
 }
@@ -275,7 +222,12 @@ fn bar(end: Arc<Mutex<Option<Instant>>>) -> ProgressBar {
         .expect("the template is valid")
         .with_key("left", left)
         .progress_chars("━╸─");
-    let bar = ProgressBar::new(1000).with_style(style).with_message("first iteration");
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
+    ProgressBar::new(1000).with_style(style).with_message("first iteration")
+}
+
+/// Shares of the light, camera and merge phases in the busy time, percent.
+fn phase_shares(totals: &Totals) -> [f64; 3] {
+    let PhaseTimes { light, camera, merge, .. } = totals.times;
+    let all = (light + camera + merge).as_secs_f64().max(1e-9);
+    [light, camera, merge].map(|phase| 100.0 * phase.as_secs_f64() / all)
 }

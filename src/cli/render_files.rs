@@ -1,37 +1,31 @@
 //! The files that `bdpm render` writes, and when.
 
-use super::denoising;
-use super::layers::Layers;
 use super::outputs::{self, Attempts, Output};
-use super::page::{Page, Snapshot};
 use super::preview;
 use super::progress::Progress;
 use super::render::Args;
-use super::session::Session;
-use bdpm::adaptive::Steer;
 use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
 use bdpm::base::file_id::FileId;
 use bdpm::image_io;
 use bdpm::image_io::{Image, Layer, Value};
-use bdpm::output::checkpoint::{Checkpoint, Whole};
+use bdpm::job::RenderState;
+use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
-use bdpm::render::Renderer;
+use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
-use bdpm::scene::Region;
 use bdpm::settings::provenance::Provenance;
-use std::borrow::Cow;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Time between checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 
-/// When the image is first written while rendering goes on.
+/// Rendering time before the image is first written.
 const FIRST_WRITE: Duration = Duration::from_secs(10);
 
-/// Rendering time per time of writing, at least: writing takes at most 2 % of the time.
+/// Minimum rendering time over writing time: writing takes at most 2 % of the time.
 const WRITE_SHARE: u32 = 50;
 
 /// Time to write a pixel, assumed until it is known.
@@ -67,8 +61,8 @@ impl Outputs {
         all
     }
 
-    /// Refuses to replace what was read, but for the checkpoint that is continued. The preview, which
-    /// nobody gave a name, moves out of the way of what is no preview; returns whether it did.
+    /// Refuses to replace files that were read, except for the checkpoint that is continued. The preview has no name of
+    /// its own, so it moves out of the way of a file that is no preview; returns whether it did.
     pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
         let beside = self.png.clone();
         self.png = preview::aside(&beside)?;
@@ -85,102 +79,88 @@ impl Outputs {
     }
 }
 
-/// When files are written while rendering goes on.
-pub struct Schedule {
+/// When files are written while a job renders.
+pub struct FileSchedule {
     next_image: Duration,
     next_checkpoint: Duration,
 }
 
-impl Schedule {
+impl FileSchedule {
     pub fn new(pixels: usize) -> Self {
         let next_image = FIRST_WRITE.max(WRITE_PIXEL * pixels as u32 * WRITE_SHARE);
         Self { next_image, next_checkpoint: CHECKPOINT_EVERY }
     }
 
-    /// A failure here may be gone at the end: only the last write must succeed.
+    /// Writes the files that are due. A failure is a warning, since its cause may be gone at the end: only the last
+    /// write must succeed.
     pub fn write_when_due(
         &mut self,
         writer: &mut Writer,
-        session: &mut Session,
-        save_checkpoint: impl Fn(&mut Writer, &Session, &mut Attempts),
-        save_image: impl Fn(&mut Writer, &mut Session, &mut Attempts),
+        state: &mut RenderState,
+        progress: &Progress,
     ) {
-        if session.elapsed() >= self.next_checkpoint {
+        let warn = |result: Result<()>| {
+            if let Err(error) = result {
+                progress.note(&format!("warning: {error}"));
+            }
+        };
+        if state.elapsed() >= self.next_checkpoint {
             let mut attempts = Attempts::default();
-            save_checkpoint(writer, session, &mut attempts);
-            warn_of_failure(&session.progress, attempts.failures());
-            self.next_checkpoint = session.elapsed() + CHECKPOINT_EVERY;
+            writer.save_checkpoint(state, &mut attempts);
+            warn(attempts.failures());
+            self.next_checkpoint = state.elapsed() + CHECKPOINT_EVERY;
         }
-        if session.elapsed() >= self.next_image {
+        if state.elapsed() >= self.next_image {
             let before = Instant::now();
-            let mut attempts = Attempts::default();
-            save_image(writer, session, &mut attempts);
-            warn_of_failure(&session.progress, attempts.failures());
-            let pause = (before.elapsed() * WRITE_SHARE).max(session.elapsed() / 2);
-            self.next_image = session.elapsed() + pause;
+            match state.denoised_preview() {
+                Ok(denoised) => {
+                    let mut attempts = Attempts::default();
+                    writer.save_image(state, &state.image(), denoised.as_ref(), &mut attempts);
+                    warn(attempts.failures());
+                }
+                Err(error) => warn(Err(error)),
+            }
+            let pause = (before.elapsed() * WRITE_SHARE).max(state.elapsed() / 2);
+            self.next_image = state.elapsed() + pause;
         }
     }
 }
 
-fn warn_of_failure(progress: &Progress, result: Result<()>) {
-    if let Err(error) = result {
-        progress.note(&format!("warning: {error}"));
-    }
-}
-
-/// Writes the files and keeps the time that takes.
-pub struct Writer<'a> {
-    pub origin: &'a Provenance,
-    /// The scene's.
-    pub regions: &'a [Region],
+/// Writes the files of a render, and keeps the time that takes.
+pub struct Writer {
     pub outputs: Outputs,
-    pub page: Option<Page>,
-    /// What the image is a part of, if it is.
-    pub whole: Option<Whole>,
-    pub layers: Layers,
+    layers: LayerSelection,
     pub time: Duration,
 }
 
-impl Writer<'_> {
-    pub fn save_checkpoint(
-        &mut self,
-        renderer: &Renderer,
-        steer: &impl Steer,
-        elapsed: Duration,
-        attempts: &mut Attempts,
-    ) {
+impl Writer {
+    pub fn new(outputs: Outputs, layers: &[LayerName]) -> Self {
+        Self { outputs, layers: LayerSelection::new(layers), time: Duration::ZERO }
+    }
+
+    pub fn save_checkpoint(&mut self, state: &RenderState, attempts: &mut Attempts) {
         let Some(path) = &self.outputs.checkpoint else { return };
         let start = Instant::now();
-        let checkpoint = Checkpoint {
-            origin: self.origin.clone(),
-            blocks: Cow::Borrowed(renderer.blocks()),
-            shared: Cow::Borrowed(renderer.shared()),
-            autopilot: steer.state(elapsed.as_secs_f64()),
-            plan: steer.plan().cloned(),
-            whole: self.whole,
-            regions: self.regions.to_vec(),
-        };
-        attempts.add(path, || checkpoint.save(path));
+        attempts.add(path, || state.checkpoint().save(path));
         self.time += start.elapsed();
     }
 
-    pub fn page_is_due(&self, session: &Session) -> bool {
-        self.page.as_ref().is_some_and(|page| page.is_due(session.elapsed()))
-    }
-
-    /// The page while rendering goes on.
-    pub fn renew_page(&mut self, moment: &Snapshot) {
-        let Some(page) = &mut self.page else { return };
-        let start = Instant::now();
-        warn_of_failure(&moment.session.progress, page.write(moment));
-        self.time += start.elapsed();
-    }
-
-    /// The image and its preview, which is of the denoised one if there is one.
+    /// Writes the image of a job.
     pub fn save_image(
         &mut self,
-        shared: &SharedStatistics,
-        combined: &CombinedImage,
+        state: &RenderState,
+        image: &CombinedImage,
+        denoised: Option<&Denoised>,
+        attempts: &mut Attempts,
+    ) {
+        self.save(&state.provenance, (image, state.renderer.shared()), denoised, attempts);
+    }
+
+    /// Writes an image and its preview, which shows the denoised image if there is one.
+    pub fn save(
+        &mut self,
+        provenance: &Provenance,
+        (combined, shared): (&CombinedImage, &SharedStatistics),
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
     ) {
@@ -192,9 +172,9 @@ impl Writer<'_> {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
         layers.extend(self.layers.of(shared, combined, &pixels));
-        layers.extend(denoised.into_iter().flat_map(denoising::layers));
+        layers.extend(denoised.into_iter().flat_map(denoise::layers));
         let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
-        let mut metadata = self.origin.to_metadata();
+        let mut metadata = provenance.to_metadata();
         if let Some(error) = denoised.and_then(|denoised| denoised.error.as_ref()) {
             let error = &error.whole;
             for (name, value) in [

@@ -1,16 +1,22 @@
 //! What `bdpm render` tells at the end, for programs and for people.
 
-use super::denoising::DenoisedReport;
 use super::human_time;
-use super::session::{Expectation, RunReport, Seconds};
+use super::progress::Progress;
+use super::render::Args;
+use super::render_files::Writer;
+use super::run_report::{RunReport, Seconds};
+use super::scene_input::SceneInput;
+use bdpm::RenderResult;
 use bdpm::adaptive::autopilot::Promise;
-use bdpm::adaptive::stopping::{Convergence, Goal, StoppedBy, importance};
+use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
-use bdpm::render::Renderer;
+use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, CombinedImage};
+use bdpm::settings::Settings;
 use bdpm::settings::policy::UPPER_BOUND;
 use serde::Serialize;
+use std::path::Path;
 
 /// The result.
 #[derive(Serialize)]
@@ -25,16 +31,16 @@ pub struct Report<'a> {
     pub rms_error: Option<f64>,
     pub relative_rms: Option<f64>,
     /// Relative error of the image, if that was to be small.
-    pub error: Option<Shares>,
+    pub error: Option<RelativeError>,
     /// What was expected when the counts were first chosen.
     pub promise: Option<Promise>,
     /// What became of it by denoising.
     pub denoised: Option<DenoisedReport>,
     /// Techniques that were tried, the chosen one first.
-    pub technique: Option<Selection>,
+    pub technique: Option<&'a Selection>,
     /// What was expected of this run's time when half of it had passed.
-    pub half_way: Option<Expectation>,
-    pub merge_bias: Option<MergeBias>,
+    pub half_way: Option<TimeForecast>,
+    pub merge_bias: Option<&'a MergeBias>,
     pub exr: String,
     pub png: String,
     pub noise: Option<String>,
@@ -42,27 +48,33 @@ pub struct Report<'a> {
     pub checkpoint: Option<String>,
 }
 
-/// Relative RMS error of an image, and what it consists of.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Shares {
-    pub total: f64,
-    pub noise: f64,
-    /// As the choice of the technique found it, or what the image shows to be left where bias is taken off.
-    pub bias: f64,
-}
-
-impl Shares {
-    /// Of an image, if that is what its goal counts and its bias is known.
-    pub fn new(renderer: &Renderer, image: &CombinedImage, goal: &Goal) -> Option<Self> {
-        let (blocks, weights) = (renderer.blocks(), image.weights().to_vec());
-        let importance = importance(blocks, goal.objective);
-        let standing = Convergence::new(blocks, weights, &importance);
-        if goal.bias2 <= 0.0 && standing.bias2.is_none() {
-            return None;
+impl<'a> Report<'a> {
+    /// Reports a job that has ended and whose files were written.
+    pub fn new(args: &Args, input: &SceneInput, result: &'a RenderResult, writer: &Writer) -> Self {
+        let state = &result.state;
+        let image = state.image();
+        let luminance = image.mean_luminance();
+        let name = |path: &Path| path.to_string_lossy().into_owned();
+        let rms = result.rms.map(|(rms, _)| rms);
+        Self {
+            run: RunReport::new(input, state, result.stopped_by, writer.time),
+            automatic: state.is_automatic,
+            blocks: block_reports(&image, state.renderer.blocks()),
+            rms,
+            rms_error: result.rms.map(|(_, error)| error).filter(|error| error.is_finite()),
+            relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
+            promise: state.promise().copied(),
+            error: result.error,
+            denoised: state.denoising.as_ref().map(|denoising| denoising.report(&state.stop)),
+            technique: result.selection(),
+            half_way: state.half_way(),
+            merge_bias: result.merge_bias.as_ref(),
+            exr: name(&writer.outputs.exr),
+            png: name(&writer.outputs.png),
+            noise: args.noise.as_deref().map(name),
+            report: args.report.as_deref().map(name),
+            checkpoint: writer.outputs.checkpoint.as_deref().map(name),
         }
-        let goal = &standing.told(goal);
-        let total = standing.error(goal, 1.0)?;
-        Some(Self { total, noise: standing.counted?.sqrt(), bias: goal.bias2.sqrt() })
     }
 }
 
@@ -93,6 +105,28 @@ pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport
         variance: block.film.pooled_variance().map(|(variance, _)| variance),
     };
     blocks.iter().zip(image.weights()).map(report).collect()
+}
+
+/// Prints what begins: the scene, `verb` as what is done to it, its counts, and `more`.
+pub fn announce(
+    progress: &Progress,
+    input: &SceneInput,
+    state: &RenderState,
+    verb: &str,
+    more: &str,
+) {
+    let Settings { width, height, .. } = state.provenance.settings;
+    let counts = match state.is_automatic {
+        true => "numbers of paths chosen automatically".to_owned(),
+        false => describe_counts(state.renderer.block()),
+    };
+    progress.note(&format!("read {}", input.loaded.summary));
+    progress.note(&format!(
+        "{verb} {}: {width}x{height} pixels, {counts}{more}, {} threads, {}",
+        state.provenance.scene,
+        state.threads().current_num_threads(),
+        state.accel_name,
+    ));
 }
 
 /// The counts of a block in words.
@@ -128,7 +162,7 @@ pub fn text(report: &Report) -> String {
         run.mean_luminance
     );
     text += &processes(run);
-    if let Some(Shares { total, noise, bias }) = report.error {
+    if let Some(RelativeError { total, noise, bias }) = report.error {
         text += &format!(
             "relative error {:.2} %: noise {:.2} %, merge bias {:.2} %\n",
             100.0 * total,
@@ -137,9 +171,9 @@ pub fn text(report: &Report) -> String {
         );
     }
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
-    text += &report.technique.as_ref().map_or(String::new(), technique);
+    text += &report.technique.map_or(String::new(), technique);
     text += &choice(report);
-    if let Some(bias) = &report.merge_bias
+    if let Some(bias) = report.merge_bias
         && bias.share_beyond_noise >= 0.01
     {
         text += &format!(

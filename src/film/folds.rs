@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn folds_fit_their_own_number_and_resolution_only() {
         let mut folds = folded(0..1);
-        let fits = |folds: &FoldedBuffer<Rgb>, settings| {
+        let fits = |folds: &FoldedBuffer<Rgb>, settings: &Settings| {
             <FoldedBuffer<Rgb> as PixelStatistic>::fits(Some(folds), settings)
         };
         assert!(fits(&folds, &settings()));

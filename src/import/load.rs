@@ -78,8 +78,8 @@ impl LoadOptions<'_> {
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read or
 /// rendered.
-pub fn load(path: &Path) -> Result<Loaded> {
-    load_with(path, &LoadOptions::default())
+pub fn load(path: impl AsRef<Path>) -> Result<Loaded> {
+    load_with(path.as_ref(), &LoadOptions::default())
 }
 
 /// The same with options.

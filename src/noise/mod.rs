@@ -22,6 +22,7 @@ pub mod pairs;
 #[cfg(feature = "cli")]
 pub mod picture;
 pub mod region;
+pub mod schedule;
 pub mod summary;
 
 use serde::{Deserialize, Serialize};

@@ -42,7 +42,7 @@ pub struct Checkpoint<'a> {
     /// Statistics over all blocks.
     pub shared: Cow<'a, SharedStatistics>,
     /// How far the choice of counts has come, if it is automatic.
-    pub autopilot: Option<autopilot::State>,
+    pub autopilot: Option<autopilot::AutopilotState>,
     /// What was to be rendered step by step, if that is known.
     pub plan: Option<Plan>,
     /// What it is a part of, if it is.
@@ -76,7 +76,7 @@ struct Payload<'a> {
     origin: Cow<'a, Provenance>,
     blocks: Cow<'a, [Block]>,
     shared: Cow<'a, SharedStatistics>,
-    autopilot: Option<autopilot::State>,
+    autopilot: Option<autopilot::AutopilotState>,
     plan: Option<Cow<'a, Plan>>,
     whole: Option<Whole>,
     regions: Cow<'a, [Region]>,
@@ -240,7 +240,7 @@ mod tests {
     use glam::DVec3;
     use std::fs;
 
-    fn state() -> autopilot::State {
+    fn state() -> autopilot::AutopilotState {
         let times = TimeModel {
             fixed: 1e-3,
             light_path: 1e-6,
@@ -249,7 +249,7 @@ mod tests {
             merge_pair: 1e-9,
             pixels: 35.0,
         };
-        autopilot::State::new(times, 1e-4)
+        autopilot::AutopilotState::new(times, 1e-4)
     }
 
     fn checkpoint() -> Checkpoint<'static> {

@@ -12,7 +12,7 @@ use crate::film::statistic::{BatchGrain, CurrentIteration, StatisticRequest};
 use crate::noise::Coefficients;
 use crate::noise::film::NoiseFilm;
 use crate::noise::image::NoiseImage;
-use crate::settings::policy::measured_before;
+use crate::noise::schedule::measured_before;
 use crate::settings::{Kernel, Settings};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

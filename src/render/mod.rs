@@ -40,11 +40,12 @@ use crate::transport::photon_map::PhotonMap;
 use accumulators::SharedStatistics;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use worker::Worker;
 
 /// Statistics that are kept beside the image, and other choices that do not change the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderConfig {
     /// Layers that are kept beside the image.
     pub aovs: AovSelection,

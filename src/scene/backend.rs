@@ -22,6 +22,11 @@ impl Backend {
     /// All, also those that this program was built without.
     pub const ALL: [Self; 2] = [Self::Embree, Self::Bvh];
 
+    /// The backend of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|backend| backend.name() == name)
+    }
+
     /// Its name on the command line.
     pub const fn name(self) -> &'static str {
         match self {

@@ -6,20 +6,6 @@
 
 // --- When to measure -----------------------------------------------------------------------------
 
-/// Iterations that are measured at the beginning of a render at fixed counts: the least that batches
-/// of two iterations tell anything about.
-pub const FIXED_PILOT: u64 = 8;
-
-/// Of the iterations after the pilot, one in so many is measured: with a million light paths one takes
-/// one and a half times as long as another (`docs/performance.md`), so that this costs 6 % at most.
-pub const MEASURE_EVERY: u64 = 8;
-
-/// How many of the first `iterations` at equal counts are measured; see [`FIXED_PILOT`], [`MEASURE_EVERY`].
-pub fn measured_before(iterations: u64) -> u64 {
-    let pilot = iterations.min(FIXED_PILOT);
-    pilot + iterations.div_ceil(MEASURE_EVERY) - pilot.div_ceil(MEASURE_EVERY)
-}
-
 /// Of the first iterations of an automatic render, one in so many: times come from the others.
 pub const MEASURE_FIRST_EVERY: u64 = 2;
 

@@ -1,9 +1,9 @@
 //! A small box rendered with automatic counts, the same on every machine.
 #![allow(dead_code)] // each program uses its own part
 
-use bdpm::adaptive::Steer;
 use bdpm::adaptive::autopilot::Autopilot;
-use bdpm::adaptive::stopping::Goal;
+use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::stopping::Stop;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::timing::TimeModel;
@@ -62,12 +62,12 @@ pub fn automatic<'a>(
         pixels: f64::from(WIDTH * HEIGHT),
     };
     let time = Some(Duration::from_secs(seconds));
-    let goal = Goal { time, ..Goal::default() };
+    let goal = Stop { time, objective: Objective::Pooled, ..Stop::default() };
     let mut pilot = Autopilot::new(goal, times).with_times(times);
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut elapsed = 0.0;
     while elapsed < seconds as f64 {
-        let measure = pilot.steer(&mut renderer, elapsed).unwrap();
+        let measure = pilot.prepare(&mut renderer, elapsed).unwrap();
         renderer.iterate(measure);
         let counts = &renderer.block().counts;
         elapsed += times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());

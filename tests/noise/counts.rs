@@ -3,8 +3,8 @@
 
 use crate::automatic::*;
 use crate::common::Estimate;
+use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::Plan;
-use bdpm::adaptive::{Replay, Steer};
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::noise::Measure;
 use bdpm::render::block;
@@ -89,9 +89,9 @@ fn a_plan_replays_the_combined_image_bit_for_bit() {
     let plan = Plan::of_blocks(renderer.blocks(), &weights);
 
     let mut again = Renderer::new(&scene, &accel, settings).unwrap();
-    let mut replay = Replay::new(plan.clone());
+    let mut replay = CountPolicy::Plan(Replay::new(plan.clone()));
     for _ in 0..plan.iterations().unwrap() {
-        replay.steer(&mut again, 0.0).unwrap();
+        replay.prepare(&mut again, 0.0).unwrap();
         again.iterate(Measure::Off);
     }
     let replayed = CombinedImage::new(again.blocks(), replay.weights(again.blocks(), &[]));

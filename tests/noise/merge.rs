@@ -1,17 +1,18 @@
 //! Parts of an image, rendered apart and merged: all that is kept is what one run keeps.
 
 use crate::automatic::*;
+use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::{Plan, Rendered, Step};
-use bdpm::adaptive::{Fixed, Replay, Steer};
 use bdpm::base::iteration_set::IterationSet;
 use bdpm::film::aov::AovSelection;
 use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::noise::film::{BatchCounts, BatchGrain, BatchSums, NoiseFilm};
+use bdpm::noise::schedule::MeasureSchedule;
 use bdpm::output::checkpoint::{Checkpoint, Whole};
 use bdpm::output::merge::{Merged, merge};
-use bdpm::render::RenderConfig;
 use bdpm::render::block::{Block, CombinedImage};
+use bdpm::render::{PartialRender, RenderConfig};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
@@ -30,17 +31,17 @@ fn small() -> (Arc<bdpm::Scene>, Settings) {
 fn part(
     folder: &Path,
     own: IterationSet,
-    (grain, mut steer): (BatchGrain, impl Steer),
+    (grain, mut policy): (BatchGrain, CountPolicy),
     whole: Option<Whole>,
 ) -> PathBuf {
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let config = RenderConfig { grain, aovs: ALL, ..RenderConfig::default() };
     let renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
+    let config = RenderConfig { grain, aovs: ALL, ..RenderConfig::default() };
     let mut renderer = renderer.configure(config).unwrap();
     renderer.assign(own.clone());
     while renderer.iterations() < own.count() {
-        let measure = steer.steer(&mut renderer, 0.0).unwrap();
+        let measure = policy.prepare(&mut renderer, 0.0).unwrap();
         renderer.iterate(measure);
     }
     let (backend, fingerprint) = ("bvh".into(), scene.fingerprint());
@@ -48,7 +49,7 @@ fn part(
         Provenance { version: "1".into(), scene: "box".into(), fingerprint, backend, settings };
     let checkpoint = Checkpoint {
         shared: Cow::Borrowed(renderer.shared()),
-        plan: steer.plan().cloned(),
+        plan: policy.plan().cloned(),
         whole,
         ..Checkpoint::new(origin, renderer.blocks())
     };
@@ -174,12 +175,23 @@ fn parts_merged_in_any_order_are_the_image_of_one_run() {
     };
     for grain in [BatchGrain::Pixel, BatchGrain::Tile] {
         let folder = at(&format!("{grain:?}"));
-        let whole = part(&folder, IterationSet::from(0..75), (grain, Fixed), None);
+        let whole = part(
+            &folder,
+            IterationSet::from(0..75),
+            (grain, CountPolicy::Fixed(MeasureSchedule::default())),
+            None,
+        );
         let whole = Checkpoint::load(&whole).unwrap();
         // Uneven parts, of which one was interrupted twice.
         let ranges = [0..8, 8..31, 31..33, 33..75];
-        let parts =
-            ranges.map(|range| part(&folder, IterationSet::from(range), (grain, Fixed), None));
+        let parts = ranges.map(|range| {
+            part(
+                &folder,
+                IterationSet::from(range),
+                (grain, CountPolicy::Fixed(MeasureSchedule::default())),
+                None,
+            )
+        });
         let mut orders = vec![parts.to_vec()];
         orders.push(parts.iter().rev().cloned().collect());
         orders.push([2, 0, 3, 1].map(|i: usize| parts[i].clone()).to_vec());
@@ -219,7 +231,8 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
         step(200, map, 14, 1.0),
         step(100, CameraCounts::Uniform(1), 17, 0.25),
     ];
-    let replay = || (BatchGrain::Tile, Replay::new(Plan { steps: steps.clone() }));
+    let replay =
+        || (BatchGrain::Tile, CountPolicy::Plan(Replay::new(Plan { steps: steps.clone() })));
     let whole = Whole { iterations: 40, parts: 3 };
     let one = part(folder.path(), IterationSet::from(0..40), replay(), None);
     let one = Checkpoint::load(&one).unwrap();
@@ -238,12 +251,12 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();
-    let mut checkpoint = lacking.checkpoint;
-    renderer.resume(checkpoint.take_partial()).unwrap();
+    let Checkpoint { blocks, shared, plan, .. } = lacking.checkpoint;
+    renderer.resume(PartialRender::new(blocks.into_owned(), shared.into_owned())).unwrap();
     assert_eq!(renderer.config().aovs, ALL);
-    let mut steer = Replay::new(checkpoint.plan.unwrap());
+    let mut policy = CountPolicy::Plan(Replay::new(plan.unwrap()));
     while renderer.iterations() < 40 {
-        let measure = steer.steer(&mut renderer, 0.0).unwrap();
+        let measure = policy.prepare(&mut renderer, 0.0).unwrap();
         renderer.iterate(measure);
     }
     renderer.blocks().iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));

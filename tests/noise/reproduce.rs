@@ -24,7 +24,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 fn loaded(side: u32) -> (Arc<Scene>, Arc<dyn Intersect>, Settings) {
-    let Loaded { scene, defaults, .. } = load("scenes/cornell-box".as_ref()).unwrap();
+    let Loaded { scene, defaults, .. } = load("scenes/cornell-box").unwrap();
     let kernel = Some(Kernel::Disc);
     let wishes = PartialSettings { resolution: Some([side, side]), kernel, ..Default::default() };
     let settings = Settings::resolve(&wishes, &defaults, scene.size()).unwrap();

@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// The shipped Cornell box with its own settings, but smaller.
 fn cornell_box(side: u32) -> (Arc<Scene>, Settings) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
-    let loaded = load(path.as_ref()).unwrap();
+    let loaded = load(path).unwrap();
     let wishes = PartialSettings { resolution: Some([side; 2]), ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size()).unwrap();
     (loaded.scene, settings)

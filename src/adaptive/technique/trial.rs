@@ -379,7 +379,7 @@ mod tests {
     #[test]
     fn equal_radii_tell_the_bias_of_each_class_alone() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
-        let loaded = load(folder.as_ref()).unwrap();
+        let loaded = load(folder).unwrap();
         let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
         let own = own.unwrap();
         // Light straight from the lamp is then merged, too.

@@ -19,12 +19,12 @@ pub fn section(moment: &Snapshot) -> Markup {
     html! {
         section {
             h2 { "How it is rendered" }
-            @if let Some(chosen) = moment.chosen { (technique(chosen)) } @else {
+            @if let Some(chosen) = moment.state.selection.as_ref() { (technique(chosen)) } @else {
                 p { "Nothing was tried beside the settings that were given." }
             }
             p {
                 "An iteration takes " (describe_counts(block)) "."
-                @if let Some(promise) = moment.promise {
+                @if let Some(promise) = moment.state.promise() {
                     " One light path and one camera path per pixel would take "
                     (number(promise.gain_over_one_each)) " times as long to the same noise."
                 }

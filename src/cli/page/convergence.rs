@@ -3,8 +3,8 @@
 use super::Snapshot;
 use super::sections::percent;
 use crate::cli::human_time;
-use crate::cli::session::Session;
 use bdpm::adaptive::stopping::Convergence;
+use bdpm::job::RenderState;
 use bdpm::output::page::axes::{Curve, LogPlot, Mark, decimal_ticks, time_ticks};
 use maud::{Markup, html};
 
@@ -12,9 +12,9 @@ use maud::{Markup, html};
 const STEPS: u32 = 40;
 
 /// Relative error, noise and bias, when a part `left` of the noise's square is left.
-pub fn error(session: &Session, standing: &Convergence, left: f64) -> Option<f64> {
-    let noise2 = standing.relative_variance(session.goal.objective)?;
-    Some((noise2 * left + session.goal.bias2).sqrt())
+pub fn error(state: &RenderState, standing: &Convergence, left: f64) -> Option<f64> {
+    let noise2 = standing.relative_variance(state.stop.objective)?;
+    Some((noise2 * left + state.stop.bias2).sqrt())
 }
 
 /// The plot with its legend.
@@ -44,16 +44,16 @@ pub fn section(moment: &Snapshot) -> Markup {
 }
 
 fn caption(moment: &Snapshot) -> Markup {
-    let promise = moment.promise;
+    let promise = moment.state.promise();
     html! {
         "On these axes, noise falls along a straight line: a quarter of it takes sixteen times as long."
-        @if moment.session.goal.bias2 > 0.0 {
+        @if moment.state.stop.bias2 > 0.0 {
             " What merging photons smears, the merge bias, does not fall with time."
         }
         @if let Some(promise) = promise {
             " The promise was made after " (human_time(promise.said_after)) " and stays as it was made."
         }
-        @if moment.earlier > 0.0 {
+        @if moment.state.earlier > 0.0 {
             " The line begins with this run."
         }
     }
@@ -71,12 +71,12 @@ struct Lines {
 
 impl Lines {
     fn new(moment: &Snapshot) -> Self {
-        let session = moment.session;
-        let goal = &session.goal;
+        let state = moment.state;
+        let goal = &state.stop;
         let at = |noise2: f64| (noise2 + goal.bias2).sqrt();
-        let past = session.history.iter();
+        let past = state.history.iter();
         let noise: Vec<[f64; 2]> =
-            past.map(|past| [moment.earlier + past.seconds, past.noise2]).collect();
+            past.map(|past| [moment.state.earlier + past.seconds, past.noise2]).collect();
         let fell: Vec<[f64; 2]> = noise.iter().map(|&[time, noise2]| [time, at(noise2)]).collect();
         let promised = promised(moment, &noise).unwrap_or_default();
         let expected = expected(moment).unwrap_or_default();
@@ -144,10 +144,10 @@ impl Lines {
 /// Relative variance from when the promise was made to its end, as it was promised. Information, the reciprocal
 /// of the variance, adds up over time.
 fn promised(moment: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
-    let promise = moment.promise?;
-    let then = promise.error.map(|error| error.powi(2) - moment.session.goal.bias2);
+    let promise = moment.state.promise()?;
+    let then = promise.error.map(|error| error.powi(2) - moment.state.stop.bias2);
     let then = then.or_else(|| {
-        let standing = moment.session.status.standing.as_ref()?;
+        let standing = moment.state.status.convergence.as_ref()?;
         Some((promise.rms / standing.mean_luminance).powi(2))
     })?;
     let to = [promise.seconds, then];
@@ -158,10 +158,10 @@ fn promised(moment: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
 
 /// The same from now to the end, as it is expected now.
 fn expected(moment: &Snapshot) -> Option<Vec<[f64; 2]>> {
-    let session = moment.session;
-    let forecast = session.status.forecast.filter(|_| moment.report.is_none())?;
-    let noise2 = session.status.standing.as_ref()?.relative_variance(session.goal.objective)?;
-    let now = moment.earlier + session.elapsed().as_secs_f64();
+    let state = moment.state;
+    let forecast = state.status.forecast.filter(|_| moment.report.is_none())?;
+    let noise2 = state.status.convergence.as_ref()?.relative_variance(state.stop.objective)?;
+    let now = moment.state.earlier + state.elapsed().as_secs_f64();
     Some(between([now, noise2], [now + forecast.seconds, noise2 * forecast.left]))
 }
 

@@ -61,14 +61,14 @@ impl Maps {
         };
         let grid = Grid { size, step };
         let mean = image.mean();
-        let shown = moment.denoised.map_or(&mean, |denoised| &denoised.image);
+        let shown = moment.state.denoised().map_or(&mean, |denoised| &denoised.image);
         let exposure = auto_exposure(shown);
         let radiance = |name, alt: &str, pixels: &[Rgb]| {
             let pixels = grid.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
             let pixels: Vec<Rgb> = pixels.into_iter().map(|p| p.map(|x| x as f32).into()).collect();
             Picture::exposed((name, alt), grid.shrunk(), &pixels, exposure)
         };
-        let scene = &moment.session.prepared.origin.scene;
+        let scene = &moment.state.provenance.scene;
         // Relative to each pixel's luminance, whatever counts.
         let weights = importance(image.blocks(), Objective::Relative);
         let noise = image.rms().map(|rms| {
@@ -86,7 +86,7 @@ impl Maps {
         });
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
-            denoised: moment.denoised.map(|denoised| {
+            denoised: moment.state.denoised().map(|denoised| {
                 radiance("denoised", &format!("the picture of {scene}, denoised"), &denoised.image)
             }),
             noise,
@@ -176,7 +176,7 @@ impl Maps {
                                     div .(format!("term-{k}")) style=(format!("flex-grow:{share:.4}")) {}
                                 }
                             }
-                            (words(shares, of_what(&moment.session.goal)))
+                            (words(shares, of_what(&moment.state.stop)))
                         }
                         (figure(picture, &html! {
                             "The same for each pixel: roots of the three parts, each as a color."
@@ -217,7 +217,7 @@ impl Terms {
         let of_pixel =
             |pixel: usize| measured[pixel].terms(n_light, f64::from(counts.camera_paths.at(pixel)));
         let terms: Vec<_> = (0..measured.len()).into_par_iter().map(of_pixel).collect();
-        let counts_relative = moment.session.goal.objective == Objective::Relative;
+        let counts_relative = moment.state.stop.objective == Objective::Relative;
         let mut sums = [0.0; 3];
         for (terms, weight) in terms.iter().zip(relative) {
             let weight = if counts_relative { *weight } else { 1.0 };

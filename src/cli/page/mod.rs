@@ -8,16 +8,14 @@ mod convergence;
 mod maps;
 mod sections;
 
-use super::loaded_scene::LoadedScene;
 use super::render_report::Report;
-use super::session::Session;
-use bdpm::adaptive::autopilot::Promise;
-use bdpm::adaptive::technique::Selection;
+use super::scene_input::SceneInput;
 use bdpm::base::atomic::write_atomically;
 use bdpm::base::error::Result;
-use bdpm::output::denoise::Denoised;
+use bdpm::job::RenderState;
 use bdpm::output::page::document;
 use bdpm::render::block::CombinedImage;
+use bdpm::settings::provenance::Provenance;
 use maud::{Markup, PreEscaped, html};
 use std::path::PathBuf;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -43,16 +41,12 @@ const FIRST_PIXEL: Duration = Duration::from_micros(10);
 /// Pixels of a picture at the most while rendering goes on; larger ones are shown at a whole part of their size.
 const LIVE_PIXELS: u64 = 1 << 20;
 
-/// A render at a moment.
+/// A render under way, or one that has ended.
 pub struct Snapshot<'a> {
-    pub session: &'a Session<'a>,
+    pub input: &'a SceneInput,
+    pub state: &'a RenderState,
     pub image: &'a CombinedImage<'a>,
-    pub denoised: Option<&'a Denoised>,
-    /// Rendering time before this run, seconds.
-    pub earlier: f64,
-    pub promise: Option<&'a Promise>,
-    pub chosen: Option<&'a Selection>,
-    /// What there is to tell, once it has ended.
+    /// The report, once the render has ended.
     pub report: Option<&'a Report<'a>>,
 }
 
@@ -73,16 +67,16 @@ impl Page {
     }
 
     /// Writes it before there is anything to see.
-    pub fn announce(&mut self, prepared: &LoadedScene) -> Result<()> {
-        self.next = (FIRST_PIXEL * prepared.origin.settings.pixels() as u32).clamp(FIRST, PAUSE[1]);
+    pub fn announce(&mut self, input: &SceneInput, provenance: &Provenance) -> Result<()> {
+        self.next = (FIRST_PIXEL * provenance.settings.pixels() as u32).clamp(FIRST, PAUSE[1]);
         let body = html! {
             main {
-                (sections::heading(prepared, "starting", "running"))
+                (sections::heading(provenance, "starting", "running"))
                 p .lead { "The picture will appear here. This page renews itself." }
-                (sections::setup(prepared, &self.command))
+                (sections::setup(input, provenance, None, &self.command))
             }
         };
-        self.save(&prepared.origin.scene, &body, Some(PAUSE[0]))
+        self.save(&provenance.scene, &body, Some(PAUSE[0]))
     }
 
     /// Whether it is to be written anew, after so much time of rendering.
@@ -92,14 +86,13 @@ impl Page {
 
     /// Writes it.
     pub fn write(&mut self, moment: &Snapshot) -> Result<()> {
-        let (start, elapsed) = (Instant::now(), moment.session.elapsed());
-        let prepared = moment.session.prepared;
-        let body = prepared.threads.install(|| self.body(moment));
+        let (start, elapsed) = (Instant::now(), moment.state.elapsed());
+        let body = moment.state.threads().install(|| self.body(moment));
         // Known before it is written, but for the time that the disk takes.
         let [least, most] = PAUSE;
         let pause = (elapsed / PAUSE_SHARE).clamp(least, most).max(start.elapsed() * SHARE);
         let reload = moment.report.is_none().then_some(pause);
-        let saved = self.save(&prepared.origin.scene, &body, reload);
+        let saved = self.save(&moment.state.provenance.scene, &body, reload);
         self.spent += start.elapsed();
         self.next = elapsed + pause.max(start.elapsed() * SHARE);
         saved
@@ -107,8 +100,7 @@ impl Page {
 
     fn body(&self, moment: &Snapshot) -> Markup {
         let maps = maps::Maps::new(moment, LIVE_PIXELS);
-        let prepared = moment.session.prepared;
-        let cost = self.spent.as_secs_f64() / moment.session.elapsed().as_secs_f64().max(1e-9);
+        let cost = self.spent.as_secs_f64() / moment.state.elapsed().as_secs_f64().max(1e-9);
         html! {
             main {
                 (sections::summary(moment))
@@ -121,10 +113,10 @@ impl Page {
                 (choice::section(moment))
                 (maps.sources(moment))
                 (sections::outcome(moment))
-                (sections::setup(prepared, &self.command))
+                (sections::setup(moment.input, &moment.state.provenance, Some(&moment.state.accel_name), &self.command))
                 footer {
                     p {
-                        "Written by bdpm " (prepared.origin.version) " "
+                        "Written by bdpm " (moment.state.provenance.version) " "
                         time data-time=(unix_milliseconds()) {}
                         ". Writing this page took " (format!("{:.2} %", 100.0 * cost)) " of the time so far."
                     }

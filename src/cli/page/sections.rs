@@ -3,13 +3,14 @@
 use super::Snapshot;
 use super::convergence::error;
 use crate::cli::human_time;
-use crate::cli::loaded_scene::LoadedScene;
-use crate::cli::progress::way;
+use crate::cli::progress::time_left;
 use crate::cli::render_report::text;
-use bdpm::adaptive::stopping::{Goal, StoppedBy, Target};
+use crate::cli::scene_input::SceneInput;
+use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
 use bdpm::output::page::number::count;
 use bdpm::settings::policy::UPPER_BOUND;
+use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};
 
 /// A share in percent, three digits.
@@ -18,25 +19,25 @@ pub fn percent(share: f64) -> String {
 }
 
 /// The scene's name and what is going on.
-pub fn heading(prepared: &LoadedScene, state: &str, class: &str) -> Markup {
+pub fn heading(provenance: &Provenance, state: &str, class: &str) -> Markup {
     html! {
-        h1 { (prepared.origin.scene) " " span .state .(class) { (state) } }
+        h1 { (provenance.scene) " " span .state .(class) { (state) } }
     }
 }
 
 /// How far it is, in a sentence and in numbers.
 pub fn summary(moment: &Snapshot) -> Markup {
-    let session = moment.session;
-    let elapsed = session.elapsed().as_secs_f64();
-    let (state, class) = match moment.report.map(|report| report.run.stopped_by) {
+    let state = moment.state;
+    let elapsed = state.elapsed().as_secs_f64();
+    let (progress, class) = match moment.report.map(|report| report.run.stopped_by) {
         None => ("rendering", "running"),
         Some(StoppedBy::Interrupt) => ("stopped by Ctrl-C", "stopped"),
         Some(_) => ("done", "done"),
     };
-    let (left, fraction) = way(&session.goal, &session.status, elapsed);
+    let (left, fraction) = time_left(&state.stop, &state.status, elapsed);
     html! {
         header {
-            (heading(session.prepared, state, class))
+            (heading(&state.provenance, progress, class))
             p .lead { (lead(moment, left)) }
             @if moment.report.is_none() {
                 progress max="1" value=(format!("{:.3}", fraction.clamp(0.0, 1.0)))
@@ -48,26 +49,26 @@ pub fn summary(moment: &Snapshot) -> Markup {
 }
 
 fn lead(moment: &Snapshot, left: Option<f64>) -> Markup {
-    let session = moment.session;
-    let elapsed = session.elapsed().as_secs_f64();
-    let now = session.status.standing.as_ref();
-    let now = now.and_then(|standing| error(session, standing, 1.0));
+    let state = moment.state;
+    let elapsed = state.elapsed().as_secs_f64();
+    let now = state.status.convergence.as_ref();
+    let now = now.and_then(|standing| error(state, standing, 1.0));
     let left = left.filter(|_| moment.report.is_none());
     html! {
         "After " (human_time(elapsed))
         @if let Some(now) = now {
             " the picture is off by about " b { (percent(now)) } " of "
-            (of_what(&session.goal)) "."
+            (of_what(&state.stop)) "."
         } @else {
             " it is too early to tell how far off the picture is."
         }
-        @if let Some(goal) = asked(&session.goal) { " Asked for: " (goal) "." }
+        @if let Some(goal) = asked(&state.stop) { " Asked for: " (goal) "." }
         @if let Some(left) = left { " About " (human_time(left)) " to go." }
     }
 }
 
 /// What errors are relative to.
-pub fn of_what(goal: &Goal) -> &'static str {
+pub fn of_what(goal: &Stop) -> &'static str {
     match goal.objective {
         bdpm::adaptive::optimize::Objective::Relative => "each pixel’s brightness",
         _ => "the picture’s mean brightness",
@@ -75,7 +76,7 @@ pub fn of_what(goal: &Goal) -> &'static str {
 }
 
 /// When to stop, in words.
-fn asked(goal: &Goal) -> Option<String> {
+fn asked(goal: &Stop) -> Option<String> {
     let mut ends = Vec::new();
     ends.extend(goal.time.map(|time| human_time(time.as_secs_f64())));
     ends.extend(goal.iterations.map(|n| format!("{n} iterations")));
@@ -88,15 +89,16 @@ fn asked(goal: &Goal) -> Option<String> {
 }
 
 fn tiles(moment: &Snapshot) -> Markup {
-    let session = moment.session;
-    let standing = session.status.standing.as_ref();
-    let noise2 = standing.and_then(|s| s.relative_variance(session.goal.objective));
-    let now = standing.and_then(|standing| error(session, standing, 1.0));
-    let forecast = standing.zip(session.status.forecast).filter(|_| moment.report.is_none());
-    let then = forecast.and_then(|(now, then)| error(session, now, then.left));
-    let bias = session.goal.bias2.sqrt();
+    let state = moment.state;
+    let standing = state.status.convergence.as_ref();
+    let noise2 = standing.and_then(|s| s.relative_variance(state.stop.objective));
+    let now = standing.and_then(|standing| error(state, standing, 1.0));
+    let forecast = standing.zip(state.status.forecast).filter(|_| moment.report.is_none());
+    let then = forecast.and_then(|(now, then)| error(state, now, then.left));
+    let bias = state.stop.bias2.sqrt();
     let promised = moment
-        .promise
+        .state
+        .promise()
         .and_then(|promise| promise.error.or_else(|| Some(promise.rms / standing?.mean_luminance)));
     let tile = |name: &str, value: String, more: Option<String>| {
         html! {
@@ -107,12 +109,12 @@ fn tiles(moment: &Snapshot) -> Markup {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
         format!("noise {noise}, merge bias {}", percent(bias))
     });
-    let elapsed = human_time(session.elapsed().as_secs_f64());
+    let elapsed = human_time(state.elapsed().as_secs_f64());
     let iterations = count(moment.image.iterations() as f64);
-    let speed = session.totals.rays_per_second() / 1e6;
+    let speed = state.totals.rays_per_second() / 1e6;
     html! {
         dl .tiles {
-            @if let Some(denoised) = moment.denoised {
+            @if let Some(denoised) = moment.state.denoised() {
                 @let whole = denoised.error.as_ref().map(|error| error.whole);
                 @let shown = whole.map_or("unknown".into(), |error| percent(error.relative()));
                 (tile("error, denoised", shown, whole.map(|error| {
@@ -121,13 +123,13 @@ fn tiles(moment: &Snapshot) -> Markup {
             }
             (tile("error", now.map_or("–".into(), percent), split))
             @if let Some(then) = then { (tile("expected at the end", percent(then), None)) }
-            @if let Some((promise, error)) = moment.promise.zip(promised) {
+            @if let Some((promise, error)) = moment.state.promise().zip(promised) {
                 (tile("promised", percent(error), Some(format!(
                     "after {} for {}", human_time(promise.said_after), human_time(promise.seconds)
                 ))))
             }
-            (tile("time", elapsed, (moment.earlier > 0.0).then(|| {
-                format!("and {} in earlier runs", human_time(moment.earlier))
+            (tile("time", elapsed, (moment.state.earlier > 0.0).then(|| {
+                format!("and {} in earlier runs", human_time(moment.state.earlier))
             })))
             (tile("iterations", iterations, Some(format!("{speed:.1} million rays a second"))))
         }
@@ -147,25 +149,29 @@ pub fn outcome(moment: &Snapshot) -> Markup {
 }
 
 /// Scene, command, settings.
-pub fn setup(prepared: &LoadedScene, command: &str) -> Markup {
-    let origin = &prepared.origin;
-    let settings = &origin.settings;
+pub fn setup(
+    input: &SceneInput,
+    provenance: &Provenance,
+    accel_name: Option<&str>,
+    command: &str,
+) -> Markup {
+    let settings = &provenance.settings;
     let json = serde_json::to_string_pretty(settings).expect("plain numbers and texts");
     let names = |names: &[String]| match names {
         [] => None,
         names => Some(names.join(", ")),
     };
-    let summary = &prepared.summary;
+    let summary = &input.loaded.summary;
     let facts = [
-        ("scene", Some(prepared.summary.to_string())),
+        ("scene", Some(summary.to_string())),
         ("materials", names(&summary.materials)),
         ("lights", names(&summary.light_names)),
-        ("fingerprint", Some(format!("{:016x}", origin.fingerprint))),
+        ("fingerprint", Some(format!("{:016x}", provenance.fingerprint))),
         ("resolution", Some(format!("{} by {} pixels", settings.width, settings.height))),
         ("seed", Some(settings.seed.to_string())),
-        ("program", Some(format!("bdpm {}", origin.version))),
-        ("intersections", Some(prepared.accel.describe().name)),
-        ("threads", Some(prepared.threads.current_num_threads().to_string())),
+        ("program", Some(format!("bdpm {}", provenance.version))),
+        ("intersections", accel_name.map(str::to_owned)),
+        ("threads", Some(input.threads.current_num_threads().to_string())),
     ];
     html! {
         section {

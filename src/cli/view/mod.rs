@@ -18,16 +18,16 @@ const SHARE: u32 = 100;
 /// Time between two pictures, at least.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Where to look.
+/// Target that shows the image.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum ViewTarget {
     /// The image viewer tev, at an address such as `127.0.0.1:14158`.
     Tev(String),
     /// The terminal of standard error.
     Terminal,
 }
 
-impl FromStr for Place {
+impl FromStr for ViewTarget {
     type Err = Error;
 
     fn from_str(text: &str) -> Result<Self> {
@@ -36,7 +36,7 @@ impl FromStr for Place {
             ("terminal", _) => Ok(Self::Terminal),
             (address, Some(port)) if port > 0 => Ok(Self::Tev(address.to_owned())),
             _ => Err(Error::new(
-                format!("`{text}` is no place to look"),
+                format!("`{text}` is not a target to show the image in"),
                 "give tev's address such as 127.0.0.1:14158, or terminal",
             )),
         }
@@ -55,11 +55,11 @@ enum Screen {
 }
 
 impl View {
-    /// At a place, by the name of the image.
-    pub fn new(place: &Place, name: &str, progress: &Progress) -> Self {
-        let screen = match place {
-            Place::Tev(address) => Screen::Tev(tev::Tev::new(address, name, progress)),
-            Place::Terminal => {
+    /// Shows an image of this name in `target`.
+    pub fn new(target: &ViewTarget, name: &str, progress: &Progress) -> Self {
+        let screen = match target {
+            ViewTarget::Tev(address) => Screen::Tev(tev::Tev::new(address, name, progress)),
+            ViewTarget::Terminal => {
                 if !progress.has_terminal() {
                     progress.note("note: --view=terminal shows nothing: standard error is none");
                 }
@@ -108,13 +108,13 @@ mod tests {
 
     #[test]
     fn places_are_addresses_or_the_terminal() {
-        let tev = |address: &str| Place::Tev(address.into());
+        let tev = |address: &str| ViewTarget::Tev(address.into());
         for text in ["127.0.0.1:14158", "[::1]:80", "desk.local:14158"] {
-            assert_eq!(text.parse::<Place>().unwrap(), tev(text));
+            assert_eq!(text.parse::<ViewTarget>().unwrap(), tev(text));
         }
-        assert_eq!("terminal".parse::<Place>().unwrap(), Place::Terminal);
+        assert_eq!("terminal".parse::<ViewTarget>().unwrap(), ViewTarget::Terminal);
         for bad in ["", "desk", ":14158", "desk:", "desk:0", "desk:99999", "out.exr"] {
-            let shown = bad.parse::<Place>().unwrap_err().to_string();
+            let shown = bad.parse::<ViewTarget>().unwrap_err().to_string();
             assert!(shown.contains("help: give tev's address"), "{bad}: {shown}");
         }
     }

@@ -19,6 +19,7 @@ use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::film::features::FeatureFolds;
 use crate::film::radiance::{luminance_weights, total};
+use crate::image_io::Layer;
 use crate::render::block::CombinedImage;
 use serde::Serialize;
 
@@ -128,4 +129,18 @@ pub fn importance(image: &[Rgb]) -> Vec<f64> {
     let luminance: Vec<f64> =
         image.iter().map(|value| crate::film::radiance::luminance(value.as_dvec3())).collect();
     luminance_weights(&luminance)
+}
+
+/// The denoised image with its error as layers of a file.
+pub fn layers(denoised: &Denoised) -> Vec<Layer> {
+    let mut layers = vec![Layer::rgb("denoised", &denoised.image)];
+    if let Some(error) = &denoised.error {
+        let one = |name: &str, values: &[f32]| Layer {
+            name: name.into(),
+            channels: vec![("Y".into(), values.to_vec())],
+        };
+        layers.push(one("denoised_error", &error.map));
+        layers.push(one("denoised_mix", &error.raw_share));
+    }
+    layers
 }

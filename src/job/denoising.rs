@@ -1,14 +1,13 @@
 //! `render --denoise`: when the denoiser runs, what of the time is kept for it, and what came of it.
 
-use bdpm::adaptive::stopping::Goal;
-use bdpm::base::error::Result;
-use bdpm::base::math::Rgb;
-use bdpm::film::folds::DENOISE_FOLDS;
-use bdpm::image_io::Layer;
-use bdpm::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
-use bdpm::render::Renderer;
-use bdpm::render::block::CombinedImage;
-use bdpm::settings::policy::{
+use crate::adaptive::stopping::Stop;
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::film::folds::DENOISE_FOLDS;
+use crate::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
+use crate::render::Renderer;
+use crate::render::block::CombinedImage;
+use crate::settings::policy::{
     CHECK_GROWTH, CHECK_SHARE, DENOISE_PROMISE_AFTER, DENOISE_PROMISE_SHARE, DENOISE_SHARE,
     DENOISED_FALL, LEAST_PER_PART, UPPER_BOUND,
 };
@@ -36,6 +35,8 @@ pub struct Denoising {
     iterations: u64,
     /// What was expected of the error when part of the time had passed.
     pub promise: Option<DenoisedPromise>,
+    /// Why the final image could not be denoised, if it could not.
+    pub failure: Option<Error>,
 }
 
 /// The relative error of the denoised image that was expected at the end.
@@ -56,6 +57,7 @@ pub struct DenoisedReport {
     pub total_error: Option<f64>,
     /// Squares of the first with what they consist of.
     pub error: Option<ErrorSummary>,
+    /// The promised error, if one was made.
     pub promise: Option<DenoisedPromise>,
     /// Time of all runs of the denoiser.
     pub seconds: f64,
@@ -88,6 +90,7 @@ impl Denoising {
             latest: None,
             iterations: 0,
             promise: None,
+            failure: None,
         })
     }
 
@@ -134,9 +137,10 @@ impl Denoising {
         self.latest.as_ref()?.error.as_ref().map(|error| &error.whole)
     }
 
-    pub fn report(&self, goal: &Goal) -> DenoisedReport {
+    /// The error of the latest denoised image, for reports.
+    pub fn report(&self, stop: &Stop) -> DenoisedReport {
         let error = self.error().copied();
-        let with_bias = |error: ErrorSummary| (error.squared.max(0.0) + goal.bias2).sqrt();
+        let with_bias = |error: ErrorSummary| (error.squared.max(0.0) + stop.bias2).sqrt();
         DenoisedReport {
             relative_error: error.map(|error| error.relative()),
             total_error: error.map(with_bias),
@@ -147,30 +151,30 @@ impl Denoising {
     }
 
     /// Whether the error is to be found now, after so much time: for a target now and then, for a time once.
-    pub fn is_due(&self, elapsed: Duration, iterations: u64, goal: &Goal) -> bool {
+    pub fn is_due(&self, elapsed: Duration, iterations: u64, stop: &Stop) -> bool {
         if self.parts == 0 || iterations < LEAST_PER_PART * self.parts as u64 {
             return false;
         }
-        let promises = goal.time.is_some_and(|time| {
+        let promises = stop.time.is_some_and(|time| {
             self.promise.is_none()
                 && elapsed >= time.mul_f64(DENOISE_PROMISE_AFTER)
                 && self.reserve() <= time.mul_f64(DENOISE_PROMISE_SHARE)
         });
         let cost = self.reserve().div_f64(CHECK_SHARE);
-        promises || goal.error.is_some() && elapsed >= self.next_check.max(cost)
+        promises || stop.error.is_some() && elapsed >= self.next_check.max(cost)
     }
 
     /// Tells, of an error that was just found, whether it is small enough; plans the next time to find it, and promises.
-    pub fn reaches(&mut self, elapsed: Duration, goal: &Goal) -> bool {
+    pub fn reaches(&mut self, elapsed: Duration, stop: &Stop) -> bool {
         let Some(error) = self.error().copied() else { return false };
-        if let (Some(time), None) = (goal.time, self.promise) {
+        if let (Some(time), None) = (stop.time, self.promise) {
             let left = elapsed.as_secs_f64() / time.as_secs_f64().max(elapsed.as_secs_f64());
-            let squared = error.squared.max(0.0) * left.powf(DENOISED_FALL) + goal.bias2;
+            let squared = error.squared.max(0.0) * left.powf(DENOISED_FALL) + stop.bias2;
             let said_after = elapsed.as_secs_f64();
             self.promise = Some(DenoisedPromise { error: squared.sqrt(), said_after });
         }
-        let Some(wanted) = goal.error else { return false };
-        let over = error.bound(UPPER_BOUND) / goal.noise2(wanted);
+        let Some(wanted) = stop.error else { return false };
+        let over = error.bound(UPPER_BOUND) / stop.noise2(wanted);
         let growth = over.powf(DENOISED_FALL.recip()).clamp(CHECK_GROWTH.start, CHECK_GROWTH.end);
         let pause = self.reserve().div_f64(CHECK_SHARE);
         self.next_check = (elapsed + pause).max(elapsed.mul_f64(growth));
@@ -184,18 +188,4 @@ const NOISY: usize = 3;
 /// The most parts up to so many that tell an error.
 fn fitting(most: usize) -> usize {
     [DENOISE_FOLDS, DENOISE_FOLDS / 2].into_iter().find(|parts| *parts <= most).unwrap_or(0)
-}
-
-/// What a denoised image is as layers of a file.
-pub fn layers(denoised: &Denoised) -> Vec<Layer> {
-    let mut layers = vec![Layer::rgb("denoised", &denoised.image)];
-    if let Some(error) = &denoised.error {
-        let one = |name: &str, values: &[f32]| Layer {
-            name: name.into(),
-            channels: vec![("Y".into(), values.to_vec())],
-        };
-        layers.push(one("denoised_error", &error.map));
-        layers.push(one("denoised_mix", &error.raw_share));
-    }
-    layers
 }

@@ -1,0 +1,136 @@
+//! Who decides, before each iteration, about counts and about measuring.
+
+use super::autopilot::{Autopilot, AutopilotState, Promise};
+use super::plan::Plan;
+use crate::base::error::Result;
+use crate::base::iteration_set::IterationSet;
+use crate::noise::Measure;
+use crate::noise::schedule::MeasureSchedule;
+use crate::render::Renderer;
+use crate::render::block;
+use crate::render::block::Block;
+use std::ops::Range;
+
+/// Decides about counts and measuring while an image is rendered.
+#[derive(Debug)]
+pub enum CountPolicy {
+    /// The counts of the settings throughout.
+    Fixed(MeasureSchedule),
+    /// The steps of a plan, one after the other; the last one has no end.
+    Plan(Replay),
+    /// The counts with the least error for the time, chosen while rendering.
+    Automatic(Box<Autopilot>),
+}
+
+impl CountPolicy {
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns what to measure in it.
+    ///
+    /// # Errors
+    /// If other counts are due and do not fit in the memory.
+    pub fn prepare(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
+        match self {
+            Self::Fixed(_) => {}
+            Self::Plan(replay) => replay.enter_step(renderer)?,
+            Self::Automatic(autopilot) => return autopilot.prepare(renderer, elapsed),
+        }
+        Ok(self.schedule().measure(renderer.block_iteration(), &renderer.block().counts))
+    }
+
+    /// What is measured of the iterations that follow before the next decision.
+    pub fn schedule(&self) -> MeasureSchedule {
+        match self {
+            Self::Fixed(schedule) => *schedule,
+            Self::Plan(_) => MeasureSchedule::default(),
+            Self::Automatic(autopilot) => autopilot.schedule(),
+        }
+    }
+
+    /// Iterations that the block may have that begins with iteration `first`.
+    pub fn range(&self, first: u64) -> Range<u64> {
+        match self {
+            Self::Plan(replay) => replay.range(first),
+            Self::Fixed(_) | Self::Automatic(_) => first..u64::MAX,
+        }
+    }
+
+    /// Weight of an iteration of each block, for pixels of this importance.
+    pub fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Plan(replay) => replay.plan.weights(blocks),
+            Self::Fixed(_) | Self::Automatic(_) => block::weights(blocks, importance),
+        }
+    }
+
+    /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run; `None` until
+    /// that is known.
+    pub fn iteration_time(&self, renderer: &Renderer, done: u64, elapsed: f64) -> Option<f64> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.iteration_time(renderer, elapsed),
+            Self::Fixed(_) | Self::Plan(_) => (done > 0).then(|| elapsed / done as f64),
+        }
+    }
+
+    /// State for a checkpoint, after `elapsed` seconds of this run; `None` if the iterations suffice to resume.
+    pub fn state(&self, elapsed: f64) -> Option<AutopilotState> {
+        match self {
+            Self::Automatic(autopilot) => Some(autopilot.state(elapsed)),
+            Self::Fixed(_) | Self::Plan(_) => None,
+        }
+    }
+
+    /// The plan that is rendered, if there is one.
+    pub fn plan(&self) -> Option<&Plan> {
+        match self {
+            Self::Plan(replay) => Some(&replay.plan),
+            Self::Fixed(_) | Self::Automatic(_) => None,
+        }
+    }
+
+    /// The promised error or time, once there is one.
+    pub fn promise(&self) -> Option<&Promise> {
+        match self {
+            Self::Automatic(autopilot) => autopilot.promise(),
+            Self::Fixed(_) | Self::Plan(_) => None,
+        }
+    }
+}
+
+/// Renders a plan step by step.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    plan: Plan,
+    /// Iterations of each step.
+    ranges: Vec<Range<u64>>,
+}
+
+impl Replay {
+    /// Begins with the first step that has iterations to render.
+    pub fn new(plan: Plan) -> Self {
+        let ranges = plan.ranges();
+        Self { plan, ranges }
+    }
+
+    /// Lets the renderer enter the block of the first step that has iterations to render.
+    fn enter_step(&self, renderer: &mut Renderer) -> Result<()> {
+        let unfinished = self.ranges.iter().position(|range| has_remaining(range, renderer));
+        let step = unfinished.unwrap_or(self.ranges.len() - 1);
+        let (first, counts) = (self.ranges[step].start, &self.plan.steps[step].counts);
+        let block = renderer.block();
+        if block.first != first || block.counts != *counts {
+            renderer.enter_block(first, counts.clone())?;
+        }
+        Ok(())
+    }
+
+    fn range(&self, first: u64) -> Range<u64> {
+        let range = self.ranges.iter().find(|range| range.start == first);
+        range.cloned().unwrap_or(first..u64::MAX)
+    }
+}
+
+/// Whether the renderer still has iterations of a step to render.
+fn has_remaining(range: &Range<u64>, renderer: &Renderer) -> bool {
+    let block = renderer.blocks().iter().find(|block| block.first == range.start);
+    let assigned = renderer.assigned().within(&IterationSet::from(range.clone()));
+    !block.map_or(assigned.clone(), |block| assigned.without(&block.numbers)).is_empty()
+}

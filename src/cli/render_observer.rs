@@ -1,0 +1,176 @@
+//! What `bdpm render` shows and writes while a job renders, and at its end.
+
+use super::analyze::noise_file;
+use super::black_image;
+use super::outputs::Attempts;
+use super::page::{Page, Snapshot};
+use super::progress::Progress;
+use super::render::Args;
+use super::render_files::{FileSchedule, Outputs, Writer};
+use super::render_report::{Report, announce, text};
+use super::scene_input::SceneInput;
+use super::view::View;
+use super::{human_time, json};
+use bdpm::base::error::Result;
+use bdpm::job::RenderState;
+use bdpm::noise::Measure;
+use bdpm::render::block::Block;
+use bdpm::scene::Region;
+use bdpm::settings::provenance::Provenance;
+use bdpm::{Event, RenderResult};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Shows progress, and writes files when they are due.
+pub struct RenderObserver<'a> {
+    args: &'a Args,
+    input: &'a SceneInput,
+    writer: Writer,
+    schedule: Option<FileSchedule>,
+    page: Option<Page>,
+    view: Option<View>,
+    progress: Progress,
+}
+
+impl<'a> RenderObserver<'a> {
+    pub fn new(
+        args: &'a Args,
+        input: &'a SceneInput,
+        outputs: Outputs,
+        progress: Progress,
+    ) -> Self {
+        let writer = Writer::new(outputs, &args.layers);
+        let page = args.report.clone().map(Page::new);
+        Self { args, input, writer, schedule: None, page, view: None, progress }
+    }
+
+    /// Reacts to an event of the job.
+    pub fn observe(&mut self, event: Event) -> ControlFlow<()> {
+        match event {
+            Event::Warning(warning) => self.progress.note(&format!("warning: {warning}")),
+            Event::Choosing(free, provenance) => {
+                let what =
+                    if free.any() { "strategies and radii" } else { "light and camera paths" };
+                self.progress.note(&format!("trying {what} on a sample of the image"));
+                self.announce_page(provenance);
+            }
+            Event::Started(state) => self.start(state),
+            Event::Denoised(error, elapsed) => self.progress.note(&format!(
+                "denoised after {}: relative error {:.2} %",
+                human_time(elapsed.as_secs_f64()),
+                100.0 * error.relative()
+            )),
+            Event::Iterated(state) => return self.iterated(state),
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn start(&mut self, state: &RenderState) {
+        let processes = match state.exchanged.ranks {
+            1 => String::new(),
+            ranks => format!(", {ranks} processes"),
+        };
+        if let Some(whole) = state.whole {
+            let (part, own) = (self.args.part_name(), state.renderer.assigned());
+            self.progress.note(&format!("part {part}: iterations {own} of {}", whole.iterations));
+        }
+        announce(&self.progress, self.input, state, "rendering", &processes);
+        if state.selection.is_none() {
+            self.announce_page(&state.provenance);
+        }
+        let name = self.args.output.to_string_lossy();
+        let target = self.args.view.as_ref();
+        self.view = target.map(|target| View::new(target, &name, &self.progress));
+        self.schedule = Some(FileSchedule::new(state.provenance.settings.pixels()));
+        self.progress.start();
+    }
+
+    /// Writes a page before there is anything to see. It cannot be written later either if that fails.
+    fn announce_page(&mut self, provenance: &Provenance) {
+        if let Some(page) = &mut self.page
+            && let Err(error) = page.announce(self.input, provenance)
+        {
+            self.progress.note(&format!("warning: {error}"));
+        }
+    }
+
+    fn iterated(&mut self, state: &mut RenderState) -> ControlFlow<()> {
+        self.progress.update(state);
+        if self.progress.is_orphan() {
+            return ControlFlow::Break(());
+        }
+        if let Some(schedule) = &mut self.schedule {
+            schedule.write_when_due(&mut self.writer, state, &self.progress);
+        }
+        let elapsed = state.elapsed();
+        if let Some(page) = &mut self.page
+            && page.is_due(elapsed)
+        {
+            let snapshot =
+                Snapshot { input: self.input, state, image: &state.image(), report: None };
+            if let Err(error) = page.write(&snapshot) {
+                self.progress.note(&format!("warning: {error}"));
+            }
+        }
+        if let Some(view) = &mut self.view
+            && view.is_due(elapsed)
+        {
+            view.show(&state.image(), state.denoised(), elapsed);
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Writes all files of a job that has ended, and returns the report.
+    pub fn finish(self, mut result: RenderResult) -> Result<String> {
+        let Self { args, input, mut writer, mut page, view, progress, .. } = self;
+        progress.finish();
+        // The image comes first, and every file is tried, whatever fails.
+        let mut attempts = Attempts::default();
+        let image = result.state.image();
+        writer.save_image(&result.state, &image, result.state.denoised(), &mut attempts);
+        black_image::warn(&image, &progress);
+        drop(image);
+        if let Some(denoising) = &mut result.state.denoising
+            && let Some(failure) = denoising.failure.take()
+        {
+            attempts.add(&args.output, || Err::<(), _>(failure));
+        }
+        if let Some(path) = &args.noise {
+            match result.state.best_measured() {
+                Some(block) => {
+                    let RenderState { provenance, regions, .. } = &result.state;
+                    attempts.add(path, || save_noise(path, (provenance, regions), block));
+                }
+                None => progress.note(
+                    "warning: too few iterations to estimate the noise; --noise wrote nothing",
+                ),
+            }
+        }
+        writer.save_checkpoint(&result.state, &mut attempts);
+        if page.is_some() {
+            result.state.estimate();
+        }
+        let report = Report::new(args, input, &result, &writer);
+        let (state, image) = (&result.state, result.state.image());
+        if let Some(page) = &mut page {
+            let snapshot = Snapshot { input, state, image: &image, report: Some(&report) };
+            let path = page.path.clone();
+            attempts.add(&path, || page.write(&snapshot));
+        }
+        if let Some(view) = view {
+            view.finish(&image, state.denoised(), state.elapsed());
+        }
+        attempts.finish()?;
+        Ok(match (args.session.scene.json, args.session.quiet) {
+            (true, _) => json(&report),
+            (false, true) => String::new(),
+            (false, false) => text(&report),
+        })
+    }
+}
+
+/// Writes the noise that a block's measured iterations show.
+pub fn save_noise(path: &Path, of: (&Provenance, &[Region]), block: &Block) -> Result<()> {
+    let noise = block.noise_image()?;
+    noise_file(of, &block.film, noise, Measure::Pairs).write(path)
+}

@@ -1,0 +1,99 @@
+//! The scene of a command: loaded, with the threads to render it on.
+
+use super::progress::ProgressFormat;
+use super::{SceneArgs, say};
+use bdpm::accel::Intersect;
+use bdpm::base::error::Result;
+use bdpm::import::Loaded;
+use bdpm::job;
+use bdpm::scene::backend;
+use bdpm::settings::Settings;
+use bdpm::settings::provenance::Provenance;
+use bdpm::{RenderJob, Scene};
+use rayon::ThreadPool;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+#[derive(clap::Args)]
+pub struct SessionArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Render for about this time, such as 30s, 2m or 1h; at least one iteration
+    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
+    pub time: Option<Duration>,
+    /// Use this many threads; the image does not depend on it [default: all processors]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Show nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Show progress in this format
+    #[arg(long, value_name = "FORMAT", default_value = "text", conflicts_with = "quiet")]
+    progress: ProgressFormat,
+}
+
+impl SessionArgs {
+    pub fn progress_format(&self) -> ProgressFormat {
+        if self.quiet { ProgressFormat::Nothing } else { self.progress }
+    }
+}
+
+/// A scene as it was loaded.
+pub struct SceneInput {
+    pub threads: Arc<ThreadPool>,
+    pub loaded: Loaded,
+    pub load_time: Duration,
+}
+
+impl SceneInput {
+    /// Loads the scene and prints the warnings about it.
+    pub fn load(args: &SessionArgs) -> Result<Self> {
+        let threads = Arc::new(job::thread_pool(args.threads.unwrap_or(0).into())?);
+        let start = Instant::now();
+        let loaded = threads.install(|| args.scene.load())?;
+        let load_time = start.elapsed();
+        if !args.quiet {
+            loaded.notes.iter().for_each(|warning| say(&format!("note: {warning}")));
+        }
+        Ok(Self { threads, loaded, load_time })
+    }
+
+    /// A job that renders it, with the settings of the command line.
+    pub fn job(&self, args: &SessionArgs) -> RenderJob {
+        RenderJob::new(&self.loaded)
+            .settings(args.scene.wishes.clone())
+            .backend(args.scene.accel)
+            .threads(Arc::clone(&self.threads))
+    }
+}
+
+/// A scene with its acceleration structure, ready to trace.
+pub struct LoadedScene {
+    pub threads: Arc<ThreadPool>,
+    pub scene: Arc<Scene>,
+    pub accel: Arc<dyn Intersect>,
+    pub origin: Provenance,
+}
+
+impl LoadedScene {
+    /// Loads the scene and builds its acceleration structure.
+    pub fn new(args: &SessionArgs) -> Result<Self> {
+        Self::with_default_resolution(args, None)
+    }
+
+    /// As [`Self::new`]; `resolution` takes the place of that of the scene file.
+    pub fn with_default_resolution(
+        args: &SessionArgs,
+        resolution: Option<[u32; 2]>,
+    ) -> Result<Self> {
+        let SceneInput { threads, loaded, .. } = SceneInput::load(args)?;
+        let mut asked = args.scene.wishes.clone();
+        asked.resolution = asked.resolution.or(resolution);
+        let scene = loaded.scene;
+        let settings = Settings::resolve(&asked, &loaded.defaults, scene.size())?;
+        let backend = args.scene.accel.unwrap_or_default();
+        let accel = threads.install(|| backend::build(backend, &scene))?;
+        let origin = job::provenance(&scene, backend, settings);
+        Ok(Self { threads, scene, accel, origin })
+    }
+}

@@ -1,0 +1,655 @@
+//! One call renders: [`RenderJob`].
+//!
+//! ```text
+//! scene -> pilot (technique, radii, guide) -> iterations (counts chosen on the way) -> RenderResult
+//! ```
+//!
+//! A job loads nothing and writes nothing: scenes come from [`import`](crate::import), files and pages are made of
+//! its [`RenderResult`] by [`output`](crate::output). An observer sees the [`RenderState`] after every iteration.
+
+mod denoising;
+mod iterate;
+mod leader;
+mod result;
+mod shard;
+mod state;
+mod time_check;
+mod worker;
+
+pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
+pub use result::{RelativeError, RenderResult};
+pub use shard::Shard;
+pub use state::{Exchanged, NoiseAt, RenderState, Status, TimeForecast, Totals, best_measured};
+pub use time_check::check_time;
+
+use crate::accel::Intersect;
+use crate::adaptive::autopilot::Autopilot;
+use crate::adaptive::count_policy::{CountPolicy, Replay};
+use crate::adaptive::plan::Plan;
+use crate::adaptive::stopping::{Stop, Target};
+use crate::adaptive::technique;
+use crate::adaptive::technique::{End, FreeParameters, Selection};
+use crate::base::error::{Error, Result};
+use crate::film::aov::AovSelection;
+use crate::film::counts::Counts;
+use crate::import::Loaded;
+use crate::mpi::{Alone, Ranks};
+use crate::noise::Measure;
+use crate::noise::file::check_memory;
+use crate::noise::film::BatchGrain;
+use crate::noise::schedule::MeasureSchedule;
+use crate::output::checkpoint::Checkpoint;
+use crate::output::denoise::ErrorSummary;
+use crate::render::block::Block;
+use crate::render::{RenderConfig, Renderer};
+use crate::scene::Scene;
+use crate::scene::backend;
+use crate::scene::backend::Backend;
+use crate::settings::provenance::{Provenance, Reuse};
+use crate::settings::{PartialSettings, Settings};
+use crate::timing::{TimeModel, Timings};
+use leader::Leader;
+use rayon::ThreadPool;
+use state::RunClock;
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+/// The relative error that a job stops at if nothing else ends it: 1 %.
+const DEFAULT_ERROR: f64 = 0.01;
+
+/// Renders a scene until a [`Stop`] condition holds.
+///
+/// Without further settings, the job chooses technique, merge radii, guide and counts by their total error (noise and
+/// merge bias). What [`Self::settings`] fixes is not chosen.
+///
+/// ```no_run
+/// use bdpm::{RenderJob, Stop};
+/// use std::time::Duration;
+///
+/// let scene = bdpm::load("scenes/cornell-box")?;
+/// let result = RenderJob::new(&scene).stop(Stop::time(Duration::from_secs(60))).render()?;
+/// println!("{:?}", result.error);
+/// # Ok::<(), bdpm::Error>(())
+/// ```
+#[derive(Clone)]
+pub struct RenderJob {
+    scene: Arc<Scene>,
+    scene_settings: PartialSettings,
+    settings: PartialSettings,
+    backend: Option<Backend>,
+    accel: Option<(Backend, Arc<dyn Intersect>)>,
+    threads: Option<Arc<ThreadPool>>,
+    stop: Stop,
+    start: Start,
+    times: Option<(Timings, PathBuf)>,
+    free: Option<FreeParameters>,
+    least_iterations: u64,
+    schedule: MeasureSchedule,
+    pixel_noise: bool,
+    aovs: AovSelection,
+    denoise: bool,
+    shard: Option<Shard>,
+    interrupt: Arc<AtomicBool>,
+}
+
+/// What a job begins with.
+#[derive(Clone)]
+enum Start {
+    New,
+    Plan { plan: Plan, made_by: Provenance, file: PathBuf },
+    Checkpoint { checkpoint: Box<Checkpoint<'static>>, file: PathBuf },
+}
+
+/// What an observer of a job sees.
+pub enum Event<'a> {
+    /// Something that the user should know; the job goes on.
+    Warning(String),
+    /// The pilot begins to try techniques, as far as these parameters are free, for an image that is otherwise made like
+    /// this.
+    Choosing(FreeParameters, &'a Provenance),
+    /// Iterating begins.
+    Started(&'a RenderState),
+    /// The error of the denoised image was estimated, after this rendering time.
+    Denoised(&'a ErrorSummary, Duration),
+    /// An iteration is done, or a round of iterations of several processes.
+    Iterated(&'a mut RenderState),
+}
+
+/// Scene, settings and threads of a job that is about to render.
+struct Prepared {
+    scene: Arc<Scene>,
+    accel: Arc<dyn Intersect>,
+    threads: Arc<ThreadPool>,
+    provenance: Provenance,
+    build_time: Duration,
+}
+
+impl RenderJob {
+    /// Renders a scene that was loaded from a file, with the settings of that file as a start.
+    pub fn new(loaded: &Loaded) -> Self {
+        Self { scene_settings: loaded.defaults.clone(), ..Self::from_scene(&loaded.scene) }
+    }
+
+    /// Renders a scene that was made by a program, with the default settings as a start.
+    pub fn from_scene(scene: &Arc<Scene>) -> Self {
+        Self {
+            scene: Arc::clone(scene),
+            scene_settings: PartialSettings::default(),
+            settings: PartialSettings::default(),
+            backend: None,
+            accel: None,
+            threads: None,
+            stop: Stop::default(),
+            start: Start::New,
+            times: None,
+            free: None,
+            least_iterations: 1,
+            schedule: MeasureSchedule::default(),
+            pixel_noise: false,
+            aovs: AovSelection::default(),
+            denoise: false,
+            shard: None,
+            interrupt: Arc::default(),
+        }
+    }
+
+    /// Fixes settings: those that are given here are not chosen.
+    #[must_use]
+    pub fn settings(self, settings: PartialSettings) -> Self {
+        Self { settings, ..self }
+    }
+
+    /// Lets the pilot choose these parameters and no others, whatever the settings fix; a start for what is chosen.
+    #[must_use]
+    pub fn free_parameters(self, free: FreeParameters) -> Self {
+        Self { free: Some(free), ..self }
+    }
+
+    /// Ends the job when one of these conditions holds. Without any, it ends at a relative error of 1 %.
+    #[must_use]
+    pub fn stop(self, stop: Stop) -> Self {
+        Self { stop, ..self }
+    }
+
+    /// Finds intersections with this backend [default: Embree if the crate was built with it].
+    #[must_use]
+    pub fn backend(self, backend: Option<Backend>) -> Self {
+        Self { backend, ..self }
+    }
+
+    /// Uses an acceleration structure of the scene that is there already.
+    #[must_use]
+    pub fn acceleration(self, backend: Backend, accel: Arc<dyn Intersect>) -> Self {
+        Self { accel: Some((backend, accel)), ..self }
+    }
+
+    /// Renders on these threads [default: one per processor]. The image does not depend on their number.
+    #[must_use]
+    pub fn threads(self, threads: Arc<ThreadPool>) -> Self {
+        Self { threads: Some(threads), ..self }
+    }
+
+    /// Renders the steps of a plan, which was read from `file`, an image made by `made_by`.
+    #[must_use]
+    pub fn plan(self, plan: Plan, made_by: Provenance, file: &Path) -> Self {
+        Self { start: Start::Plan { plan, made_by, file: file.to_owned() }, ..self }
+    }
+
+    /// Continues the image of a checkpoint, which was read from `file`, with its settings.
+    #[must_use]
+    pub fn resume(self, checkpoint: Checkpoint<'static>, file: &Path) -> Self {
+        let checkpoint = Box::new(checkpoint);
+        Self { start: Start::Checkpoint { checkpoint, file: file.to_owned() }, ..self }
+    }
+
+    /// Chooses counts by known times, read from `file`, instead of by those of the iterations. The times are those of the
+    /// present settings, so that nothing but the counts is chosen.
+    #[must_use]
+    pub fn times(self, times: Timings, file: &Path) -> Self {
+        Self { times: Some((times, file.to_owned())), ..self }
+    }
+
+    /// Measures every iteration with this estimator, at fixed counts, and keeps the noise of each pixel.
+    #[must_use]
+    pub fn measure_always(self, estimator: Measure) -> Self {
+        Self { schedule: MeasureSchedule::always(estimator), pixel_noise: true, ..self }
+    }
+
+    /// Keeps the noise of each pixel instead of that of each tile, for
+    /// [`coefficients`](RenderResult::noise_image); counts are then equal in all pixels.
+    #[must_use]
+    pub fn pixel_noise(self, pixel_noise: bool) -> Self {
+        Self { pixel_noise, ..self }
+    }
+
+    /// Renders at least this many iterations, whatever the time.
+    #[must_use]
+    pub fn at_least(self, iterations: u64) -> Self {
+        Self { least_iterations: iterations, ..self }
+    }
+
+    /// Accumulates these layers beside the image.
+    #[must_use]
+    pub fn aovs(self, aovs: AovSelection) -> Self {
+        Self { aovs, ..self }
+    }
+
+    /// Denoises the image. Time and error of [`Self::stop`] are then about the denoised image.
+    #[must_use]
+    pub fn denoise(self, denoise: bool) -> Self {
+        Self { denoise, ..self }
+    }
+
+    /// Renders one shard of the iterations of an image.
+    #[must_use]
+    pub fn shard(self, shard: Option<Shard>) -> Self {
+        Self { shard, ..self }
+    }
+
+    /// Ends the job after the iteration in which this flag is set.
+    #[must_use]
+    pub fn interrupted_by(self, interrupt: Arc<AtomicBool>) -> Self {
+        Self { interrupt, ..self }
+    }
+
+    /// Renders without an observer.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn render(self) -> Result<RenderResult> {
+        self.run(|_| ControlFlow::Continue(()))
+    }
+
+    /// Renders; `observer` sees what happens and may end the job.
+    ///
+    /// # Errors
+    /// If settings are invalid or contradict what the job begins with, the memory does not suffice, one iteration
+    /// would take far longer than the time, or the denoiser fails.
+    pub fn run(self, observer: impl FnMut(Event) -> ControlFlow<()>) -> Result<RenderResult> {
+        self.run_on(&Alone, observer)
+    }
+
+    /// Renders as rank 0 of several processes, which decides; the others [`follow`](Self::follow).
+    ///
+    /// # Errors
+    /// As [`Self::run`], and if another process has another scene or version.
+    pub fn run_on(
+        mut self,
+        ranks: &dyn Ranks,
+        mut observer: impl FnMut(Event) -> ControlFlow<()>,
+    ) -> Result<RenderResult> {
+        let leader = Leader::new(ranks);
+        let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
+        if let Some(leader) = &leader {
+            leader.check_workers(&provenance)?;
+        }
+        let start = Instant::now();
+        let is_automatic = self.is_automatic();
+        let mut stop = self.stop_with_default();
+        let iterations = self.shard_iterations(&stop, is_automatic)?;
+        if let Some(iterations) = &iterations {
+            stop.iterations = Some(iterations.assigned.count());
+        }
+        let denoising = self.denoise.then(|| {
+            let Settings { width, height, .. } = provenance.settings;
+            Denoising::new(threads.current_num_threads(), (width, height), stop.time)
+        });
+        let denoising = denoising.transpose()?;
+        if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
+            *time = time.saturating_sub(denoising.reserve());
+        }
+
+        let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
+        let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
+        let mut renderer = threads.install(new)?.configure(config)?;
+        let mut selection = None;
+        if is_automatic && matches!(self.start, Start::New) {
+            let free = self.chosen_parameters();
+            let _ = observer(Event::Choosing(free, &provenance));
+            let chosen = threads.install(|| technique::choose(&renderer, free, end(&stop)))?;
+            provenance.settings = chosen.apply(&provenance.settings);
+            stop.bias2 = chosen.best().bias.powi(2);
+            let settings = provenance.settings.clone();
+            renderer = threads.install(|| renderer.with_settings(settings))?;
+            selection = Some(chosen);
+        }
+        if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
+            let check = || {
+                let settings = &provenance.settings;
+                check_time(&scene, &accel, settings, time, (self.least_iterations, &counts))
+            };
+            if let Some(warning) = threads.install(check)? {
+                let _ = observer(Event::Warning(warning));
+            }
+        }
+        config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
+        config.aovs = self.kept_aovs();
+        renderer = renderer.configure(config)?;
+        if let Some(iterations) = &iterations {
+            renderer.assign(iterations.assigned.clone());
+        }
+        let times = self.fitting_times(&provenance)?;
+        let policy = self.policy(&mut renderer, (&mut stop, selection.as_ref()), times)?;
+        if let Some(leader) = &leader {
+            leader.set_up(&provenance, *renderer.config())?;
+        }
+        let state = RenderState {
+            provenance,
+            accel_name: accel.describe().name,
+            build_time,
+            earlier: policy.state(0.0).map_or(0.0, |state| state.elapsed()),
+            renderer,
+            policy,
+            stop,
+            is_automatic,
+            selection,
+            denoising,
+            whole: iterations.map(|iterations| iterations.whole),
+            regions: scene.regions.clone(),
+            totals: Totals::default(),
+            status: Status::default(),
+            history: Vec::new(),
+            exchanged: Exchanged::new(ranks.count()),
+            interrupt: self.interrupt,
+            threads,
+            clock: RunClock::new(start, self.least_iterations),
+        };
+        iterate::run(state, leader, &mut observer)
+    }
+
+    /// Renders as any but rank 0 of several processes, until rank 0 has no more work for it.
+    ///
+    /// # Errors
+    /// As [`Self::run_on`].
+    pub fn follow(mut self, ranks: &dyn Ranks) -> Result<()> {
+        let prepared = self.prepare();
+        worker::follow(ranks, prepared, &self.interrupt)
+    }
+
+    /// Resolves settings, builds the acceleration structure, and checks that both fit what the job begins with.
+    fn prepare(&mut self) -> Result<Prepared> {
+        let threads = match self.threads.take() {
+            Some(threads) => threads,
+            None => Arc::new(thread_pool(0)?),
+        };
+        let scene = Arc::clone(&self.scene);
+        let begun = match &self.start {
+            Start::New => None,
+            Start::Plan { made_by, file, .. } => Some((made_by, file, Reuse::Plan)),
+            Start::Checkpoint { checkpoint, file } => {
+                Some((&checkpoint.origin, file, Reuse::Resume))
+            }
+        };
+        // A resumed image has its own settings; settings that agree with them do no harm.
+        let defaults = match begun {
+            Some((made_by, ..)) => Cow::Owned((&made_by.settings).into()),
+            None => Cow::Borrowed(&self.scene_settings),
+        };
+        let settings = Settings::resolve(&self.settings, &defaults, scene.size())?;
+        let begun_backend = begun.and_then(|(made_by, ..)| Backend::named(&made_by.backend));
+        let start = Instant::now();
+        let (backend, accel) = match self.accel.take() {
+            Some((backend, accel)) => (backend, accel),
+            None => {
+                let backend = self.backend.or(begun_backend).unwrap_or_default();
+                (backend, threads.install(|| backend::build(backend, &scene))?)
+            }
+        };
+        let build_time = start.elapsed();
+        let provenance = provenance(&scene, backend, settings);
+        if let Some((made_by, file, reuse)) = begun {
+            made_by.check_agrees(&provenance, reuse).map_err(|e| e.at(file))?;
+        }
+        Ok(Prepared { scene, accel, threads, provenance, build_time })
+    }
+
+    /// Whether the counts are chosen while rendering.
+    fn is_automatic(&self) -> bool {
+        match &self.start {
+            Start::Plan { .. } => false,
+            Start::Checkpoint { checkpoint, .. } => {
+                checkpoint.plan.is_none() && checkpoint.autopilot.is_some()
+            }
+            Start::New if self.free.is_some() => true,
+            Start::New => {
+                let Self { settings, stop, schedule, .. } = self;
+                settings.light_paths.is_none()
+                    && settings.camera_paths.is_none()
+                    && stop.iterations.is_none()
+                    && *schedule == MeasureSchedule::default()
+            }
+        }
+    }
+
+    /// The plan that is rendered, if there is one.
+    fn planned(&self) -> Option<&Plan> {
+        match &self.start {
+            Start::New => None,
+            Start::Plan { plan, .. } => Some(plan),
+            Start::Checkpoint { checkpoint, .. } => checkpoint.plan.as_ref(),
+        }
+    }
+
+    /// The parameters that the pilot may choose.
+    fn chosen_parameters(&self) -> FreeParameters {
+        if let Some(free) = self.free {
+            return free;
+        }
+        let fixed = &self.settings;
+        // Known times are those of the settings that they were measured with.
+        let any = self.times.is_none();
+        let radius = any && fixed.radius.is_none();
+        let caustic_radius = any && fixed.caustic_radius.is_none();
+        FreeParameters {
+            strategy: any && fixed.strategy.is_none() && fixed.merge_vertex.is_none(),
+            direct: any && fixed.direct.is_none(),
+            kernel: any && fixed.kernel.is_none(),
+            radius,
+            caustic_radius,
+            guide: any && fixed.guide.is_none(),
+            // An image at radii that the user chose is merged at these radii. A denoiser takes the image as it was
+            // merged, fold by fold.
+            bias: (radius || caustic_radius) && fixed.bias.is_none() && !self.denoise,
+        }
+    }
+
+    fn stop_with_default(&self) -> Stop {
+        let mut stop = self.stop;
+        stop.iterations = stop.iterations.or(self.planned().and_then(Plan::iterations));
+        let is_open = stop.iterations.is_none() && stop.time.is_none() && stop.target.is_none();
+        if is_open && self.shard.is_none() {
+            stop.error = stop.error.or(Some(DEFAULT_ERROR));
+        }
+        stop
+    }
+
+    /// The iterations of the shard, if the job renders one.
+    fn shard_iterations(
+        &self,
+        stop: &Stop,
+        is_automatic: bool,
+    ) -> Result<Option<shard::ShardIterations>> {
+        let Some(shard) = self.shard else { return Ok(None) };
+        if is_automatic {
+            return Err(Error::new(
+                "shards cannot choose their counts: all must use the same",
+                "fix the number of iterations, or use the plan of an image that chose its counts",
+            ));
+        }
+        let begun = match &self.start {
+            Start::Checkpoint { checkpoint, .. } => checkpoint.whole,
+            _ => None,
+        };
+        shard.iterations(stop.iterations, begun).map(Some)
+    }
+
+    /// The counts of all iterations, if they are the same and their number is open.
+    fn fixed_counts(&self, provenance: &Provenance) -> Option<Counts> {
+        let Settings { light_paths, camera_paths, .. } = provenance.settings;
+        match self.planned() {
+            _ if self.is_automatic() => None,
+            None => Some(Counts::uniform(light_paths, camera_paths)),
+            Some(plan) if plan.iterations().is_none() => Some(plan.steps[0].counts.clone()),
+            Some(_) => None,
+        }
+    }
+
+    /// Layers to accumulate: those that are asked for and those that the denoiser needs.
+    fn kept_aovs(&self) -> AovSelection {
+        let AovSelection { features, folds, .. } = self.aovs;
+        AovSelection {
+            features: features || self.denoise,
+            folds: folds || self.denoise,
+            ..self.aovs
+        }
+    }
+
+    fn batch_grain(&self, settings: &Settings, is_automatic: bool) -> Result<BatchGrain> {
+        if !self.pixel_noise {
+            return Ok(BatchGrain::Tile);
+        }
+        if !is_automatic {
+            check_measurable(settings)?;
+        }
+        check_memory(settings.width, settings.height)?;
+        Ok(BatchGrain::Pixel)
+    }
+
+    /// The policy of counts; lets the renderer go on where a checkpoint ends.
+    fn policy(
+        &mut self,
+        renderer: &mut Renderer,
+        (stop, selection): (&mut Stop, Option<&Selection>),
+        times: Option<TimeModel>,
+    ) -> Result<CountPolicy> {
+        let mut state = None;
+        let plan = match std::mem::replace(&mut self.start, Start::New) {
+            Start::New => None,
+            Start::Plan { plan, .. } => Some(plan),
+            Start::Checkpoint { checkpoint, file } => {
+                self.check_resumed(&checkpoint, stop).map_err(|e| e.at(&file))?;
+                let mut checkpoint = *checkpoint;
+                state = checkpoint.autopilot;
+                stop.bias2 = state.map_or(0.0, |state| state.bias2());
+                renderer.resume(checkpoint.take_partial())?;
+                self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
+                checkpoint.plan
+            }
+        };
+        let autopilot = match (plan, selection, state) {
+            (Some(plan), ..) => return Ok(CountPolicy::Plan(Replay::new(plan))),
+            (None, Some(selection), _) => Autopilot::new(*stop, selection.best().times),
+            (None, None, Some(state)) => Autopilot::resume(*stop, state),
+            (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
+        };
+        // Coefficients of single pixels are kept for one pair of counts.
+        let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
+        let autopilot = match times {
+            Some(times) => autopilot.with_times(times),
+            None => autopilot,
+        };
+        Ok(CountPolicy::Automatic(Box::new(autopilot)))
+    }
+
+    /// The model of known times, if they belong to this scene and these settings.
+    fn fitting_times(&self, provenance: &Provenance) -> Result<Option<TimeModel>> {
+        let Some((times, file)) = &self.times else { return Ok(None) };
+        let Settings { width, height, .. } = provenance.settings;
+        times.check_fits(&provenance.to_metadata(), width, height).map_err(|e| e.at(file))?;
+        Ok(Some(times.model))
+    }
+
+    /// Refuses a checkpoint that cannot become what is asked for.
+    fn check_resumed(&self, checkpoint: &Checkpoint, stop: &Stop) -> Result<()> {
+        let blocks = &checkpoint.blocks[..];
+        let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
+        if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
+            return Err(Error::new(
+                format!("the checkpoint holds {done} iterations, more than {wanted}"),
+                format!("render {done} iterations or more, or until a time is over"),
+            ));
+        }
+        let by_tile = |block: &Block| {
+            block.statistics.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+        };
+        if self.pixel_noise && blocks.iter().any(by_tile) {
+            return Err(Error::new(
+                "the checkpoint lacks the noise of single pixels",
+                "resume without a noise file, or start again with it",
+            ));
+        }
+        match self.shard_iterations(stop, false)? {
+            Some(iterations) => iterations.check_holds(blocks),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses layers that a checkpoint did not keep.
+    fn check_kept(&self, kept: AovSelection) -> Result<()> {
+        let lacks = if self.denoise && !kept.folds {
+            "the folds for the denoiser"
+        } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
+            "some of the layers"
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(
+            format!("the checkpoint lacks {lacks}"),
+            "resume without them, or start again with them",
+        ))
+    }
+}
+
+/// What the pilot aims at.
+fn end(stop: &Stop) -> End {
+    match (stop.time, stop.error, stop.target) {
+        (Some(time), _, _) => End::Time(time.as_secs_f64()),
+        (None, Some(error), _) => End::Error(error),
+        (None, None, Some(Target::Share(share))) => End::Error(share),
+        (None, None, _) => End::Error(DEFAULT_ERROR),
+    }
+}
+
+/// Threads for a job: this many, or one per processor if the number is 0.
+///
+/// # Errors
+/// If the system refuses to start them.
+pub fn thread_pool(threads: usize) -> Result<ThreadPool> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "use fewer threads"))
+}
+
+/// How this version of the program makes an image of a scene.
+pub fn provenance(scene: &Scene, backend: Backend, settings: Settings) -> Provenance {
+    Provenance {
+        version: env!("CARGO_PKG_VERSION").into(),
+        scene: scene.name.clone(),
+        fingerprint: scene.fingerprint(),
+        backend: backend.name().into(),
+        settings,
+    }
+}
+
+/// Refuses counts at which noise cannot be measured: coefficients are about pairs of paths of the same kind.
+///
+/// # Errors
+/// If there is only one light path, or one camera path per pixel.
+pub fn check_measurable(settings: &Settings) -> Result<()> {
+    for (count, what) in
+        [(settings.light_paths, "light path"), (settings.camera_paths, "camera path per pixel")]
+    {
+        if count < 2 {
+            return Err(Error::new(
+                format!("the noise cannot be measured with {count} {what}"),
+                format!("use 2 or more {what}s; the result predicts the noise at 1 as well"),
+            ));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,118 @@
+//! The result of a job.
+
+use super::state::RenderState;
+use crate::adaptive::plan::Plan;
+use crate::adaptive::stopping::{Convergence, StoppedBy, importance};
+use crate::adaptive::technique::Selection;
+use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
+use crate::image_io::Layer;
+use crate::noise::image::NoiseImage;
+use crate::output::denoise;
+use crate::output::layers::LayerSelection;
+use crate::render::bias::MergeBias;
+use serde::Serialize;
+
+/// An image with its error, and how it was made.
+pub struct RenderResult {
+    /// Width and height, pixels.
+    pub resolution: (u32, u32),
+    /// Radiance, W/(m^2 sr), row by row from the top left; the denoised one if the job denoises.
+    pub image: Vec<Rgb>,
+    /// Error of the image relative to each pixel's luminance; `None` for a pooled objective, before the noise is
+    /// known, or if the merge bias is not known.
+    pub error: Option<RelativeError>,
+    /// RMS of the noise, pooled over all pixels, as luminance, W/(m^2 sr), and its standard error.
+    pub rms: Option<(f64, f64)>,
+    /// Merge bias as nested radii show it, unless it was corrected.
+    pub merge_bias: Option<MergeBias>,
+    /// Counts, number and weight of all iterations: a job with this plan and seed renders the same image.
+    pub plan: Plan,
+    /// Why rendering ended.
+    pub stopped_by: StoppedBy,
+    /// Everything else: sums, technique, promise, denoiser, history.
+    pub state: RenderState,
+}
+
+/// Relative RMS error of an image: the root of the mean over pixels of squared errors over squared luminances.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct RelativeError {
+    /// Noise and bias together.
+    pub total: f64,
+    /// The part that is noise.
+    pub noise: f64,
+    /// The part that is merge bias: as the pilot estimated it, or as the image shows it where bias is corrected.
+    pub bias: f64,
+}
+
+impl RenderResult {
+    pub(super) fn new(mut state: RenderState, stopped_by: StoppedBy) -> Result<Self> {
+        let denoised = state.denoise();
+        let image = state.image();
+        let blocks = state.renderer.blocks();
+        let variance = image.pooled_variance();
+        let rms = variance.map(|(variance, error)| {
+            let rms = variance.sqrt();
+            (rms, 0.5 * error / rms)
+        });
+        // Bias that stands out from the noise is corrected already where the image is corrected.
+        let merge_bias = match image.bias_correction() {
+            None => MergeBias::new(blocks, &image),
+            Some(_) => None,
+        };
+        let resolution = image.resolution();
+        let plan = Plan::of_blocks(blocks, image.weights());
+        let error = state.is_automatic.then(|| relative_error(&state)).flatten();
+        let pixels = match state.denoised() {
+            Some(denoised) => denoised.image.clone(),
+            None => image.mean(),
+        };
+        drop(image);
+        // A failure of the denoiser loses neither the image nor what was asked for beside it.
+        if let (Err(error), Some(denoising)) = (denoised, &mut state.denoising) {
+            denoising.failure = Some(error);
+        }
+        Ok(Self { resolution, image: pixels, error, rms, merge_bias, plan, stopped_by, state })
+    }
+
+    /// The technique that the pilot chose with the others that it compared, if it ran.
+    pub fn selection(&self) -> Option<&Selection> {
+        self.state.selection.as_ref()
+    }
+
+    /// Layers beside the image, as far as the job accumulated them; the denoised image with its error among them.
+    pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
+        let image = self.state.image();
+        let mut layers = selection.of(self.state.renderer.shared(), &image, &image.mean());
+        layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
+        layers
+    }
+
+    /// The coefficients `a`, `b` and `f` of each pixel, of the block with the most measured iterations.
+    ///
+    /// # Errors
+    /// If the job did not keep [`pixel_noise`](super::RenderJob::pixel_noise), or measured fewer than 2 iterations.
+    pub fn noise_image(&self) -> Result<NoiseImage> {
+        let block = self.state.best_measured().ok_or_else(|| {
+            Error::new("too few iterations to estimate the noise", "render more iterations")
+        })?;
+        block.noise_image()
+    }
+}
+
+fn relative_error(state: &RenderState) -> Option<RelativeError> {
+    let image = state.image();
+    let (blocks, weights) = (state.renderer.blocks(), image.weights().to_vec());
+    let importance = importance(blocks, state.stop.objective);
+    let convergence = Convergence::new(blocks, weights, &importance);
+    if state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
+        return None;
+    }
+    let stop = &convergence.with_measured_bias(&state.stop);
+    let total = convergence.error(stop, 1.0)?;
+    Some(RelativeError {
+        total,
+        noise: convergence.weighted_variance?.sqrt(),
+        bias: stop.bias2.sqrt(),
+    })
+}

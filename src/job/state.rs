@@ -1,0 +1,370 @@
+//! A render under way.
+
+use super::denoising::Denoising;
+use crate::adaptive::autopilot::Promise;
+use crate::adaptive::count_policy::CountPolicy;
+use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importance};
+use crate::adaptive::technique::Selection;
+use crate::base::error::Result;
+use crate::film::PhaseTimes;
+use crate::output::checkpoint::{Checkpoint, Whole};
+use crate::output::denoise::{Denoised, ErrorSummary};
+use crate::render::block::{Block, CombinedImage};
+use crate::render::{IterationReport, Renderer};
+use crate::scene::Region;
+use crate::settings::provenance::Provenance;
+use rayon::ThreadPool;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// Relative growth of the time between two values that are remembered.
+const REMEMBER_EVERY: f64 = 1.02;
+
+/// Longest time between two estimates of the whole image's noise, seconds.
+const ESTIMATE_EVERY: f64 = 0.5;
+
+/// Share of the elapsed time between two estimates, while that is shorter.
+const ESTIMATE_AFTER: f64 = 0.02;
+
+/// Share of the time that these estimates may take, since each is a pass over the image.
+const ESTIMATE_COST: f64 = 0.05;
+
+/// What a job knows while it renders and when it has rendered.
+pub struct RenderState {
+    /// How the image is made: version, scene, backend and the chosen settings.
+    pub provenance: Provenance,
+    /// Name and version of the acceleration structure.
+    pub accel_name: String,
+    /// Time that building the acceleration structure took.
+    pub build_time: Duration,
+    /// The sums of the image.
+    pub renderer: Renderer,
+    /// Who decides about counts.
+    pub policy: CountPolicy,
+    /// When to stop, with the merge bias as far as it is known.
+    pub stop: Stop,
+    /// Whether counts are chosen while rendering.
+    pub is_automatic: bool,
+    /// What the pilot chose, if it ran.
+    pub selection: Option<Selection>,
+    /// What this run has done.
+    pub totals: Totals,
+    /// Where the image stands.
+    pub status: Status,
+    /// How the noise fell, at times that grow by 2 %.
+    pub history: Vec<NoiseAt>,
+    /// The denoiser, if the image is denoised, and its latest result.
+    pub denoising: Option<Denoising>,
+    /// What several processes exchanged.
+    pub exchanged: Exchanged,
+    /// Rendering time of earlier runs, seconds.
+    pub earlier: f64,
+    /// The image of which this is a shard, if it is one.
+    pub whole: Option<Whole>,
+    /// The scene's named regions, for files.
+    pub regions: Vec<Region>,
+    pub(super) threads: Arc<ThreadPool>,
+    pub(super) interrupt: Arc<AtomicBool>,
+    pub(super) clock: RunClock,
+}
+
+/// Times of a run, and what was forecast of them.
+pub(super) struct RunClock {
+    /// With the pilot.
+    start: Instant,
+    first_iteration: Instant,
+    least_iterations: u64,
+    /// At times that grow by 2 %.
+    forecasts: Vec<TimeForecast>,
+    /// Time of the latest estimate of the noise, seconds, and its duration.
+    last_estimate: f64,
+    estimate_time: f64,
+}
+
+impl RunClock {
+    /// A clock of a run that began at `start` and begins to iterate now.
+    pub fn new(start: Instant, least_iterations: u64) -> Self {
+        let (first_iteration, forecasts) = (Instant::now(), Vec::new());
+        let (last_estimate, estimate_time) = (0.0, 0.0);
+        Self { start, first_iteration, least_iterations, forecasts, last_estimate, estimate_time }
+    }
+}
+
+/// Where an image stands after an iteration.
+#[derive(Clone, Debug, Default)]
+pub struct Status {
+    /// Iterations of the image.
+    pub iterations: u64,
+    /// Latest estimate of noise and bias.
+    pub convergence: Option<Convergence>,
+    /// Noise and time at the end, once they can be foretold.
+    pub forecast: Option<Forecast>,
+}
+
+/// Work of a run, of all its processes.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Totals {
+    /// Iterations of this run.
+    pub iterations: u64,
+    /// Rays of this run.
+    pub rays: u64,
+    /// Photons of this run.
+    pub photons: u64,
+    /// Pixel values that were not finite and were left out.
+    pub non_finite: u64,
+    /// Busy thread time of the phases, and wall-clock time.
+    pub times: PhaseTimes,
+}
+
+/// A forecast of this run's rendering time.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct TimeForecast {
+    /// Rendering time when it was made, seconds.
+    pub said_after: f64,
+    /// Forecast of the whole rendering time, seconds.
+    pub seconds: f64,
+    /// The time that rendering took in the end, seconds.
+    pub took: f64,
+}
+
+/// Noise of the image at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseAt {
+    /// Rendering time of this run, seconds.
+    pub seconds: f64,
+    /// Relative variance, of each pixel's luminance or of the mean, as the objective has it.
+    pub noise2: f64,
+}
+
+/// Exchange between several processes.
+#[derive(Clone, Copy, Debug)]
+pub struct Exchanged {
+    /// Number of processes.
+    pub ranks: u32,
+    /// Time until the others had done their part.
+    pub waiting: Duration,
+    /// Time until their sums were added.
+    pub adding: Duration,
+    /// Bytes that rank 0 received.
+    pub bytes: u64,
+}
+
+impl Exchanged {
+    /// Nothing exchanged yet.
+    pub(super) fn new(ranks: u32) -> Self {
+        Self { ranks, waiting: Duration::ZERO, adding: Duration::ZERO, bytes: 0 }
+    }
+}
+
+impl Totals {
+    /// Adds an iteration.
+    pub fn add(&mut self, report: &IterationReport) {
+        self.iterations += 1;
+        self.rays += report.rays;
+        self.photons += report.photons as u64;
+        self.non_finite += report.non_finite.len() as u64;
+        self.times += report.times;
+    }
+
+    /// Adds the work of another process.
+    pub fn join(&mut self, other: &Self) {
+        self.iterations += other.iterations;
+        self.rays += other.rays;
+        self.photons += other.photons;
+        self.non_finite += other.non_finite;
+        self.times += other.times;
+    }
+
+    /// Rays per second of wall-clock time.
+    pub fn rays_per_second(&self) -> f64 {
+        self.rays as f64 / self.times.wall.as_secs_f64().max(1e-9)
+    }
+}
+
+impl RenderState {
+    /// Threads of this process.
+    pub fn threads(&self) -> &ThreadPool {
+        &self.threads
+    }
+
+    /// Time since rendering began, with the pilot.
+    pub fn elapsed(&self) -> Duration {
+        self.clock.start.elapsed()
+    }
+
+    /// The image so far: all blocks with their weights.
+    pub fn image(&self) -> CombinedImage<'_> {
+        let blocks = self.renderer.blocks();
+        let importance = importance(blocks, self.stop.objective);
+        CombinedImage::new(blocks, self.policy.weights(blocks, &importance))
+    }
+
+    /// The promised error or time, once there is one.
+    pub fn promise(&self) -> Option<&Promise> {
+        self.policy.promise()
+    }
+
+    /// The latest denoised image.
+    pub fn denoised(&self) -> Option<&Denoised> {
+        self.denoising.as_ref()?.latest.as_ref()
+    }
+
+    /// A denoised image without its error, for a preview; `None` if the image is not denoised.
+    ///
+    /// # Errors
+    /// Those of the denoiser.
+    pub fn denoised_preview(&mut self) -> Result<Option<Denoised>> {
+        self.with_denoiser(|denoising, renderer, image| denoising.preview(renderer, image))
+    }
+
+    /// All that it takes to resume this render.
+    pub fn checkpoint(&self) -> Checkpoint<'_> {
+        Checkpoint {
+            origin: self.provenance.clone(),
+            blocks: Cow::Borrowed(self.renderer.blocks()),
+            shared: Cow::Borrowed(self.renderer.shared()),
+            autopilot: self.policy.state(self.elapsed().as_secs_f64()),
+            plan: self.policy.plan().cloned(),
+            whole: self.whole,
+            regions: self.regions.clone(),
+        }
+    }
+
+    /// [`best_measured`] of the image's blocks.
+    pub fn best_measured(&self) -> Option<&Block> {
+        best_measured(self.renderer.blocks())
+    }
+
+    /// The forecast of the time that was made when half of it had passed.
+    pub fn half_way(&self) -> Option<TimeForecast> {
+        let took = self.clock.start.elapsed().as_secs_f64();
+        let half =
+            self.clock.forecasts.iter().find(|forecast| forecast.said_after >= 0.5 * took)?;
+        Some(TimeForecast { took, ..*half })
+    }
+
+    /// Estimates noise and bias of the image now, which takes a pass over it.
+    pub fn estimate(&mut self) {
+        let elapsed = self.elapsed().as_secs_f64();
+        self.clock.last_estimate = elapsed;
+        let entered = Instant::now();
+        let (blocks, objective) = (self.renderer.blocks(), self.stop.objective);
+        let convergence = self.threads.install(|| {
+            let importance = importance(blocks, objective);
+            Convergence::new(blocks, self.policy.weights(blocks, &importance), &importance)
+        });
+        self.clock.estimate_time = entered.elapsed().as_secs_f64();
+        if convergence.variance.is_none() && self.status.convergence.is_some() {
+            return; // A block's first iteration: the estimate before is the better one.
+        }
+        self.stop = convergence.with_measured_bias(&self.stop);
+        let each = self.policy.iteration_time(&self.renderer, self.totals.iterations, elapsed);
+        self.status.forecast =
+            convergence.per_iteration.zip(each).and_then(|(variance, iteration_time)| {
+                convergence.forecast(&self.stop, variance, iteration_time, elapsed)
+            });
+        self.remember(&convergence, elapsed);
+        self.status.convergence = Some(convergence);
+    }
+
+    pub(super) fn interrupt(&self) {
+        self.interrupt.store(true, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_interrupted(&self) -> bool {
+        self.interrupt.load(Ordering::Relaxed)
+    }
+
+    /// [`Self::estimate`], but not so often that it takes a notable part of the time.
+    pub(super) fn estimate_if_due(&mut self) {
+        self.status.iterations = self.renderer.iterations();
+        let elapsed = self.elapsed().as_secs_f64();
+        let pause = ESTIMATE_EVERY.min(ESTIMATE_AFTER * elapsed);
+        if elapsed >= self.clock.last_estimate + pause.max(self.clock.estimate_time / ESTIMATE_COST)
+        {
+            self.estimate();
+        }
+    }
+
+    /// Why no further iteration is to be begun, if so.
+    pub(super) fn finished(&self) -> Option<StoppedBy> {
+        let Stop { iterations, time, .. } = self.stop;
+        let done = self.totals.iterations;
+        if iterations.is_some_and(|wanted| self.renderer.iterations() >= wanted) {
+            return Some(StoppedBy::Iterations);
+        }
+        if done < self.clock.least_iterations {
+            return None;
+        }
+        let convergence = self.status.convergence.as_ref();
+        if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
+            return Some(StoppedBy::Target);
+        }
+        // An iteration that would end past the time by more than half of its own is not begun.
+        let elapsed = self.elapsed().as_secs_f64();
+        // theory.md (92)
+        let each = self.clock.first_iteration.elapsed().as_secs_f64() / done.max(1) as f64;
+        let half = 0.5 * each * f64::from(self.exchanged.ranks);
+        let is_over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
+        is_over.then_some(StoppedBy::Time)
+    }
+
+    /// Estimates the error of the denoised image if that is due. Returns it with whether it is small enough to stop.
+    pub(super) fn denoised_error(&mut self) -> Result<Option<(ErrorSummary, bool)>> {
+        let (elapsed, stop) = (self.elapsed(), self.stop);
+        let iterations = self.renderer.iterations();
+        if !self.denoising.as_ref().is_some_and(|d| d.is_due(elapsed, iterations, &stop)) {
+            return Ok(None);
+        }
+        let suffices = self.with_denoiser(|denoising, renderer, image| {
+            denoising.denoise(renderer, image)?;
+            Ok(denoising.reaches(elapsed, &stop))
+        })?;
+        let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
+        Ok(error.zip(suffices))
+    }
+
+    /// Denoises the final image, with its error.
+    pub(super) fn denoise(&mut self) -> Result<()> {
+        self.with_denoiser(|denoising, renderer, image| denoising.denoise(renderer, image))?;
+        Ok(())
+    }
+
+    fn with_denoiser<T: Send>(
+        &mut self,
+        run: impl FnOnce(&mut Denoising, &Renderer, &CombinedImage) -> Result<T> + Send,
+    ) -> Result<Option<T>> {
+        let Some(mut denoising) = self.denoising.take() else { return Ok(None) };
+        let threads = Arc::clone(&self.threads);
+        let done = threads.install(|| run(&mut denoising, &self.renderer, &self.image()));
+        self.denoising = Some(denoising);
+        done.map(Some)
+    }
+
+    fn remember(&mut self, convergence: &Convergence, elapsed: f64) {
+        let last = self.history.last().map_or(0.0, |last| last.seconds);
+        if let Some(noise2) = convergence.relative_variance(self.stop.objective)
+            && elapsed > last * REMEMBER_EVERY
+        {
+            self.history.push(NoiseAt { seconds: elapsed, noise2 });
+        }
+        let last = self.clock.forecasts.last().map_or(0.0, |last| last.said_after);
+        if let Some(forecast) = self.status.forecast
+            && elapsed > last * REMEMBER_EVERY
+        {
+            let seconds = elapsed + forecast.seconds;
+            self.clock.forecasts.push(TimeForecast { said_after: elapsed, seconds, took: 0.0 });
+        }
+    }
+}
+
+/// The block with the most measured iterations, if they suffice to estimate its noise.
+pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
+    let measured =
+        |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let best = blocks.iter().max_by_key(|block| measured(block));
+    best.filter(|block| measured(block) >= 2)
+}

@@ -1,0 +1,54 @@
+//! A render by several processes, as all but rank 0 see it: they render what rank 0 assigns to them.
+
+use super::Prepared;
+use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
+use super::state::Totals;
+use crate::base::error::Result;
+use crate::mpi::{Exchange, Ranks, encode};
+use crate::render::Renderer;
+use crate::scene::backend;
+use crate::scene::backend::Backend;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Renders assigned iterations until there are none left. An interrupt ends a round after the iteration under way.
+pub(super) fn follow(
+    ranks: &dyn Ranks,
+    prepared: Result<Prepared>,
+    interrupt: &AtomicBool,
+) -> Result<()> {
+    let Prepared { scene, mut accel, threads, provenance, .. } = match prepared {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            ranks.send(0, &encode(&Ready::Err(error.to_string())));
+            // Rank 0 reports the error and ends all processes.
+            ranks.broadcast::<RenderSetup>(None)?;
+            return Err(error);
+        }
+    };
+    let prepared_backend = provenance.backend.clone();
+    ranks.send(0, &encode(&Ready::Ok(provenance)));
+    let RenderSetup { backend, settings, config } = ranks.broadcast(None)?;
+    if backend != prepared_backend
+        && let Some(backend) = Backend::named(&backend)
+    {
+        accel = threads.install(|| backend::build(backend, &scene))?;
+    }
+    let renderer = threads.install(|| Renderer::new(&scene, &accel, settings))?;
+    let mut renderer = renderer.configure(config)?;
+    let exchange = Exchange::default();
+    while let Some(Round { block, schedule, numbers }) = ranks.broadcast::<Option<Round>>(None)? {
+        if let Some((first, counts)) = block {
+            renderer.enter_block(first, counts)?;
+        }
+        let assigned = numbers.share(ranks.rank(), ranks.count());
+        let is_over = || interrupt.load(Ordering::Relaxed);
+        let mut totals = Totals::default();
+        for (report, _) in render_assigned(&threads, &mut renderer, assigned, schedule, is_over) {
+            totals.add(&report);
+        }
+        let result =
+            WorkerResult { sums: renderer.take_partial(), totals, is_interrupted: is_over() };
+        ranks.reduce(result, &exchange, WorkerResult::add)?;
+    }
+    Ok(())
+}

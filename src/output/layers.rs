@@ -1,0 +1,196 @@
+//! Layers of an image file beside the image.
+
+use crate::base::math::Rgb;
+use crate::film::aov::AovSelection;
+use crate::film::features::FAR;
+use crate::film::light_components::LightComponents;
+use crate::image_io::Layer;
+use crate::render::accumulators::SharedStatistics;
+use crate::render::block::CombinedImage;
+use glam::Vec3;
+
+/// A layer, or a choice of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayerName {
+    /// All of those below
+    All,
+    /// None of those below
+    None,
+    /// Color of the first surface that is no mirror and no clear glass
+    Albedo,
+    /// Shading normal of that surface, in world space
+    Normal,
+    /// Distance of the first surface along the camera's axis
+    Depth,
+    /// Where the first surface is, in world space
+    Position,
+    /// Share of the camera paths that meet a surface
+    Alpha,
+    /// Light sources, seen directly or by mirrors and clear glass
+    Emission,
+    /// Light of one bounce
+    Direct,
+    /// Light of several bounces
+    Indirect,
+    /// Light of one bounce that came through mirrors and glass
+    Caustics,
+}
+
+impl LayerName {
+    /// All names.
+    pub const EVERY: [Self; 11] = [
+        Self::All,
+        Self::None,
+        Self::Albedo,
+        Self::Normal,
+        Self::Depth,
+        Self::Position,
+        Self::Alpha,
+        Self::Emission,
+        Self::Direct,
+        Self::Indirect,
+        Self::Caustics,
+    ];
+
+    /// The layer's name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::All => "all",
+            Self::None => "none",
+            Self::Albedo => "albedo",
+            Self::Normal => "normal",
+            Self::Depth => "depth",
+            Self::Position => "position",
+            Self::Alpha => "alpha",
+            Self::Emission => "emission",
+            Self::Direct => "direct",
+            Self::Indirect => "indirect",
+            Self::Caustics => "caustics",
+        }
+    }
+
+    /// The layer of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::EVERY.into_iter().find(|layer| layer.name() == name)
+    }
+
+    /// A description for users.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::All => "All of those below",
+            Self::None => "None of those below",
+            Self::Albedo => "Color of the first surface that is no mirror and no clear glass",
+            Self::Normal => "Shading normal of that surface, in world space",
+            Self::Depth => "Distance of the first surface along the camera's axis",
+            Self::Position => "Position of the first surface, in world space",
+            Self::Alpha => "Share of the camera paths that meet a surface",
+            Self::Emission => "Light sources, seen directly or by mirrors and clear glass",
+            Self::Direct => "Light of one bounce",
+            Self::Indirect => "Light of several bounces",
+            Self::Caustics => "Light of one bounce that came through mirrors and glass",
+        }
+    }
+
+    fn is_light(self) -> bool {
+        matches!(self, Self::Emission | Self::Direct | Self::Indirect | Self::Caustics)
+    }
+}
+
+/// The layers that are asked for.
+#[derive(Clone, Debug)]
+pub struct LayerSelection(Vec<LayerName>);
+
+impl LayerSelection {
+    /// All of these; without any, all that there are.
+    pub fn new(names: &[LayerName]) -> Self {
+        let names = if names.is_empty() { &[LayerName::All] } else { names };
+        Self(names.to_vec())
+    }
+
+    fn has(&self, name: LayerName) -> bool {
+        self.0.contains(&name) || self.0.contains(&LayerName::All)
+    }
+
+    /// What has to be kept for them.
+    pub fn kept(&self) -> AovSelection {
+        let all = self.0.contains(&LayerName::All);
+        let light = all || self.0.iter().any(|name| name.is_light());
+        let features =
+            all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
+        AovSelection { light, features, folds: false }
+    }
+
+    /// Of what was kept, `pixels` being the image; the sum of all light is the image.
+    pub fn of(
+        &self,
+        shared: &SharedStatistics,
+        image: &CombinedImage,
+        pixels: &[Rgb],
+    ) -> Vec<Layer> {
+        let mut layers = self.seen(shared);
+        if self.kept().light
+            && let Some(light) = image.light_components()
+        {
+            layers.extend(self.light(&light, pixels));
+        }
+        layers
+    }
+
+    fn seen(&self, shared: &SharedStatistics) -> Vec<Layer> {
+        let kept = shared.features.as_ref().zip(shared.first_hits.as_ref());
+        let Some((features, first_hits)) = kept.filter(|_| self.kept().features) else {
+            return Vec::new();
+        };
+        let first = &first_hits.folds()[0];
+        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); first.pixels()];
+        first.zip_pixels(&mut seen, |seen, at| {
+            let (guide, (position, depth)) = (features.mean(at, |_| true), first_hits.mean(at));
+            *seen = (guide.albedo, guide.normal, position, [depth, first_hits.coverage(at)]);
+        });
+        type Look = (Vec3, Vec3, Vec3, [f32; 2]);
+        let three = |name: &str, of: fn(&Look) -> Vec3, channels: [&str; 3]| {
+            let channel = |axis: usize| seen.iter().map(|seen| of(seen)[axis]).collect();
+            let channels = channels.iter().enumerate();
+            let channels = channels.map(|(axis, &name)| (name.to_owned(), channel(axis)));
+            Layer { name: name.into(), channels: channels.collect() }
+        };
+        let (rgb, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
+        let mut layers = Vec::new();
+        let mut add = |name, layer: &dyn Fn() -> Layer| {
+            if self.has(name) {
+                layers.push(layer());
+            }
+        };
+        add(LayerName::Albedo, &|| three("albedo", |seen| seen.0, rgb));
+        add(LayerName::Normal, &|| three("normal", |seen| seen.1, xyz));
+        add(LayerName::Position, &|| three("position", |seen| seen.2, xyz));
+        let one = |name: &str, of: usize, channel: &str| {
+            let values = seen.iter().map(|seen| seen.3[of]).collect();
+            Layer { name: name.into(), channels: vec![(channel.into(), values)] }
+        };
+        add(LayerName::Depth, &|| one("depth", 0, "Z"));
+        add(LayerName::Alpha, &|| one("alpha", 1, "Y"));
+        layers
+    }
+
+    fn light(&self, light: &[LightComponents], pixels: &[Rgb]) -> Vec<Layer> {
+        let mut layers = Vec::new();
+        let mut add = |name, of: &dyn Fn(&LightComponents, Rgb) -> Rgb, layer: &str| {
+            if self.has(name) {
+                let values: Vec<Rgb> =
+                    light.iter().zip(pixels).map(|(light, pixel)| of(light, *pixel)).collect();
+                layers.push(Layer::rgb(layer, &values));
+            }
+        };
+        add(LayerName::Emission, &|light, _| light.emission.as_vec3(), "emission");
+        add(LayerName::Direct, &|light, _| light.direct.as_vec3(), "direct");
+        // What rounding leaves is not light.
+        let rest = |light: &LightComponents, pixel: Rgb| {
+            let others = light.emission + light.direct + light.caustics;
+            (pixel.as_dvec3() - others).as_vec3().max(Rgb::ZERO)
+        };
+        add(LayerName::Indirect, &rest, "indirect");
+        add(LayerName::Caustics, &|light, _| light.caustics.as_vec3(), "caustics");
+        layers
+    }
+}
