@@ -60,9 +60,9 @@ impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
         T: 'a;
 
     fn start(request: &StatisticRequest) -> Option<Self> {
-        let (n, resolution) = (T::folds(request), request.settings.resolution());
-        let folds = vec![TiledBuffer::new(resolution); n];
-        (n > 0).then(|| Self { folds, iterations: vec![0; n] })
+        let n = T::folds(request);
+        let folds = || vec![TiledBuffer::new(request.settings.resolution()); n];
+        (n > 0).then(|| Self { folds: folds(), iterations: vec![0; n] })
     }
 
     fn bytes_per_pixel(request: &StatisticRequest) -> usize {

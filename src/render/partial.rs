@@ -1,4 +1,4 @@
-//! Images of which this process renders some iterations: their assignment, and their sums.
+//! Rendering some iterations of an image in this process: their assignment, and their sums.
 
 use super::Renderer;
 use super::accumulators::SharedStatistics;

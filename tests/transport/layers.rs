@@ -238,7 +238,7 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
 }
 
 #[test]
-fn measuring_leaves_layers_as_they_are() {
+fn layers_do_not_depend_on_measuring() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let own = Settings { camera_paths: 1, ..settings(20, 15) };
