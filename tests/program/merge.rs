@@ -183,7 +183,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         ("more", "one of 4 parts"),
         ("again", "it holds iterations 13 to 25, as 2.ckpt does"),
         ("layers", "does not keep what the others do"),
-        ("grain", "one keeps what the other does not"),
+        ("grain", "one part keeps other layers or noise estimates"),
         ("single", "it holds iterations 0 to 1, as 1.ckpt does"),
         ("version", "program version is 0.0.9"),
         ("auto", "were chosen on the way"),
