@@ -15,9 +15,9 @@ use bdpm::scene::backend::{Backend, build};
 use bdpm::settings;
 use bdpm::simd::{LANES, Mask, Vec3s};
 use bdpm::transport::area::{Areas, Query};
-use bdpm::transport::kernel::Kernel;
+use bdpm::transport::kernel::MergeKernel;
 use bdpm::transport::light_paths::LightPaths;
-use bdpm::transport::merge::{Gathered, Merge};
+use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
 use bdpm::transport::photon_map::PhotonMap;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use paired::{Ratio, measures, timed};
@@ -105,13 +105,14 @@ fn area(criterion: &mut Criterion) {
         light.trace(&scene, &**accel, &settings, light_paths, 0);
         let mut map = PhotonMap::default();
         let kernels = [
-            Kernel::discs([settings.caustic_radius, settings.radius]),
-            Kernel::new(&settings, Some(&areas)),
+            MergeKernel::discs([settings.caustic_radius, settings.radius]),
+            MergeKernel::new(&settings, Some(&areas)),
         ];
         map.build(&light, settings.radius);
-        let [disc, area] = kernels.map(|kernel| Merge::new(&map, settings.merge_vertex, kernel));
+        let [disc, area] = kernels
+            .map(|kernel| Merge::new(&map, settings.merge_vertex, kernel, MergeOptions::default()));
         let time = |merge: &Merge| {
-            let mut gathered = Gathered::default();
+            let mut gathered = MergeOutput::default();
             squares.time(|paths| merge.gather(paths, &mut gathered))
         };
         let ratio = Ratio::of(TURNS, || time(&area), || time(&disc));

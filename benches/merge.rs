@@ -17,9 +17,9 @@ use bdpm::base::math::{Rgb, disc_area};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::transport::camera_paths::CameraPaths;
 use bdpm::transport::gather::GatherPoint;
-use bdpm::transport::kernel::Kernel;
+use bdpm::transport::kernel::MergeKernel;
 use bdpm::transport::light_paths::LightPaths;
-use bdpm::transport::merge::{Gathered, Merge};
+use bdpm::transport::merge::{Merge, MergeOptions, MergeOutput};
 use bdpm::transport::photon::{Photon, PhotonClass};
 use bdpm::transport::photon_map::PhotonMap;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
@@ -95,7 +95,7 @@ fn merging(criterion: &mut Criterion) {
     let (scene, mut settings) = scene();
     (settings.width, settings.height, settings.camera_paths) = (512, 512, 4);
     let accel = build(Backend::Embree, &scene).unwrap();
-    let mut gathered = Gathered::default();
+    let mut gathered = MergeOutput::default();
     // Photons found and seconds per look-up.
     let (mut own, mut times) = (Vec::new(), [Vec::new(), Vec::new()]);
     for light_paths in LIGHT_PATHS {
@@ -106,8 +106,9 @@ fn merging(criterion: &mut Criterion) {
 
         let mut map = PhotonMap::default();
         map.build(&light, settings.radius);
-        let merge = Merge::new(&map, settings.merge_vertex, Kernel::disc(settings.radius));
-        let squares = Squares::new(&scene, &accel, &settings, merge.together(false));
+        let kernel = MergeKernel::disc(settings.radius);
+        let merge = Merge::new(&map, settings.merge_vertex, kernel, MergeOptions::default());
+        let squares = Squares::new(&scene, &accel, &settings, merge.batch_size(false));
         let subject = (&photons[..], &settings);
         let (mut look_ups, mut expected) = (0, Sum::default());
         squares.each(|paths| {

@@ -1,9 +1,9 @@
 //! The time of an iteration, phase by phase and at several sizes each, as in the paper's Table 2.
 //!
 //! At its end it prints the fitted time model beside that table. `bdpm predict --timings
-//! target/criterion` uses the result. `BDPM_SCENE` takes another scene than `scenes/cornell-box`,
-//! `BDPM_RESOLUTION=WxH` and `BDPM_THREADS` replace the scene's resolution and all processors, `BDPM_STRATEGY=mis` or
-//! `BDPM_STRATEGY=single` its strategy, `BDPM_MERGE_VERTEX` its vertex.
+//! target/criterion` uses the result. Environment variables replace the defaults: `BDPM_SCENE` the
+//! scene `scenes/cornell-box`, `BDPM_RESOLUTION=WxH` its resolution, `BDPM_STRATEGY=mis` or `=single`
+//! its strategy, `BDPM_MERGE_VERTEX` its merge vertex, and `BDPM_THREADS` the number of threads.
 
 #![allow(missing_docs)]
 
@@ -15,11 +15,10 @@ use bdpm::noise::Measure;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{PartialSettings, Strategy};
+use bdpm::timing::Timings;
 use bdpm::timing::criterion::{Entry, GROUP, Sidecar};
-use bdpm::timing::grid::{Size, sizes_of};
-use bdpm::timing::sample::Phase;
-use bdpm::timing::setup::Setup;
-use bdpm::timing::{Timings, report};
+use bdpm::timing::measure::{Phase, SampleSize, sizes_of};
+use bdpm::timing::setup::MeasurementSetup;
 use bdpm::{Renderer, Result, Scene, Settings};
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
 use std::cell::Cell;
@@ -28,15 +27,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Scene, settings but for the counts, threads and backend.
-struct Subject {
+struct MeasuredScene {
     scene: Arc<Scene>,
     settings: Settings,
     threads: rayon::ThreadPool,
     accel: Arc<dyn Intersect>,
-    setup: Setup,
+    setup: MeasurementSetup,
 }
 
-impl Subject {
+impl MeasuredScene {
     fn new() -> Result<Self> {
         let variable = |name: &str| std::env::var(name).ok();
         let path = variable("BDPM_SCENE").unwrap_or_else(|| "scenes/cornell-box".into());
@@ -67,13 +66,13 @@ impl Subject {
             backend: Backend::default().name().into(),
             settings: settings.clone(),
         };
-        let setup = Setup::new(&origin, threads.current_num_threads());
+        let setup = MeasurementSetup::new(&origin, threads.current_num_threads());
         Ok(Self { scene, settings, threads, accel, setup })
     }
 
     /// The benchmarks of all phases.
     fn entries(&self) -> Vec<Entry> {
-        let entry = |phase: Phase, Size { light_paths, camera_paths }: Size| Entry {
+        let entry = |phase: Phase, SampleSize { light_paths, camera_paths }: SampleSize| Entry {
             id: format!("{}/{light_paths}x{camera_paths}", phase.name()),
             phase,
             light_paths,
@@ -117,28 +116,24 @@ fn tau(criterion: &mut Criterion) {
 }
 
 fn run(criterion: &mut Criterion) -> Result<()> {
-    let subject = Subject::new()?;
+    let measured = MeasuredScene::new()?;
     let folder = home::criterion_home().join(GROUP);
     // `cargo test --benches` and `--list` measure nothing and must not mark old results as stale.
     let arguments: Vec<String> = std::env::args().collect();
     let has = |name: &str| arguments.iter().any(|argument| argument == name);
     let measures = has("--bench") && !has("--test") && !has("--list");
     let sidecar = measures
-        .then(|| Sidecar::begin(&folder, subject.setup.clone(), subject.entries()))
+        .then(|| Sidecar::begin(&folder, measured.setup.clone(), measured.entries()))
         .transpose()?;
     let mut complete = true;
-    for entry in subject.entries() {
-        complete &= subject.bench(criterion, &entry)?;
+    for entry in measured.entries() {
+        complete &= measured.bench(criterion, &entry)?;
     }
     match sidecar {
         Some(sidecar) if complete => {
             sidecar.complete(&folder)?;
             let timings = Timings::from_criterion(&folder)?;
-            println!(
-                "\n{}\nfor bdpm predict: --timings {}",
-                report::text(&timings),
-                folder.display()
-            );
+            println!("\n{}\nfor bdpm predict: --timings {}", timings.text(), folder.display());
         }
         Some(_) => println!("\nnot all benchmarks ran: no time model"),
         None => {}

@@ -18,9 +18,7 @@ use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh, Triangle};
 use bdpm::settings::{Length, PartialSettings};
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::fit;
-use bdpm::timing::grid;
-use bdpm::timing::grid::Size;
-use bdpm::timing::sample::{Phase, Recorder, Sample};
+use bdpm::timing::measure::{Phase, Recorder, SampleSize, TimeSample, sizes};
 use bdpm::{Renderer, Scene, Settings};
 use glam::Vec3;
 use std::path::Path;
@@ -49,7 +47,7 @@ const MOST_MEMORY: f64 = 4.0 * GIB;
 struct Run {
     renderer: Renderer,
     recorder: Recorder,
-    size: Size,
+    size: SampleSize,
     side: u32,
 }
 
@@ -60,11 +58,11 @@ impl Run {
         let mut renderer = Renderer::new(scene, accel, settings)?;
         renderer.iterate(Measure::Off);
         let recorder = Recorder::new(rayon::current_num_threads());
-        Ok(Self { renderer, recorder, size: Size { light_paths, camera_paths }, side })
+        Ok(Self { renderer, recorder, size: SampleSize { light_paths, camera_paths }, side })
     }
 
     fn take_turn(&mut self) {
-        let (start, Size { light_paths, camera_paths }) = (Instant::now(), self.size);
+        let (start, SampleSize { light_paths, camera_paths }) = (Instant::now(), self.size);
         loop {
             let times = self.renderer.iterate(Measure::Off).times;
             self.recorder.add(light_paths.into(), camera_paths.into(), &times);
@@ -82,7 +80,7 @@ impl Run {
     /// Measured times over those of `model`: light paths, camera paths, merging, and all together.
     fn over(&self, model: TimeModel) -> [f64; 4] {
         let model = TimeModel { pixels: f64::from(self.side).powi(2), ..model };
-        let Size { light_paths, camera_paths } = self.size;
+        let SampleSize { light_paths, camera_paths } = self.size;
         let [_, light, camera, merge] = model.parts(light_paths.into(), camera_paths.into());
         let iteration = model.iteration(light_paths.into(), camera_paths.into());
         let measured = Phase::ALL.map(|phase| self.seconds(phase));
@@ -95,7 +93,7 @@ fn take_turns(runs: &mut [Run]) {
     (0..ROUNDS).for_each(|_| runs.iter_mut().for_each(Run::take_turn));
 }
 
-fn settings(loaded: &Loaded, resolution: [u32; 2], size: Size) -> bdpm::Result<Settings> {
+fn settings(loaded: &Loaded, resolution: [u32; 2], size: SampleSize) -> bdpm::Result<Settings> {
     let wishes = PartialSettings {
         resolution: Some(resolution),
         light_paths: Some(size.light_paths),
@@ -111,15 +109,15 @@ fn measure(others: &[(u32, u32)], print: impl Fn(&Run, TimeModel)) -> Result<()>
     let loaded = load(Path::new(SCENE))?;
     let accel = build(Backend::default(), &loaded.scene)?;
     let pixels = SIDE * SIDE;
-    let small = grid::sizes(pixels as usize);
-    let other = |&(side, light_paths)| (side, Size { light_paths, camera_paths: 1 });
+    let small = sizes(pixels as usize);
+    let other = |&(side, light_paths)| (side, SampleSize { light_paths, camera_paths: 1 });
     let all = small.iter().map(|&size| (SIDE, size)).chain(others.iter().map(other));
     let run =
         |(side, size)| Run::new(&loaded.scene, &accel, settings(&loaded, [side, side], size)?);
     let mut runs = all.map(run).collect::<Result<Vec<_>>>()?;
     take_turns(&mut runs);
     let samples = runs[..small.len()].iter().flat_map(|run| run.recorder.samples());
-    let model = fit(&samples.collect::<Vec<Sample>>(), pixels.into())?.model;
+    let model = fit(&samples.collect::<Vec<TimeSample>>(), pixels.into())?.model;
     runs.iter().filter(|run| run.size.camera_paths == 1).for_each(|run| print(run, model));
     Ok(())
 }
@@ -251,7 +249,7 @@ fn peak_memory() -> Option<f64> {
 fn peak(resolution: [u32; 2], light_paths: u32) -> Result<()> {
     let loaded = load(Path::new(SCENE))?;
     let accel = build(Backend::default(), &loaded.scene)?;
-    let settings = settings(&loaded, resolution, Size { light_paths, camera_paths: 1 })?;
+    let settings = settings(&loaded, resolution, SampleSize { light_paths, camera_paths: 1 })?;
     let mut renderer = Renderer::new(&loaded.scene, &accel, settings)?;
     for measure in [Measure::Off, Measure::Pairs] {
         renderer.iterate(measure);

@@ -1,5 +1,5 @@
-//! How long a large mesh takes to load, by part: a hilly ground of a million triangles with normals, as
-//! OBJ and as binary glTF; then how long reading the OBJ file takes us, and the crate `tobj` alone.
+//! Measures how long a large mesh takes to load: a hilly ground of a million triangles with normals, as
+//! OBJ and as binary glTF.
 //!
 //! ```sh
 //! cargo run --release --example load_table
@@ -10,11 +10,11 @@ use bdpm::scene::backend::{Backend, build};
 use serde_json::json;
 use std::fmt::Write as _;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Squares along each side, of two triangles each.
 const SIDE: usize = 708;
-/// Loads of each file; the quickest counts, as it was disturbed least.
+/// Number of loads of each file. The shortest time counts because other processes disturb it least.
 const TIMES: usize = 3;
 
 /// A vertex: its position and unit normal.
@@ -25,7 +25,7 @@ fn vertices() -> Vec<Vertex> {
     let vertex = |index: usize| {
         let (x, z) = (place(index % (SIDE + 1)), place(index / (SIDE + 1)));
         let (sx, cx, sz, cz) = (x.sin(), x.cos(), z.sin(), z.cos());
-        // Of the height 0.2 sin(x) cos(z).
+        // Derivatives of the height 0.2 sin(x) cos(z).
         let (dx, dz) = (0.2 * cx * cz, -0.2 * sx * sz);
         let length = (dx * dx + dz * dz + 1.0).sqrt();
         ([x, 0.2 * sx * cz, z], [-dx / length, 1.0 / length, -dz / length])
@@ -104,7 +104,7 @@ fn glb() -> Vec<u8> {
     file
 }
 
-/// Seconds to read, to put together, and to build a hierarchy by each backend.
+/// Returns the seconds of reading, of assembly, and of building a hierarchy by each backend.
 fn measure(path: &Path) -> bdpm::Result<[f64; 4]> {
     let mut least = [f64::INFINITY; 4];
     for _ in 0..TIMES {
@@ -121,32 +121,6 @@ fn measure(path: &Path) -> bdpm::Result<[f64; 4]> {
     Ok(least)
 }
 
-/// Seconds to read an OBJ file: by this project on all threads and on one, and by `tobj` alone, which makes
-/// one index per corner or one for each of what corners have. In turn, so that all are disturbed alike.
-fn measure_readers(path: &Path) -> Result<[f64; 4], Box<dyn std::error::Error>> {
-    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
-    let own = || load(path).map(|loaded| loaded.assembly);
-    let tobj = |single_index: bool| -> Result<Duration, tobj::LoadError> {
-        let options = tobj::LoadOptions { single_index, ..Default::default() };
-        let (models, _) = tobj::load_obj(path, &options)?;
-        assert_eq!(models[0].mesh.indices.len(), 3 * 2 * SIDE * SIDE);
-        Ok(Duration::ZERO)
-    };
-    let mut least = [f64::INFINITY; 4];
-    for _ in 0..TIMES {
-        for (reader, least) in least.iter_mut().enumerate() {
-            let start = Instant::now();
-            let besides = match reader {
-                0 => own()?,
-                1 => one_thread.install(own)?,
-                _ => tobj(reader == 2)?,
-            };
-            *least = least.min((start.elapsed() - besides).as_secs_f64());
-        }
-    }
-    Ok(least)
-}
-
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     println!("| file of {} triangles | MB | read | put together | Embree | BVH |", 2 * SIDE * SIDE);
@@ -156,16 +130,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         std::fs::write(&path, &content)?;
         let times = measure(&path)?.map(|seconds| format!("{seconds:.2} s"));
         println!("| {name} | {} | {} |", content.len() / 1_000_000, times.join(" | "));
-    }
-    let [all, one, single, several] = measure_readers(&folder.path().join("ground.obj"))?;
-    println!("\n| ground.obj, read by | s | of ours |\n|---|---|---|");
-    for (reader, seconds) in [
-        (format!("this project, {} threads", rayon::current_num_threads()), all),
-        ("this project, one thread".to_owned(), one),
-        ("`tobj` alone, one index".to_owned(), single),
-        ("`tobj` alone, an index for each attribute".to_owned(), several),
-    ] {
-        println!("| {reader} | {seconds:.2} | {:.1} |", seconds / all);
     }
     Ok(())
 }

@@ -12,7 +12,7 @@
 
 use bdpm::accel::Intersect;
 use bdpm::adaptive::autopilot::Autopilot;
-use bdpm::adaptive::optimize::{CountLimits, Objective, Problem};
+use bdpm::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
 use bdpm::film::counts::{CameraCounts, Counts};
@@ -45,21 +45,16 @@ struct Args {
     time: Duration,
 }
 
-/// Rounds at the least; in each, every setting has its turn.
-const LEAST_ROUNDS: usize = 32;
+/// Fewest rounds; in each, every setting has its turn.
+const MIN_ROUNDS: usize = 32;
 /// Independent measurements of the coefficients, for the variance by formula (1) and its error.
 const CHECKS: usize = 8;
-/// The chosen counts, which all others are compared with, have a turn after so many others too.
+/// The chosen counts, which all others are compared with, also have a turn after this many others.
 const REFERENCE_EVERY: usize = 8;
-/// So many iterations of the chosen kind fit in `--time` at the least.
-const LEAST_ITERATIONS: f64 = 64.0;
+/// Fewest iterations at the chosen counts in `--time`.
+const MIN_ITERATIONS: f64 = 64.0;
 /// Factors of each of the chosen counts in the grid.
 const FACTORS: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];
-/// Costs this close to the least count as equal; the shortest iteration is taken, as the autopilot
-/// does.
-const SLACK: f64 = 0.01;
-/// Far more camera paths per pixel than can pay.
-const MOST_CAMERA_PATHS: u32 = 1 << 16;
 /// One-sided 90 % of a normal distribution, standard deviations.
 const Z90: f64 = 1.2816;
 
@@ -69,10 +64,10 @@ struct Candidate {
     counts: Counts,
 }
 
-/// What a pilot led to.
+/// Counts, coefficients and times that a pilot measured.
 struct Pilot {
     counts: Counts,
-    /// Of each pixel, pooled over its neighborhood.
+    /// Coefficients of each pixel, pooled over its neighborhood.
     coefficients: Vec<Coefficients>,
     time: TimeModel,
     most_light_paths: u32,
@@ -109,7 +104,7 @@ impl Pilot {
     }
 }
 
-/// What is compared: the chosen counts, those around them, naive ones, and counts per pixel.
+/// The counts to compare: the chosen ones, those around them, naive ones, and counts per pixel.
 fn candidates(
     scene: &Arc<Scene>,
     accel: &Arc<dyn Intersect>,
@@ -123,8 +118,8 @@ fn candidates(
     let autopilot = || Autopilot::new(goal, chosen.best().times);
     let renderer = || base.with_settings(chosen.best().apply(settings));
     let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;
-    let longest = time.as_secs_f64() / LEAST_ITERATIONS;
-    let problem = pilot.problem(1..=MOST_CAMERA_PATHS, longest);
+    let longest = time.as_secs_f64() / MIN_ITERATIONS;
+    let problem = pilot.problem(1..=MAX_CAMERA_PATHS, longest);
 
     let mut all: Vec<Candidate> = Vec::new();
     let mut add = |name: &str, light_paths: u32, camera_paths: u32| {
@@ -146,14 +141,14 @@ fn candidates(
         }
     }
     add("one light path per pixel, N_B = 1", settings.pixels() as u32, 1);
-    let single = pilot.problem(1..=1, longest).shortest_uniform(SLACK);
+    let single = pilot.problem(1..=1, longest).shortest_uniform(NEAR_OPTIMUM);
     add("best N_F for N_B = 1", single.light_paths, 1);
     add("scene file", settings.light_paths, settings.camera_paths);
 
     let mut map = Pilot::new(autopilot(), renderer()?, chosen.best().times)?.counts;
     let mut name = "per pixel";
     if let CameraCounts::Uniform(_) = map.camera_paths {
-        let best = problem.shortest_per_pixel(SLACK);
+        let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
         let camera_paths = CameraCounts::PerPixel(best.camera_paths);
         map = Counts { light_paths: best.light_paths, camera_paths };
         name = "per pixel, which the automatic choice declined";
@@ -223,7 +218,7 @@ fn measure(
     let mut checks: Vec<_> = seeds.zip(chosen).map(run).collect::<Result<_>>()?;
     let start = Instant::now();
     let mut rounds = 0;
-    while rounds < LEAST_ROUNDS || start.elapsed() < time {
+    while rounds < MIN_ROUNDS || start.elapsed() < time {
         for index in 0..runs.len() {
             runs[index].iterate();
             if index > 0 && index % REFERENCE_EVERY == 0 {
@@ -246,7 +241,7 @@ fn sampled(cost: &Cost, reference: &Cost) -> (f64, f64) {
     (ratio, 0.5 * ratio * errors.map(|error| error * error).iter().sum::<f64>().sqrt())
 }
 
-/// The same with the variance by formula; what both fluctuate by together drops out.
+/// RMS after equal time over that of `reference`, by formula. Common fluctuations cancel.
 fn by_formula(cost: &Cost, reference: &Cost) -> (f64, f64) {
     let count = CHECKS as f64;
     let mean = |cost: &Cost| cost.by_formula.iter().sum::<f64>() / count;

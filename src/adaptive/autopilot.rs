@@ -3,7 +3,7 @@
 
 use super::stopping::{Convergence, Stop, importance, luminances};
 
-use crate::adaptive::optimize::{CountLimits, Objective, Problem};
+use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use crate::base::error::Result;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
@@ -183,7 +183,7 @@ impl Autopilot {
         let problem = |iteration_time| {
             let bounds = CountLimits {
                 light_paths: 2..=renderer.most_light_paths(),
-                camera_paths: 1..=MOST_CAMERA_PATHS,
+                camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };
             Problem::new(&smoothed, &luminance, self.goal.objective, model, &bounds)
@@ -208,7 +208,7 @@ impl Autopilot {
         let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
         if self.per_pixel {
-            let best = problem.near_per_pixel(NEAR_OPTIMUM);
+            let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
                 let camera_paths = CameraCounts::PerPixel(best.camera_paths);
                 counts = Counts { light_paths: best.light_paths, camera_paths };

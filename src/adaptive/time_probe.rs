@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use crate::settings::{Kernel, Settings};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Recorder, Sample};
+use crate::timing::measure::{Phase, Recorder, TimeSample};
 use std::sync::Arc;
 
 /// Pixels of the sample along a side, about.
@@ -51,7 +51,7 @@ pub fn least_times(
         }
     }
     let mut samples = recorder.samples();
-    samples.retain(|Sample { phase, .. }| *phase != Phase::Rest);
+    samples.retain(|TimeSample { phase, .. }| *phase != Phase::Rest);
     let Settings { width, height, .. } = renderer.settings();
     let sampled = f64::from(*width) * f64::from(*height);
     let model = fit(&samples, sampled)?.model;

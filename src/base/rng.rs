@@ -18,8 +18,6 @@ pub enum Stream {
     Pilot = 5,
     /// One stream per pixel of a quick look at a scene.
     LitCheck = 6,
-    /// One stream per pixel whose surfaces are tried before rendering.
-    Census = 7,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

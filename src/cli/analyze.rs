@@ -8,6 +8,7 @@ use super::progress::Progress;
 use super::render_report::announce;
 use super::run_report::RunReport;
 use super::scene_input::{SceneInput, SessionArgs};
+use super::settings_args::{ESTIMATOR, word};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::{Stop, StoppedBy};
 use bdpm::base::error::{Error, Result};
@@ -31,31 +32,33 @@ use std::time::Instant;
 /// with 16 iterations in each, sums over regions are near enough to normal.
 const DEFAULT_ITERATIONS: u64 = 256;
 
-/// Of one iteration there is no sample variance.
-const LEAST_ITERATIONS: u64 = 2;
+/// A sample variance takes two iterations.
+const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// EXR file to write; NAME.terms.png and NAME.rms.png come beside it
+    /// Write the noise to this EXR file, with pictures in NAME.terms.png and NAME.rms.png
     #[arg(long, short, value_name = "NOISE.exr")]
     output: PathBuf,
-    /// Iterations, at least 2; standard errors take 32 [default: 256, without --time]
+    /// Measure at least 2 iterations; errors take 32 [default: 256, without --time]
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
-    /// How coefficients are estimated: from all pairs, or from halves of the paths as published
-    #[arg(long, default_value = "pairs")]
+    /// Estimate coefficients from all pairs, or from halves of the paths as published
+    #[arg(long, default_value = "pairs", value_parser = word::<Measure>(ESTIMATOR))]
     estimator: Measure,
-    /// The part of the image that the table is about: a name in the scene file, or a rectangle in
-    /// fractions of the image, the origin at the top left [default: the whole image]
+    /// Show statistics of this part of the image [default: the whole image]
+    ///
+    /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
+    /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
 }
 
-/// The result.
+/// The noise of a region and the files that were written, as JSON.
 #[derive(Serialize)]
-pub struct Report<'a> {
+pub struct AnalyzeReport<'a> {
     #[serde(flatten)]
     pub run: RunReport<'a>,
     pub light_paths: u32,
@@ -93,7 +96,7 @@ pub fn run(args: &Args) -> Result<String> {
     let job = input
         .job(&args.session)
         .measure_always(args.estimator)
-        .at_least(LEAST_ITERATIONS)
+        .at_least(MIN_ITERATIONS)
         .stop(stop)
         .interrupted_by(catch_interrupts(progress.clone())?);
     let RenderResult { state, stopped_by, .. } = job.run(|event| {
@@ -110,7 +113,7 @@ pub fn run(args: &Args) -> Result<String> {
     })?;
     progress.finish();
     let film = state.renderer.film();
-    if film.iterations < LEAST_ITERATIONS {
+    if film.iterations < MIN_ITERATIONS {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
@@ -134,7 +137,7 @@ pub fn run(args: &Args) -> Result<String> {
     let write_time = start.elapsed();
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
-    let report = Report {
+    let report = AnalyzeReport {
         run: RunReport::new(&input, &state, stopped_by, write_time),
         light_paths: settings.light_paths,
         camera_paths: settings.camera_paths,
@@ -153,7 +156,7 @@ pub fn run(args: &Args) -> Result<String> {
     })
 }
 
-/// What was measured, with all that it takes to measure it again.
+/// The measured noise with scene and settings, so that it can be measured again.
 pub fn noise_file(
     (origin, regions): (&Provenance, &[Region]),
     film: &Film,

@@ -1,18 +1,18 @@
 //! The table that `bdpm analyze` prints.
 
-use super::analyze::Report;
+use super::analyze::AnalyzeReport;
 use super::human_time;
 use bdpm::image_io::digits;
 use bdpm::noise::image::Statistic;
 use bdpm::noise::summary::{Compared, NoiseSummary};
 use std::fmt::Write;
 
-/// `value +- error`, aligned at the sign between them.
-/// Relative errors below this are none.
+/// Relative errors below this are rounding errors.
 const ROUNDING: f64 = 1e-9;
 
+/// `value +- error`, aligned at the sign between them.
 pub fn with_error(value: f64, error: Option<f64>) -> String {
-    // What is certain but for rounding has no error: a time relative to itself.
+    // Exact values have no error, such as a time relative to itself.
     let error = error.filter(|error| error.is_finite() && *error > ROUNDING * value.abs());
     let digits = digits(value, error.unwrap_or(0.0));
     match error {
@@ -25,7 +25,7 @@ fn shown(statistic: &Statistic) -> String {
     with_error(statistic.value, Some(statistic.error))
 }
 
-pub fn text(report: &Report) -> String {
+pub fn text(report: &AnalyzeReport) -> String {
     let noise = &report.noise;
     let mut text = format!(
         "noise of one iteration at N_F = {}, N_B = {}, from {} iterations in {}\n\
@@ -63,7 +63,7 @@ pub fn text(report: &Report) -> String {
     row("RMS by formula", |c| c.predicted, noise.negative_variances.to_string());
     row("RMS sampled", |c| c.sampled, String::new());
     row("formula / sampled", |c| c.ratio, String::new());
-    row("RMS less jackknife bias", corrected, String::new());
+    row("RMS - jackknife bias", corrected, String::new());
     line("");
     let bias = &noise.bias;
     line(&format!("{:<22} {}", "merge bias, mean", shown(&bias.mean)));
@@ -107,12 +107,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_two_digits_and_values_as_many() {
+    fn errors_have_two_digits_and_values_end_at_the_same_digit() {
         assert_eq!(with_error(1.23456, Some(0.0123)).trim(), "1.235 +- 0.012");
         assert_eq!(with_error(1234.5, Some(210.0)).trim(), "1234 +- 210");
         assert_eq!(with_error(0.5, None).trim(), "0.5000");
         assert_eq!(with_error(1.0, Some(f64::INFINITY)).trim(), "1.000");
-        // Certain, but for rounding.
+        // Exact except for rounding.
         assert_eq!(with_error(0.0, Some(0.0)).trim(), "0.0000");
         assert_eq!(with_error(1.0, Some(2e-16)).trim(), "1.000");
     }

@@ -9,27 +9,26 @@ use bdpm::adaptive::stopping::Stop;
 use bdpm::base::error::{Error, Result};
 use bdpm::job::{Status, Totals};
 use bdpm::noise::Measure;
-use bdpm::paper::table_2::beside_table_2;
+use bdpm::paper::tables::beside_table_2;
 use bdpm::render::Renderer;
 use bdpm::settings::Settings;
+use bdpm::timing::Timings;
 use bdpm::timing::fit::fit;
-use bdpm::timing::grid;
-use bdpm::timing::grid::Size;
-use bdpm::timing::sample::Recorder;
-use bdpm::timing::setup::Setup;
-use bdpm::timing::{Timings, report};
+use bdpm::timing::measure::{Recorder, SampleSize, sizes};
+use bdpm::timing::setup::MeasurementSetup;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-/// Time of measuring unless --time is given.
+/// Measuring time unless --time is given.
 const DEFAULT_TIME: Duration = Duration::from_secs(45);
 
-/// Rounds at least, so that every time has an error.
-const LEAST_ROUNDS: u64 = 2;
+/// Fewest rounds, so that every time has an error.
+const MIN_ROUNDS: u64 = 2;
 
-/// Iterations of a size in a round, after one more that is not counted: it meets cold memory.
+/// Iterations of a size in a round. One more goes before them and is not counted: its memory is not
+/// in the caches yet.
 const ITERATIONS: usize = 2;
 
 #[derive(clap::Args)]
@@ -43,14 +42,14 @@ const ITERATIONS: usize = 2;
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// JSON file to write
+    /// Write the times to this JSON file
     #[arg(long, short, value_name = "TIMES.json")]
     output: PathBuf,
 }
 
-/// The result.
+/// The measured times, as JSON.
 #[derive(Serialize)]
-struct Report {
+struct CalibrateReport {
     output: String,
     /// Rounds over all sizes.
     rounds: u64,
@@ -72,30 +71,32 @@ pub fn run(args: &Args) -> Result<String> {
     outputs::check(&files)?;
     let prepared = LoadedScene::new(&args.session)?;
     outputs::spare_inputs(&files)?;
-    let setup = Setup::new(&prepared.origin, prepared.threads.current_num_threads());
+    let setup = MeasurementSetup::new(&prepared.origin, prepared.threads.current_num_threads());
     let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
     let timings = Timings::new(fit(&recorder.samples(), setup.pixels())?, setup);
     timings.save(&args.output)?;
 
     let output = args.output.to_string_lossy().into_owned();
     Ok(match (scene.json, quiet) {
-        (true, _) => json(&Report { output, rounds, seconds: time.as_secs_f64(), timings }),
+        (true, _) => {
+            json(&CalibrateReport { output, rounds, seconds: time.as_secs_f64(), timings })
+        }
         (false, true) => String::new(),
         (false, false) => {
             format!(
                 "{}\n{}\n{output}: {rounds} rounds\n",
-                report::text(&timings),
+                timings.text(),
                 beside_table_2(&timings.model)
             )
         }
     })
 }
 
-/// Iterates at one size after the other, round by round: a machine that slows down or has other
-/// work does so for all of them.
+/// Iterates at one size after the other, round by round: a machine that slows down or has other work
+/// affects all sizes alike.
 fn measure(
     prepared: &LoadedScene,
-    setup: &Setup,
+    setup: &MeasurementSetup,
     args: &Args,
 ) -> Result<(Recorder, u64, Duration)> {
     let time = args.session.time.unwrap_or(DEFAULT_TIME);
@@ -103,17 +104,16 @@ fn measure(
     let mut progress = Progress::new(args.session.progress_format());
     progress.start();
     let interrupted = catch_interrupts(progress.clone())?;
-    let sizes = grid::sizes(prepared.origin.settings.pixels());
+    let sizes = sizes(prepared.origin.settings.pixels());
     progress.note(&format!("measuring the times of {} sizes: {setup}", sizes.len()));
 
     let mut recorder = Recorder::new(setup.threads);
     let mut totals = Totals::default();
     let start = Instant::now();
     let mut rounds = 0;
-    // A round that would end past the time by more than half of its own is not begun.
+    // Begin a round only if at least half of it fits in the time.
     let half = |rounds: u64| start.elapsed().as_secs_f64() / (2 * rounds.max(1)) as f64;
-    while rounds < LEAST_ROUNDS || start.elapsed().as_secs_f64() + half(rounds) < time.as_secs_f64()
-    {
+    while rounds < MIN_ROUNDS || start.elapsed().as_secs_f64() + half(rounds) < time.as_secs_f64() {
         for &size in &sizes {
             // One renderer at a time: images at a high resolution are large.
             let mut renderer = renderer(prepared, size)?;
@@ -126,7 +126,7 @@ fn measure(
                     progress.finish();
                     return Err(Error::new(
                         "interrupted: nothing was written",
-                        "let it end; --time makes it shorter",
+                        "let it finish, or shorten it with --time",
                     ));
                 }
                 if iteration > 0 {
@@ -141,8 +141,8 @@ fn measure(
     Ok((recorder, rounds, start.elapsed()))
 }
 
-fn renderer(prepared: &LoadedScene, size: Size) -> Result<Renderer> {
-    let Size { light_paths, camera_paths } = size;
+fn renderer(prepared: &LoadedScene, size: SampleSize) -> Result<Renderer> {
+    let SampleSize { light_paths, camera_paths } = size;
     let settings = Settings { light_paths, camera_paths, ..prepared.origin.settings.clone() };
     Renderer::new(&prepared.scene, &prepared.accel, settings)
 }

@@ -144,7 +144,7 @@ pub fn run(args: &Args) -> Result<String> {
     let loading = start.elapsed();
     loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let scene = &loaded.scene;
-    let settings = Settings::resolve(&args.scene.wishes, &loaded.defaults, scene.size())?;
+    let settings = Settings::resolve(&(&args.scene.wishes).into(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
     let report = Report::new(&loaded, loading, &accel, &settings);
     Ok(if args.scene.json { json(&report) } else { text(&report) })

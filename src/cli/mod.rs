@@ -29,13 +29,14 @@ mod render_report;
 mod run_report;
 mod scene_input;
 mod paper;
+mod settings_args;
 mod view;
 
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
-use bdpm::settings::PartialSettings;
 use serde::Serialize;
+use settings_args::SettingsArgs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -134,9 +135,9 @@ struct SceneArgs {
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
-    wishes: PartialSettings,
-    /// What finds intersections [default: embree if built with it, else bvh]
-    #[arg(long)]
+    wishes: SettingsArgs,
+    /// Intersect rays by this backend [default: embree if built with it, else bvh]
+    #[arg(long, value_parser = settings_args::backend())]
     accel: Option<Backend>,
     /// Print the result as one JSON object on stdout
     #[arg(long)]

@@ -2,12 +2,14 @@
 
 use super::json;
 use super::optimize_plot::plot;
-use super::optimize_rows::{Candidates, Row};
+use super::optimize_rows::{ComparedCounts, CountsRow};
 use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
+use super::settings_args::{OBJECTIVE, word};
+use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Objective;
-use bdpm::adaptive::optimize::measured::{End, Subject};
+use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
 use bdpm::adaptive::optimize::predict::Source;
 use bdpm::adaptive::plan::Plan;
 use bdpm::adaptive::stopping::Target;
@@ -19,7 +21,6 @@ use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm::noise::region;
 use bdpm::render::light_paths_in;
 use bdpm::settings::MAX_LIGHT_PATHS;
-use bdpm::settings::policy::NEAR_OPTIMUM;
 use bdpm::settings::provenance::Provenance;
 use bdpm::timing::Timings;
 use serde::Serialize;
@@ -29,44 +30,47 @@ use std::time::Duration;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// File that `bdpm analyze` wrote
+    /// Read the noise from this file of `bdpm analyze`
     #[arg(value_name = "NOISE.exr", required_unless_present = "coefficients")]
     file: Option<PathBuf>,
-    /// Coefficients to use instead of a file; they have no uncertainty
+    /// Use these coefficients instead of a file, without uncertainty
     #[arg(long, value_name = "a,b,f", conflicts_with_all = ["file", "region"],
           allow_hyphen_values = true)]
     coefficients: Option<String>,
-    /// Time of an iteration: file that `bdpm calibrate` wrote, folder that `cargo bench --bench tau`
-    /// left (target/criterion), or JSON file with the keys fixed, light_path, camera_path, look_up,
-    /// merge_pair (seconds) and pixels
+    /// Read the time of an iteration from this file of `bdpm calibrate` or Criterion folder
+    ///
+    /// The folder is target/criterion after `cargo bench --bench tau`. The file may also be a JSON
+    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and pixels.
     #[arg(long, value_name = "T.json|FOLDER")]
     timings: Option<PathBuf>,
-    /// What is to be least: the mean variance, the same relative to the squared luminance, the mean
-    /// RMS, or the RMS that 99.5 % of the pixels stay below
-    #[arg(long, default_value = "pooled")]
+    /// Minimize this aggregate of the variances of all pixels
+    #[arg(long, default_value = "pooled", value_parser = word::<Objective>(OBJECTIVE))]
     objective: Objective,
-    /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
-    /// the origin at the top left [default: the whole image]
+    /// Optimize this part of the image only [default: the whole image]
+    ///
+    /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
+    /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
-    /// Time of rendering, such as 60s or 1h; at least 16 iterations must fit in
+    /// Optimize for this rendering time, such as 60s or 1h, with 16 iterations or more
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration,
           conflicts_with = "target_rms")]
     time: Option<Duration>,
-    /// Noise to reach, in what is to be least: an RMS as luminance, or as a share of the region's
-    /// mean luminance; at least 32 iterations are planned
+    /// Optimize for this RMS, with 32 iterations or more
+    ///
+    /// Give the root of the objective as luminance, or in percent of the region's mean luminance.
     #[arg(long, value_name = "X|X%", allow_negative_numbers = true)]
     target_rms: Option<Target>,
-    /// Find a number of camera paths for each pixel as well
+    /// Choose a number of camera paths for each pixel
     #[arg(long)]
     per_pixel: bool,
-    /// Write the plan to this file, for `bdpm render --plan`
+    /// Write a plan for `bdpm render --plan` to this file
     #[arg(long, short, value_name = "PLAN.exr")]
     output: Option<PathBuf>,
     /// Plot the RMS against the numbers of paths to this file
     #[arg(long, value_name = "PLOT.svg")]
     plot: Option<PathBuf>,
-    /// Memory that rendering may take, such as 500MB or 2GiB: bounds the number of light paths
+    /// Limit the light paths to this memory, such as 500MB or 2GiB
     #[arg(long, value_name = "SIZE", value_parser = memory)]
     max_memory: Option<u64>,
     /// Print the result as one JSON object on stdout
@@ -74,15 +78,15 @@ pub struct Args {
     json: bool,
 }
 
-/// The result; luminances in W/(m^2 sr).
+/// The best counts and their alternatives; luminances in W/(m^2 sr).
 #[derive(Serialize)]
-pub struct Report {
+pub struct OptimizeReport {
     pub region: Option<String>,
     pub objective: Objective,
-    pub end: End,
-    /// The most light paths that fit in the memory, if it was given.
+    pub budget: Budget,
+    /// Maximum of light paths that fit in the memory, if it was given.
     pub most_light_paths: Option<u32>,
-    pub rows: Vec<Row>,
+    pub rows: Vec<CountsRow>,
     /// Light paths whose cost at the best uniform number of camera paths is within 1 % of the least.
     pub flat_range: [u32; 2],
     pub times: Times,
@@ -108,30 +112,30 @@ pub fn run(args: &Args) -> Result<String> {
         (None, Some(text)) => Source::Given(coefficients(text)?),
         (None, None) => unreachable!("the parser requires one of them"),
     };
-    let end = args.end(&source)?;
+    let budget = args.budget(&source)?;
     let light_paths = args.light_paths(file.as_ref())?;
-    let subject = Subject::new(source, args.objective, timings.model);
-    let problem = subject.problem(light_paths.clone(), end);
+    let measured = MeasuredProblem::new(source, args.objective, timings.model);
+    let problem = measured.problem(light_paths.clone(), budget);
     let best = problem.uniform();
     let flat = problem.flat_range(best.camera_paths, NEAR_OPTIMUM);
     let pixels = timings.model.pixels as u32;
-    let candidates = Candidates::new(&subject, &problem, &light_paths, pixels, args.per_pixel);
+    let compared = ComparedCounts::new(&measured, &problem, &light_paths, pixels, args.per_pixel);
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let mut attempts = Attempts::default();
     if let (Some(path), Some(file)) = (&args.output, &file) {
-        attempts.add(path, || write_plan(path, file, candidates.recommended()));
+        attempts.add(path, || write_plan(path, file, compared.recommended()));
     }
     if let Some(path) = &args.plot {
-        attempts.add(path, || plot(path, &problem, &light_paths, end));
+        attempts.add(path, || plot(path, &problem, &light_paths, budget));
     }
     attempts.finish()?;
-    let report = Report {
+    let report = OptimizeReport {
         region: region_name,
         objective: args.objective,
-        end,
+        budget,
         most_light_paths: args.max_memory.map(|_| *light_paths.end()),
-        rows: candidates.rows(&subject, end),
+        rows: compared.rows(&measured, budget),
         flat_range: [*flat.start(), *flat.end()],
         times: Times::new(from, &timings),
         output: args.output.as_deref().map(name),
@@ -178,32 +182,32 @@ impl Args {
         Ok((from, Timings::load(from)?))
     }
 
-    fn end(&self, source: &Source) -> Result<End> {
+    fn budget(&self, source: &Source) -> Result<Budget> {
         let time = self.time.map(|time| time.as_secs_f64());
         match (time, self.target_rms) {
-            (Some(time), _) if time > 0.0 => Ok(End::Time(time)),
+            (Some(time), _) if time > 0.0 => Ok(Budget::Time(time)),
             (Some(_), _) => {
                 Err(Error::new("nothing can be rendered in 0 seconds", "give --time 1s or more"))
             }
-            (None, Some(Target::Absolute(rms))) => Ok(End::Rms(rms)),
+            (None, Some(Target::Absolute(rms))) => Ok(Budget::Rms(rms)),
             (None, Some(target)) => {
                 let Source::Measured(noise, pixels) = source else {
                     return Err(Error::new(
-                        "coefficients alone do not tell the mean luminance",
+                        "the mean luminance is unknown: coefficients do not contain it",
                         "give --target-rms as luminance, without %",
                     ));
                 };
                 let sum: f64 = pixels.iter().map(|&i| noise.pixels[i].luminance).sum();
                 let rms = target.absolute(sum / pixels.len() as f64);
                 if rms > 0.0 {
-                    return Ok(End::Rms(rms));
+                    return Ok(Budget::Rms(rms));
                 }
                 Err(Error::new(
-                    "the region is black, no noise is a share of that",
+                    "the region is black, so that a noise in percent of it is undefined",
                     "give --target-rms as luminance, without %, or another --region",
                 ))
             }
-            (None, None) => Ok(End::Unbounded),
+            (None, None) => Ok(Budget::Unbounded),
         }
     }
 
@@ -216,13 +220,14 @@ impl Args {
             Some(&Value::Number(photons)) if photons >= 0.0 => photons,
             _ => {
                 return Err(Error::new(
-                    "the file does not tell how many photons a light path leaves",
-                    "measure it anew with bdpm analyze, or leave --max-memory out",
+                    "the file does not say how many photons a light path leaves",
+                    "measure the noise again with bdpm analyze, or leave --max-memory out",
                 )
                 .at(path));
             }
         };
-        let counts = Counts::uniform(1, 1); // not part of what is asked for
+        // The counts do not matter for the memory of light paths.
+        let counts = Counts::uniform(1, 1);
         let origin = Provenance::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
         let most = light_paths_in(bytes as f64, photons, &origin.settings);
         if most < 1.0 {
@@ -235,7 +240,7 @@ impl Args {
     }
 }
 
-/// What the measured image was made of, but with these counts.
+/// Metadata of the measured image, but with these counts.
 fn facts(file: &NoiseFile, counts: &Counts) -> Metadata {
     let camera_paths = counts.camera_paths.mean().round();
     let mut facts = file.facts.clone();

@@ -1,19 +1,19 @@
-//! The counts that `bdpm optimize` tells of, and what they lead to.
+//! The counts that `bdpm optimize` compares, with their noise and times.
 
+use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Problem;
-use bdpm::adaptive::optimize::measured::{End, Subject};
+use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
 use bdpm::adaptive::optimize::predict::Predicted;
 use bdpm::film::counts::Counts;
-use bdpm::settings::policy::NEAR_OPTIMUM;
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
-/// What some counts lead to.
+/// Noise and time at one choice of counts.
 #[derive(Serialize)]
-pub struct Row {
-    pub name: Name,
+pub struct CountsRow {
+    pub name: RowName,
     pub light_paths: u32,
-    /// Mean, least and greatest number of camera paths of any pixel.
+    /// Mean, lowest and highest number of camera paths of the pixels.
     pub camera_paths: f64,
     pub least_camera_paths: u32,
     pub most_camera_paths: u32,
@@ -31,10 +31,10 @@ pub struct Row {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Name {
+pub enum RowName {
     /// Least cost, the same counts everywhere.
     BestUniform,
-    /// Shortest iteration within 1 % of that.
+    /// Shortest iteration within 1 % of the least cost, the same counts everywhere.
     Uniform,
     /// Shortest iteration within 1 % of the least cost with a number for each pixel.
     PerPixel,
@@ -45,15 +45,15 @@ pub enum Name {
 }
 
 /// The counts to compare.
-pub struct Candidates {
-    all: Vec<(Name, Counts)>,
+pub struct ComparedCounts {
+    all: Vec<(RowName, Counts)>,
     recommended: usize,
 }
 
-impl Candidates {
+impl ComparedCounts {
     /// Finds the best counts; `pixels` are those of the image.
     pub fn new(
-        subject: &Subject,
+        measured: &MeasuredProblem,
         problem: &Problem,
         light_paths: &RangeInclusive<u32>,
         pixels: u32,
@@ -61,16 +61,16 @@ impl Candidates {
     ) -> Self {
         let (best, shortest) = (problem.uniform(), problem.shortest_uniform(NEAR_OPTIMUM));
         let mut all = vec![
-            (Name::BestUniform, Counts::uniform(best.light_paths, best.camera_paths)),
-            (Name::Uniform, Counts::uniform(shortest.light_paths, shortest.camera_paths)),
+            (RowName::BestUniform, Counts::uniform(best.light_paths, best.camera_paths)),
+            (RowName::Uniform, Counts::uniform(shortest.light_paths, shortest.camera_paths)),
         ];
         if per_pixel {
             let found = problem.shortest_per_pixel(NEAR_OPTIMUM);
-            all.push((Name::PerPixel, subject.whole_image(found)));
+            all.push((RowName::PerPixel, measured.whole_image(found)));
         }
         let recommended = all.len() - 1;
-        all.push((Name::OneCameraPath, subject.one_camera_path(light_paths.clone())));
-        all.push((Name::OneEach, Counts::uniform(pixels, 1)));
+        all.push((RowName::OneCameraPath, measured.one_camera_path(light_paths.clone())));
+        all.push((RowName::OneEach, Counts::uniform(pixels, 1)));
         Self { all, recommended }
     }
 
@@ -79,29 +79,29 @@ impl Candidates {
         &self.all[self.recommended].1
     }
 
-    /// What they lead to, up to `end`.
-    pub fn rows(&self, subject: &Subject, end: End) -> Vec<Row> {
-        let row = |(name, counts): &(Name, Counts)| {
-            let (iteration_time, rms) = (subject.time(counts), subject.rms(counts));
+    /// Noise and time at all counts, up to the end of `budget`.
+    pub fn rows(&self, measured: &MeasuredProblem, budget: Budget) -> Vec<CountsRow> {
+        let row = |(name, counts): &(RowName, Counts)| {
+            let (iteration_time, rms) = (measured.time(counts), measured.rms(counts));
             let scaled = |scale: f64, error_scale: f64| Predicted {
                 value: rms.value * scale,
                 error: rms.error.map(|error| error * error_scale),
             };
             let (mut rms_after, mut time_to_target) = (None, None);
-            match end {
-                End::Unbounded => {}
-                End::Time(time) => {
+            match budget {
+                Budget::Unbounded => {}
+                Budget::Time(time) => {
                     let scale = (iteration_time / time).sqrt();
                     rms_after = Some(scaled(scale, scale));
                 }
-                // theory.md (77)
                 // tau (rms/target)^2, whose relative error is twice that of the RMS.
-                End::Rms(target) => {
+                // theory.md (77)
+                Budget::Rms(target) => {
                     let scale = iteration_time * rms.value / (target * target);
                     time_to_target = Some(scaled(scale, 2.0 * scale));
                 }
             }
-            Row {
+            CountsRow {
                 name: *name,
                 light_paths: counts.light_paths,
                 camera_paths: counts.camera_paths.mean(),
@@ -111,7 +111,7 @@ impl Candidates {
                 rms,
                 rms_after,
                 time_to_target,
-                relative_time: subject.relative_time(self.recommended(), counts),
+                relative_time: measured.relative_time(self.recommended(), counts),
             }
         };
         self.all.iter().map(row).collect()

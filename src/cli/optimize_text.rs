@@ -2,15 +2,15 @@
 
 use super::analyze_text::with_error;
 use super::human_time;
-use super::optimize::Report;
-use super::optimize_rows::{Name, Row};
+use super::optimize::OptimizeReport;
+use super::optimize_rows::{CountsRow, RowName};
 use bdpm::adaptive::optimize::Objective;
-use bdpm::adaptive::optimize::measured::End;
+use bdpm::adaptive::optimize::measured::Budget;
 use bdpm::adaptive::optimize::predict::Predicted;
-use bdpm::timing::setup::Setup;
+use bdpm::timing::setup::MeasurementSetup;
 use std::fmt::Write;
 
-pub fn text(report: &Report) -> String {
+pub fn text(report: &OptimizeReport) -> String {
     let mut text = String::new();
     let mut line = |content: &str| {
         writeln!(text, "{}", content.trim_end()).expect("strings take everything");
@@ -19,11 +19,11 @@ pub fn text(report: &Report) -> String {
         Some(region) => line(&format!("region {region}; luminances in W/(m^2 sr)")),
         None => line("given coefficients, without uncertainty"),
     }
-    line(&format!("least {} {}\n", objective(report.objective), end(report.end)));
-    let last = match report.end {
-        End::Unbounded => String::new(),
-        End::Time(time) => format!("RMS after {}", human_time(time)),
-        End::Rms(rms) => format!("seconds to {rms:.3e}"),
+    line(&format!("minimum {} {}\n", objective(report.objective), ending(report.budget)));
+    let last = match report.budget {
+        Budget::Unbounded => String::new(),
+        Budget::Time(time) => format!("RMS after {}", human_time(time)),
+        Budget::Rms(rms) => format!("seconds to {rms:.3e}"),
     };
     line(&format!(
         "{:<26} {:>10} {:>9} {:>11} {:>12}    {:<10} {:>12}    {:<10} {:>12}",
@@ -32,7 +32,7 @@ pub fn text(report: &Report) -> String {
     for row in &report.rows {
         line(&self::row(row));
     }
-    let best = report.rows.iter().find(|row| row.name == Name::BestUniform);
+    let best = report.rows.iter().find(|row| row.name == RowName::BestUniform);
     let [first, past] = report.flat_range;
     if let Some(best) = best {
         line(&format!(
@@ -54,7 +54,7 @@ pub fn text(report: &Report) -> String {
     );
     line("relative time is that for the same noise; seconds and RMS are those of one iteration");
     let setup = report.times.setup.as_ref();
-    let setup = setup.map_or("a setup that it does not tell".into(), Setup::to_string);
+    let setup = setup.map_or("an unknown setup".into(), MeasurementSetup::to_string);
     let certain = if report.times.errors.is_some() { "" } else { ", without uncertainty" };
     line(&format!("\ntime of an iteration from {}, for {setup}{certain}:", report.times.from));
     line(&report.times.table);
@@ -73,21 +73,21 @@ fn objective(objective: Objective) -> &'static str {
     }
 }
 
-fn end(end: End) -> String {
-    match end {
-        End::Unbounded => "after any time".into(),
-        End::Time(time) => format!("after {}", human_time(time)),
-        End::Rms(rms) => format!("in the least time down to {rms:.4e}"),
+fn ending(budget: Budget) -> String {
+    match budget {
+        Budget::Unbounded => "after any time".into(),
+        Budget::Time(time) => format!("after {}", human_time(time)),
+        Budget::Rms(rms) => format!("in the least time down to {rms:.4e}"),
     }
 }
 
-fn row(row: &Row) -> String {
+fn row(row: &CountsRow) -> String {
     let name = match row.name {
-        Name::BestUniform => "best everywhere alike",
-        Name::Uniform => "  shortest within 1 %",
-        Name::PerPixel => "best for each pixel",
-        Name::OneCameraPath => "N_B = 1 with its best N_F",
-        Name::OneEach => "one path each per pixel",
+        RowName::BestUniform => "best everywhere alike",
+        RowName::Uniform => "  shortest within 1 %",
+        RowName::PerPixel => "best for each pixel",
+        RowName::OneCameraPath => "N_B = 1 with its best N_F",
+        RowName::OneEach => "one path each per pixel",
     };
     let shown = |value: Predicted| with_error(value.value, value.error);
     let camera_paths = match row.camera_paths {

@@ -3,6 +3,7 @@
 use super::interrupts::catch_interrupts;
 use super::progress::{Progress, ProgressFormat};
 use super::scene_input::{LoadedScene, SessionArgs};
+use super::settings_args::SettingsArgs;
 use super::{human_time, json, say};
 use bdpm::adaptive::stopping::{Forecast, Stop};
 use bdpm::base::error::{Error, Result};
@@ -10,14 +11,14 @@ use bdpm::job::{Status, Totals};
 use bdpm::noise::file::check_memory;
 use bdpm::noise::region;
 use bdpm::paper::findings::Verdict;
-use bdpm::paper::folder::{Folder, Identity};
-use bdpm::paper::part::{Part, Purpose};
+use bdpm::paper::folder::{Conditions, Folder};
+use bdpm::paper::measurement::{Measurement, Purpose};
 use bdpm::paper::published::{CAMERA_PATHS, LIGHT_PATHS};
 use bdpm::paper::report;
 use bdpm::paper::results::Results;
-use bdpm::paper::run::{Bench, Run};
-use bdpm::settings::{Kernel, PartialSettings, Settings};
-use bdpm::timing::setup::Setup;
+use bdpm::paper::run::{Run, SceneContext};
+use bdpm::settings::{Kernel, Settings};
+use bdpm::timing::setup::MeasurementSetup;
 use serde::Serialize;
 use std::fmt::Write;
 use std::ops::ControlFlow;
@@ -28,19 +29,19 @@ use std::time::Duration;
 /// The paper's red box.
 const REGION: &str = "side-walls";
 
-/// What `--quick` takes.
+/// Time and resolution with `--quick`.
 const QUICK: (Duration, [u32; 2]) = (Duration::from_secs(60), [64; 2]);
 
-/// What is taken without it.
+/// Time and resolution without `--quick`.
 const FULL: (Duration, [u32; 2]) = (Duration::from_secs(20 * 60), [128; 2]);
 
 #[derive(clap::Args)]
 #[command(
     mut_arg("scene", |arg| arg.required(false).default_value("scenes/cornell-box").help(
-        "Scene with a region side-walls: where the paper leaves values open, its file sets them"
+        "Measure this scene, which needs a region side-walls; it sets what the paper leaves open"
     )),
     mut_arg("resolution", |arg| arg.help(
-        "Image size in pixels [default: 128x128, with --quick 64x64]"
+        "Render this many pixels [default: 128x128, with --quick 64x64]"
     )),
     mut_arg("time", |arg| arg.hide(true)),
     mut_arg("light_paths", |arg| arg.hide(true)),
@@ -49,20 +50,20 @@ const FULL: (Duration, [u32; 2]) = (Duration::from_secs(20 * 60), [128; 2]);
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// Folder for report.html and its data; an experiment that was begun there is continued
+    /// Write report.html and its data to this folder, or continue the experiment in it
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Rendering time for all parts, such as 20m or 2h [default: 20m, with --quick 60s]
+    /// Render for this long, such as 20m or 2h [default: 20m, with --quick 60s]
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     time_budget: Option<Duration>,
-    /// A first look within two minutes: fewer pixels, larger errors
+    /// Finish within two minutes, with fewer pixels and larger errors
     #[arg(long)]
     quick: bool,
 }
 
-/// The result.
+/// The report file and its numbers, as JSON.
 #[derive(Serialize)]
-struct Report<'a> {
+struct ReproduceReport<'a> {
     complete: bool,
     report: Option<String>,
     #[serde(flatten)]
@@ -84,46 +85,48 @@ pub fn run(args: &Args) -> Result<String> {
     let time = args.time_budget.unwrap_or(time);
     let mut prepared = LoadedScene::with_default_resolution(&args.session, Some(resolution))?;
     as_published(&mut prepared.origin.settings, &scene.wishes);
-    let identity = identity(&prepared, time)?;
+    let conditions = experiment_conditions(&prepared, time)?;
     let folder = Folder::new(&args.output)?;
-    let experiment = folder.open(identity)?;
+    let experiment = folder.open(conditions)?;
 
-    let bench =
-        Bench { scene: &prepared.scene, accel: &prepared.accel, threads: &prepared.threads };
-    let mut run = Run::new(bench, folder.clone(), experiment);
+    let context =
+        SceneContext { scene: &prepared.scene, accel: &prepared.accel, threads: &prepared.threads };
+    let mut run = Run::new(context, folder.clone(), experiment);
     if let Some(budget) = args.time_budget
         && run.experiment().done.is_empty()
         && !args.session.quiet
     {
-        warn_of_haste(&run, budget)?;
+        warn_of_short_budget(&run, budget)?;
     }
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
-            (true, _) => json(&Report { complete: false, report: None, results: None }),
+            (true, _) => json(&ReproduceReport { complete: false, report: None, results: None }),
             (false, true) => String::new(),
-            (false, false) => "stopped; the same command goes on\n".into(),
+            (false, false) => "stopped; run the command again to continue\n".into(),
         });
     }
     let results = Results::new(&folder, run.experiment().clone())?;
     results.write_data(&folder)?;
     let html = report::write(&results, &folder)?.to_string_lossy().into_owned();
     Ok(match (scene.json, args.session.quiet) {
-        (true, _) => json(&Report { complete: true, report: Some(html), results: Some(&results) }),
+        (true, _) => {
+            json(&ReproduceReport { complete: true, report: Some(html), results: Some(&results) })
+        }
         (false, true) => String::new(),
         (false, false) => text(&results, &html),
     })
 }
 
-/// The paper merges over discs of one radius, unless somebody wants to see what else would come out.
-fn as_published(settings: &mut Settings, wishes: &PartialSettings) {
+/// The paper merges over discs of one radius. Explicit options change that.
+fn as_published(settings: &mut Settings, wishes: &SettingsArgs) {
     settings.kernel = wishes.kernel.unwrap_or(Kernel::Disc);
     if wishes.caustic_radius.is_none() {
         settings.caustic_radius = settings.radius;
     }
 }
 
-/// All that the experiment depends on.
-fn identity(prepared: &LoadedScene, time: Duration) -> Result<Identity> {
+/// Everything that the experiment depends on.
+fn experiment_conditions(prepared: &LoadedScene, time: Duration) -> Result<Conditions> {
     let LoadedScene { scene, origin, threads, accel, .. } = prepared;
     let settings = Settings {
         light_paths: LIGHT_PATHS,
@@ -131,8 +134,8 @@ fn identity(prepared: &LoadedScene, time: Duration) -> Result<Identity> {
         ..origin.settings.clone()
     };
     check_memory(settings.width, settings.height)?;
-    Ok(Identity {
-        setup: Setup::new(origin, threads.current_num_threads()),
+    Ok(Conditions {
+        setup: MeasurementSetup::new(origin, threads.current_num_threads()),
         accel: accel.describe().name,
         settings,
         region: region::find(Some(REGION), &scene.regions)?,
@@ -140,13 +143,13 @@ fn identity(prepared: &LoadedScene, time: Duration) -> Result<Identity> {
     })
 }
 
-/// Every part has a least number of iterations, for its standard errors.
-fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
+/// Warns if the minimum of iterations, which standard errors need, takes longer than the budget.
+fn warn_of_short_budget(run: &Run, budget: Duration) -> Result<()> {
     let least = run.least_time()?;
     if least > budget.as_secs_f64() {
         say(&format!(
-            "warning: the least iterations of all parts take about {}, longer than --time-budget {}\n\
-             help: lower --resolution, or give more time; at the least the errors are large",
+            "warning: the minimum of iterations takes about {}, longer than --time-budget {}\n\
+             help: lower --resolution, or give more time; with few iterations errors are large",
             human_time(least),
             humantime::format_duration(budget)
         ));
@@ -154,15 +157,15 @@ fn warn_of_haste(run: &Run, budget: Duration) -> Result<()> {
     Ok(())
 }
 
-/// Measures what is left; returns whether all is complete.
+/// Takes the remaining measurements; returns whether the experiment is complete.
 fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
     let format = if quiet { ProgressFormat::Nothing } else { ProgressFormat::Text };
     let stop = Stop::time(time);
     let mut progress = Progress::new(format);
     progress.start();
     let interrupted = catch_interrupts(progress.clone())?;
-    let (done, all) = (run.experiment().done.len(), Part::all().len());
-    let Identity { setup, .. } = &run.experiment().identity;
+    let (done, all) = (run.experiment().done.len(), Measurement::all().len());
+    let Conditions { setup, .. } = &run.experiment().conditions;
     progress.note(&match done {
         0 => format!("measuring {all} parts: {setup}"),
         _ if done == all => "all parts are complete".into(),
@@ -171,18 +174,22 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
     let mut totals = Totals::default();
     let mut iterations = 0;
     let mut last = None;
-    let complete = run.run(|glimpse| {
-        if last != Some(glimpse.part) {
-            let [number, parts] = glimpse.number;
-            progress.note(&format!("part {} of {parts}: {}", number + 1, describe(&glimpse.part)));
-            (last, iterations) = (Some(glimpse.part), 0);
+    let complete = run.run(|status| {
+        if last != Some(status.measurement) {
+            progress.note(&format!(
+                "part {} of {}: {}",
+                status.index + 1,
+                status.count,
+                describe(&status.measurement)
+            ));
+            (last, iterations) = (Some(status.measurement), 0);
         }
         iterations += 1;
-        totals.add(glimpse.report);
-        // Only the time that is left is forecast.
-        let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: glimpse.left });
-        let status = Status { iterations, convergence: None, forecast };
-        progress.show(&stop, &totals, &status, Duration::from_secs_f64(glimpse.seconds));
+        totals.add(status.report);
+        // Forecast the remaining time only.
+        let forecast = Some(Forecast { rms: f64::NAN, left: 1.0, seconds: status.left });
+        let shown = Status { iterations, convergence: None, forecast };
+        progress.show(&stop, &totals, &shown, Duration::from_secs_f64(status.seconds));
         match interrupted.load(Ordering::Relaxed) {
             false => ControlFlow::Continue(()),
             true => ControlFlow::Break(()),
@@ -192,16 +199,16 @@ fn measure(run: &mut Run, time: Duration, quiet: bool) -> Result<bool> {
     complete
 }
 
-fn describe(part: &Part) -> String {
-    let what = match part.purpose {
+fn describe(measurement: &Measurement) -> String {
+    let what = match measurement.purpose {
         Purpose::Pairs => "noise of every pixel from all pairs",
-        Purpose::Halves => "the same by the paper's halves",
+        Purpose::Halves => "noise of every pixel by the paper's halves",
         Purpose::Cell => "noise of the region and times",
     };
-    format!("{what}, N_F = {}, N_B = {}", part.light_paths, part.camera_paths)
+    format!("{what}, N_F = {}, N_B = {}", measurement.light_paths, measurement.camera_paths)
 }
 
-/// What is the same, in a few lines.
+/// The findings, a line each.
 fn text(results: &Results, html: &str) -> String {
     let mut text = String::new();
     for finding in &results.findings {

@@ -2,14 +2,14 @@
 
 use super::analyze_text::with_error;
 use super::json;
-use bdpm::adaptive::optimize::predict::{Budget, Optimum, Predicted, Prediction, Source};
+use bdpm::adaptive::optimize::predict::{Optimum, Predicted, Prediction, RenderTime, Source};
 use bdpm::base::error::{Error, Result};
 use bdpm::noise::file::NoiseFile;
 use bdpm::noise::{Coefficients, region};
 use bdpm::settings::MAX_LIGHT_PATHS;
 use bdpm::timing::fit::TimeErrors;
-use bdpm::timing::setup::Setup;
-use bdpm::timing::{TimeModel, Timings, report as timing_report};
+use bdpm::timing::setup::MeasurementSetup;
+use bdpm::timing::{TimeModel, Timings};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -17,31 +17,34 @@ use std::time::Duration;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// File that `bdpm analyze` wrote
+    /// Read the noise from this file of `bdpm analyze`
     #[arg(value_name = "NOISE.exr", required_unless_present = "coefficients")]
     file: Option<PathBuf>,
-    /// Coefficients to use instead of a file; they have no uncertainty
+    /// Use these coefficients instead of a file, without uncertainty
     #[arg(long, value_name = "a,b,f", conflicts_with_all = ["file", "region"],
           allow_hyphen_values = true)]
     coefficients: Option<String>,
-    /// IterationSet of light paths per iteration
+    /// Predict for these numbers of light paths per iteration
     #[arg(long, value_name = "NF,...", value_delimiter = ',', required = true,
           value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_LIGHT_PATHS)))]
     light_paths: Vec<u32>,
-    /// IterationSet of camera paths per pixel and iteration
+    /// Predict for these numbers of camera paths per pixel and iteration
     #[arg(long, value_name = "NB,...", value_delimiter = ',', required = true,
           value_parser = clap::value_parser!(u32).range(1..))]
     camera_paths: Vec<u32>,
-    /// The part of the image: a name in the scene file, or a rectangle in fractions of the image,
-    /// the origin at the top left [default: the whole image]
+    /// Predict for this part of the image only [default: the whole image]
+    ///
+    /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
+    /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
-    /// Time of an iteration: file that `bdpm calibrate` wrote, folder that `cargo bench --bench tau`
-    /// left (target/criterion), or JSON file with the keys fixed, light_path, camera_path, look_up,
-    /// merge_pair (seconds) and pixels
+    /// Read the time of an iteration from this file of `bdpm calibrate` or Criterion folder
+    ///
+    /// The folder is target/criterion after `cargo bench --bench tau`. The file may also be a JSON
+    /// object with the keys fixed, light_path, camera_path, look_up, merge_pair (seconds) and pixels.
     #[arg(long, value_name = "T.json|FOLDER", requires = "time")]
     timings: Option<PathBuf>,
-    /// Time of rendering to predict the noise after, such as 1000s or 1h
+    /// Predict the noise after this rendering time, such as 1000s or 1h
     #[arg(long, value_name = "TIME", requires = "timings", value_parser = humantime::parse_duration)]
     time: Option<Duration>,
     /// Print the result as one JSON object on stdout
@@ -49,26 +52,27 @@ pub struct Args {
     json: bool,
 }
 
+/// Predicted noise, and the best counts.
 #[derive(Serialize)]
-struct Report {
+struct PredictReport {
     region: Option<String>,
-    /// Seconds, if a time was given.
+    /// Rendering time in seconds, if one was given.
     time: Option<f64>,
-    /// Where the time of an iteration comes from, if a time was given.
+    /// Source of the time of an iteration, if a rendering time was given.
     times: Option<Times>,
     predictions: Vec<Prediction>,
-    /// Best number of light paths for each number of camera paths asked for.
+    /// Best number of light paths for each given number of camera paths.
     best_light_paths: Vec<Optimum>,
     /// Best pair of counts.
     optimum: Option<Optimum>,
 }
 
-/// The time of an iteration, and how well it is known.
+/// The time of an iteration with its errors.
 #[derive(Serialize)]
 pub struct Times {
-    /// File or folder.
+    /// File or folder that was read.
     pub from: String,
-    pub setup: Option<Setup>,
+    pub setup: Option<MeasurementSetup>,
     model: TimeModel,
     pub errors: Option<TimeErrors>,
     #[serde(skip)]
@@ -82,21 +86,21 @@ impl Times {
             setup: timings.setup.clone(),
             model: timings.model,
             errors: timings.errors,
-            table: timing_report::coefficients(timings),
+            table: timings.coefficients_table(),
         }
     }
 }
 
 pub fn run(args: &Args) -> Result<String> {
     let timings = args.timings.as_deref().map(Timings::load).transpose()?;
-    let budget = match (&timings, args.time) {
-        (Some(timings), Some(time)) => Some(budget(timings.model, time)?),
+    let render = match (&timings, args.time) {
+        (Some(timings), Some(time)) => Some(render_time(timings.model, time)?),
         _ => None,
     };
     let mut report = match (&args.coefficients, &args.file) {
         (Some(text), _) => {
             let source = Source::Given(coefficients(text)?);
-            report(args, source, None, budget.as_ref())
+            report(args, source, None, render.as_ref())
         }
         (None, Some(path)) => {
             let NoiseFile { noise, regions, facts, .. } = NoiseFile::read(path)?;
@@ -106,7 +110,7 @@ pub fn run(args: &Args) -> Result<String> {
             }
             let region = region::find(args.region.as_deref(), &regions)?;
             let pixels = region::pixels(&region, &noise)?;
-            report(args, Source::Measured(&noise, &pixels), Some(region.name), budget.as_ref())
+            report(args, Source::Measured(&noise, &pixels), Some(region.name), render.as_ref())
         }
         (None, None) => unreachable!("the parser requires one of them"),
     };
@@ -114,12 +118,12 @@ pub fn run(args: &Args) -> Result<String> {
     Ok(if args.json { json(&report) } else { text(&report) })
 }
 
-fn budget(model: TimeModel, time: Duration) -> Result<Budget> {
+fn render_time(model: TimeModel, time: Duration) -> Result<RenderTime> {
     let time = time.as_secs_f64();
     if time > 0.0 {
-        return Ok(Budget { model, time });
+        return Ok(RenderTime { model, time });
     }
-    Err(Error::new("there is no noise to predict after 0 seconds", "give --time 1s or more"))
+    Err(Error::new("cannot predict the noise after 0 seconds", "give --time 1s or more"))
 }
 
 /// Reads `a,b,f`.
@@ -130,31 +134,36 @@ pub fn coefficients(text: &str) -> Result<Coefficients> {
             Ok(Coefficients { a, b, f })
         }
         _ => Err(Error::new(
-            format!("`{text}` are no coefficients"),
+            format!("`{text}` is not a list of coefficients"),
             "give three numbers a,b,f of at least 0, such as --coefficients 3595,37.18,0.3788",
         )),
     }
 }
 
-fn report(args: &Args, source: Source, region: Option<String>, budget: Option<&Budget>) -> Report {
+fn report(
+    args: &Args,
+    source: Source,
+    region: Option<String>,
+    render: Option<&RenderTime>,
+) -> PredictReport {
     let counts = args.light_paths.iter().flat_map(|&n_light| {
         args.camera_paths.iter().map(move |&n_camera| (f64::from(n_light), f64::from(n_camera)))
     });
-    let best = |budget| {
+    let best = |render| {
         let camera_paths = args.camera_paths.iter();
-        camera_paths.map(|&n| source.best_light_paths(f64::from(n), budget)).collect()
+        camera_paths.map(|&n| source.best_light_paths(f64::from(n), render)).collect()
     };
-    Report {
+    PredictReport {
         region,
-        time: budget.map(|budget| budget.time),
+        time: render.map(|render| render.time),
         times: None,
-        predictions: counts.map(|(n, m)| source.predict(n, m, budget)).collect(),
-        best_light_paths: budget.map(best).unwrap_or_default(),
-        optimum: budget.map(|budget| source.optimum(budget)),
+        predictions: counts.map(|(n, m)| source.predict(n, m, render)).collect(),
+        best_light_paths: render.map(best).unwrap_or_default(),
+        optimum: render.map(|render| source.optimum(render)),
     }
 }
 
-fn text(report: &Report) -> String {
+fn text(report: &PredictReport) -> String {
     let mut text = String::new();
     let mut line = |content: &str| {
         writeln!(text, "{}", content.trim_end()).expect("strings take everything");
@@ -198,7 +207,7 @@ fn text(report: &Report) -> String {
         }
     }
     if let Some(Times { from, setup, errors, table, .. }) = &report.times {
-        let setup = setup.as_ref().map_or("a setup that it does not tell".into(), Setup::to_string);
+        let setup = setup.as_ref().map_or("an unknown setup".into(), MeasurementSetup::to_string);
         let certain = if errors.is_some() { "" } else { ", without uncertainty" };
         line(&format!("\ntime of an iteration from {from}, for {setup}{certain}:"));
         line(table);

@@ -7,8 +7,8 @@ use bdpm::base::error::Result;
 use bdpm::import::Loaded;
 use bdpm::job;
 use bdpm::scene::backend;
-use bdpm::settings::Settings;
 use bdpm::settings::provenance::Provenance;
+use bdpm::settings::{PartialSettings, Settings};
 use bdpm::{RenderJob, Scene};
 use rayon::ThreadPool;
 use std::sync::Arc;
@@ -61,7 +61,7 @@ impl SceneInput {
     /// A job that renders it, with the settings of the command line.
     pub fn job(&self, args: &SessionArgs) -> RenderJob {
         RenderJob::new(&self.loaded)
-            .settings(args.scene.wishes.clone())
+            .settings((&args.scene.wishes).into())
             .backend(args.scene.accel)
             .threads(Arc::clone(&self.threads))
     }
@@ -87,7 +87,7 @@ impl LoadedScene {
         resolution: Option<[u32; 2]>,
     ) -> Result<Self> {
         let SceneInput { threads, loaded, .. } = SceneInput::load(args)?;
-        let mut asked = args.scene.wishes.clone();
+        let mut asked = PartialSettings::from(&args.scene.wishes);
         asked.resolution = asked.resolution.or(resolution);
         let scene = loaded.scene;
         let settings = Settings::resolve(&asked, &loaded.defaults, scene.size())?;

@@ -1,4 +1,4 @@
-//! The lines of an OBJ or MTL file, or of a piece of one; errors that name file and line.
+//! The lines of an OBJ or MTL file, and errors that name file and line.
 
 use super::text::decoded;
 use crate::base::error::{Error, Result};
@@ -19,10 +19,9 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    /// Of text that comes after so many lines of its file.
-    pub(super) fn new(path: &'a Path, text: &'a [u8], lines_before: usize) -> Self {
-        let (number, next) = (lines_before, lines_before + 1);
-        Self { path, rest: text, line: Cow::default(), number, next }
+    /// Starts before the first line of a file.
+    pub(super) fn new(path: &'a Path, text: &'a [u8]) -> Self {
+        Self { path, rest: text, line: Cow::default(), number: 0, next: 1 }
     }
 
     /// Goes on to the next line; `false` at the end. A backslash at a line's end continues it, unless
@@ -88,11 +87,6 @@ impl<'a> Lines<'a> {
         self.number
     }
 
-    /// Lines of the file up to here, those before the text included.
-    pub(super) fn count(&self) -> usize {
-        self.next - 1
-    }
-
     /// A problem in the current line.
     pub(super) fn error(&self, problem: impl Into<String>, advice: impl Into<String>) -> Error {
         Error::new(problem, advice).at(self.path).line(self.number, self.text())
@@ -111,33 +105,12 @@ fn is_continued(line: &[u8]) -> bool {
     line.trim_ascii_end().ends_with(b"\\")
 }
 
-/// Cuts text into pieces of about `size` bytes, none of which ends within a line, even a continued
-/// one.
-pub(super) fn pieces(text: &[u8], size: usize) -> Vec<&[u8]> {
-    let mut pieces = Vec::new();
-    let mut rest = text;
-    while !rest.is_empty() {
-        let mut end = size.min(rest.len());
-        loop {
-            end = memchr::memchr(b'\n', &rest[end..]).map_or(rest.len(), |at| end + at + 1);
-            let start = memchr::memrchr(b'\n', &rest[..end - 1]).map_or(0, |at| at + 1);
-            if end == rest.len() || !is_continued(&rest[start..end]) {
-                break;
-            }
-        }
-        let (piece, after) = rest.split_at(end);
-        pieces.push(piece);
-        rest = after;
-    }
-    pieces
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn lines(text: &[u8]) -> Result<Vec<(usize, String)>> {
-        let mut lines = Lines::new(Path::new("a"), text, 0);
+        let mut lines = Lines::new(Path::new("a"), text);
         let mut all = Vec::new();
         while lines.advance()? {
             all.push((lines.number(), lines.text().into_owned()));
@@ -166,19 +139,5 @@ mod tests {
         assert!(error.contains(":2: there is a zero byte"), "{error}");
         let longest = vec![b'x'; MAX_LINE];
         assert_eq!(lines(&longest).unwrap()[0].1.len(), MAX_LINE);
-    }
-
-    #[test]
-    fn pieces_hold_whole_lines() {
-        let text = b"v 1\nf \\\n \\\r\n 1\n\n# c \\\nlast one";
-        let whole = lines(text).unwrap();
-        for size in 1..text.len() + 2 {
-            let pieces = pieces(text, size);
-            assert_eq!(pieces.concat(), text);
-            let texts = pieces.iter().flat_map(|piece| lines(piece).unwrap());
-            assert!(texts.map(|line| line.1).eq(whole.iter().map(|line| line.1.clone())), "{size}");
-        }
-        assert_eq!(pieces(text, 1).len(), 3);
-        assert_eq!(pieces(text, 100).len(), 1);
     }
 }

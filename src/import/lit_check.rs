@@ -1,31 +1,31 @@
-//! A quick look at a scene, as a user would look at its first picture: is what the camera sees lit?
+//! A quick estimate of whether light reaches the surfaces that the camera sees.
 //!
-//! A path tracer of few pixels and paths that connects to lights through glass as if it were air: it is to
-//! tell a lit scene from a dark one, and light that only comes through a bulb or a window is light.
+//! It traces few paths in few pixels and connects to lights through glass as if it were air. So it distinguishes lit
+//! scenes from dark ones also where all light passes a bulb or a window.
 
-use crate::accel::{Intersect, Ray};
+use crate::accel::{Hit, Intersect, Ray};
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::image_io::auto_exposure;
-use crate::scene::bsdf::{Lobe, Transport, Wanted};
-use crate::scene::{Scene, Surface, View};
+use crate::scene::path_walker::{self, PathVisitor};
+use crate::scene::{LightSample, Scene, Surface};
 use rayon::prelude::*;
 
-/// Pixels that are looked at, about.
+/// Approximate number of pixels.
 const PIXELS: f32 = 1000.0;
-/// Paths of each.
+/// Paths per pixel.
 const PATHS: u32 = 6;
-/// Most segments of a path.
+/// Maximum number of segments of a path.
 const SEGMENTS: u32 = 6;
-/// Most surfaces that light is let through on its way to a connection.
+/// Maximum number of glass surfaces that a connection passes through.
 const PANES: u32 = 16;
-/// Of display white; pixels below are black to eyes: a fiftieth of the key of the preview's exposure.
+/// Share of display white below which a pixel looks black: a fiftieth of the key of the preview's exposure.
 const BLACK: f32 = 0.004;
 
-/// Of display white, what the preview's exposure makes of it.
+/// Share of display white of the geometric mean in an exposed preview.
 const EXPOSED: f32 = 0.2;
 
-/// What a few pixels showed.
+/// Estimates of a few pixels.
 pub(super) struct LitCheck {
     pixels: Vec<Pixel>,
 }
@@ -33,29 +33,39 @@ pub(super) struct LitCheck {
 #[derive(Clone, Copy, Default)]
 struct Pixel {
     radiance: Rgb,
-    /// How many of its paths met a surface.
+    /// Number of its paths that met a surface.
     met: u32,
-    /// Sum of their squared distances, scene units squared.
+    /// Sum of the squared distances to these surfaces, scene units squared.
     distance2: f32,
 }
 
 impl LitCheck {
-    /// Looks at an image of `resolution` pixels, of its aspect ratio.
+    /// Traces the paths for an image of this resolution, of which the aspect ratio matters.
     pub fn new(scene: &Scene, accel: &dyn Intersect, [width, height]: [u32; 2]) -> Self {
         let shrink = (PIXELS / (width as f32 * height as f32)).sqrt();
         let [width, height] = [width, height].map(|n| ((n as f32 * shrink).ceil() as u32).max(1));
-        let eye = Eye { scene, accel, view: scene.camera.view(width, height) };
+        let view = scene.camera.view(width, height);
         let key = StreamKey::new(0, Stream::LitCheck, 0);
         let pixel = |index: u32| {
             let mut rng = key.rng(index.into());
             let mut pixel = Pixel::default();
-            (0..PATHS).for_each(|_| eye.look([index % width, index / width], &mut pixel, &mut rng));
+            let [x, y] = [index % width, index / width].map(|pixel| pixel as f32);
+            for _ in 0..PATHS {
+                let [dx, dy] = rng.next_2d();
+                let (ray, weight) = view.ray(x + dx, y + dy, rng.next_2d());
+                let eye = &mut Eye { scene, pixel: &mut pixel };
+                let radiance = path_walker::radiance(scene, accel, ray, &mut rng, eye);
+                let radiance = radiance * (weight / PATHS as f32);
+                if radiance.is_finite() {
+                    pixel.radiance += radiance;
+                }
+            }
             pixel
         };
         Self { pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
-    /// Of the pixels that show a surface, the share that is not black in a preview; 1 if none does.
+    /// Share of the pixels with a surface that are not black in a preview; 1 if no pixel shows a surface.
     pub fn lit(&self) -> f64 {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let least = BLACK / auto_exposure(&radiances);
@@ -67,7 +77,7 @@ impl LitCheck {
         }
     }
 
-    /// Radiance of what is lit, W/(m^2 sr), by its geometric mean; `None` if nothing is.
+    /// Geometric mean of the radiance of lit pixels, W/(m^2 sr); `None` if none is lit.
     pub fn typical(&self) -> Option<f32> {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let is_lit = radiances.iter().any(|radiance| luminance(*radiance) > 0.0);
@@ -75,7 +85,7 @@ impl LitCheck {
         is_lit.then(|| (EXPOSED / auto_exposure(&radiances)).clamp(1e-12, 1e12))
     }
 
-    /// Mean square of the distances of what is seen, scene units squared; 0 if there is nothing.
+    /// Mean square of the distances of the surfaces, scene units squared; 0 without surfaces.
     pub fn distance2(&self) -> f32 {
         let met: u32 = self.pixels.iter().map(|pixel| pixel.met).sum();
         let sum: f32 = self.pixels.iter().map(|pixel| pixel.distance2).sum();
@@ -83,77 +93,33 @@ impl LitCheck {
     }
 }
 
+/// Looks at one pixel.
 struct Eye<'a> {
     scene: &'a Scene,
-    accel: &'a dyn Intersect,
-    view: View,
+    pixel: &'a mut Pixel,
 }
 
-impl Eye<'_> {
-    /// Adds a path to a pixel.
-    fn look(&self, [x, y]: [u32; 2], pixel: &mut Pixel, rng: &mut Rng) {
-        let [dx, dy] = rng.next_2d();
-        let (mut ray, weight) = self.view.ray(x as f32 + dx, y as f32 + dy, rng.next_2d());
-        let (mut radiance, mut throughput) = (Rgb::ZERO, Rgb::ONE);
-        // Whether light at the end of the segment was not connected to at its beginning.
-        let mut unconnected = true;
-        for segment in 0..SEGMENTS {
-            let hit = self.accel.closest_hit(&ray);
-            if hit.is_miss() {
-                if unconnected {
-                    radiance += throughput * self.scene.lights().beyond(ray.direction);
-                }
-                break;
-            }
-            if segment == 0 {
-                pixel.met += 1;
-                pixel.distance2 += hit.t * hit.t;
-            }
-            let surface = self.scene.surface(&ray, &hit);
-            if unconnected && surface.front {
-                radiance += throughput * surface.emission();
-            }
-            radiance += throughput * self.connection(&surface, rng);
-            let at = surface.vertex(Transport::Radiance);
-            let sample = surface.bsdf.sample(&at, Transport::Radiance, Wanted::All, rng);
-            let Some(sample) = sample.filter(|sample| surface.agrees(&at, sample.wi)) else {
-                break;
-            };
-            unconnected = sample.lobe == Lobe::Delta;
-            throughput *= sample.weight;
-            ray = Ray::new(surface.start(sample.wi), sample.wi);
+impl PathVisitor for Eye<'_> {
+    const MAX_SEGMENTS: u32 = SEGMENTS;
+
+    fn hit(&mut self, accel: &dyn Intersect, ray: &Ray, segment: u32) -> Hit {
+        let hit = accel.closest_hit(ray);
+        if segment == 0 && !hit.is_miss() {
+            self.pixel.met += 1;
+            self.pixel.distance2 += hit.t * hit.t;
         }
-        let radiance = radiance * (weight / PATHS as f32);
-        if radiance.is_finite() {
-            pixel.radiance += radiance;
-        }
+        hit
     }
 
-    /// Radiance that a light adds by all lobes of finite density.
-    fn connection(&self, surface: &Surface, rng: &mut Rng) -> Rgb {
-        let bsdf = &surface.bsdf;
-        if bsdf.spread().is_none() {
-            return Rgb::ZERO;
-        }
-        let lights = self.scene.lights();
-        let Some(light) = lights.connect(surface.position, surface.lit_side(), rng) else {
-            return Rgb::ZERO;
-        };
-        let at = surface.vertex(Transport::Radiance);
-        let value = bsdf.eval(&at, light.wi);
-        if value == Rgb::ZERO
-            || !surface.agrees(&at, light.wi)
-            || self.is_blocked(Ray::segment(surface.start(light.wi), light.target))
-        {
-            return Rgb::ZERO;
-        }
-        value * light.irradiance * light.wi.dot(at.normal).abs()
+    fn sample_light(&self, surface: &Surface, rng: &mut Rng) -> Option<LightSample> {
+        self.scene.lights().connect(surface.position, surface.lit_side(), rng)
     }
 
-    /// Whether anything but glass lies on a segment.
-    fn is_blocked(&self, mut ray: Ray) -> bool {
+    /// Tests whether anything but glass blocks the light.
+    fn is_blocked(&self, accel: &dyn Intersect, surface: &Surface, light: &LightSample) -> bool {
+        let mut ray = Ray::segment(surface.start(light.wi), light.target);
         for _ in 0..PANES {
-            let hit = self.accel.closest_hit(&ray);
+            let hit = accel.closest_hit(&ray);
             if hit.is_miss() {
                 return false;
             }
@@ -164,5 +130,9 @@ impl Eye<'_> {
             ray.t_near = (hit.t * (1.0 + 1e-5)).max(f32::MIN_POSITIVE);
         }
         true
+    }
+
+    fn survival(&self, _: u32, _: Rgb) -> Option<f32> {
+        None
     }
 }

@@ -33,7 +33,7 @@ use crate::base::error::{Error, Result};
 use crate::film::aov::AovSelection;
 use crate::film::counts::Counts;
 use crate::import::Loaded;
-use crate::mpi::{Alone, Ranks};
+use crate::mpi::{Ranks, SingleProcess};
 use crate::noise::Measure;
 use crate::noise::file::check_memory;
 use crate::noise::film::BatchGrain;
@@ -270,7 +270,7 @@ impl RenderJob {
     /// If settings are invalid or contradict what the job begins with, the memory does not suffice, one iteration
     /// would take far longer than the time, or the denoiser fails.
     pub fn run(self, observer: impl FnMut(Event) -> ControlFlow<()>) -> Result<RenderResult> {
-        self.run_on(&Alone, observer)
+        self.run_on(&SingleProcess, observer)
     }
 
     /// Renders as rank 0 of several processes, which decides; the others [`follow`](Self::follow).
@@ -447,7 +447,6 @@ impl RenderJob {
         FreeParameters {
             strategy: any && fixed.strategy.is_none() && fixed.merge_vertex.is_none(),
             direct: any && fixed.direct.is_none(),
-            kernel: any && fixed.kernel.is_none(),
             radius,
             caustic_radius,
             guide: any && fixed.guide.is_none(),
@@ -646,7 +645,7 @@ pub fn check_measurable(settings: &Settings) -> Result<()> {
     {
         if count < 2 {
             return Err(Error::new(
-                format!("the noise cannot be measured with {count} {what}"),
+                format!("cannot measure the noise with {count} {what}"),
                 format!("use 2 or more {what}s; the result predicts the noise at 1 as well"),
             ));
         }

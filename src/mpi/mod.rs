@@ -1,8 +1,7 @@
-//! Processes that render one image together: ranks, numbered from 0, which decides.
+//! Processes that render one image together: ranks, numbered from 0. Rank 0 decides.
 //!
-//! All they need is messages from one to another. What goes to all, and what comes from all, goes along a binomial
-//! tree: rank `r` hears from `r` without its lowest bit, and tells those that this is true of. A tree of `n` ranks is
-//! `log2(n)` messages deep.
+//! Ranks send messages to each other. Broadcasts and reductions use a binomial tree: the parent of rank `r` is `r`
+//! without its lowest set bit. A tree of `n` ranks is `log2(n)` messages deep.
 
 #[cfg(feature = "mpi")]
 mod system;
@@ -12,32 +11,32 @@ use serde::{Serialize, de::DeserializeOwned};
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 
-/// How ranks exchange messages.
+/// Exchange of messages between ranks.
 pub trait Ranks {
-    /// Which one this is.
+    /// Number of this rank.
     fn rank(&self) -> u32;
 
-    /// How many there are.
+    /// Number of ranks.
     fn count(&self) -> u32;
 
-    /// Sends a message; those to one rank arrive in their order.
+    /// Sends a message. Messages to one rank arrive in the order of sending.
     fn send(&self, to: u32, message: &[u8]);
 
-    /// Waits until the next message of a rank is on its way, and leaves the processor to others.
+    /// Waits until the next message of a rank arrives, without using the processor.
     fn wait(&self, from: u32);
 
-    /// Receives the next message of a rank.
+    /// Receives the next message of rank `from`.
     fn receive(&self, from: u32) -> Vec<u8>;
 
-    /// Ends all ranks at once, with status 1.
+    /// Ends all ranks immediately, with status 1.
     fn abort(&self) -> !;
 }
 
-/// A process by itself.
+/// A single process without others.
 #[derive(Clone, Copy, Debug)]
-pub struct Alone;
+pub struct SingleProcess;
 
-impl Ranks for Alone {
+impl Ranks for SingleProcess {
     fn rank(&self) -> u32 {
         0
     }
@@ -59,45 +58,45 @@ impl Ranks for Alone {
     }
 }
 
-/// Where launchers tell the number of processes: Open MPI's and MPICH's `mpirun`.
-const COUNTS: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
+/// Environment variables with the number of processes: of the `mpirun` of Open MPI and MPICH.
+const COUNT_VARIABLES: [&str; 2] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE"];
 
-/// Where they, or Slurm's `srun`, tell a process which one it is.
+/// Environment variables with the number of the rank: of `mpirun`, or of Slurm's `srun`.
 #[cfg(feature = "mpi")]
-const NUMBERS: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
+const RANK_VARIABLES: [&str; 3] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK"];
 
-/// Joins the processes that `mpirun` or a cluster's scheduler began together; a process by itself is one of one. To be
-/// called once, by the main thread, which alone may use it.
+/// Joins the processes that `mpirun` or a cluster's scheduler started together. Call it once, on the main thread, and
+/// use the result on that thread only.
 ///
 /// # Errors
-/// If MPI does not begin; or if several were begun, and this build has no MPI: each would render all by itself.
+/// If MPI does not start. If several processes were started and this build has no MPI: each would render everything.
 pub fn join() -> Result<Box<dyn Ranks>> {
     #[cfg(feature = "mpi")]
-    if NUMBERS.iter().any(|name| std::env::var_os(name).is_some()) {
+    if RANK_VARIABLES.iter().any(|name| std::env::var_os(name).is_some()) {
         return system::World::join().map(|world| Box::new(world) as Box<dyn Ranks>);
     }
     let count = |name| std::env::var(name).ok()?.trim().parse::<u32>().ok();
-    match COUNTS.into_iter().find_map(count) {
+    match COUNT_VARIABLES.into_iter().find_map(count) {
         Some(2..) => Err(Error::new(
             "this is one of several processes, but the program was built without MPI",
-            "build it with --features mpi (`make mpi`), or begin one process alone",
+            "build it with the feature mpi (`make mpi`), or start a single process",
         )),
-        _ => Ok(Box::new(Alone)),
+        _ => Ok(Box::new(SingleProcess)),
     }
 }
 
-/// Times of what ranks exchange, as one of them sees it.
+/// Times of the exchange between ranks, as this one measures them.
 #[derive(Debug, Default)]
 pub struct Exchange {
-    /// Until others had done their part.
+    /// Waiting for messages of others.
     pub waiting: Cell<Duration>,
-    /// Sums on their way, and added up.
+    /// Receiving and adding sums.
     pub adding: Cell<Duration>,
     /// Bytes received.
     pub bytes: Cell<u64>,
 }
 
-/// The rank that tells this one, and those that it tells, in the order of their numbers.
+/// Parent and children of a rank in the tree, children in the order of their numbers.
 fn neighbors(rank: u32, count: u32) -> (Option<u32>, Vec<u32>) {
     let mut children = Vec::new();
     for bit in (0..32).map(|bit| 1u32 << bit) {
@@ -114,37 +113,38 @@ fn neighbors(rank: u32, count: u32) -> (Option<u32>, Vec<u32>) {
 }
 
 impl dyn Ranks + '_ {
-    /// Whether this is the one that decides.
+    /// Whether this rank decides.
     pub fn is_first(&self) -> bool {
         self.rank() == 0
     }
 
-    /// What the first rank says, who gives it; the others give `None`.
+    /// Sends a value from the first rank to all. The first rank passes the value, the others `None`.
     ///
     /// # Errors
-    /// If it cannot be read: another version speaks.
-    pub fn broadcast<T: Serialize + DeserializeOwned>(&self, said: Option<T>) -> Result<T> {
+    /// If the message cannot be read because ranks run different versions.
+    pub fn broadcast<T: Serialize + DeserializeOwned>(&self, value: Option<T>) -> Result<T> {
         let (parent, children) = neighbors(self.rank(), self.count());
-        let message = match (parent, &said) {
+        let message = match (parent, &value) {
             (Some(parent), _) => {
                 self.wait(parent);
                 self.receive(parent)
             }
-            (None, Some(said)) if self.count() > 1 => encode(said),
+            (None, Some(value)) if self.count() > 1 => encode(value),
             (None, _) => Vec::new(),
         };
-        // The one with the most behind it first.
+        // Start with the child that has the largest subtree.
         children.iter().rev().for_each(|&child| self.send(child, &message));
-        match said {
-            Some(said) if parent.is_none() => Ok(said),
+        match value {
+            Some(value) if parent.is_none() => Ok(value),
             _ => decode(&message),
         }
     }
 
-    /// Adds up what all ranks have, in an order that depends on their number alone; the first rank gets it.
+    /// Adds up the values of all ranks and returns the sum on the first rank. The order depends on the number of ranks
+    /// only.
     ///
     /// # Errors
-    /// Those of `add`, and if another version speaks.
+    /// Errors of `add`; and if a message cannot be read because ranks run different versions.
     pub fn reduce<T: Serialize + DeserializeOwned>(
         &self,
         mut own: T,
@@ -155,11 +155,11 @@ impl dyn Ranks + '_ {
         for child in children {
             let start = Instant::now();
             self.wait(child);
-            let came = Instant::now();
+            let arrival = Instant::now();
             let message = self.receive(child);
             add(&mut own, decode(&message)?)?;
-            times.waiting.set(times.waiting.get() + (came - start));
-            times.adding.set(times.adding.get() + came.elapsed());
+            times.waiting.set(times.waiting.get() + (arrival - start));
+            times.adding.set(times.adding.get() + arrival.elapsed());
             times.bytes.set(times.bytes.get() + message.len() as u64);
         }
         match parent {
@@ -172,7 +172,7 @@ impl dyn Ranks + '_ {
     }
 }
 
-/// A message that [`decode`] reads.
+/// Converts a value to a message for [`decode`].
 ///
 /// # Panics
 /// If a map has no length before it is written.
@@ -180,14 +180,14 @@ pub fn encode(value: &impl Serialize) -> Vec<u8> {
     postcard::to_stdvec(value).expect("plain numbers and texts")
 }
 
-/// What [`encode`] wrote.
+/// Reads a message of [`encode`].
 ///
 /// # Errors
-/// If it is none: another version speaks.
+/// If the message is not of this type, because ranks run different versions.
 pub fn decode<T: DeserializeOwned>(message: &[u8]) -> Result<T> {
     postcard::from_bytes(message).map_err(|_| {
         Error::new(
-            "what another rank says makes no sense",
+            "cannot read the message of another rank",
             "run the same build of bdpm on all machines",
         )
     })
@@ -207,7 +207,7 @@ mod tests {
 
     struct Mail {
         count: u32,
-        /// To and from whom, and what.
+        /// Receiver, sender and message.
         boxes: Mutex<VecDeque<(u32, u32, Vec<u8>)>>,
         news: Condvar,
     }
@@ -245,17 +245,17 @@ mod tests {
     }
 
     #[test]
-    fn all_are_told_and_all_are_heard() {
+    fn broadcast_reaches_all_ranks_and_reduction_collects_all() {
         for count in [1, 2, 3, 5, 8, 13] {
             let mail = Mail { count, boxes: Mutex::default(), news: Condvar::new() };
-            let heard: Vec<Option<Vec<u32>>> = std::thread::scope(|scope| {
+            let sums: Vec<Option<Vec<u32>>> = std::thread::scope(|scope| {
                 let of = |rank| {
                     let mail = &mail;
                     scope.spawn(move || {
                         let threads = Threads { rank, mail };
                         let ranks: &dyn Ranks = &threads;
-                        let said = ranks.is_first().then(|| "go".to_owned());
-                        assert_eq!(ranks.broadcast(said).unwrap(), "go");
+                        let value = ranks.is_first().then(|| "go".to_owned());
+                        assert_eq!(ranks.broadcast(value).unwrap(), "go");
                         let add = |all: &mut Vec<u32>, others: Vec<u32>| {
                             all.extend(others);
                             Ok(())
@@ -266,8 +266,8 @@ mod tests {
                 let all: Vec<_> = (0..count).map(of).collect();
                 all.into_iter().map(|one| one.join().unwrap()).collect()
             });
-            assert_eq!(heard[0], Some((0..count).collect()));
-            assert!(heard[1..].iter().all(Option::is_none));
+            assert_eq!(sums[0], Some((0..count).collect()));
+            assert!(sums[1..].iter().all(Option::is_none));
             assert!(mail.boxes.lock().unwrap().is_empty());
         }
     }

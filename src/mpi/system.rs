@@ -1,4 +1,4 @@
-//! Ranks by MPI, whichever the system has.
+//! Ranks by the MPI library of the system.
 
 use super::Ranks;
 use crate::base::error::{Error, Result};
@@ -9,16 +9,16 @@ use mpi::traits::{Communicator, Destination, Source};
 use std::thread;
 use std::time::Duration;
 
-/// The most bytes of a message that MPI takes at once: it counts them in 31 bits.
-const MOST: usize = 1 << 30;
+/// Maximum of bytes that MPI sends at once: it counts them in 31 bits.
+const MAX_CHUNK: usize = 1 << 30;
 
-/// How long one that waits sleeps: MPI itself would keep a processor busy.
-const NAP: Duration = Duration::from_micros(100);
+/// Sleep between checks for a message: MPI itself would keep a processor busy while it waits.
+const POLL_INTERVAL: Duration = Duration::from_micros(100);
 
-/// All processes that were begun together.
+/// All processes that were started together.
 pub struct World {
     world: SimpleCommunicator,
-    /// Ends MPI when it is dropped; so after all else.
+    /// Ends MPI when it is dropped, so it must be the last field.
     _universe: Universe,
 }
 
@@ -26,13 +26,13 @@ impl World {
     /// Joins the others.
     ///
     /// # Errors
-    /// If MPI does not begin.
+    /// If MPI does not start.
     pub fn join() -> Result<Self> {
         let (universe, threading) = mpi::initialize_with_threading(Threading::Funneled)
-            .ok_or_else(|| Error::new("MPI has begun already", "report this as a bug"))?;
+            .ok_or_else(|| Error::new("MPI was started already", "report this as a bug"))?;
         if threading < Threading::Funneled {
             return Err(Error::new(
-                "this MPI does not work with programs of several threads",
+                "this MPI does not support programs with several threads",
                 "use one that was built with thread support, such as Debian's",
             ));
         }
@@ -56,13 +56,13 @@ impl Ranks for World {
     fn send(&self, to: u32, message: &[u8]) {
         let process = self.process(to);
         process.send(&[message.len() as u64][..]);
-        message.chunks(MOST).for_each(|chunk| process.send(chunk));
+        message.chunks(MAX_CHUNK).for_each(|chunk| process.send(chunk));
     }
 
     fn wait(&self, from: u32) {
         let process = self.process(from);
         while process.immediate_probe().is_none() {
-            thread::sleep(NAP);
+            thread::sleep(POLL_INTERVAL);
         }
     }
 
@@ -70,7 +70,7 @@ impl Ranks for World {
         let process = self.process(from);
         let (length, _) = process.receive::<u64>();
         let mut message = vec![0u8; length as usize];
-        for chunk in message.chunks_mut(MOST) {
+        for chunk in message.chunks_mut(MAX_CHUNK) {
             process.receive_into(chunk);
         }
         message

@@ -1,38 +1,43 @@
-//! Merge bias by three nested radii: theory.md, section 17.
+//! Merge bias by three nested radii (docs/theory.md, section 17).
 
 use super::film::BATCHES;
 use super::image::{NoiseImage, Statistic};
-use crate::settings::policy::{BIAS_CERTAINTY, UPPER_BOUND};
+use crate::settings::policy::UPPER_BOUND;
 use serde::Serialize;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// What a bias may fall to from a radius to `1/sqrt(2)` of it: as the squared radius, or as the radius.
-const FALLS: [f64; 2] = [0.5, FRAC_1_SQRT_2];
+/// Standard errors by which a bias must stand out to count as significant.
+pub const BIAS_CERTAINTY: f64 = 2.0;
+
+/// Bounds of the share of the bias that is left at `1/sqrt(2)` of a radius: the bias is proportional
+/// to the squared radius, or to the radius.
+const REMAINING: [f64; 2] = [0.5, FRAC_1_SQRT_2];
 
 /// Merge bias of a region; luminances, W/(m^2 sr).
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct Bias {
+pub struct MergeBias {
     /// Mean over the region.
     pub mean: Statistic,
-    /// Root of the mean square, without the part that noise adds to it; 0 where the noise hides it.
+    /// Root of the mean square, without the part that noise adds to it; 0 if the estimate of the mean
+    /// square is negative.
     pub rms: Statistic,
-    /// The same relative to the luminance of each pixel: theory.md (70a).
+    /// Root of the mean square relative to each pixel's luminance: theory.md (70a).
     pub relative: Statistic,
-    /// Whether [`Self::rms`] stands out from the noise; only its upper bound says something otherwise.
+    /// Whether [`Self::rms`] stands out from the noise. If not, only its upper bound is meaningful.
     pub significant: bool,
     /// Upper 90 % bound of [`Self::rms`]; infinite if standard errors are not known.
     pub upper_bound: f64,
-    /// What the bias falls to from the merge radius to `1/sqrt(2)` of it.
+    /// Share of the bias that is left at `1/sqrt(2)` of the merge radius.
     pub falls_to: f64,
-    /// Mean luminance of the region, to compare with.
+    /// Mean luminance of the region.
     pub mean_luminance: f64,
 }
 
 /// Means over a region: of the first nested difference, and of the products `S_11` and `S_12`.
 pub type Products = [f64; 3];
 
-impl Bias {
-    /// Of the pixels `region`.
+impl MergeBias {
+    /// Merge bias over the pixels `region`.
     pub fn new(noise: &NoiseImage, region: &[usize]) -> Self {
         let count = region.len() as f64;
         let luminances = || region.iter().map(|&i| noise.pixels[i].luminance);
@@ -44,13 +49,13 @@ impl Bias {
         let relative = LeftOut::new(noise, region, |i| (luminance(i).powi(2) + floor).recip());
         let s_11 = products.statistic(|[_, s_11, _]| s_11);
         let significant = s_11.value > BIAS_CERTAINTY * s_11.error;
-        // Where nothing is seen, how it falls is not seen either.
-        let most = if significant { falls_to(&products.all) } else { FALLS[1] };
+        // A bias that is not seen has an unknown slope: take the one with the largest bound.
+        let most = if significant { falls_to(&products.all) } else { REMAINING[1] };
         let upper = s_11.value.max(0.0) + UPPER_BOUND * s_11.error;
         Self {
             mean: products.statistic(|all| all[0] / (1.0 - falls_to(&all))),
-            rms: root(&products.statistic(|all| square(&all))),
-            relative: root(&relative.statistic(|all| square(&all))),
+            rms: root_of(&products.statistic(|all| square(&all))),
+            relative: root_of(&relative.statistic(|all| square(&all))),
             significant,
             upper_bound: upper.sqrt() / (1.0 - most),
             falls_to: falls_to(&products.all),
@@ -59,27 +64,30 @@ impl Bias {
     }
 }
 
-/// Weighted mean square of the bias of an image, and what it falls to from a radius to `1/sqrt(2)` of it.
-/// theory.md (70).
+/// Weighted mean square of the bias of an image, and the share of the bias that is left at
+/// `1/sqrt(2)` of the radius.
+// theory.md (70)
 pub fn weighted_square(noise: &NoiseImage, weights: &[f64]) -> (Statistic, f64) {
     let all: Vec<usize> = (0..noise.pixels.len()).collect();
     let products = LeftOut::new(noise, &all, |pixel| weights[pixel]);
     (products.statistic(|all| square(&all)), falls_to(&products.all))
 }
 
-/// Share of the bias that is left at `1/sqrt(2)` of the radius: theory.md (70).
+/// Share of the bias that is left at `1/sqrt(2)` of the radius.
+// theory.md (70)
 pub fn falls_to(&[_, s_11, s_12]: &Products) -> f64 {
-    let [least, most] = FALLS;
+    let [least, most] = REMAINING;
     if s_11 > 0.0 { (s_12 / s_11).clamp(least, most) } else { least }
 }
 
-/// Mean square of the bias: theory.md (70).
+/// Mean square of the bias.
+// theory.md (70)
 fn square(products: &Products) -> f64 {
     products[1] / (1.0 - falls_to(products)).powi(2)
 }
 
-/// The root of a mean square that may have been estimated as negative.
-fn root(square: &Statistic) -> Statistic {
+/// The root of a mean square whose estimate may be negative.
+fn root_of(square: &Statistic) -> Statistic {
     let value = square.value.max(0.0).sqrt();
     // d sqrt(x) = dx / (2 sqrt(x)), and no more than sqrt(dx) near 0.
     let error = (0.5 * square.error / value).min(square.error.sqrt());
@@ -96,8 +104,9 @@ struct LeftOut {
 impl LeftOut {
     /// Over the pixels `region`, each with a weight.
     ///
-    /// `S_ab = (sum d_a sum d_b - sum_q d_aq d_bq)/(n^2 - sum_q n_q^2)`, the `d_q` being sums over batches: no
-    /// noise of one batch meets itself, so that none adds to the mean: theory.md (69).
+    /// `S_ab = (sum d_a sum d_b - sum_q d_aq d_bq)/(n^2 - sum_q n_q^2)`, the `d_q` being sums over
+    /// batches. No batch is multiplied by itself, so that its noise adds nothing to the mean.
+    // theory.md (69)
     fn new(noise: &NoiseImage, region: &[usize], weight: impl Fn(usize) -> f64) -> Self {
         let counts = noise.counts.iterations.map(|n| n as f64);
         let (n, n2) = (counts.iter().sum::<f64>(), counts.iter().map(|n| n * n).sum::<f64>());
@@ -186,10 +195,10 @@ mod tests {
     }
 
     #[test]
-    fn a_known_bias_is_found_however_it_falls() {
+    fn known_bias_is_estimated_for_every_slope() {
         for falls in [0.5, 0.6, FRAC_1_SQRT_2] {
             // Batches of unequal sizes; noise of the differences ten times as large as they are.
-            let found = Bias::new(&noisy(falls, 0.1, 0.4, 1000), &all());
+            let found = MergeBias::new(&noisy(falls, 0.1, 0.4, 1000), &all());
             let Statistic { value, error, .. } = found.rms;
             assert!(found.significant && error < 0.03, "{falls}: {found:?}");
             assert!((value - 0.1).abs() < 3.0 * error, "{falls}: {value} +- {error}");
@@ -200,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_no_bias_but_bounds_it() {
-        let found = Bias::new(&noisy(0.5, 0.0, 0.4, 1000), &all());
+    fn noise_without_bias_is_not_significant_and_bounds_it() {
+        let found = MergeBias::new(&noisy(0.5, 0.0, 0.4, 1000), &all());
         assert!(!found.significant, "{found:?}");
         assert!(found.upper_bound > 0.0 && found.upper_bound < 0.03, "{found:?}");
         assert!(found.mean.value.abs() < 3.0 * found.mean.error);
-        // One iteration in each of two batches: something, but nothing certain.
-        let few = Bias::new(&noisy(0.5, 0.0, 0.4, 2), &all());
+        // One iteration in each of two batches: an estimate without a standard error.
+        let few = MergeBias::new(&noisy(0.5, 0.0, 0.4, 2), &all());
         assert!(few.rms.value.is_finite() && few.upper_bound == f64::INFINITY && !few.significant);
     }
 }

@@ -1,18 +1,19 @@
-//! A [`NoiseImage`] as an EXR file with layers, so that noise is predicted without rendering.
+//! A [`NoiseImage`] as an EXR file with layers, so that noise can be predicted without rendering.
 //!
 //! | layer | channels | content |
 //! |---|---|---|
 //! | (default) | `R`, `G`, `B` | the image, W/(m^2 sr) |
-//! | `L` | `Y` | its luminance |
+//! | `L` | `Y` | luminance of the image |
 //! | `C2`, `B`, `F` | `Y` | the paper's averages, `a + b + f + L^2`, `b + L^2`, `f + L^2` |
 //! | `a`, `b`, `f` | `Y` | the coefficients |
 //! | `V` | `predicted`, `sampled` | variance of one iteration by (1), and sampled |
-//! | `bias` | `Y`, `error` | merge bias and its standard error |
+//! | `bias` | `Y`, `error` | merge bias and standard error |
 //! | `nested` | `first`, `second`, `error` | `L(r) - L(r/sqrt 2)`, its standard error, and `L(r/sqrt 2) - L(r/2)` |
 //! | `batch00` to `batch15` | `a`, `b`, `f`, `V`, `first`, `second` | means over the batch's iterations |
 //!
-//! The attribute `bdpm.batches` tells how many iterations each batch has, `n0 n1 ... n15`, and then the batch of the
-//! first. Without it they were dealt out in turn, beginning with batch 0.
+//! The attribute `bdpm.batches` holds the numbers of iterations of the batches, `n0 n1 ... n15`, and
+//! then the batch of the first iteration. Without it iterations were assigned in turn, beginning with
+//! batch 0.
 
 use super::Coefficients;
 use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
@@ -26,16 +27,19 @@ use crate::image_io::{Image, Layer, Metadata, Value};
 use crate::scene::Region;
 use std::path::Path;
 
-/// Name of the attribute for the mean number of photons that a light path leaves.
+/// Attribute with the mean number of photons per light path.
 pub const PHOTONS_PER_LIGHT_PATH: &str = "photons_per_light_path";
 
-/// Name of the attribute for the numbers of iterations of the batches.
+/// Attribute with the numbers of iterations of the batches.
 const BATCH_COUNTS: &str = "batches";
 
-/// Goes before the names of regions among the metadata.
+/// Channels of the layers of batches, in the order of [`NoiseSample::to_array`].
+const BATCH_CHANNELS: [&str; 6] = ["a", "b", "f", "V", "first", "second"];
+
+/// Prefix of the names of regions in the metadata.
 const REGION: &str = "region.";
 
-/// What a measurement leaves behind.
+/// The result of a noise measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NoiseFile {
     /// The measured noise.
@@ -44,12 +48,12 @@ pub struct NoiseFile {
     pub pixels: Vec<Rgb>,
     /// The scene's named regions.
     pub regions: Vec<Region>,
-    /// What was measured and how; counts and iterations are added when it is written.
+    /// Scene and settings of the measurement; counts and iterations are added when it is written.
     pub facts: Metadata,
 }
 
 impl NoiseFile {
-    /// Writes all layers and facts.
+    /// Writes all layers and metadata.
     ///
     /// # Errors
     /// If the file cannot be written; names it.
@@ -57,7 +61,7 @@ impl NoiseFile {
         image_io::write_exr(path, &self.to_image())
     }
 
-    /// Reads what [`Self::write`] wrote.
+    /// Reads a file that [`Self::write`] wrote.
     ///
     /// # Errors
     /// If the file cannot be read or is another EXR file; names it.
@@ -65,7 +69,7 @@ impl NoiseFile {
         Self::from_image(image_io::read_exr(path)?).map_err(|e| e.at(path))
     }
 
-    /// Layers and metadata.
+    /// Converts to layers and metadata.
     pub fn to_image(&self) -> Image {
         let Self { noise, pixels, regions, facts } = self;
         let counts = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
@@ -110,20 +114,13 @@ impl NoiseFile {
             layer("bias", vec![("Y", bias(0)), ("error", bias(1))]),
         ];
         for batch in 0..BATCHES {
-            let values = |of: fn(&NoiseSample) -> f64| -> Vec<f32> {
-                noise.batches.iter().map(|batches| of(&batches[batch]) as f32).collect()
+            let channel = |(index, name)| {
+                let value =
+                    |batches: &[NoiseSample; BATCHES]| batches[batch].to_array()[index] as f32;
+                (name, noise.batches.iter().map(value).collect())
             };
-            layers.push(layer(
-                &batch_name(batch),
-                vec![
-                    ("a", values(|s| s.coefficients.a)),
-                    ("b", values(|s| s.coefficients.b)),
-                    ("f", values(|s| s.coefficients.f)),
-                    ("V", values(|s| s.sampled)),
-                    ("first", values(|s| s.nested[0])),
-                    ("second", values(|s| s.nested[1])),
-                ],
-            ));
+            let channels = BATCH_CHANNELS.into_iter().enumerate().map(channel).collect();
+            layers.push(layer(&batch_name(batch), channels));
         }
         let mut metadata = facts.clone();
         metadata.extend([
@@ -139,14 +136,14 @@ impl NoiseFile {
         Image { width: noise.width, height: noise.height, layers, metadata }
     }
 
-    /// From layers and metadata.
+    /// Converts from layers and metadata.
     ///
     /// # Errors
-    /// If something is missing.
+    /// If a layer or attribute is missing.
     pub fn from_image(image: Image) -> Result<Self> {
         let broken = |what: &str| {
             Error::new(
-                format!("this image holds no measured noise: it has no {what}"),
+                format!("this image has no measured noise: {what} is missing"),
                 "give the .exr file that `bdpm analyze` wrote",
             )
         };
@@ -165,31 +162,24 @@ impl NoiseFile {
         let (luminance, sampled) = (channel("L", "Y")?, channel("V", "sampled")?);
         let [first, second] = [channel("nested", "first")?, channel("nested", "second")?];
         let nested_error = channel("nested", "error")?;
-        let sample = |channels: [&[f32]; 6], i: usize| {
-            let [a, b, f, sampled, first, second] = channels.map(|list| f64::from(list[i]));
-            let coefficients = Coefficients { a, b, f };
-            NoiseSample { coefficients, sampled, nested: [first, second] }
+        let sample = |channels: &[&[f32]; 6], i: usize| {
+            NoiseSample::from_array(channels.map(|list| f64::from(list[i])))
         };
         let all = [a, b, f, sampled, first, second];
         let estimate = |i: usize| PixelEstimate {
             luminance: f64::from(luminance[i]),
-            noise: sample(all, i),
+            noise: sample(&all, i),
             nested_error: f64::from(nested_error[i]),
         };
         let pixels: Vec<_> = (0..luminance.len()).map(estimate).collect();
         let mut batches = vec![[NoiseSample::default(); BATCHES]; pixels.len()];
         for batch in 0..BATCHES {
             let name = batch_name(batch);
-            let channels = [
-                channel(&name, "a")?,
-                channel(&name, "b")?,
-                channel(&name, "f")?,
-                channel(&name, "V")?,
-                channel(&name, "first")?,
-                channel(&name, "second")?,
-            ];
+            let channels = BATCH_CHANNELS.map(|of| channel(&name, of));
+            let channels: Vec<&[f32]> = channels.into_iter().collect::<Result<_>>()?;
+            let channels = channels.try_into().expect("as many channels as names");
             for (i, pixel) in batches.iter_mut().enumerate() {
-                pixel[batch] = sample(channels, i);
+                pixel[batch] = sample(&channels, i);
             }
         }
         let mut facts = image.metadata.clone();
@@ -233,7 +223,7 @@ fn counts_to_text(counts: &BatchCounts) -> String {
     all.map(|n| n.to_string()).collect::<Vec<_>>().join(" ")
 }
 
-/// What [`counts_to_text`] gave, for so many iterations.
+/// Reads the text of [`counts_to_text`], for `iterations` iterations in total.
 fn counts_from_text(text: &str, iterations: u64) -> Option<BatchCounts> {
     let numbers: Vec<u64> = text.split(' ').map(|n| n.parse().ok()).collect::<Option<_>>()?;
     let (first, counts) = numbers.split_last()?;
@@ -247,8 +237,8 @@ fn batch_name(batch: usize) -> String {
     format!("batch{batch:02}")
 }
 
-/// Bytes per pixel that measuring, evaluating and writing the noise take at their peak: the sums,
-/// the [`NoiseImage`], and all channels twice while they are compressed.
+/// Peak memory of measuring, evaluating and writing the noise, bytes per pixel: the sums, the
+/// [`NoiseImage`], and all channels twice while they are compressed.
 pub const fn bytes_per_pixel() -> usize {
     let image = size_of::<PixelEstimate>() + BATCHES * size_of::<NoiseSample>();
     let channels = 3 + 7 + 2 + 2 + 5 * BATCHES;
@@ -269,7 +259,7 @@ pub fn check_memory(width: u32, height: u32) -> Result<()> {
                 needed / GIB,
                 available / GIB
             ),
-            "lower --resolution: coefficients hardly depend on it",
+            "lower the resolution: coefficients hardly depend on it",
         )),
         _ => Ok(()),
     }

@@ -25,7 +25,7 @@ pub struct Halves {
     d2: f64,
 }
 
-/// One light path's part in the current pixel.
+/// Sums of one light path over the current pixel.
 #[derive(Clone, Copy, Debug, Default)]
 struct LightPathSums {
     /// `sum_j I_ij` over each half of the camera paths.
@@ -60,8 +60,8 @@ impl Estimator for Halves {
         let [even, odd] = self.i_j;
         // theory.md (58)
         self.c += self.q_j + 2.0 * (even + odd) * direct;
-        // theory.md (56), (59)
         // B_k(j) = D_j + 1/N_Fk sum_i I_ij
+        // theory.md (56), (59)
         self.b += (direct + even / n_f[0]) * (direct + odd / n_f[1]);
         self.i[0][half] += even;
         self.i[1][half] += odd;
@@ -76,8 +76,8 @@ impl Estimator for Halves {
         let (n_fk, n_bk) = (half_sizes(n_light), half_sizes(n_camera));
         let c2 = self.c / (n_f * n_b) + self.d2 / n_b;
         let b = self.b / n_b;
+        // F_k(i) = F_k^(I)(i) + F_k^(0): the products of its parts, summed over i.
         // theory.md (57), (60)
-        // F_k(i) = F_k^(I)(i) + F_k^(0); the products of its parts, summed over i.
         let f0 = [self.d[0] / n_bk[0], self.d[1] / n_bk[1]];
         let products: f64 = self
             .light_paths
@@ -88,9 +88,9 @@ impl Estimator for Halves {
             })
             .sum();
         let f = products / n_f + f0[0] * f0[1];
+        // L^2 is from this iteration too, so that the first-order noise of F - L^2 cancels. The means
+        // are over [half of i][half of j]; opposite ones are independent.
         // theory.md (61)
-        // L^2 from the same iteration, so that the first-order noise of F - L^2 cancels: means over
-        // [half of i][half of j], of which opposite ones are independent.
         let mean = |i: usize, j: usize| self.i[i][j] / (n_fk[i] * n_bk[j]) + f0[j];
         let l2 = 0.5 * (mean(0, 0) * mean(1, 1) + mean(0, 1) * mean(1, 0));
         Coefficients { a: c2 - b - f + l2, b: b - l2, f: f - l2 }

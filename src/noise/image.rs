@@ -1,4 +1,4 @@
-//! What was measured of a whole image: coefficients, sampled variance and bias of each pixel, and
+//! Measured noise of a whole image: coefficients, sampled variance and bias of each pixel, and
 //! statistics of regions with standard errors.
 
 use super::Coefficients;
@@ -22,7 +22,7 @@ pub struct NoiseImage {
     pub pixels: Vec<PixelEstimate>,
     /// Means over the iterations of each batch, row by row.
     pub batches: Vec<[NoiseSample; BATCHES]>,
-    /// How many these are.
+    /// Numbers of iterations of the batches.
     pub counts: BatchCounts,
 }
 
@@ -37,8 +37,8 @@ pub struct PixelEstimate {
     pub nested_error: f64,
 }
 
-/// Coefficients and, independent of the formula, the sampled variance of one iteration's value;
-/// what tells the bias.
+/// Coefficients, the sampled variance of one iteration's value, which does not depend on formula (1),
+/// and the differences that the bias is estimated from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NoiseSample {
     /// `a`, `b`, `f`, squared luminance.
@@ -54,16 +54,16 @@ pub struct NoiseSample {
 pub struct Statistic {
     /// The statistic of all iterations.
     pub value: f64,
-    /// The same without its bias of the order of one over the number of iterations.
+    /// The statistic without its bias of the order of one over the number of iterations.
     pub corrected: f64,
-    /// Standard error of both; infinite where there are fewer iterations than batches.
+    /// Standard error of `value` and `corrected`; infinite if there are too few iterations.
     pub error: f64,
 }
 
 impl Statistic {
-    /// From the statistic of all iterations and those without each of the batches.
-    /// theory.md (66).
-    pub(super) fn jackknife(value: f64, left_out: &[f64]) -> Self {
+    /// From the statistic of all iterations, and from that without each of the batches.
+    // theory.md (66)
+    pub(crate) fn jackknife(value: f64, left_out: &[f64]) -> Self {
         let k = left_out.len() as f64;
         let mean = left_out.iter().sum::<f64>() / k;
         let squares: f64 = left_out.iter().map(|x| (x - mean).powi(2)).sum();
@@ -75,6 +75,21 @@ impl Statistic {
     }
 }
 
+impl NoiseSample {
+    /// `a`, `b`, `f`, the sampled variance, and the two nested differences.
+    pub(super) fn to_array(self) -> [f64; 6] {
+        let Self { coefficients: Coefficients { a, b, f }, sampled, nested: [first, second] } =
+            self;
+        [a, b, f, sampled, first, second]
+    }
+
+    /// Reads the order of [`Self::to_array`].
+    pub(super) fn from_array([a, b, f, sampled, first, second]: [f64; 6]) -> Self {
+        let coefficients = Coefficients { a, b, f };
+        Self { coefficients, sampled, nested: [first, second] }
+    }
+}
+
 impl PixelEstimate {
     /// Unbiased estimate of the squared mean luminance, after `iterations` iterations.
     pub fn luminance2(&self, iterations: u64) -> f64 {
@@ -83,10 +98,10 @@ impl PixelEstimate {
 }
 
 impl NoiseImage {
-    /// Reads out the sums. Needs batches of single pixels and at least two iterations.
+    /// Evaluates the sums of `noise`. Needs batches of single pixels and at least two iterations.
     ///
     /// # Panics
-    /// If there is no such thing in `noise`, or it belongs to another film.
+    /// If `noise` has neither, or belongs to another film.
     pub(crate) fn new(
         film: &Film,
         noise: &NoiseFilm,
@@ -144,9 +159,9 @@ impl NoiseImage {
 
     /// A function of coefficients and variances of the pixels `region`, with its standard error.
     ///
-    /// The jackknife leaves out one batch of iterations after the other. It sees that the
-    /// coefficients are correlated with each other, and pixels by their common light paths.
-    /// theory.md (66).
+    /// The jackknife leaves out one batch of iterations after the other. So the error takes into
+    /// account that coefficients are correlated, and pixels too, by their common light paths.
+    // theory.md (66)
     pub fn statistic(&self, region: &[usize], of: impl Fn(&[NoiseSample]) -> f64) -> Statistic {
         let all: Vec<_> = region.iter().map(|&i| self.pixels[i].noise).collect();
         let value = of(&all);
@@ -172,30 +187,30 @@ impl NoiseImage {
     }
 
     /// Pooled RMS `sqrt(mean_p V_p)` of one iteration at any counts, by the formula.
-    /// theory.md (64).
+    // theory.md (64)
     pub fn pooled_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
         self.statistic(region, |pixels| {
-            mean(pixels, |p| p.coefficients.variance(n_light, n_camera)).max(0.0).sqrt()
+            root(mean(pixels, |p| p.coefficients.variance(n_light, n_camera)))
         })
     }
 
     /// The paper's mean RMS `mean_p sqrt(V_p)` of one iteration at any counts, by the formula.
     /// Negative variances count as 0; the mean of roots is low at few iterations.
-    /// theory.md (65).
+    // theory.md (65)
     pub fn mean_rms(&self, region: &[usize], n_light: f64, n_camera: f64) -> Statistic {
         self.statistic(region, |pixels| {
-            mean(pixels, |p| p.coefficients.variance(n_light, n_camera).max(0.0).sqrt())
+            mean(pixels, |p| root(p.coefficients.variance(n_light, n_camera)))
         })
     }
 
     /// Pooled RMS of one iteration at the measured counts, from the sampled variance.
     pub fn sampled_pooled_rms(&self, region: &[usize]) -> Statistic {
-        self.statistic(region, |pixels| mean(pixels, |p| p.sampled).max(0.0).sqrt())
+        self.statistic(region, |pixels| root(mean(pixels, |p| p.sampled)))
     }
 
     /// Mean RMS of one iteration at the measured counts, from the sampled variance.
     pub fn sampled_mean_rms(&self, region: &[usize]) -> Statistic {
-        self.statistic(region, |pixels| mean(pixels, |p| p.sampled.max(0.0).sqrt()))
+        self.statistic(region, |pixels| mean(pixels, |p| root(p.sampled)))
     }
 
     /// Mean coefficients of a region.
@@ -205,7 +220,12 @@ impl NoiseImage {
     }
 }
 
-/// Mean over pixels of what `of` gives.
+/// The square root; 0 for a negative estimate.
+pub fn root(x: f64) -> f64 {
+    x.max(0.0).sqrt()
+}
+
+/// Mean of `of` over the pixels.
 pub fn mean(pixels: &[NoiseSample], of: impl Fn(&NoiseSample) -> f64) -> f64 {
     pixels.iter().map(of).sum::<f64>() / pixels.len() as f64
 }

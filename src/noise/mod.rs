@@ -1,8 +1,8 @@
 //! The noise model: `V(N_F, N_B) = a/(N_F N_B) + b/N_B + f/N_F`, and its three coefficients.
 //!
 //! `N_F` light paths and `N_B` camera paths meet in pairs that contribute `C_ij = I_ij + D_j` to a
-//! pixel. Equation (1) of the paper and of docs/theory.md, proved there in section 13, is the two-way random-effects decomposition of the variance of
-//! their mean, with
+//! pixel. Equation (1) of the paper and of docs/theory.md is proved there in section 13. It is the
+//! two-way random-effects decomposition of the variance of their mean, with
 //!
 //! ```text
 //! a = C2 - B - F + L^2    interaction           C2 = <<C^2>>
@@ -10,7 +10,7 @@
 //! f = F - L^2             light main effect     F  = <<C>_B^2>_F
 //! ```
 //!
-//! none of which depends on the two counts.
+//! None of the coefficients depends on the two counts.
 
 pub mod bias;
 pub mod file;
@@ -42,28 +42,28 @@ pub struct Coefficients {
 }
 
 impl Coefficients {
-    /// Variance of one iteration's value at `n_light` light and `n_camera` camera paths: (1).
-    /// theory.md (2).
+    /// Variance of one iteration's value at `n_light` light and `n_camera` camera paths.
+    // theory.md (1), (2)
     pub fn variance(&self, n_light: f64, n_camera: f64) -> f64 {
         let [interaction, camera, light] = self.terms(n_light, n_camera);
         interaction + camera + light
     }
 
-    /// Without negative ones.
+    /// The coefficients with 0 in place of negative ones.
     #[must_use]
     pub fn clamped(self) -> Self {
         Self { a: self.a.max(0.0), b: self.b.max(0.0), f: self.f.max(0.0) }
     }
 
     /// The three summands of [`Self::variance`].
-    /// theory.md (2).
+    // theory.md (2)
     pub fn terms(&self, n_light: f64, n_camera: f64) -> [f64; 3] {
         [self.a / (n_light * n_camera), self.b / n_camera, self.f / n_light]
     }
 
-    /// The three summands as the paper writes (1), from `C2 - L^2`, `B - L^2`, `F - L^2`; their sum
-    /// is the same.
-    /// theory.md (1).
+    /// The three summands as the paper writes (1), from `C2 - L^2`, `B - L^2`, `F - L^2`. They have
+    /// the sum of [`Self::terms`].
+    // theory.md (1)
     pub fn paper_terms(&self, n_light: f64, n_camera: f64) -> [f64; 3] {
         let Self { a, b, f } = *self;
         [
@@ -113,11 +113,9 @@ impl std::iter::Sum for Coefficients {
 /// Whether an iteration measures the coefficients, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Measure {
     /// Production: the image only.
     #[default]
-    #[cfg_attr(feature = "cli", value(skip))]
     Off,
     /// All pairs ([`pairs`]).
     Pairs,
@@ -131,7 +129,7 @@ pub enum Measure {
 /// number of [`pair`](Self::pair) and one [`end_path`](Self::end_path), then
 /// [`finish_pixel`](Self::finish_pixel). All values are luminances.
 pub trait Estimator: Default + Send {
-    /// Forgets the pixel before.
+    /// Clears the sums of the previous pixel.
     fn start_pixel(&mut self);
 
     /// Light path `light_path` contributes `value` more to the current camera path.
@@ -150,14 +148,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_papers_terms_add_up_to_the_same_variance() {
+    fn paper_terms_add_up_to_the_variance() {
         let c = Coefficients { a: 3595.0, b: 37.18, f: 0.3788 };
         for (n_light, n_camera) in [(1.0, 1.0), (1000.0, 25.0), (3e5, 7.0)] {
             let sum: f64 = c.paper_terms(n_light, n_camera).iter().sum();
             let variance = c.variance(n_light, n_camera);
             assert!((sum / variance - 1.0).abs() < 1e-12, "{sum} {variance}");
         }
-        // One path of each: the variance of a single pair, a + b + f = C2 - L^2.
+        // At one path of each kind it is the variance of a single pair, a + b + f = C2 - L^2.
         assert!((c.variance(1.0, 1.0) - (c.a + c.b + c.f)).abs() < 1e-9);
     }
 }

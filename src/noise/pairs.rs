@@ -5,9 +5,9 @@ use super::{Coefficients, Estimator};
 
 /// Six sums over the touched pairs of a pixel, with `S_j = sum_i I_ij` and `T_i = sum_j I_ij`.
 ///
-/// Squares grow as their terms do, `(x + v)^2 = x^2 + v (2x + v)`, so that neither `T_i` nor the
-/// pairs need a second pass.
-/// theory.md (51).
+/// Squares are updated with their terms, `(x + v)^2 = x^2 + v (2x + v)`, so that neither `T_i` nor
+/// the pairs need a second pass.
+// theory.md (51)
 #[derive(Debug, Default)]
 pub struct AllPairs {
     light_paths: PairTable<LightPathSums>,
@@ -23,13 +23,13 @@ pub struct AllPairs {
     t_i2: f64,
     /// `Q = sum_ij I_ij^2`.
     q: f64,
-    /// `sum_j x_j` and `sum_j x_j^2` of `x_j = S_j/N_F + D_j`, less the first `x_j` for accuracy.
+    /// `sum_j x_j` and `sum_j x_j^2` of `x_j = S_j/N_F + D_j`, minus the first `x_j` for accuracy.
     shift: f64,
     x: f64,
     x2: f64,
 }
 
-/// One light path's part in the current pixel.
+/// Sums of one light path over the current pixel.
 #[derive(Clone, Copy, Debug, Default)]
 struct LightPathSums {
     /// `T_i` so far.
@@ -67,8 +67,8 @@ impl Estimator for AllPairs {
         self.camera_path += 1;
     }
 
-    /// theory.md (51) to (54): `a` and `f` from the merged light alone, so that they keep none of the
-    /// noise of the direct light.
+    /// Takes `a` and `f` from the merged light alone, so that they have no noise of the direct light.
+    // theory.md (51) to (54)
     fn finish_pixel(&mut self, n_light: u32, n_camera: u32) -> Coefficients {
         let (n_f, n_b) = (f64::from(n_light), f64::from(n_camera));
         let Self { s, s_j2, t_i2, q, x, x2, .. } = *self;

@@ -7,18 +7,18 @@ use crate::image_io::{Canvas, number, quantile, tick_step};
 use colorgrad::Gradient;
 use std::path::Path;
 
-/// Least number of pixels along the longer side of a picture; smaller images are magnified.
+/// Minimum of pixels along the longer side of a picture; smaller images are magnified.
 const SIDE: u32 = 512;
 
 const MARGIN: u32 = 12;
 
-/// Share of the values that a scale covers; single bright pixels must not darken the rest.
+/// Share of the values that a scale covers, so that single bright pixels do not darken the rest.
 const COVERED: f64 = 0.995;
 
-/// What the picture of the terms shows.
+/// Scale of the picture of the terms, and pixels it cannot show.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct TermsPicture {
-    /// Root of a term that is shown at full brightness, W/(m^2 sr).
+    /// Root of a term at full brightness, W/(m^2 sr).
     pub scale: f64,
     /// Pixels in which each of the pooled terms is negative, shown as 0.
     pub negative: [usize; 3],
@@ -123,12 +123,12 @@ pub fn write_rms(path: &Path, noise: &NoiseImage) -> Result<()> {
     canvas.write_png(path)
 }
 
-/// How many picture pixels an image pixel takes along each side.
+/// Picture pixels along each side of an image pixel.
 fn magnification(noise: &NoiseImage) -> u32 {
     SIDE.div_ceil(noise.width.max(noise.height))
 }
 
-/// Width that holds the image with `beside` more pixels, and the captions.
+/// Width for the captions, and for the image with `beside` more pixels.
 fn plot_width(noise: &NoiseImage, captions: &[String], beside: u32) -> u32 {
     let text = captions.iter().map(|c| c.chars().count() as u32).max().unwrap_or(0);
     let image = noise.width * magnification(noise) + beside;

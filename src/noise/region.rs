@@ -1,4 +1,4 @@
-//! The part of the image that statistics are about: by name, or as a rectangle.
+//! Regions of the image for statistics: by name, or as a rectangle.
 
 use super::image::NoiseImage;
 use crate::base::error::{Error, Result};
@@ -10,10 +10,10 @@ pub fn rectangles_to_text(rectangles: &[[f64; 4]]) -> String {
     rectangles.iter().map(one).collect::<Vec<_>>().join(" ")
 }
 
-/// Reads what [`rectangles_to_text`] wrote.
+/// Reads the text that [`rectangles_to_text`] wrote.
 ///
 /// # Errors
-/// If it is something else, or a rectangle is not in the image.
+/// If the text is not a list of rectangles, or a rectangle is not in the image.
 pub fn rectangles_from_text(text: &str) -> Result<Vec<[f64; 4]>> {
     let one = |text: &str| {
         let numbers: Vec<f64> =
@@ -23,7 +23,7 @@ pub fn rectangles_from_text(text: &str) -> Result<Vec<[f64; 4]>> {
     let rectangles: Option<Vec<[f64; 4]>> = text.split_whitespace().map(one).collect();
     let rectangles = rectangles.ok_or_else(|| {
         Error::new(
-            format!("`{text}` is no rectangle"),
+            format!("`{text}` is not a rectangle"),
             "give four numbers x0,y0,x1,y1 in fractions of the image, the origin at the top left",
         )
     })?;
@@ -31,26 +31,26 @@ pub fn rectangles_from_text(text: &str) -> Result<Vec<[f64; 4]>> {
     Ok(rectangles)
 }
 
-/// Finds the region that `wish` means: one of `known` by name, a rectangle `x0,y0,x1,y1` in
-/// fractions of the image, or the whole image where there is no wish.
+/// The region that `choice` names: one of `known` by name, a rectangle `x0,y0,x1,y1` in fractions of
+/// the image, or the whole image without a choice.
 ///
 /// # Errors
 /// If the name is not known (lists those that are) or the rectangle is not in the image.
-pub fn find(wish: Option<&str>, known: &[Region]) -> Result<Region> {
-    let Some(wish) = wish else {
+pub fn find(choice: Option<&str>, known: &[Region]) -> Result<Region> {
+    let Some(choice) = choice else {
         let rectangles = vec![[0.0, 0.0, 1.0, 1.0]];
         return Ok(Region { name: "whole image".into(), rectangles });
     };
-    if let Some(region) = known.iter().find(|region| region.name == wish) {
+    if let Some(region) = known.iter().find(|region| region.name == choice) {
         return Ok(region.clone());
     }
-    if wish.contains(',') {
-        let compact: String = wish.split_whitespace().collect();
+    if choice.contains(',') {
+        let compact: String = choice.split_whitespace().collect();
         return Ok(Region { name: compact.clone(), rectangles: rectangles_from_text(&compact)? });
     }
     let names: Vec<_> = known.iter().map(|region| &region.name[..]).collect();
     Err(Error::new(
-        format!("there is no region `{wish}`"),
+        format!("there is no region `{choice}`"),
         match &names[..] {
             [] => "the scene names no region; give a rectangle X0,Y0,X1,Y1 in fractions of the \
                    image"
@@ -63,7 +63,7 @@ pub fn find(wish: Option<&str>, known: &[Region]) -> Result<Region> {
 /// Indices of the pixels of `image` whose centers lie in `region`.
 ///
 /// # Errors
-/// If there is none.
+/// If no pixel center lies in the region.
 pub fn pixels(region: &Region, image: &NoiseImage) -> Result<Vec<usize>> {
     let pixels = image.select(|x, y, width, height| region.contains(x, y, width, height));
     if pixels.is_empty() {
@@ -72,7 +72,7 @@ pub fn pixels(region: &Region, image: &NoiseImage) -> Result<Vec<usize>> {
                 "no pixel center of the {}x{} image lies in the region {}",
                 image.width, image.height, region.name
             ),
-            "give a larger region, or measure at a higher --resolution",
+            "give a larger region, or measure at a higher resolution",
         ));
     }
     Ok(pixels)
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn text_keeps_every_digit() {
+    fn rectangles_survive_text_exactly() {
         for region in known() {
             let text = rectangles_to_text(&region.rectangles);
             assert_eq!(rectangles_from_text(&text).unwrap(), region.rectangles);

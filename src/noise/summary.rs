@@ -1,7 +1,7 @@
-//! What `bdpm analyze` tells about a region.
+//! Statistics of the noise over a region, as `bdpm analyze` reports them.
 
-use super::bias::Bias;
-use super::image::{NoiseImage, NoiseSample, Statistic, mean};
+use super::bias::MergeBias;
+use super::image::{NoiseImage, NoiseSample, Statistic, mean, root};
 use serde::Serialize;
 
 /// Noise of one iteration at the measured counts over a region; luminances, W/(m^2 sr).
@@ -22,36 +22,31 @@ pub struct NoiseSummary {
     /// Pixels in which the variance by formula is negative.
     pub negative_variances: usize,
     /// Merge bias.
-    pub bias: Bias,
+    pub bias: MergeBias,
     /// Iterations until two standard errors of the pooled RMS by formula are 5 % and 1 % of it;
     /// `None` where the error is not known.
     pub iterations_for: IterationsFor,
 }
 
-/// The same quantity by formula (1) and from the sampled variance.
+/// A quantity by formula (1) and from the sampled variance.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Compared {
-    /// By formula.
+    /// The quantity by formula.
     pub predicted: Statistic,
     /// Sampled.
     pub sampled: Statistic,
-    /// The former over the latter. Both share their fluctuations, so that the error of the ratio is
-    /// smaller than either's.
+    /// Predicted over sampled. Both fluctuate together, so that the error of the ratio is smaller than
+    /// either's.
     pub ratio: Statistic,
 }
 
-/// IterationSet of iterations for an accuracy.
+/// Iterations that an accuracy takes.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct IterationsFor {
-    /// For 5 %.
+    /// Iterations for 5 %.
     pub five_percent: Option<f64>,
-    /// For 1 %.
+    /// Iterations for 1 %.
     pub one_percent: Option<f64>,
-}
-
-/// Root that a negative estimate does not have.
-fn root(x: f64) -> f64 {
-    x.max(0.0).sqrt()
 }
 
 impl Compared {
@@ -70,7 +65,7 @@ impl Compared {
 }
 
 impl NoiseSummary {
-    /// Of the pixels `region`, at the counts that were measured at.
+    /// Statistics of the pixels `region` at the measured counts.
     pub fn new(noise: &NoiseImage, region: &[usize]) -> Self {
         let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
         let term = |k: usize| move |p: &NoiseSample| p.coefficients.paper_terms(n, m)[k];
@@ -107,7 +102,7 @@ impl NoiseSummary {
             mean_rms,
             pooled_rms,
             negative_variances: negative(&variance),
-            bias: Bias::new(noise, region),
+            bias: MergeBias::new(noise, region),
             iterations_for: IterationsFor {
                 five_percent: iterations_for(0.05),
                 one_percent: iterations_for(0.01),

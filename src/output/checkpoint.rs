@@ -235,7 +235,7 @@ mod tests {
     use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
     use crate::render::RenderConfig;
-    use crate::settings::{Direct, Kernel, Roulette, Settings, Strategy};
+    use crate::settings::{Direct, Kernel, Settings, Strategy};
     use crate::timing::TimeModel;
     use glam::DVec3;
     use std::fs;
@@ -263,15 +263,11 @@ mod tests {
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,
-            mis_light_paths: 100,
-            mis_c1: 0.4,
-            mis_c2: 0.4,
             direct: Direct::Connect,
-            light_roulette: Roulette::Albedo,
-            camera_roulette: Roulette::Weight,
             guide: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
+            mis_scales: None,
         };
         let aovs = AovSelection { light: true, features: true, folds: true };
         let config = RenderConfig { aovs, ..RenderConfig::default() };

@@ -1,11 +1,11 @@
-//! What is the same as published, what is not, and why: all comparisons.
+//! All comparisons with the published values, and the reasons of differences.
 
-use super::findings::{Finding, Topic, Verdict};
+use super::findings::{Comparison, Finding, Topic, Verdict};
 use super::implied;
 use super::optimum::{Optima, implied_over_least, over_least, rescaled};
 use super::published::{
-    BEST_LIGHT_PATHS, CAMERA_PATHS, FIGURE_2, FIGURE_3, LIGHT_PATHS, Row, TABLE_1,
-    TABLE_1_CAMERA_PATHS, TABLE_2,
+    BEST_LIGHT_PATHS, CAMERA_PATHS, FIGURE_2, FIGURE_3, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS,
+    TABLE_2, Table2Column,
 };
 use super::tables::{Cell, find};
 use super::terms::{Terms, corrected, mean_rms, quotient, share};
@@ -13,7 +13,7 @@ use crate::adaptive::optimize::predict::Predicted;
 use crate::noise::image::NoiseImage;
 use crate::timing::TimeModel;
 
-/// What the findings are made from.
+/// The data that the findings rest on.
 pub struct Evidence<'a> {
     /// The noise of every pixel at `N_B = 25` and `100`.
     pub noise: [&'a NoiseImage; 2],
@@ -35,7 +35,7 @@ pub fn findings(evidence: &Evidence) -> Vec<Finding> {
     all.into_iter().flatten().chain(minimum(evidence)).collect()
 }
 
-/// The reason where the paper's own numbers imply another value.
+/// The reason if the paper's own numbers imply another value.
 fn by_its_own_numbers(verdict: Verdict, how: &str) -> String {
     match verdict {
         Verdict::AsImplied => format!("the printed value is not what {how}; this is"),
@@ -55,14 +55,19 @@ fn formula(evidence: &Evidence) -> Vec<Finding> {
     };
     let printed = FIGURE_2[1] / FIGURE_2[0];
     let name = "RMS by formula over RMS sampled, N_B = 25".to_owned();
-    let mut all = vec![Finding::new((Topic::Formula, name), (printed, None), here, 0.003, why)];
+    let topic = Topic::Formula;
+    let comparison = Comparison { topic, name, printed, implied: None, here, tolerance: 0.003 };
+    let mut all = vec![comparison.judge(why)];
     // Independent: the coefficients of one run against the samples of others.
     for n_camera in CAMERA_PATHS {
         if let Some(cell) = find(evidence.cells, LIGHT_PATHS, n_camera) {
-            let name = format!("the same, sampled in an independent run at N_B = {n_camera}");
+            let name =
+                format!("RMS by formula over RMS sampled in an independent run, N_B = {n_camera}");
             let here = quotient(cell.formula, cell.sampled);
             let why = |_| format!("sampled in {} iterations", cell.iterations);
-            all.push(Finding::new((Topic::Formula, name), (printed, None), here, 0.03, why));
+            let implied = None;
+            let comparison = Comparison { topic, name, printed, implied, here, tolerance: 0.03 };
+            all.push(comparison.judge(why));
         }
     }
     all
@@ -82,7 +87,7 @@ fn terms(evidence: &Evidence) -> Vec<Finding> {
             _ => format!("{:+.1} % from the printed value", percent(here.value, printed)),
         };
         let name = format!("{name} term over the total, N_B = 25");
-        Finding::new((Topic::Terms, name), (printed, None), here, tolerance, why)
+        Comparison { topic: Topic::Terms, name, printed, implied: None, here, tolerance }.judge(why)
     };
     all.into_iter().enumerate().map(one).collect()
 }
@@ -92,29 +97,28 @@ fn halving(evidence: &Evidence) -> Vec<Finding> {
     let [n_few, n_many] = CAMERA_PATHS.map(f64::from);
     let implied = implied::coefficients();
     let root_of = |k: usize, n: f64| implied.paper_terms(LIGHT_PATHS.into(), n)[k].sqrt();
+    let topic = Topic::Halving;
     let mut all = Vec::new();
     for (k, name) in ["C term", "B term", "F term"].into_iter().enumerate() {
         let printed = FIGURE_3[1].roots[k] / FIGURE_3[0].roots[k];
-        let by_formula = root_of(k, n_many) / root_of(k, n_few);
+        let implied = Some(root_of(k, n_many) / root_of(k, n_few));
         let here = quotient(many.roots[k], few.roots[k]);
         let name = format!("{name}, N_B = 100 over 25");
         // The F term is 1/60 of the others: less certain, and with more room.
         let tolerance = if k == 2 { 0.05 } else { 0.005 };
         let why = |verdict| by_its_own_numbers(verdict, "formula (1) gives from N_B = 25");
-        let values = (printed, Some(by_formula));
-        all.push(Finding::new((Topic::Halving, name), values, here, tolerance, why));
+        all.push(Comparison { topic, name, printed, implied, here, tolerance }.judge(why));
     }
     let printed = FIGURE_3[1].total / FIGURE_3[0].total;
-    let by_formula =
-        implied::rms(LIGHT_PATHS.into(), n_many) / implied::rms(LIGHT_PATHS.into(), n_few);
+    let rms = |n_camera| implied::rms(LIGHT_PATHS.into(), n_camera);
+    let implied = Some(rms(n_many) / rms(n_few));
     let why = |verdict| by_its_own_numbers(verdict, "formula (1) gives from N_B = 25");
     for (name, here) in [
         ("total by formula", quotient(many.formula, few.formula)),
         ("total sampled", quotient(many.sampled, few.sampled)),
     ] {
         let name = format!("{name}, N_B = 100 over 25");
-        let values = (printed, Some(by_formula));
-        all.push(Finding::new((Topic::Halving, name), values, here, 0.005, why));
+        all.push(Comparison { topic, name, printed, implied, here, tolerance: 0.005 }.judge(why));
     }
     all
 }
@@ -123,12 +127,12 @@ fn light_paths(evidence: &Evidence) -> Vec<Finding> {
     let n_camera = f64::from(CAMERA_PATHS[0]);
     let [reference, others @ ..] = &TABLE_2;
     let n_first = f64::from(reference.light_paths);
-    let one = |row: &Row| {
+    let one = |row: &Table2Column| {
         let n = f64::from(row.light_paths);
         let here = corrected(evidence.noise[0].statistic(evidence.region, |pixels| {
             mean_rms(pixels, n, n_camera) / mean_rms(pixels, n_first, n_camera)
         }));
-        let implied = implied::rms(n, n_camera) / implied::rms(n_first, n_camera);
+        let implied = Some(implied::rms(n, n_camera) / implied::rms(n_first, n_camera));
         let limit = implied::rms(f64::INFINITY, n_camera) / implied::rms(n_first, n_camera);
         let printed = row.rms / reference.rms;
         let why = |verdict| match verdict {
@@ -140,7 +144,8 @@ fn light_paths(evidence: &Evidence) -> Vec<Finding> {
             _ => by_its_own_numbers(verdict, "formula (1) gives from Figure 3"),
         };
         let name = format!("RMS at N_F = {} over N_F = {}", row.light_paths, reference.light_paths);
-        Finding::new((Topic::LightPaths, name), (printed, Some(implied)), here, 0.005, why)
+        let topic = Topic::LightPaths;
+        Comparison { topic, name, printed, implied, here, tolerance: 0.005 }.judge(why)
     };
     others.iter().map(one).collect()
 }
@@ -149,7 +154,7 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
     let Evidence { noise, region, model, optima, .. } = *evidence;
     let best = optima.here.light_paths.value;
     let here = |n: f64| over_least(noise[0], region, model, best, n);
-    // As if the image were so large that light paths take the paper's share of the time.
+    // For an image so large that light paths take the paper's share of the time.
     let larger = rescaled(*model);
     let best_larger = optima.rescaled.light_paths.value;
     let side = larger.pixels.sqrt();
@@ -166,16 +171,16 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
         factors(0),
         factors(1),
     );
-    let why_position = |_| decomposed.clone();
-    let name = format!("RMS at the published minimum, N_F = {BEST_LIGHT_PATHS}, over the least");
-    let values = (1.0, Some(implied_over_least(BEST_LIGHT_PATHS)));
-    let mut all = vec![Finding::new(
-        (Topic::Minimum, name),
-        values,
-        here(BEST_LIGHT_PATHS),
-        0.01,
-        why_position,
-    )];
+    let topic = Topic::Minimum;
+    let position = Comparison {
+        topic,
+        name: format!("RMS at the published minimum, N_F = {BEST_LIGHT_PATHS}, over the least"),
+        printed: 1.0,
+        implied: Some(implied_over_least(BEST_LIGHT_PATHS)),
+        here: here(BEST_LIGHT_PATHS),
+        tolerance: 0.01,
+    };
+    let mut all = vec![position.judge(|_| decomposed.clone())];
     // Away from the minimum: fewer light paths cost noise, more of them time.
     for (n_light, cells) in [TABLE_1[0], TABLE_1[4], TABLE_1[5]] {
         let n = f64::from(n_light);
@@ -196,8 +201,10 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
             ),
         };
         let name = format!("RMS at N_F = {n_light} over the least, N_B = 25");
-        let values = (cells[column] / least, Some(implied_over_least(n)));
-        all.push(Finding::new((Topic::Minimum, name), values, here(n), 0.03, why));
+        let (printed, implied) = (cells[column] / least, Some(implied_over_least(n)));
+        let comparison =
+            Comparison { topic, name, printed, implied, here: here(n), tolerance: 0.03 };
+        all.push(comparison.judge(why));
     }
     let [first, .., last] = TABLE_1_CAMERA_PATHS;
     if let (Some(few), Some(many)) =
@@ -223,8 +230,8 @@ fn minimum(evidence: &Evidence) -> Vec<Finding> {
                 few.after.value / many.after.value,
             )
         };
-        let values = (cells[0] / cells[3], None);
-        all.push(Finding::new((Topic::Minimum, name), values, here, 0.02, why));
+        let (printed, implied) = (cells[0] / cells[3], None);
+        all.push(Comparison { topic, name, printed, implied, here, tolerance: 0.02 }.judge(why));
     }
     all
 }

@@ -1,26 +1,26 @@
-//! The paper's estimator (halves) beside the one from all pairs, on the same paths.
+//! The paper's estimator (halves) and the one from all pairs, compared on the same paths.
 
 use crate::adaptive::optimize::predict::Predicted;
 use crate::noise::Coefficients;
 use crate::noise::film::BATCHES;
-use crate::noise::image::NoiseImage;
+use crate::noise::image::{NoiseImage, Statistic};
 use serde::Serialize;
 
-/// One of the paper's averages, less the squared luminance, by both estimators.
+/// One of the paper's averages minus the squared luminance, by both estimators.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    /// Its name.
+pub struct EstimatorRow {
+    /// Name of the average.
     pub name: &'static str,
     /// Region mean by all pairs, squared luminance.
     pub pairs: Predicted,
     /// Region mean by halves.
     pub halves: Predicted,
-    /// Halves less pairs; its error is smaller than either's, for the paths are the same.
+    /// Halves minus pairs. The error is smaller than either's, because the paths are the same.
     pub difference: Predicted,
-    /// Iterations that the halves need for the certainty of one with all pairs, in single pixels:
-    /// their variance over that of the pairs, both summed over the pixels.
+    /// Iterations that the halves need for the accuracy of one with all pairs, in single pixels: the
+    /// variance of the halves over that of the pairs, both summed over the pixels.
     pub per_pixel: Predicted,
-    /// The same for the mean over the region.
+    /// Iterations that the halves need for that accuracy in the mean over the region.
     pub region: Predicted,
 }
 
@@ -28,7 +28,7 @@ pub struct Row {
 ///
 /// # Panics
 /// If they are of different numbers of iterations.
-pub fn compare(pairs: &NoiseImage, halves: &NoiseImage, region: &[usize]) -> Vec<Row> {
+pub fn compare(pairs: &NoiseImage, halves: &NoiseImage, region: &[usize]) -> Vec<EstimatorRow> {
     assert_eq!(pairs.iterations, halves.iterations, "the iterations are the same");
     type Of = fn(Coefficients) -> f64;
     let quantities: [(&'static str, Of); 3] =
@@ -42,7 +42,7 @@ fn row(
     halves: &NoiseImage,
     region: &[usize],
     of: impl Fn(Coefficients) -> f64,
-) -> Row {
+) -> EstimatorRow {
     let values = |noise: &NoiseImage| -> Vec<[f64; BATCHES]> {
         let batches = |&pixel: &usize| noise.batches[pixel].map(|sample| of(sample.coefficients));
         region.iter().map(batches).collect()
@@ -51,7 +51,7 @@ fn row(
     let (pairs_mean, halves_mean) = (mean(&pairs), mean(&halves));
     let mut difference = halves_mean;
     difference.iter_mut().zip(pairs_mean).for_each(|(halves, pairs)| *halves -= pairs);
-    Row {
+    EstimatorRow {
         name,
         pairs: predicted(&pairs_mean),
         halves: predicted(&halves_mean),
@@ -70,7 +70,7 @@ fn mean(pixels: &[[f64; BATCHES]]) -> [f64; BATCHES] {
     sums
 }
 
-/// Mean over batches of as many iterations, with its standard error.
+/// Mean over batches of equally many iterations, with its standard error.
 fn predicted(batches: &[f64; BATCHES]) -> Predicted {
     let n = BATCHES as f64;
     let value = batches.iter().sum::<f64>() / n;
@@ -78,8 +78,8 @@ fn predicted(batches: &[f64; BATCHES]) -> Predicted {
     Predicted { value, error: Some((squares / (n * (n - 1.0))).sqrt()) }
 }
 
-/// Variances over the batches, summed over the pixels, of one over the other; the error is that of
-/// the jackknife over batches.
+/// Ratio of two variances over the batches, each summed over the pixels. The error is that of the
+/// jackknife over batches.
 fn ratio_of_variances(above: &[[f64; BATCHES]], below: &[[f64; BATCHES]]) -> Predicted {
     let ratio = |left_out: Option<usize>| {
         let squares = |pixels: &[[f64; BATCHES]]| -> f64 {
@@ -95,11 +95,9 @@ fn ratio_of_variances(above: &[[f64; BATCHES]], below: &[[f64; BATCHES]]) -> Pre
         };
         squares(above) / squares(below)
     };
-    let n = BATCHES as f64;
     let left_out: Vec<f64> = (0..BATCHES).map(|k| ratio(Some(k))).collect();
-    let mean = left_out.iter().sum::<f64>() / n;
-    let squares: f64 = left_out.iter().map(|x| (x - mean).powi(2)).sum();
-    Predicted { value: ratio(None), error: Some((squares * (n - 1.0) / n).sqrt()) }
+    let Statistic { value, error, .. } = Statistic::jackknife(ratio(None), &left_out);
+    Predicted { value, error: Some(error) }
 }
 
 #[cfg(test)]
@@ -118,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn known_ratios_are_found_within_their_errors() {
+    fn known_ratios_are_estimated_within_their_errors() {
         let mut normal = normals(1);
         let mut pixels = |scale: f64, n: usize| -> Vec<[f64; BATCHES]> {
             (0..n).map(|_| [(); BATCHES].map(|()| scale * normal())).collect()
@@ -134,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_of_a_mean_is_its_standard_deviation() {
+    fn error_of_a_mean_is_its_standard_deviation() {
         let mut normal = normals(2);
         let (mut square, mut claimed) = (0.0, 0.0);
         for _ in 0..2000 {

@@ -1,31 +1,31 @@
-//! Quantities here and in the paper, and the verdict whether they are the same.
+//! Quantities here and in the paper, and the verdict whether they agree.
 
 use crate::adaptive::optimize::predict::Predicted;
 use crate::image_io::number;
 use serde::Serialize;
 
-/// A quantity here and there.
+/// A comparison of a quantity here and in the paper.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
-    /// What is compared.
+    /// Figure or table of the paper.
     pub topic: Topic,
     /// The quantity, without unit.
     pub name: String,
     /// As printed in the paper.
     pub printed: f64,
-    /// What other printed numbers imply for it.
+    /// Value that other printed numbers imply.
     pub implied: Option<f64>,
     /// Measured here.
     pub here: Predicted,
-    /// Differences up to this are none: the open values of the paper leave as much room.
+    /// Largest difference that counts as agreement: the paper leaves some values open.
     pub tolerance: f64,
-    /// The result.
+    /// Result of the comparison.
     pub verdict: Verdict,
-    /// Why it is not as printed, or what the verdict rests on.
+    /// Reason of the difference, or basis of the verdict.
     pub reason: String,
 }
 
-/// What a finding is about.
+/// Figure or table that a finding belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Topic {
@@ -41,7 +41,7 @@ pub enum Topic {
     Minimum,
 }
 
-/// Whether it is the same.
+/// Whether a quantity agrees with the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
@@ -49,14 +49,14 @@ pub enum Verdict {
     Same,
     /// Not as printed, but as other printed numbers imply.
     AsImplied,
-    /// Neither.
+    /// Neither as printed nor as implied.
     Different,
-    /// The standard error is too large to tell.
+    /// The standard error is too large for a verdict.
     Uncertain,
 }
 
 impl Topic {
-    /// As a heading.
+    /// Heading of the topic.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Formula => "Formula (1) against the sampled noise (Figure 2)",
@@ -69,7 +69,7 @@ impl Topic {
 }
 
 impl Verdict {
-    /// In words.
+    /// The verdict in words.
     pub const fn text(self) -> &'static str {
         match self {
             Self::Same => "same",
@@ -100,28 +100,34 @@ impl Verdict {
     }
 }
 
-impl Finding {
-    /// Judges `here` by the printed and the implied value; `why` says what the verdict rests on, unless
-    /// the error is too large to tell.
-    pub fn new(
-        (topic, name): (Topic, String),
-        (printed, implied): (f64, Option<f64>),
-        here: Predicted,
-        tolerance: f64,
-        why: impl Fn(Verdict) -> String,
-    ) -> Self {
+/// A quantity here and in the paper, before the verdict; the fields are those of [`Finding`].
+#[expect(missing_docs, reason = "see Finding")]
+pub struct Comparison {
+    pub topic: Topic,
+    pub name: String,
+    pub printed: f64,
+    pub implied: Option<f64>,
+    pub here: Predicted,
+    pub tolerance: f64,
+}
+
+impl Comparison {
+    /// Judges `here` by the printed and the implied value. `why` gives the reason of a verdict, unless
+    /// the error is too large for one.
+    pub fn judge(self, why: impl Fn(Verdict) -> String) -> Finding {
+        let Self { topic, name, printed, implied, here, tolerance } = self;
         let verdict = Verdict::new(here, printed, implied, tolerance);
         let reason = match (verdict, here.error) {
             (Verdict::Uncertain, Some(error)) => {
                 // The error falls as the root of the time. A tolerance of two errors is enough.
-                let times = (2.0 * error / tolerance).powi(2).max(2.0);
+                let factor = (2.0 * error / tolerance).powi(2).max(2.0);
                 let error = number(error);
-                format!("the standard error {error} wants about {times:.0} times the time budget")
+                format!("the standard error {error} needs about {factor:.0} times the time budget")
             }
             (Verdict::Uncertain, None) => "the standard error is unknown".into(),
             _ => why(verdict),
         };
-        Self { topic, name, printed, implied, here, tolerance, verdict, reason }
+        Finding { topic, name, printed, implied, here, tolerance, verdict, reason }
     }
 }
 
@@ -130,7 +136,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn verdicts_weigh_the_error_against_the_tolerance() {
+    fn verdicts_compare_the_error_with_the_tolerance() {
         let verdict = |value: f64, error: f64| {
             Verdict::new(Predicted { value, error: Some(error) }, 1.0, Some(1.2), 0.05)
         };

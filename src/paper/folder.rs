@@ -1,6 +1,6 @@
-//! The files of an experiment: what was measured so far, and what is under way.
+//! The files of an experiment: results so far, and the measurement under way.
 
-use super::part::Part;
+use super::measurement::Measurement;
 use crate::base::atomic::{sweep, write_atomically};
 use crate::base::error::{Error, Result};
 use crate::base::input::read_as;
@@ -9,82 +9,83 @@ use crate::noise::image::Statistic;
 use crate::output::checkpoint::Checkpoint;
 use crate::scene::Region;
 use crate::settings::Settings;
-use crate::timing::sample::Sample;
-use crate::timing::setup::Setup;
+use crate::timing::measure::TimeSample;
+use crate::timing::setup::MeasurementSetup;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// An experiment, as far as it has come.
+/// The state of an experiment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// What is measured, with what. Only what agrees in all of this is continued.
-    pub identity: Identity,
-    /// The parts that are complete, in order.
+    /// Scene, settings and machine. An experiment is continued only under equal conditions.
+    pub conditions: Conditions,
+    /// The complete measurements, in order.
     pub done: Vec<Measured>,
-    /// Rendering time spent on the part after those, seconds.
+    /// Rendering time of the measurement under way, seconds.
     pub under_way: f64,
 }
 
-/// All that an experiment depends on.
+/// Everything that an experiment depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Identity {
+pub struct Conditions {
     /// Scene, machine and program.
-    pub setup: Setup,
+    pub setup: MeasurementSetup,
     /// The intersection backend with its version.
     pub accel: String,
-    /// Everything else that determines the image; the counts are not used.
+    /// Settings of the image; the counts are not used.
     pub settings: Settings,
     /// The paper's red box.
     pub region: Region,
-    /// Rendering time for all parts, seconds.
+    /// Rendering time for all measurements, seconds.
     pub time_budget: f64,
 }
 
-/// A part that is complete.
+/// A complete measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// What was measured.
-    pub part: Part,
+    /// Purpose and counts.
+    pub measurement: Measurement,
     /// Iterations whose noise was measured.
     pub iterations: u64,
     /// Rendering time, seconds.
     pub seconds: f64,
     /// Pooled RMS of one iteration over the region, sampled.
     pub pooled_rms: Statistic,
-    /// Mean RMS of one iteration over the region, sampled; the paper's.
+    /// Mean RMS of one iteration over the region, sampled, as in the paper.
     pub mean_rms: Statistic,
-    /// Times of the phases, where production iterations were among them.
-    pub times: Vec<Sample>,
+    /// Times of the phases, if there were production iterations.
+    pub times: Vec<TimeSample>,
 }
 
-/// Where an experiment keeps its files.
+/// The folder of an experiment's files.
 #[derive(Clone, Debug)]
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// Makes the folder if there is none; before anything in it is read.
+    /// Creates the folder if it is missing. Call this before reading anything in it.
     ///
     /// # Errors
-    /// If it cannot be made, or holds files of the scene, which was read; names it.
+    /// If it cannot be created, or contains files that the scene was read from; names it.
     pub fn new(path: &Path) -> Result<Self> {
         let failed = |e| Error::io("make the folder", path, e);
         fs::create_dir_all(path).map_err(failed)?;
         for entry in path.read_dir().map_err(failed)?.flatten() {
             if let Some(read) = read_as(&entry.path()) {
-                let problem = format!("the folder holds {}, which was read", read.display());
-                return Err(Error::new(problem, "give a folder of its own as --output").at(path));
+                let problem =
+                    format!("the folder contains {}, an input of the scene", read.display());
+                return Err(Error::new(problem, "use another folder for the experiment").at(path));
             }
         }
         sweep(path);
         Ok(Self(path.into()))
     }
 
-    /// A file in it.
+    /// Path of a file in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
@@ -97,45 +98,46 @@ impl Folder {
         self.path("under-way.ckpt")
     }
 
-    fn noise(&self, part: &Part) -> PathBuf {
-        self.path(&format!("{}.exr", part.name()))
+    fn noise(&self, measurement: &Measurement) -> PathBuf {
+        self.path(&format!("{}.exr", measurement.name()))
     }
 
-    /// The experiment that was begun here, or a new one.
+    /// Opens the experiment in this folder, or begins a new one.
     ///
     /// # Errors
-    /// If there is another one, or its file cannot be read.
-    pub fn open(&self, identity: Identity) -> Result<Experiment> {
+    /// If the folder has another experiment, or its file cannot be read.
+    pub fn open(&self, conditions: Conditions) -> Result<Experiment> {
         let path = self.experiment();
         let text = match fs::read_to_string(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-                return Ok(Experiment { identity, done: Vec::new(), under_way: 0.0 });
+                return Ok(Experiment { conditions, done: Vec::new(), under_way: 0.0 });
             }
             Err(e) => return Err(Error::io("read", &path, e)),
         };
         let found: Experiment = serde_json::from_str(&text).map_err(|e| {
-            let problem = format!("this is no experiment under way: {e}");
-            Error::new(problem, "give another folder as --output").at(&path)
+            let problem = format!("this is not an experiment under way: {e}");
+            Error::new(problem, "use another folder").at(&path)
         })?;
-        let known = Part::all();
-        let in_order = found.done.iter().zip(&known).all(|(done, part)| done.part == *part);
+        let known = Measurement::all();
+        let in_order =
+            found.done.iter().zip(&known).all(|(done, known)| done.measurement == *known);
         let mut differences = Vec::new();
-        compare("", &json(&found.identity), &json(&identity), &mut differences);
+        compare("", &json(&found.conditions), &json(&conditions), &mut differences);
         if found.done.len() > known.len() || !in_order {
-            differences.push("list of parts is another one".into());
+            differences.push("list of measurements is another one".into());
         }
         if differences.is_empty() {
             return Ok(found);
         }
         Err(Error::new(
             format!("cannot continue this experiment: its {}", differences.join("; its ")),
-            "continue with what it was begun with, or give another folder as --output",
+            "continue with the scene and settings that it was begun with, or use another folder",
         )
         .at(&path))
     }
 
-    /// Keeps what was measured.
+    /// Saves the state.
     ///
     /// # Errors
     /// If it cannot be written; names the file.
@@ -144,7 +146,7 @@ impl Folder {
         write_atomically(&self.experiment(), |file| writeln!(file, "{text}"))
     }
 
-    /// Keeps the sums of the part that is under way.
+    /// Saves the sums of the measurement under way.
     ///
     /// # Errors
     /// If they cannot be written; names the file.
@@ -152,7 +154,7 @@ impl Folder {
         sums.save(&self.checkpoint())
     }
 
-    /// The sums of the part that is under way, if there are any.
+    /// Loads the sums of the measurement under way, if there are any.
     ///
     /// # Errors
     /// If the file cannot be read or is damaged; names it.
@@ -161,7 +163,7 @@ impl Folder {
         path.exists().then(|| Checkpoint::load(&path)).transpose()
     }
 
-    /// Removes them, if there are any.
+    /// Removes the sums of the measurement under way, if there are any.
     ///
     /// # Errors
     /// If the file cannot be removed; names it.
@@ -175,20 +177,20 @@ impl Folder {
         }
     }
 
-    /// Keeps the noise of every pixel.
+    /// Saves the noise of every pixel.
     ///
     /// # Errors
     /// If it cannot be written; names the file.
-    pub fn save_noise(&self, part: &Part, noise: &NoiseFile) -> Result<()> {
-        noise.write(&self.noise(part))
+    pub fn save_noise(&self, measurement: &Measurement, noise: &NoiseFile) -> Result<()> {
+        noise.write(&self.noise(measurement))
     }
 
-    /// The noise of every pixel in a part that is complete.
+    /// Loads the noise of every pixel of a complete measurement.
     ///
     /// # Errors
     /// If it cannot be read; names the file.
-    pub fn load_noise(&self, part: &Part) -> Result<NoiseFile> {
-        NoiseFile::read(&self.noise(part))
+    pub fn load_noise(&self, measurement: &Measurement) -> Result<NoiseFile> {
+        NoiseFile::read(&self.noise(measurement))
     }
 }
 
@@ -196,7 +198,7 @@ fn json(value: &impl Serialize) -> Value {
     serde_json::to_value(value).expect("plain numbers and texts")
 }
 
-/// Names the leaves in which `this` and `that` differ, with both values.
+/// Collects the leaves in which `this` and `that` differ, with both values.
 fn compare(name: &str, this: &Value, that: &Value, differences: &mut Vec<String>) {
     match (this, that) {
         (Value::Object(these), Value::Object(those)) => {

@@ -1,18 +1,18 @@
-//! What follows from the published numbers alone, and where they contradict each other.
+//! Values that follow from the published numbers alone, and contradictions between them.
 
 use super::published::{
-    CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, Row, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME,
+    CAMERA_PATHS, FIGURE_3, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2, TIME, Table2Column,
 };
-use crate::adaptive::optimize::predict::{Budget, Source};
+use crate::adaptive::optimize::predict::{RenderTime, Source};
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Sample};
+use crate::timing::measure::{Phase, TimeSample};
 use serde::Serialize;
 
 /// The coefficients that Figure 3a implies, as if its region were one pixel: the inverse of
 /// [`Coefficients::paper_terms`].
-/// theory.md (94).
+// theory.md (94)
 pub fn coefficients() -> Coefficients {
     let (n_light, n_camera) = (f64::from(LIGHT_PATHS), f64::from(CAMERA_PATHS[0]));
     let [c, b, f] = FIGURE_3[0].roots.map(|root| root * root);
@@ -22,15 +22,15 @@ pub fn coefficients() -> Coefficients {
 }
 
 /// The times of the phases in Table 2, with the errors of rounding to their last digit.
-pub fn times() -> Vec<Sample> {
+pub fn times() -> Vec<TimeSample> {
     let phases = [Phase::Camera, Phase::Light, Phase::Merge];
-    let of_row = |row: &Row| {
+    let of_row = |row: &Table2Column| {
         let (light_paths, camera_paths) = (row.light_paths.into(), CAMERA_PATHS[0].into());
         phases.into_iter().zip(row.parts).map(move |(phase, seconds)| {
             let last_digit = if phase == Phase::Merge && seconds > 2.0 { 0.1 } else { 0.01 };
             // Standard deviation of what is evenly distributed over a digit.
             let error = Some(last_digit / 12f64.sqrt());
-            Sample { phase, light_paths, camera_paths, seconds, error }
+            TimeSample { phase, light_paths, camera_paths, seconds, error }
         })
     };
     // "About 0" is no number.
@@ -41,7 +41,7 @@ pub fn times() -> Vec<Sample> {
 ///
 /// # Panics
 /// Never: the table is fixed.
-/// theory.md (94).
+// theory.md (94)
 pub fn time_model() -> TimeModel {
     fit(&times(), 1.0).expect("the table has times of all phases").model
 }
@@ -54,9 +54,9 @@ pub fn rms(n_light: f64, n_camera: f64) -> f64 {
 /// The number of light paths with the least noise that Figure 3a and the times of Table 2 imply, at
 /// `N_B = 25`.
 pub fn best_light_paths() -> f64 {
-    let budget = Budget { model: time_model(), time: TIME };
+    let render = RenderTime { model: time_model(), time: TIME };
     let source = Source::Given(coefficients());
-    source.best_light_paths(CAMERA_PATHS[0].into(), &budget).light_paths.value
+    source.best_light_paths(CAMERA_PATHS[0].into(), &render).light_paths.value
 }
 
 /// Two printed numbers that cannot both be right.
@@ -66,7 +66,7 @@ pub struct Inconsistency {
     pub place: String,
     /// As printed.
     pub printed: f64,
-    /// What other printed numbers imply for it, or its bound.
+    /// Value that other printed numbers imply, or its bound.
     pub implied: f64,
     /// How that follows.
     pub reason: String,
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_implied_minimum_is_near_the_one_that_was_read() {
+    fn implied_minimum_is_near_the_published_one() {
         let best = best_light_paths();
         assert!((3420.0..3460.0).contains(&best), "{best}");
         for row in TABLE_2 {
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn the_known_contradictions_are_found_and_no_others() {
+    fn known_contradictions_are_found_and_no_others() {
         let found = inconsistencies();
         let places: Vec<&str> = found.iter().map(|i| &i.place[..]).collect();
         assert_eq!(

@@ -1,9 +1,9 @@
-//! The paper's experiment repeated: measured here, and put beside the published values.
+//! The paper's experiment repeated: measurements, and comparisons with the published values.
 //!
-//! [`part`] lists what is measured, [`run`] measures it and can be stopped at any time,
-//! [`folder`] keeps it. [`results`] makes the figures and tables of the paper out of that,
-//! [`comparisons`] find out what is the same, and [`report`] shows all in one HTML file. What the
-//! paper says by itself is in [`implied`].
+//! [`measurement`] lists the measurements, [`run`] takes them and can be stopped at any time, and
+//! [`folder`] keeps their results. [`results`] derives the figures and tables of the paper from them.
+//! [`comparisons`] judge which values agree with the paper, and [`report`] writes one HTML file.
+//! [`implied`] derives values from the published numbers alone.
 
 pub mod comparisons;
 pub mod estimators;
@@ -11,11 +11,10 @@ pub mod findings;
 pub mod folder;
 pub mod implied;
 pub mod optimum;
-pub mod part;
+pub mod measurement;
 pub mod published;
 pub mod report;
 pub mod results;
 pub mod run;
-pub mod table_2;
 pub mod tables;
 pub mod terms;

@@ -1,16 +1,16 @@
-//! Where noise times time is least, here and by the published numbers, and why there.
+//! The minimum of noise times time, here and by the published numbers, and its causes.
 
 use super::implied;
 use super::published::{BEST_LIGHT_PATHS, CAMERA_PATHS, TIME};
 use super::terms::pooled_rms;
-use crate::adaptive::optimize::predict::{Budget, Optimum, Predicted, Source};
+use crate::adaptive::optimize::NEAR_OPTIMUM;
+use crate::adaptive::optimize::predict::{Optimum, Predicted, RenderTime, Source};
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseImage;
-use crate::settings::policy::NEAR_OPTIMUM;
 use crate::timing::TimeModel;
 use serde::Serialize;
 
-/// The best number of light paths at `N_B = 25`, and its surroundings.
+/// The best number of light paths at `N_B = 25`, and the range around it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Best {
     /// `N_F` with the least pooled RMS; the error is that of the noise alone.
@@ -22,15 +22,15 @@ pub struct Best {
     pub factors: [f64; 2],
 }
 
-/// Here and there.
+/// The minima here and in the paper.
 #[derive(Clone, Debug, Serialize)]
 pub struct Optima {
     /// Measured here.
     pub here: Best,
-    /// The same for an image of so many pixels that a light path takes the share of an iteration
-    /// that it takes in Table 2; by the time model.
+    /// By the time model for an image of [`Self::pixels`] pixels, in which a light path takes the share
+    /// of an iteration that it takes in Table 2.
     pub rescaled: Best,
-    /// Number of these pixels.
+    /// Pixels of the image of [`Self::rescaled`].
     pub pixels: f64,
     /// By Figure 3a and the times of Table 2.
     pub implied: Best,
@@ -43,8 +43,8 @@ pub struct Optima {
 impl Best {
     fn new(source: &Source, mean: Coefficients, model: TimeModel) -> Self {
         let n_camera = f64::from(CAMERA_PATHS[0]);
-        let budget = Budget { model, time: TIME };
-        let light_paths = source.best_light_paths(n_camera, &budget).light_paths;
+        let render = RenderTime { model, time: TIME };
+        let light_paths = source.best_light_paths(n_camera, &render).light_paths;
         let [t, s] = model.in_light_paths(n_camera);
         let (p, q) = (mean.a / n_camera + mean.f, mean.b / n_camera);
         // (t + s x)(q + p/x) = k is a quadratic equation in x; its least k is (sqrt tq + sqrt sp)^2.
@@ -74,13 +74,13 @@ impl Optima {
             pixels: rescaled.pixels,
             implied: Best::new(&given, published, implied::time_model()),
             published: BEST_LIGHT_PATHS,
-            free: source.optimum(&Budget { model, time: TIME }),
+            free: source.optimum(&RenderTime { model, time: TIME }),
         }
     }
 }
 
-/// The time model for an image of so many pixels that tracing a light path takes the same share of
-/// tracing the camera paths as in Table 2. The paper does not tell its resolution.
+/// The time model for a larger image, in which tracing a light path takes the share of tracing the
+/// camera paths that it takes in Table 2. The paper does not give its resolution.
 pub fn rescaled(model: TimeModel) -> TimeModel {
     let there = implied::time_model();
     let share = there.light_path / (there.camera_path * there.pixels);
@@ -101,7 +101,7 @@ pub fn over_least(
     source.statistic(|pixels| time * pooled_rms(pixels, n_light, m) / pooled_rms(pixels, best, m))
 }
 
-/// The same by the published numbers.
+/// RMS after any time at `n_light` over the least, `N_B = 25`, by the published numbers.
 pub fn implied_over_least(n_light: f64) -> f64 {
     let m = f64::from(CAMERA_PATHS[0]);
     let model = implied::time_model();
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ends_of_the_flat_range_are_as_far_up_as_they_should_be() {
+    fn ends_of_the_flat_range_have_the_allowed_rms() {
         let (c, model) = (implied::coefficients(), implied::time_model());
         let best = Best::new(&Source::Given(c), c, model);
         let x = best.light_paths.value;

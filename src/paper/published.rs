@@ -37,13 +37,13 @@ pub const TABLE_1: [(u32, [f64; 4]); 6] = [
 ];
 
 /// Table 2, for 25 camera paths per pixel.
-pub const TABLE_2: [Row; 6] = [
-    Row::new(1000, 0.1, 1.277, 160.0, 6.25, [6.0, 0.0, 0.25]),
-    Row::new(3000, 0.098, 1.234, 158.0, 6.33, [6.0, 0.0, 0.33]),
-    Row::new(10_000, 0.1, 1.224, 149.0, 6.7, [6.0, 0.0, 0.7]),
-    Row::new(30_000, 0.11, 1.222, 130.0, 7.7, [6.0, 0.0, 1.7]),
-    Row::new(100_000, 0.13, 1.21, 89.0, 11.25, [6.0, 0.05, 5.2]),
-    Row::new(300_000, 0.18, 1.202, 47.0, 21.47, [6.0, 0.17, 15.3]),
+pub const TABLE_2: [Table2Column; 6] = [
+    Table2Column::new(1000, 0.1, 1.277, 160.0, 6.25, [6.0, 0.0, 0.25]),
+    Table2Column::new(3000, 0.098, 1.234, 158.0, 6.33, [6.0, 0.0, 0.33]),
+    Table2Column::new(10_000, 0.1, 1.224, 149.0, 6.7, [6.0, 0.0, 0.7]),
+    Table2Column::new(30_000, 0.11, 1.222, 130.0, 7.7, [6.0, 0.0, 1.7]),
+    Table2Column::new(100_000, 0.13, 1.21, 89.0, 11.25, [6.0, 0.05, 5.2]),
+    Table2Column::new(300_000, 0.18, 1.202, 47.0, 21.47, [6.0, 0.17, 15.3]),
 ];
 
 /// The minimum that the authors read off Figure 4.
@@ -60,7 +60,7 @@ pub struct Terms {
 
 /// A column of Table 2.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Row {
+pub struct Table2Column {
     /// `N_F`.
     pub light_paths: u32,
     /// RMS after [`TIME`], `sqrt(V_T)`.
@@ -71,11 +71,11 @@ pub struct Row {
     pub iterations: f64,
     /// `tau`, seconds per iteration.
     pub time: f64,
-    /// Its parts: camera, light (about 0 where 0) and merge phase, seconds.
+    /// Times of the camera, light (about 0 where 0) and merge phase, seconds.
     pub parts: [f64; 3],
 }
 
-impl Row {
+impl Table2Column {
     const fn new(
         light_paths: u32,
         rms_after: f64,

@@ -1,15 +1,16 @@
-//! Everything that the report tells, from the files of a complete experiment.
+//! All results of a complete experiment, from its files.
 
 use super::comparisons::{Evidence, findings};
 use super::estimators;
-use super::estimators::Row;
+use super::estimators::EstimatorRow;
 use super::findings::Finding;
 use super::folder::{Experiment, Folder};
 use super::implied::{Inconsistency, inconsistencies};
+use super::measurement::Measurement;
 use super::optimum::Optima;
-use super::part::Part;
 use super::tables::{Cell, cells};
 use super::terms::Terms;
+use crate::adaptive::optimize::predict::Predicted;
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::noise::file::NoiseFile;
@@ -17,13 +18,14 @@ use crate::noise::region;
 use crate::timing::Timings;
 use crate::timing::fit::fit;
 use serde::Serialize;
+use std::path::Path;
 
 /// The numbers; the pictures are made from `noise`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Results {
-    /// What was measured with what.
+    /// The measurements and their conditions.
     pub experiment: Experiment,
-    /// Rendering time of all parts, seconds.
+    /// Rendering time of all measurements, seconds.
     pub seconds: f64,
     /// Figures 2 and 3, at `N_B = 25` and `100`.
     pub terms: [Terms; 2],
@@ -33,9 +35,9 @@ pub struct Results {
     pub timings: Timings,
     /// The minimum of Figure 4.
     pub optima: Optima,
-    /// Halves beside all pairs.
-    pub estimators: Vec<Row>,
-    /// What is the same.
+    /// Halves and all pairs.
+    pub estimators: Vec<EstimatorRow>,
+    /// Comparisons with the paper.
     pub findings: Vec<Finding>,
     /// Where the paper contradicts itself.
     pub inconsistencies: Vec<Inconsistency>,
@@ -53,13 +55,13 @@ impl Results {
     /// # Errors
     /// If one cannot be read, or the times cannot be fitted.
     pub fn new(folder: &Folder, experiment: Experiment) -> Result<Self> {
-        let [few, halves, many, ..] = Part::all()[..] else {
+        let [few, halves, many, ..] = Measurement::all()[..] else {
             unreachable!("the list begins with these three")
         };
-        let load = |part: &Part| folder.load_noise(part);
+        let load = |measurement: &Measurement| folder.load_noise(measurement);
         let (few, halves, many) = (load(&few)?, load(&halves)?, load(&many)?);
-        let region = region::pixels(&experiment.identity.region, &few.noise)?;
-        let setup = experiment.identity.setup.clone();
+        let region = region::pixels(&experiment.conditions.region, &few.noise)?;
+        let setup = experiment.conditions.setup.clone();
         let samples: Vec<_> = experiment.done.iter().flat_map(|done| done.times.clone()).collect();
         let timings = Timings::new(fit(&samples, setup.pixels())?, setup);
 
@@ -68,8 +70,8 @@ impl Results {
         let optima = Optima::new(&few.noise, &region, timings.model);
         if halves.noise.iterations != few.noise.iterations {
             return Err(Error::new(
-                "the parts in this folder are not of the same experiment",
-                "measure anew with another folder as --output",
+                "the files in this folder belong to different experiments",
+                "measure again in another folder",
             ));
         }
         let estimators = estimators::compare(&few.noise, &halves.noise, &region);
@@ -109,90 +111,67 @@ impl Results {
     }
 
     fn write_cells(&self, folder: &Folder) -> Result<()> {
-        write_csv(folder, "table-1-and-2.csv", &CELL_COLUMNS, &self.cells, |cell| {
+        let row = |cell: &Cell| {
             let [camera, light, merge, rest] = cell.parts;
-            let error = |error: Option<f64>| error.unwrap_or(f64::NAN);
-            let numbers = [
-                f64::from(cell.light_paths),
-                f64::from(cell.camera_paths),
-                cell.iterations as f64,
-                cell.sampled.value,
-                error(cell.sampled.error),
-                cell.formula.value,
-                error(cell.formula.error),
-                cell.mean_of_roots.value,
-                error(cell.mean_of_roots.error),
-                cell.time.value,
-                error(cell.time.error),
-                camera,
-                light,
-                merge,
-                rest,
-                cell.model_time,
-                cell.after.value,
-                error(cell.after.error),
-                cell.model_after.value,
-                error(cell.model_after.error),
+            let error = |predicted: Predicted| predicted.error.unwrap_or(f64::NAN);
+            let columns = [
+                ("light_paths", f64::from(cell.light_paths)),
+                ("camera_paths", f64::from(cell.camera_paths)),
+                ("iterations", cell.iterations as f64),
+                ("rms_sampled", cell.sampled.value),
+                ("rms_sampled_error", error(cell.sampled)),
+                ("rms_formula", cell.formula.value),
+                ("rms_formula_error", error(cell.formula)),
+                ("mean_of_roots_sampled_over_formula", cell.mean_of_roots.value),
+                ("mean_of_roots_sampled_over_formula_error", error(cell.mean_of_roots)),
+                ("seconds", cell.time.value),
+                ("seconds_error", error(cell.time)),
+                ("seconds_camera", camera),
+                ("seconds_light", light),
+                ("seconds_merge", merge),
+                ("seconds_rest", rest),
+                ("seconds_model", cell.model_time),
+                ("rms_after_1000_s", cell.after.value),
+                ("rms_after_1000_s_error", error(cell.after)),
+                ("rms_after_1000_s_model", cell.model_after.value),
+                ("rms_after_1000_s_model_error", error(cell.model_after)),
             ];
-            numbers.map(|number| number.to_string()).to_vec()
-        })
+            columns.map(|(name, value)| (name, value.to_string()))
+        };
+        write_csv(&folder.path("table-1-and-2.csv"), self.cells.iter().map(row))
     }
 
     fn write_findings(&self, folder: &Folder) -> Result<()> {
-        write_csv(folder, "findings.csv", &FINDING_COLUMNS, &self.findings, |finding| {
-            let number = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
-            vec![
-                finding.name.clone(),
-                finding.printed.to_string(),
-                number(finding.implied),
-                finding.here.value.to_string(),
-                number(finding.here.error),
-                finding.tolerance.to_string(),
-                finding.verdict.text().into(),
-                finding.reason.clone(),
+        let number = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
+        let row = |finding: &Finding| {
+            [
+                ("quantity", finding.name.clone()),
+                ("printed", finding.printed.to_string()),
+                ("implied", number(finding.implied)),
+                ("here", finding.here.value.to_string()),
+                ("here_error", number(finding.here.error)),
+                ("tolerance", finding.tolerance.to_string()),
+                ("verdict", finding.verdict.text().into()),
+                ("reason", finding.reason.clone()),
             ]
-        })
+        };
+        write_csv(&folder.path("findings.csv"), self.findings.iter().map(row))
     }
 }
 
-const CELL_COLUMNS: [&str; 20] = [
-    "light_paths",
-    "camera_paths",
-    "iterations",
-    "rms_sampled",
-    "rms_sampled_error",
-    "rms_formula",
-    "rms_formula_error",
-    "mean_of_roots_sampled_over_formula",
-    "mean_of_roots_sampled_over_formula_error",
-    "seconds",
-    "seconds_error",
-    "seconds_camera",
-    "seconds_light",
-    "seconds_merge",
-    "seconds_rest",
-    "seconds_model",
-    "rms_after_1000_s",
-    "rms_after_1000_s_error",
-    "rms_after_1000_s_model",
-    "rms_after_1000_s_model_error",
-];
-
-const FINDING_COLUMNS: [&str; 8] =
-    ["quantity", "printed", "implied", "here", "here_error", "tolerance", "verdict", "reason"];
-
-fn write_csv<T>(
-    folder: &Folder,
-    name: &str,
-    columns: &[&str],
-    rows: &[T],
-    fields: impl Fn(&T) -> Vec<String>,
+/// Writes rows of named fields; the first row gives the header.
+fn write_csv<const N: usize>(
+    path: &Path,
+    rows: impl Iterator<Item = [(&'static str, String); N]>,
 ) -> Result<()> {
-    write_atomically(&folder.path(name), |file| {
+    let rows: Vec<_> = rows.collect();
+    write_atomically(path, |file| {
         let mut csv = csv::Writer::from_writer(file);
-        csv.write_record(columns)?;
-        for row in rows {
-            csv.write_record(fields(row))?;
+        if let Some(first) = rows.first() {
+            csv.write_record(first.iter().map(|(name, _)| name))?;
+        }
+        for row in &rows {
+            csv.write_record(row.iter().map(|(_, field)| field))?;
         }
         csv.flush()
     })

@@ -1,7 +1,7 @@
-//! Measures the parts of an experiment, one after the other.
+//! Takes the measurements of an experiment, one after the other.
 
 use super::folder::{Experiment, Folder, Measured};
-use super::part::{Part, Purpose};
+use super::measurement::{Measurement, Purpose};
 use crate::accel::Intersect;
 use crate::adaptive::time_probe;
 use crate::base::error::Result;
@@ -15,76 +15,78 @@ use crate::render::{IterationReport, RenderConfig, Renderer};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::provenance::Provenance;
-use crate::timing::sample::Recorder;
+use crate::timing::measure::Recorder;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Iterations in each batch at the least.
-const LEAST_IN_BATCH: u64 = 2;
+/// Minimum of iterations in each batch.
+const MIN_IN_BATCH: u64 = 2;
 
 /// Time between checkpoints.
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
-/// What is rendered, with what.
+/// The scene, and the means to render it.
 #[derive(Clone, Copy)]
-pub struct Bench<'a> {
+pub struct SceneContext<'a> {
     /// The scene.
     pub scene: &'a Arc<Scene>,
-    /// Its triangles.
+    /// The scene's triangles.
     pub accel: &'a Arc<dyn Intersect>,
-    /// Who renders.
+    /// The threads that render.
     pub threads: &'a rayon::ThreadPool,
 }
 
 /// An experiment under way.
 pub struct Run<'a> {
-    bench: Bench<'a>,
+    context: SceneContext<'a>,
     folder: Folder,
     experiment: Experiment,
 }
 
-/// Where an experiment stands after an iteration.
-pub struct Glimpse<'a> {
-    /// The part under way.
-    pub part: Part,
-    /// Its number, from 0, and how many there are.
-    pub number: [usize; 2],
+/// State of an experiment after an iteration.
+pub struct RunStatus<'a> {
+    /// The measurement under way.
+    pub measurement: Measurement,
+    /// Index of the measurement, from 0.
+    pub index: usize,
+    /// Number of measurements.
+    pub count: usize,
     /// The iteration.
     pub report: &'a IterationReport,
-    /// Rendering time so far, those of earlier runs included, seconds.
+    /// Rendering time so far, including earlier runs, seconds.
     pub seconds: f64,
     /// Rendering time that is left, seconds.
     pub left: f64,
 }
 
 impl<'a> Run<'a> {
-    /// Goes on with `experiment`.
-    pub fn new(bench: Bench<'a>, folder: Folder, experiment: Experiment) -> Self {
-        Self { bench, folder, experiment }
+    /// Continues `experiment`.
+    pub fn new(context: SceneContext<'a>, folder: Folder, experiment: Experiment) -> Self {
+        Self { context, folder, experiment }
     }
 
-    /// Rendering time that all parts take at the least, seconds, whatever the budget; by a quick measurement.
+    /// Minimum rendering time of all measurements, seconds, whatever the budget. A quick estimate.
     ///
     /// # Errors
     /// As [`Renderer::new`].
     pub fn least_time(&self) -> Result<f64> {
-        let Bench { scene, accel, threads } = self.bench;
-        let settings = &self.experiment.identity.settings;
+        let SceneContext { scene, accel, threads } = self.context;
+        let settings = &self.experiment.conditions.settings;
         let times = threads.install(|| time_probe::least_times(scene, accel, settings))?;
-        let measured = LEAST_IN_BATCH * BATCHES as u64;
-        let time = |part: Part| {
+        let measured = MIN_IN_BATCH * BATCHES as u64;
+        let time = |measurement: Measurement| {
             let iterations = (0..).scan(0, |done, iteration| {
-                *done += u64::from(part.measure(iteration) != Measure::Off);
+                *done += u64::from(measurement.measure(iteration) != Measure::Off);
                 (*done <= measured).then_some(())
             });
-            let (light, camera) = (part.light_paths.into(), part.camera_paths.into());
+            let (light, camera) = (measurement.light_paths.into(), measurement.camera_paths.into());
             iterations.count() as f64 * times.iteration(light, camera)
         };
-        Ok(Part::all().into_iter().map(time).sum())
+        Ok(Measurement::all().into_iter().map(time).sum())
     }
 
-    /// What is complete.
+    /// The state so far.
     pub fn experiment(&self) -> &Experiment {
         &self.experiment
     }
@@ -94,56 +96,59 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// If a file cannot be written, or the one under way cannot be read.
-    pub fn run(&mut self, mut watch: impl FnMut(&Glimpse) -> ControlFlow<()>) -> Result<bool> {
-        let all = Part::all();
-        while let Some(part) = all.get(self.experiment.done.len()) {
-            if self.measure(*part, all.len(), &mut watch)?.is_break() {
+    pub fn run(&mut self, mut watch: impl FnMut(&RunStatus) -> ControlFlow<()>) -> Result<bool> {
+        let all = Measurement::all();
+        while let Some(measurement) = all.get(self.experiment.done.len()) {
+            if self.measure(*measurement, all.len(), &mut watch)?.is_break() {
                 return Ok(false);
             }
         }
         Ok(true)
     }
 
-    /// Measures one part up to its end, or until `watch` has seen enough.
+    /// Measures one measurement up to its end, or until `watch` has seen enough.
     fn measure(
         &mut self,
-        part: Part,
-        parts: usize,
-        watch: &mut impl FnMut(&Glimpse) -> ControlFlow<()>,
+        measurement: Measurement,
+        count: usize,
+        watch: &mut impl FnMut(&RunStatus) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>> {
-        let Bench { scene, accel, threads } = self.bench;
-        let origin = self.origin(&part);
+        let SceneContext { scene, accel, threads } = self.context;
+        let origin = self.origin(&measurement);
         let renderer = Renderer::new(scene, accel, origin.settings.clone())?;
         let mut renderer = renderer.configure(RenderConfig::with_pixel_batches())?;
         self.resume(&mut renderer, &origin)?;
         let mut recorder = Recorder::new(threads.current_num_threads());
         let mut saved = Instant::now();
         loop {
-            let measure = part.measure(renderer.iterations());
+            let measure = measurement.measure(renderer.iterations());
             let report = threads.install(|| renderer.iterate(measure));
             if measure == Measure::Off {
-                let (light, camera) = (part.light_paths.into(), part.camera_paths.into());
+                let (light, camera) =
+                    (measurement.light_paths.into(), measurement.camera_paths.into());
                 recorder.add(light, camera, &report.times);
             }
             self.experiment.under_way += report.times.wall.as_secs_f64();
-            if self.is_complete(&part, &renderer) {
-                self.complete(part, &origin, &renderer, &recorder)?;
+            if self.is_complete(&measurement, &renderer) {
+                self.complete(measurement, &origin, &renderer, &recorder)?;
             }
-            let glimpse = Glimpse {
-                part,
-                number: [self.experiment.done.len().min(parts - 1), parts],
+            let status = RunStatus {
+                measurement,
+                index: self.experiment.done.len().min(count - 1),
+                count,
                 report: &report,
                 seconds: self.seconds(),
                 left: self.left(),
             };
-            let flow = watch(&glimpse);
-            let complete = self.experiment.done.last().is_some_and(|last| last.part == part);
+            let flow = watch(&status);
+            let complete =
+                self.experiment.done.last().is_some_and(|last| last.measurement == measurement);
             if complete {
                 return Ok(flow);
             }
-            // Cells take seconds: they begin anew.
+            // Cells take seconds, so that they restart after an interruption.
             let stop = flow.is_break();
-            if part.purpose != Purpose::Cell && (stop || saved.elapsed() > SAVE_EVERY) {
+            if measurement.purpose != Purpose::Cell && (stop || saved.elapsed() > SAVE_EVERY) {
                 let sums = Checkpoint::new(origin.clone(), renderer.blocks());
                 self.folder.save_under_way(&sums)?;
                 self.folder.save(&self.experiment)?;
@@ -155,21 +160,21 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// What a part is rendered from.
-    fn origin(&self, part: &Part) -> Provenance {
-        let identity = &self.experiment.identity;
-        let seed = part.seed(identity.settings.seed);
-        let Part { light_paths, camera_paths, .. } = *part;
+    /// Scene and settings of a measurement.
+    fn origin(&self, measurement: &Measurement) -> Provenance {
+        let conditions = &self.experiment.conditions;
+        let seed = measurement.seed(conditions.settings.seed);
+        let Measurement { light_paths, camera_paths, .. } = *measurement;
         Provenance {
-            version: identity.setup.version.clone(),
-            scene: identity.setup.scene.clone(),
-            fingerprint: self.bench.scene.fingerprint(),
-            backend: identity.setup.backend.clone(),
-            settings: Settings { light_paths, camera_paths, seed, ..identity.settings.clone() },
+            version: conditions.setup.version.clone(),
+            scene: conditions.setup.scene.clone(),
+            fingerprint: self.context.scene.fingerprint(),
+            backend: conditions.setup.backend.clone(),
+            settings: Settings { light_paths, camera_paths, seed, ..conditions.settings.clone() },
         }
     }
 
-    /// Takes the sums of an earlier run, if they are of this part.
+    /// Continues with the sums of an earlier run, if they belong to this measurement.
     fn resume(&mut self, renderer: &mut Renderer, origin: &Provenance) -> Result<()> {
         match self.folder.under_way()? {
             Some(mut sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
@@ -182,34 +187,34 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether a part has had its time, and enough iterations, as many in each batch.
-    fn is_complete(&self, part: &Part, renderer: &Renderer) -> bool {
-        let iterations =
-            renderer.block().statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
+    /// Whether a measurement has had its time and enough iterations, equally many in each batch.
+    fn is_complete(&self, measurement: &Measurement, renderer: &Renderer) -> bool {
+        let noise = renderer.block().statistics.noise.as_ref();
+        let iterations = noise.map_or(0, |noise| noise.iterations);
         let batches = BATCHES as u64;
-        match part.purpose {
+        match measurement.purpose {
             Purpose::Halves => iterations >= self.experiment.done[0].iterations,
             Purpose::Pairs | Purpose::Cell => {
-                let time = part.share() * self.experiment.identity.time_budget;
+                let time = measurement.share() * self.experiment.conditions.time_budget;
                 self.experiment.under_way >= time
-                    && iterations >= LEAST_IN_BATCH * batches
+                    && iterations >= MIN_IN_BATCH * batches
                     && iterations.is_multiple_of(batches)
             }
         }
     }
 
-    /// Keeps the results of a part.
+    /// Saves the results of a measurement.
     fn complete(
         &mut self,
-        part: Part,
+        measurement: Measurement,
         origin: &Provenance,
         renderer: &Renderer,
         recorder: &Recorder,
     ) -> Result<()> {
         let (film, noise) = (renderer.film(), renderer.block().noise_image()?);
-        let pixels = region::pixels(&self.experiment.identity.region, &noise)?;
+        let pixels = region::pixels(&self.experiment.conditions.region, &noise)?;
         self.experiment.done.push(Measured {
-            part,
+            measurement,
             iterations: noise.iterations,
             seconds: self.experiment.under_way,
             pooled_rms: noise.sampled_pooled_rms(&pixels),
@@ -217,14 +222,14 @@ impl<'a> Run<'a> {
             times: recorder.samples(),
         });
         self.experiment.under_way = 0.0;
-        if part.purpose != Purpose::Cell {
+        if measurement.purpose != Purpose::Cell {
             let mut facts = origin.to_metadata();
-            facts.insert("part".into(), Value::Text(part.name()));
-            let regions = self.bench.scene.regions.clone();
+            facts.insert("part".into(), Value::Text(measurement.name()));
+            let regions = self.context.scene.regions.clone();
             let file = NoiseFile { noise, pixels: film.mean(), regions, facts };
-            self.folder.save_noise(&part, &file)?;
+            self.folder.save_noise(&measurement, &file)?;
         }
-        // In this order, so that a stop in between loses nothing.
+        // Keep this order, so that an interruption in between loses nothing.
         self.folder.save(&self.experiment)?;
         self.folder.remove_under_way()
     }
@@ -235,13 +240,13 @@ impl<'a> Run<'a> {
         done + self.experiment.under_way
     }
 
-    /// Rendering time that is left.
+    /// Remaining rendering time.
     fn left(&self) -> f64 {
         let done = &self.experiment.done;
-        let rest = Part::all().into_iter().skip(done.len());
-        let planned: f64 = rest.map(|part| part.share()).sum();
-        // The halves take as many iterations as the pairs, whatever time that is.
-        let budget = self.experiment.identity.time_budget;
+        let rest = Measurement::all().into_iter().skip(done.len());
+        let planned: f64 = rest.map(|measurement| measurement.share()).sum();
+        // The halves take as many iterations as the pairs, whatever their time.
+        let budget = self.experiment.conditions.time_budget;
         (planned * budget - self.experiment.under_way).max(0.0)
     }
 }

@@ -2,11 +2,11 @@
 
 use super::folder::Measured;
 use crate::adaptive::optimize::predict::Predicted;
-use crate::noise::image::{NoiseImage, NoiseSample, Statistic, mean};
+use crate::noise::image::{NoiseImage, NoiseSample, Statistic, mean, root};
 use serde::Serialize;
 
-/// Noise of one iteration over the region; luminances, W/(m^2 sr). Means of roots are without their
-/// bias of the order of one over the number of iterations.
+/// Noise of one iteration over the region; luminances, W/(m^2 sr). Means of roots are corrected for
+/// their bias of the order of one over the number of iterations.
 #[derive(Clone, Debug, Serialize)]
 pub struct Terms {
     /// `N_F`.
@@ -19,24 +19,19 @@ pub struct Terms {
     pub roots: [Predicted; 3],
     /// Pixels of the region in which each term is negative; their roots count as 0.
     pub negative: [usize; 3],
-    /// Each of these means over the mean RMS.
+    /// Region means of the roots over the mean RMS.
     pub shares: [Predicted; 3],
     /// Mean RMS by formula (1).
     pub formula: Predicted,
     /// Mean RMS sampled.
     pub sampled: Predicted,
-    /// The former over the latter. Both share their fluctuations, which this error knows.
+    /// Formula over sampled. The error takes into account that both fluctuate together.
     pub ratio: Predicted,
 }
 
-fn root(x: f64) -> f64 {
-    x.max(0.0).sqrt()
-}
-
-/// A statistic without its bias.
+/// A statistic corrected for its bias of the order of one over the number of iterations.
 pub fn corrected(statistic: Statistic) -> Predicted {
-    let error = statistic.error.is_finite().then_some(statistic.error);
-    Predicted { value: statistic.corrected, error }
+    Predicted { value: statistic.corrected, ..statistic.into() }
 }
 
 /// The quotient of independent values.
@@ -75,7 +70,7 @@ pub fn share(
 }
 
 impl Terms {
-    /// At the counts that were measured.
+    /// The terms at the measured counts.
     pub fn new(noise: &NoiseImage, region: &[usize]) -> Self {
         let (n, m) = (f64::from(noise.light_paths), f64::from(noise.camera_paths));
         let sampled = |pixels: &[NoiseSample]| mean(pixels, |p| root(p.sampled));

@@ -5,8 +5,8 @@ use crate::film::aov::AovSample;
 use crate::film::features::{DenoiseFeatures, DepthSample};
 use crate::film::light_components::LightComponents;
 use crate::settings::Direct;
-use crate::transport::camera_paths::{CameraPaths, Told};
-use crate::transport::merge::Gathered;
+use crate::transport::camera_paths::{CameraPaths, PathAov};
+use crate::transport::merge::MergeOutput;
 use glam::DVec3;
 use std::mem;
 
@@ -15,7 +15,7 @@ pub struct AovSums<'a> {
     /// One sum for each pixel; empty if no layer is kept.
     sums: &'a mut [AovSample],
     /// Caustics of a batch of camera paths, if the merge of all photons does not separate them.
-    caustics: &'a mut Gathered,
+    caustics: &'a mut MergeOutput,
     gathers_caustics: bool,
     /// Whether direct light comes from the photon map, which stores it with the caustics.
     direct_is_gathered: bool,
@@ -25,11 +25,11 @@ pub struct AovSums<'a> {
 
 impl<'a> AovSums<'a> {
     /// Adds to `sums`; `caustics` is a workspace.
-    pub fn new(job: &Job, sums: &'a mut [AovSample], caustics: &'a mut Gathered) -> Self {
+    pub fn new(job: &Job, sums: &'a mut [AovSample], caustics: &'a mut MergeOutput) -> Self {
         Self {
             sums,
             caustics,
-            gathers_caustics: job.aovs.light && !job.merge.tells_caustics(),
+            gathers_caustics: job.aovs.light && !job.merge.separates_caustics(),
             direct_is_gathered: job.pass.settings.direct == Direct::PhotonMap,
             per_light_path: job.per_light_path(),
         }
@@ -38,16 +38,16 @@ impl<'a> AovSums<'a> {
     /// Merges `paths` with the caustic photons only, if the merge of all photons does not separate them.
     pub fn gather_caustics(&mut self, job: &Job, paths: &CameraPaths) {
         if self.gathers_caustics {
-            job.merge.of_caustics().gather(paths, self.caustics);
+            job.merge.caustics_only().gather(paths, self.caustics);
         }
     }
 
     /// Adds the camera path `number` to its pixel.
     #[inline]
-    pub fn add(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize, pixel: usize) {
+    pub fn add(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize, pixel: usize) {
         let Some(sum) = self.sums.get_mut(pixel) else { return };
-        let Told { emission, direct, albedo, normal, position, depth, hits, .. } =
-            paths.told[number];
+        let PathAov { emission, direct, albedo, normal, position, depth, hits, .. } =
+            paths.aovs[number];
         let all = if self.gathers_caustics { &self.caustics.caustics } else { &gathered.caustics };
         let caustics = all.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
         let mut light = LightComponents {

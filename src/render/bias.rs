@@ -4,9 +4,8 @@ use super::block::Block;
 use super::combined_image::CombinedImage;
 use crate::film::radiance::box_filter;
 use crate::film::tiled_buffer::tiles;
-use crate::noise::bias::{Products, falls_to};
+use crate::noise::bias::{BIAS_CERTAINTY, Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
-use crate::settings::policy::BIAS_CERTAINTY;
 use serde::Serialize;
 
 /// Minimum number of measured iterations: two in each batch.

@@ -16,7 +16,7 @@ use crate::settings::policy::{
 };
 use crate::settings::{Kernel, Settings};
 use crate::transport::camera_paths::CameraPaths;
-use crate::transport::merge::Gathered;
+use crate::transport::merge::MergeOutput;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -102,6 +102,7 @@ impl Renderer {
             // Renders with different seeds share the guide, so that they have the same distribution
             seed: LEARNING_SEED,
             guide: 0,
+            mis_scales: Some(settings.mis_scales()),
             radius: LEARNING_RADIUS * settings.radius,
             caustic_radius: LEARNING_RADIUS * settings.caustic_radius,
             // Avoids areas for these radii, which the image does not need
@@ -153,7 +154,7 @@ fn relative_second_moment(samples: &[GuideSample]) -> f64 {
 
 /// Contributions of the light paths to the pixels of some tiles.
 fn scores(job: &Job, tiles: &[Tile], weights: &[f64]) -> Vec<Score> {
-    let (mut paths, mut gathered) = <(CameraPaths, Gathered)>::default();
+    let (mut paths, mut gathered) = <(CameraPaths, MergeOutput)>::default();
     let mut table = PairTable::<f64>::default();
     let mut scores = Vec::new();
     let ids = job.paths(tiles);

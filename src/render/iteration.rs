@@ -9,8 +9,8 @@ use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
-use crate::transport::kernel;
-use crate::transport::merge::Merge;
+use crate::transport::kernel::MergeKernel;
+use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
 use rayon::prelude::*;
 use std::mem;
@@ -61,9 +61,9 @@ impl Renderer {
         report
     }
 
-    fn kernel(&self) -> kernel::Kernel<'_> {
-        let kernel = kernel::Kernel::new(&self.settings, self.areas.as_deref());
-        self.config.nested_class.map_or(kernel, |class| kernel.nesting(class))
+    fn kernel(&self) -> MergeKernel<'_> {
+        let kernel = MergeKernel::new(&self.settings, self.areas.as_deref());
+        self.config.nested_class.map_or(kernel, |class| kernel.with_nested_class(class))
     }
 
     /// Camera pass of an iteration whose photons are in the map, and the merge with them.
@@ -78,8 +78,11 @@ impl Renderer {
             key: StreamKey::new(settings.seed, Stream::CameraPath, iteration),
             gather_early: mis.is_some() || photon_map.has_caustic_photons(),
         };
-        let merge = Merge::new(photon_map, settings.merge_vertex, self.kernel());
-        let annulus = settings.bias == Bias::Reduce;
-        (pass, merge.weighted(mis).telling(self.config.aovs.light).with_annulus(annulus))
+        let options = MergeOptions {
+            mis,
+            records_caustics: self.config.aovs.light,
+            records_annulus: settings.bias == Bias::Reduce,
+        };
+        (pass, Merge::new(photon_map, settings.merge_vertex, self.kernel(), options))
     }
 }

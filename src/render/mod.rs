@@ -170,9 +170,10 @@ impl Renderer {
             })?
         };
         // The guide depends neither on the path counts nor on the seed.
-        let Settings { light_paths, camera_paths, seed, .. } = self.settings;
-        let own = Settings { light_paths, camera_paths, seed, ..renderer.settings.clone() };
-        if own == self.settings {
+        let Settings { light_paths, camera_paths, seed, mis_scales, .. } = self.settings;
+        let new = &renderer.settings;
+        let counted = Settings { light_paths, camera_paths, seed, mis_scales, ..new.clone() };
+        if counted == self.settings && new.mis_scales() == self.settings.mis_scales() {
             Ok(renderer.guided(self.guide().cloned()))
         } else {
             renderer.with_learned_guide()
@@ -283,11 +284,6 @@ impl Renderer {
     /// The scene and its acceleration structure.
     pub(crate) fn scene_and_accel(&self) -> (&Arc<Scene>, &Arc<dyn Intersect>) {
         (&self.scene, &self.accel)
-    }
-
-    /// Areas of the surfaces, for the area kernel only.
-    pub(crate) fn areas(&self) -> Option<&Areas> {
-        self.areas.as_deref()
     }
 
     /// The settings. Their path counts are those of the first block.

@@ -16,7 +16,7 @@ use crate::noise::halves::Halves;
 use crate::noise::pairs::AllPairs;
 use crate::noise::{Estimator, Measure};
 use crate::transport::camera_paths::{CameraPass, CameraPaths};
-use crate::transport::merge::{Gathered, Merge};
+use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::pair_list::Pair;
 use glam::DVec3;
 use std::mem;
@@ -47,7 +47,7 @@ impl<'a> Job<'a> {
         counts: &'a Counts,
         measure: Measure,
     ) -> Self {
-        let batch_size = merge.together(measure != Measure::Off);
+        let batch_size = merge.batch_size(measure != Measure::Off);
         Self { pass, merge, counts, measure, aovs: AovSelection::default(), batch_size }
     }
 
@@ -78,7 +78,7 @@ impl<'a> Job<'a> {
 #[derive(Debug, Default)]
 pub struct Worker {
     paths: CameraPaths,
-    gathered: Gathered,
+    gathered: MergeOutput,
     tiles: Vec<Tile>,
     /// Sum over the camera paths of each pixel.
     values: Vec<DVec3>,
@@ -90,7 +90,7 @@ pub struct Worker {
     /// Coefficients of each pixel; empty if they are not measured.
     measurements: Vec<PixelMeasurement>,
     /// Merge of caustic photons only, for [`AovSums`].
-    caustics: Gathered,
+    caustics: MergeOutput,
     pairs: AllPairs,
     halves: Halves,
     counts: WorkerCounts,
@@ -122,10 +122,10 @@ impl Worker {
         self.tiles.extend(tiles.iter().map(|tile| tile.film.tile));
         let pixels = self.tiles.iter().map(Tile::len).sum();
         reset(&mut self.values, true, pixels);
-        reset(&mut self.annulus, job.merge.halves(), pixels);
+        reset(&mut self.annulus, job.merge.options().records_annulus, pixels);
         reset(&mut self.aovs, job.aovs.any(), pixels);
         reset(&mut self.measurements, job.measure != Measure::Off, pixels);
-        self.paths.tell(job.aovs.any());
+        self.paths.record_aovs(job.aovs.any());
 
         let ids = job.paths(&self.tiles);
         let mut image = ImageSums {
@@ -237,7 +237,7 @@ struct ImageSums<'a> {
 
 impl ImageSums<'_> {
     #[inline]
-    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize) {
         let TilePaths { pixel, path, in_image, .. } = self.paths;
         if path < in_image {
             // theory.md (7), of one camera path
@@ -245,7 +245,7 @@ impl ImageSums<'_> {
             let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
             if let Some(sums) = self.annulus.get_mut(pixel) {
-                for (sum, own) in sums.iter_mut().zip(gathered.beyond[number]) {
+                for (sum, own) in sums.iter_mut().zip(gathered.annulus[number]) {
                     *sum += own.as_dvec3() * self.per_light_path;
                 }
             }
@@ -283,7 +283,7 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         mut self,
         ids: TilePaths,
         paths: &mut CameraPaths,
-        gathered: &mut Gathered,
+        gathered: &mut MergeOutput,
         counts: &mut WorkerCounts,
     ) {
         let job = self.job;
@@ -309,7 +309,7 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     }
 
     #[inline]
-    fn end_path(&mut self, paths: &CameraPaths, gathered: &Gathered, number: usize) {
+    fn end_path(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize) {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
         self.image.end_path(paths, gathered, number);
         let direct = paths.direct[number];

@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 /// What finds intersections.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Backend {
     /// Intel Embree 4.
     Embree,

@@ -94,11 +94,6 @@ impl Material {
         (passes && *emission == Rgb::ZERO).then(cut_out)
     }
 
-    /// Whether it is there for a share of the rays only, at least in places.
-    pub fn is_translucent(&self) -> bool {
-        self.opacity.is_some() && self.cut_out().is_some()
-    }
-
     /// How it scatters at `uv` of a mesh of this color there, if that varies.
     pub(super) fn bsdf_at(&self, uv: Vec2, color: Option<Rgb>) -> Option<Bsdf> {
         let (albedo, data) = (&self.albedo_texture, &self.metallic_roughness_texture);
@@ -126,13 +121,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn translucent_is_what_some_rays_pass_that_others_meet() {
+    fn opacity_below_one_lets_rays_pass_unless_the_material_emits() {
         let plain =
             Material::new("plain", Bsdf::Lambertian { albedo: Rgb::splat(0.5), two_sided: true });
-        assert!(!plain.is_translucent());
+        assert!(plain.cut_out().is_none());
         let share = |opacity| Material { opacity: Some(opacity), ..plain.clone() };
-        assert!(share(0.5).is_translucent() && !share(1.0).is_translucent());
+        assert!(share(0.5).cut_out().is_some() && share(1.0).cut_out().is_none());
         let lamp = Material { emission: Rgb::ONE, ..share(0.5) };
-        assert!(!lamp.is_translucent(), "lights let no ray pass");
+        assert!(lamp.cut_out().is_none(), "lights let no ray pass");
     }
 }

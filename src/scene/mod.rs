@@ -13,6 +13,7 @@ pub mod lights;
 pub mod material;
 mod mesh;
 mod normal_map;
+pub mod path_walker;
 mod placement;
 mod region;
 mod shading;

@@ -1,19 +1,19 @@
-//! What each setting may be, and how such an error gets out of a file.
+//! Bounds of the settings, and their errors.
 
 use super::Strategy;
 use super::length::LENGTH_ADVICE;
 use crate::base::error::{Error, Result};
 use serde::{Deserialize, Deserializer, de};
 
-/// Separates problem and advice within the one string that a serde error carries.
+/// Separates problem and advice in the text of a serde error.
 pub(crate) const ADVICE: &str = "\u{1f}";
 
-/// Hands an error through serde, which keeps nothing but a text; the scene loader splits it again.
+/// Turns an error into a serde error, which keeps only a text. The scene loader splits it into its parts.
 pub(crate) fn as_serde<E: de::Error>(error: Error) -> E {
     E::custom(format_args!("{}{ADVICE}{}", error.problem(), error.advice()))
 }
 
-/// Reads a value and checks it at once, so that an error names its line.
+/// Deserializes and checks a value, so that an error names its line.
 pub(super) fn checked<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from: D,
     check: impl FnOnce(&T) -> Result<()>,
@@ -23,7 +23,7 @@ pub(super) fn checked<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     Ok(Some(value))
 }
 
-/// Largest number of light paths: path ids take 31 bits.
+/// Maximum number of light paths: path ids take 31 bits.
 pub const MAX_LIGHT_PATHS: u32 = 1 << 31;
 
 pub(super) fn check_resolution(&[width, height]: &[u32; 2]) -> Result<()> {
@@ -53,16 +53,16 @@ pub(crate) fn check_camera_paths(&count: &u32) -> Result<()> {
     Err(Error::new("0 camera paths per pixel", "give at least 1 camera path per pixel"))
 }
 
-/// More iterations than teach light paths anything new. What they bring is kept until then: half a megabyte each at the most.
-const MOST_GUIDE: u32 = 256;
+/// Maximum number of iterations to learn a guide from: more of them add nothing, and each takes up to half a megabyte.
+const MAX_GUIDE: u32 = 256;
 
 pub(super) fn check_guide(&iterations: &u32) -> Result<()> {
-    if iterations <= MOST_GUIDE {
+    if iterations <= MAX_GUIDE {
         return Ok(());
     }
     Err(Error::new(
         format!("{iterations} iterations to learn a guide"),
-        format!("give at most {MOST_GUIDE}, such as 32, or 0 for none"),
+        format!("give at most {MAX_GUIDE}, such as 32, or 0 for none"),
     ))
 }
 
@@ -83,13 +83,6 @@ pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
     ))
 }
 
-pub(super) fn check_scale(&scale: &f64) -> Result<()> {
-    if scale >= 0.0 && scale <= f64::from(f32::MAX).sqrt() {
-        return Ok(());
-    }
-    Err(Error::new(format!("the scale of merges is {scale}"), "give a number such as 0.4"))
-}
-
 pub(super) fn check_strategy(strategy: Strategy, merge_vertex: u32) -> Result<()> {
     if strategy == Strategy::Single || merge_vertex == 2 {
         return Ok(());
@@ -98,28 +91,6 @@ pub(super) fn check_strategy(strategy: Strategy, merge_vertex: u32) -> Result<()
         format!(
             "strategy `mis` merges at vertices 1 and 2, but the merge vertex is {merge_vertex}"
         ),
-        "leave the merge vertex out or set it to 2: camera paths are cut there",
+        "use the merge vertex 2, where this strategy cuts camera paths",
     ))
-}
-
-/// Reads a resolution such as 512x384.
-#[cfg(feature = "cli")]
-pub(super) fn parse_resolution(text: &str) -> std::result::Result<[u32; 2], &'static str> {
-    let pixels = text.split_once(['x', 'X']).and_then(|(width, height)| {
-        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
-    });
-    pixels.ok_or("give a width and a height, such as 512x384")
-}
-
-#[cfg(all(test, feature = "cli"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn resolutions_are_two_numbers() {
-        assert_eq!(parse_resolution("640x480"), Ok([640, 480]));
-        for bad in ["", "640", "x", "640x", "640x-1", "640x480x3", "axb", "99999999999x1"] {
-            assert!(parse_resolution(bad).is_err(), "{bad}");
-        }
-    }
 }

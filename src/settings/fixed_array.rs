@@ -1,4 +1,4 @@
-//! Lists of a fixed length in files. Serde's own arrays take what is longer and drop the rest.
+//! Lists of a fixed length in files. Serde's own arrays accept longer lists and drop the rest.
 
 use super::checks::as_serde;
 use crate::base::error::Error;

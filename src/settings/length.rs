@@ -45,7 +45,7 @@ impl FromStr for Length {
 }
 
 impl Serialize for Length {
-    /// As [`Deserialize`] reads it: the shortest number or share that leads back.
+    /// Writes the shortest number or share that [`Deserialize`] reads as this length.
     fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
         // Through text, which keeps an f32 such as 0.1 as short as it was written.
         let short = |value: f32| value.to_string().parse::<f64>().expect("a number");
@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lengths_are_units_or_shares() {
+    fn length_is_parsed_as_units_or_share() {
         assert_eq!("4.5".parse::<Length>().unwrap(), Length::Units(4.5));
         assert_eq!(" 1e-3 ".parse::<Length>().unwrap(), Length::Units(1e-3));
         assert_eq!("0.8%".parse::<Length>().unwrap(), Length::Share(0.008));
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_leads_back() {
+    fn written_length_is_read_unchanged() {
         for text in ["0.8%", "1%", "33.3%", "0.000123%", "4.633333", "1e-30"] {
             let length: Length = text.parse().unwrap();
             let written = serde_json::to_string(&length).unwrap();

@@ -1,4 +1,4 @@
-//! Everything besides the scene that determines an image, validated.
+//! Settings: everything besides the scene that determines an image, validated.
 
 mod checks;
 mod fixed_array;
@@ -11,68 +11,69 @@ pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
 pub(crate) use fixed_array::FixedArray;
 pub use length::Length;
-pub(crate) use table::shared_by;
 pub use table::{PartialSettings, Settings};
 
 use serde::{Deserialize, Serialize};
 
-/// How light that comes straight from a light source is found.
+/// Technique for light straight from a light source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Direct {
-    /// By a shadow ray from each diffuse vertex of the camera path.
+    /// A shadow ray from each diffuse vertex of the camera path.
     #[default]
     Connect,
-    /// From the photon map, like all other light.
+    /// The photon map, as for all other light.
     PhotonMap,
 }
 
-/// In how many ways a path is found: theory.md, section 4.
+/// Techniques that sample a path: theory.md, section 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Strategy {
-    /// In one: by merging at vertex `k` (caustics at all up to it), or by connection.
+    /// One technique: a merge at vertex `k` (caustics: at all vertices up to `k`), or a connection.
     #[default]
     Single,
-    /// By merging at vertices 1 and 2 and by connection from both, weighted by the balance heuristic.
+    /// Merges at vertices 1 and 2 and connections from both, weighted by the balance heuristic.
     Mis,
 }
 
-/// The area that merged photons are divided by.
+/// Area that the flux of merged photons is divided by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Kernel {
-    /// That of a disc of the merge radius, as in the paper.
-    #[default]
+    /// The area of a disc of the merge radius, as in the paper.
     Disc,
-    /// That of the surface within the merge radius that could have sent a photon: no bias at edges.
+    /// The area of the surface within the merge radius that could have sent a photon: no bias at edges.
+    #[default]
     Area,
 }
 
-/// What becomes of the bias of merging within radii that are not zero.
+/// Treatment of the merge bias, which radii above zero cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum Bias {
-    /// It stays: the image is what the paper's estimator finds.
+    /// Keep the bias: the image is the mean of the paper's estimator.
     #[default]
     Keep,
-    /// It is taken off where it stands out from the noise, by what half the radii find: theory.md, section 17a.
+    /// Subtract the bias where it exceeds the noise, estimated from half the radii: theory.md, section 17a.
     Reduce,
 }
 
-/// How paths end where they scatter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Roulette {
-    /// Analog: survive with probability albedo, so that the weight stays (nearly) constant.
-    #[default]
-    Albedo,
-    /// Carry the albedo as weight. Camera paths end at their cut anyway; light paths survive with
-    /// probability 0.995 until their weight falls below 1/16 of its start, then in proportion to it.
-    Weight,
+/// Constants of the MIS weights. They decide about noise only: the mean of the image is the same for any values. They
+/// must not change between iterations of one image, because the law of the noise holds for fixed weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MisScales {
+    /// Planned light paths per iteration: theory.md (47c).
+    pub light_paths: u32,
+    /// Scales of merges at the first and at the second vertex: `c_1`, `c_2` of theory.md.
+    pub scales: [f64; 2],
+}
+
+impl MisScales {
+    /// The constants for these counts of an iteration. Merges count less the more camera paths share the photons:
+    /// half of their variance is taken to belong to the photons. The optimum is flat.
+    /// theory.md (47h)
+    pub fn new(light_paths: u32, camera_paths: u32) -> Self {
+        Self { light_paths, scales: [2.0 / (1.0 + f64::from(camera_paths)); 2] }
+    }
 }

@@ -148,7 +148,7 @@ impl Provenance {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::{Direct, Kernel, Roulette, Strategy};
+    use crate::settings::{Direct, Kernel, Strategy};
 
     fn origin() -> Provenance {
         let settings = Settings {
@@ -161,15 +161,11 @@ mod tests {
             kernel: Kernel::Area,
             merge_vertex: 2,
             strategy: Strategy::Single,
-            mis_light_paths: 100,
-            mis_c1: 0.4,
-            mis_c2: 0.4,
             direct: Direct::Connect,
-            light_roulette: Roulette::Albedo,
-            camera_roulette: Roulette::Weight,
             guide: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
+            mis_scales: None,
         };
         Provenance {
             version: "1.2.3".into(),

@@ -1,13 +1,13 @@
-//! Times that `cargo bench --bench tau` left behind: Criterion's own estimates, and a sidecar file
-//! that tells what they are of.
+//! Reads the times that `cargo bench --bench tau` measured: Criterion's own estimates, and a sidecar
+//! file that says what was measured.
 //!
-//! The folder `tau` of Criterion's output holds `bdpm.json`, the [`Sidecar`], and for each of its
-//! entries `ID/new/estimates.json`, which Criterion wrote.
+//! The folder `tau` of Criterion's output holds `bdpm.json`, the [`Sidecar`]. For each of its entries
+//! it holds `ID/new/estimates.json`, which Criterion wrote.
 
 use super::file::{Timings, from_json};
 use super::fit::fit;
-use super::sample::{Phase, Sample};
-use super::setup::Setup;
+use super::measure::{Phase, TimeSample};
+use super::setup::MeasurementSetup;
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_text;
@@ -21,19 +21,19 @@ pub const GROUP: &str = "tau";
 /// The sidecar's name.
 const SIDECAR: &str = "bdpm.json";
 
-/// What to do about most problems.
+/// Advice of all errors.
 const ADVICE: &str = "run cargo bench --bench tau";
 
-/// What Criterion does not record.
+/// Facts about a run of the benchmarks that Criterion does not record.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sidecar {
-    /// When the benchmarks began, seconds since 1970; older estimates are of another run.
+    /// Start of the benchmarks, seconds since 1970. Older estimates belong to another run.
     begun: f64,
-    /// Whether all of them have run.
+    /// Whether all benchmarks have run.
     completed: bool,
-    /// What was measured.
-    pub setup: Setup,
+    /// Scene, settings and machine.
+    pub setup: MeasurementSetup,
     /// The benchmarks.
     pub entries: Vec<Entry>,
 }
@@ -42,7 +42,7 @@ pub struct Sidecar {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// Its folder beside the sidecar, such as `light/1000x1`.
+    /// Folder of the benchmark beside the sidecar, such as `light/1000x1`.
     pub id: String,
     /// The phase.
     pub phase: Phase,
@@ -53,11 +53,11 @@ pub struct Entry {
 }
 
 impl Sidecar {
-    /// Writes the sidecar of a run that begins now; `folder` is made if it is missing.
+    /// Writes the sidecar of a run that begins now. Creates `folder` if it is missing.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn begin(folder: &Path, setup: Setup, entries: Vec<Entry>) -> Result<Self> {
+    pub fn begin(folder: &Path, setup: MeasurementSetup, entries: Vec<Entry>) -> Result<Self> {
         let begun = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let sidecar = Self { begun: begun.as_secs_f64(), completed: false, setup, entries };
         std::fs::create_dir_all(folder).map_err(|e| Error::io("make the folder", folder, e))?;
@@ -65,7 +65,7 @@ impl Sidecar {
         Ok(sidecar)
     }
 
-    /// Notes that all benchmarks have run.
+    /// Records that all benchmarks have run.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -81,11 +81,11 @@ impl Sidecar {
 }
 
 impl Timings {
-    /// Reads and fits what `cargo bench --bench tau` measured, from `target/criterion` or the
-    /// folder `tau` in it.
+    /// Reads and fits the times that `cargo bench --bench tau` measured, from `target/criterion` or
+    /// the folder `tau` in it.
     ///
     /// # Errors
-    /// If there is nothing, the benchmarks did not end, or an estimate is missing, damaged or of
+    /// If there are no times, the benchmarks did not end, or an estimate is missing, damaged or from
     /// another run; names the file.
     pub fn from_criterion(folder: &Path) -> Result<Self> {
         let folder = match folder.join(SIDECAR).exists() {
@@ -102,16 +102,16 @@ impl Timings {
             return Err(Error::new("the benchmarks did not all run", ADVICE).at(path));
         }
         let read = |entry| sample(&folder, entry, sidecar.begun);
-        let samples: Vec<Sample> = sidecar.entries.iter().map(read).collect::<Result<_>>()?;
+        let samples: Vec<TimeSample> = sidecar.entries.iter().map(read).collect::<Result<_>>()?;
         let fit = fit(&samples, sidecar.setup.pixels()).map_err(|e| e.at(path))?;
         Ok(Self::new(fit, sidecar.setup))
     }
 }
 
-/// The part of Criterion's `estimates.json` that is of use.
+/// The entries of Criterion's `estimates.json` that are read.
 #[derive(Deserialize)]
 struct Estimates {
-    /// Iterations beside other programs' bursts do not move it.
+    /// The median, because short loads of other programs do not change it.
     median: Estimate,
 }
 
@@ -122,7 +122,7 @@ struct Estimate {
     standard_error: f64,
 }
 
-fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
+fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<TimeSample> {
     let path: PathBuf = folder.join(&entry.id).join("new").join("estimates.json");
     let refuse = |problem: &str| Error::new(problem, ADVICE).at(&path);
     if !path.exists() {
@@ -131,8 +131,7 @@ fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
     let text = read_text(&path)?;
     let written = path.metadata().and_then(|file| file.modified());
     let written = written.map_err(|e| Error::io("read", &path, e))?;
-    // File systems may keep times to two seconds only; estimates of one run are minutes apart from
-    // those of the next.
+    // Some file systems round times to two seconds. Runs are minutes apart.
     let written = written.duration_since(UNIX_EPOCH).unwrap_or_default() + Duration::from_secs(2);
     if written.as_secs_f64() < begun {
         return Err(refuse("this estimate is older than the last run of the benchmarks"));
@@ -141,10 +140,10 @@ fn sample(folder: &Path, entry: &Entry, begun: f64) -> Result<Sample> {
     let (seconds, error) = (1e-9 * median.point_estimate, 1e-9 * median.standard_error);
     // Written so that NaN fails.
     if !(seconds > 0.0 && seconds.is_finite() && error >= 0.0 && error.is_finite()) {
-        return Err(refuse(&format!("the estimate {seconds} +- {error} s is no time")));
+        return Err(refuse(&format!("the estimate {seconds} +- {error} s is not a time")));
     }
     let (light_paths, camera_paths) = (entry.light_paths.into(), entry.camera_paths.into());
-    Ok(Sample { phase: entry.phase, light_paths, camera_paths, seconds, error: Some(error) })
+    Ok(TimeSample { phase: entry.phase, light_paths, camera_paths, seconds, error: Some(error) })
 }
 
 #[cfg(test)]
@@ -153,7 +152,7 @@ mod tests {
     use crate::timing::setup::tests::setup;
     use std::fs::{self, File};
 
-    /// Writes exact times of `1 ms + 1 us N_F` and so on, as Criterion does.
+    /// Writes exact times, such as `1 ms + 1 us N_F` for the light phase, as Criterion does.
     fn bench(home: &Path) {
         let sizes = [(1000, 1), (10_000, 1), (1000, 4), (10_000, 4)];
         let size = |phase: Phase, (n, m): (u32, u32)| Entry {
@@ -186,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_is_read_from_either_folder() {
+    fn criterion_run_is_read_from_either_folder() {
         let home = tempfile::tempdir().unwrap();
         bench(home.path());
         let timings = Timings::from_criterion(home.path()).unwrap();
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_stale_or_damaged_is_refused_by_name() {
+    fn missing_stale_and_damaged_estimates_are_refused_by_name() {
         let home = tempfile::tempdir().unwrap();
         let refused = |file: &str, problem: &str| {
             let shown = Timings::from_criterion(home.path()).unwrap_err().to_string();
@@ -226,7 +225,7 @@ mod tests {
         fs::write(&sidecar, unfinished).unwrap();
         refused("bdpm.json", "the benchmarks did not all run");
         fs::write(&sidecar, &good_sidecar[..good_sidecar.len() / 2]).unwrap();
-        refused("bdpm.json", "these are no timings: EOF");
+        refused("bdpm.json", "these are not timings: EOF");
         fs::write(&sidecar, good_sidecar.replace("\"threads\"", "\"treads\"")).unwrap();
         refused("bdpm.json", "missing field `threads`");
         fs::write(&sidecar, &good_sidecar).unwrap();
@@ -238,9 +237,9 @@ mod tests {
         refused(here, "this estimate is missing");
         for (from, to, problem) in [
             ("\"median\"", "\"medium\"", "missing field `median`"),
-            ("}}", "", "these are no timings: EOF"),
-            ("\"point_estimate\":", "\"point_estimate\":-", "is no time"),
-            ("1000.0", "-1", "is no time"),
+            ("}}", "", "these are not timings: EOF"),
+            ("\"point_estimate\":", "\"point_estimate\":-", "is not a time"),
+            ("1000.0", "-1", "is not a time"),
             ("1000.0", "null", "invalid type: null"),
         ] {
             fs::write(&estimate, good.replace(from, to)).unwrap();

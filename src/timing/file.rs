@@ -1,42 +1,44 @@
-//! Times in files: what `bdpm calibrate` writes, what Criterion left, or bare coefficients.
+//! Times in files and tables. A file is the output of `bdpm calibrate` or a bare [`TimeModel`], a
+//! folder is Criterion's.
 
-use super::fit::{Fit, Point, TimeErrors};
-use super::model::TimeModel;
-use super::setup::Setup;
+use super::fit::{Fit, FittedTime, TimeErrors};
+use super::setup::MeasurementSetup;
+use super::{COEFFICIENTS, TimeModel};
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_text;
 use crate::image_io::Metadata;
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 use std::path::Path;
 
-/// A time model with all that is known about it. In a file it is a JSON object with these keys, or
-/// the [`TimeModel`] alone.
+/// A time model and how it was measured. In a file it is a JSON object with these keys, or the
+/// [`TimeModel`] alone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Timings {
     /// The coefficients.
     pub model: TimeModel,
-    /// Their standard errors, if the model was fitted.
+    /// Standard errors of the coefficients, if the model was fitted.
     pub errors: Option<TimeErrors>,
-    /// What was measured, beside what the fit says.
-    pub points: Vec<Point>,
-    /// Coefficients that could not be told apart.
+    /// Measured times beside the fitted ones.
+    pub points: Vec<FittedTime>,
+    /// Coefficients that the measured sizes do not distinguish.
     pub notes: Vec<String>,
-    /// What was measured with; unknown for a bare model.
-    pub setup: Option<Setup>,
+    /// Scene, settings and machine; unknown for a bare model.
+    pub setup: Option<MeasurementSetup>,
 }
 
 impl From<TimeModel> for Timings {
-    /// Times of which nothing else is known.
+    /// A bare model.
     fn from(model: TimeModel) -> Self {
         Self { model, errors: None, points: Vec::new(), notes: Vec::new(), setup: None }
     }
 }
 
 impl Timings {
-    /// Measured with `setup`.
-    pub fn new(fit: Fit, setup: Setup) -> Self {
+    /// A fit of times that were measured with `setup`.
+    pub fn new(fit: Fit, setup: MeasurementSetup) -> Self {
         let Fit { model, errors, points, notes } = fit;
         Self { model, errors: Some(errors), points, notes, setup: Some(setup) }
     }
@@ -62,11 +64,13 @@ impl Timings {
                       light_path, camera_path, look_up, merge_pair (seconds) and pixels";
         let json: serde_json::Value = from_json(text, advice)?;
         if json.get("model").is_none() {
-            return Ok(TimeModel::parse(text)?.into());
+            let model: TimeModel = from_json(text, advice)?;
+            model.validate()?;
+            return Ok(model.into());
         }
         let timings: Self = from_json(text, advice)?;
         timings.model.validate()?;
-        timings.setup.as_ref().map_or(Ok(()), Setup::validate)?;
+        timings.setup.as_ref().map_or(Ok(()), MeasurementSetup::validate)?;
         Ok(timings)
     }
 
@@ -79,8 +83,8 @@ impl Timings {
         write_atomically(path, |file| file.write_all(text.as_bytes()))
     }
 
-    /// Refuses to use the times for an image of `width` times `height` pixels of which `facts` are
-    /// known, as [`Setup::check_fits`]; of a bare model only the number of pixels can be compared.
+    /// Refuses to use the times for another image, given its metadata and size in pixels, as
+    /// [`MeasurementSetup::check_fits`]. Of a bare model only the number of pixels can be compared.
     ///
     /// # Errors
     /// Names everything that differs, with both values.
@@ -97,24 +101,80 @@ impl Timings {
             "measure the times of this scene with these settings: bdpm calibrate",
         ))
     }
+
+    /// Setup, measured times and coefficients as text.
+    pub fn text(&self) -> String {
+        let setup = self.setup.iter().fold(String::new(), |_, setup| format!("{setup}\n\n"));
+        format!("{setup}{}\n{}", self.points_table(), self.coefficients_table())
+    }
+
+    /// The five coefficients with their standard errors, a line each.
+    pub fn coefficients_table(&self) -> String {
+        const UNITS: [&str; 5] =
+            ["iteration", "light path", "camera path", "camera path", "light path and camera path"];
+        let mut text = String::new();
+        let errors = self.errors.unwrap_or_default().seconds();
+        let columns = self.model.seconds().into_iter().zip(errors).zip(UNITS);
+        for (name, ((value, error), unit)) in COEFFICIENTS.into_iter().zip(columns) {
+            let error = error.map_or(String::new(), |error| format!("+- {error:.1e}"));
+            let row = format!("{name:<11} {value:>10.3e} {error:<10} s per {unit}");
+            writeln!(text, "{row}").expect("strings take everything");
+        }
+        for note in &self.notes {
+            writeln!(text, "note: {note}").expect("strings take everything");
+        }
+        text
+    }
+
+    /// Measured and fitted times, a line each; the residual also as a share of the whole iteration.
+    fn points_table(&self) -> String {
+        let mut text = format!(
+            "{:<7} {:>8} {:>4} {:>12}    {:<10} {:>10} {:>10} {:>13}\n",
+            "phase", "N_F", "N_B", "seconds", "", "fitted", "residual", "of iteration"
+        );
+        for point in &self.points {
+            let error = point.error.map_or(String::new(), |error| format!("+- {error:.2e}"));
+            let residual = point.measured - point.fitted;
+            let iteration = self.model.iteration(point.light_paths, point.camera_paths);
+            // The time of a phase may be too small for a clock.
+            let share = |whole: f64| match 100.0 * residual / whole {
+                share if share.is_finite() => format!("{share:+.1} %"),
+                _ => String::new(),
+            };
+            writeln!(
+                text,
+                "{:<7} {:>8} {:>4} {:>12.4e} {error:<13} {:>10.3e} {:>10} {:>13}",
+                point.phase.name(),
+                point.light_paths,
+                point.camera_paths,
+                point.measured,
+                point.fitted,
+                share(point.fitted),
+                share(iteration),
+            )
+            .expect("strings take everything");
+        }
+        text
+    }
 }
 
-/// Reads JSON that is to be times.
+/// Reads JSON that holds times.
 pub(super) fn from_json<T: serde::de::DeserializeOwned>(text: &str, advice: &str) -> Result<T> {
-    serde_json::from_str(text).map_err(|e| Error::new(format!("these are no timings: {e}"), advice))
+    serde_json::from_str(text)
+        .map_err(|e| Error::new(format!("these are not timings: {e}"), advice))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::timing::sample::Phase;
+    use crate::timing::measure::Phase;
     use crate::timing::setup::tests::{facts, setup};
 
     const BARE: &str = r#"{"fixed":0.5,"light_path":2e-7,"camera_path":3,"look_up":4,
                            "merge_pair":5,"pixels":262144}"#;
 
     fn full() -> Timings {
-        let point = Point {
+        let point = FittedTime {
             phase: Phase::Light,
             light_paths: 1000.0,
             camera_paths: 1.0,
@@ -132,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_keeps_everything() {
+    fn file_keeps_everything() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("times.json");
         full().save(&path).unwrap();
@@ -142,15 +202,20 @@ mod tests {
     }
 
     #[test]
-    fn other_files_are_refused_by_name() {
+    fn damaged_files_are_refused_by_name() {
         let good = serde_json::to_string(&full()).unwrap();
         for (text, problem, advice) in [
             (good.replace("\"notes\"", "\"nodes\""), "unknown field `nodes`", "bdpm calibrate"),
             (good.replace("\"light\"", "\"dark\""), "unknown variant `dark`", "bdpm calibrate"),
             (good.replace("\"look_up\":4.0", "\"look_up\":-4"), "look_up is -4", "at least 0"),
             (BARE.replace("\"fixed\"", "\"fixd\""), "unknown field `fixd`", "keys fixed"),
-            (BARE.replace('}', ""), "no timings: EOF", "bdpm calibrate wrote, or"),
-            ("[]".into(), "no timings", "keys fixed"),
+            (BARE.replace('}', ""), "not timings: EOF", "bdpm calibrate wrote, or"),
+            ("[]".into(), "not timings", "keys fixed"),
+            (BARE.replace("\"look_up\":4", "\"look_up\":-4"), "look_up is -4", "give look_up"),
+            (BARE.replace("\"fixed\":0.5", "\"fixed\":null"), "not timings", "keys fixed"),
+            (BARE.replace("\"fixed\":0.5,", ""), "missing field `fixed`", "keys fixed"),
+            (BARE.replace("\"fixed\":0.5", "\"fixed\":1e999"), "not timings", "keys fixed"),
+            (BARE.replace(":262144", ":0"), "0 pixels", "number of pixels"),
         ] {
             let shown = Timings::parse(&text).unwrap_err().to_string();
             let (found, help) = shown.split_once("\nhelp: ").unwrap();
@@ -159,7 +224,13 @@ mod tests {
     }
 
     #[test]
-    fn a_bare_model_is_compared_by_its_pixels() {
+    fn model_with_nan_is_refused_by_name() {
+        let nan = TimeModel { merge_pair: f64::NAN, ..full().model };
+        assert!(nan.validate().unwrap_err().to_string().contains("merge_pair is NaN"));
+    }
+
+    #[test]
+    fn bare_model_is_compared_by_its_pixels() {
         let bare = Timings::parse(BARE).unwrap();
         bare.check_fits(&Metadata::new(), 512, 512).unwrap();
         let shown = bare.check_fits(&Metadata::new(), 512, 256).unwrap_err().to_string();

@@ -1,4 +1,4 @@
-//! What times were measured with, and what they may be used for.
+//! Scene, settings and machine that times were measured with, and the images they may be used for.
 
 use crate::base::error::{Error, Result};
 use crate::image_io::{Metadata, Value};
@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// All that times depend on.
+/// Everything that times depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Setup {
+pub struct MeasurementSetup {
     /// The scene's name, for messages.
     pub scene: String,
     /// [`Scene::fingerprint`](crate::Scene::fingerprint), 16 hexadecimal digits.
@@ -23,26 +23,25 @@ pub struct Setup {
     pub version: String,
     /// `release` or `debug`.
     pub build: String,
-    /// The processor's model, where the system tells.
+    /// The processor's model, if the system reports it.
     pub processor: Option<String>,
-    /// By name: all but [`INDEPENDENT`].
+    /// Settings by name, except [`INDEPENDENT`].
     #[serde(flatten)]
     settings: BTreeMap<String, serde_json::Value>,
 }
 
-/// Settings that times do not depend on, or as the model says.
-const INDEPENDENT: [&str; 6] =
-    ["light_paths", "camera_paths", "seed", "mis_light_paths", "mis_c1", "mis_c2"];
+/// Settings that times do not depend on, or depend on as the model describes.
+const INDEPENDENT: [&str; 3] = ["light_paths", "camera_paths", "seed"];
 
-/// Names of the others.
+/// Names of the settings that times depend on.
 fn dependent() -> impl Iterator<Item = &'static str> {
     Settings::NAMES.iter().copied().filter(|name| !INDEPENDENT.contains(name))
 }
 
-impl Setup {
-    /// Of this program on this machine.
-    pub fn new(origin: &Provenance, threads: usize) -> Self {
-        let Provenance { version, scene, fingerprint, backend, settings } = origin;
+impl MeasurementSetup {
+    /// The setup of this program on this machine.
+    pub fn new(provenance: &Provenance, threads: usize) -> Self {
+        let Provenance { version, scene, fingerprint, backend, settings } = provenance;
         let mut all = settings.to_map();
         let settings =
             dependent().filter_map(|name| Some((name.to_owned(), all.remove(name)?))).collect();
@@ -62,7 +61,7 @@ impl Setup {
     fn setting(&self, name: &str) -> String {
         match self.settings.get(name) {
             Some(serde_json::Value::String(text)) => text.clone(),
-            // As the numbers of files, which have no point behind whole ones.
+            // Written like the numbers of image files: whole ones without a decimal point.
             Some(other) => other.as_f64().unwrap_or(f64::NAN).to_string(),
             None => UNKNOWN.into(),
         }
@@ -79,14 +78,15 @@ impl Setup {
         side("width").unwrap_or(0.0) * side("height").unwrap_or(0.0)
     }
 
-    /// Refuses a setup that a file holds but no program wrote.
+    /// Refuses a setup from a file that another program or version wrote.
     ///
     /// # Errors
     /// Names a setting that is missing or unknown.
     pub fn validate(&self) -> Result<()> {
-        let advice = "give a file that this version of bdpm wrote, or measure anew: bdpm calibrate";
+        let advice =
+            "give a file that this version of bdpm wrote, or measure again: bdpm calibrate";
         if let Some(missing) = dependent().find(|name| !self.settings.contains_key(*name)) {
-            return Err(Error::new(format!("the times do not tell their {missing}"), advice));
+            return Err(Error::new(format!("the times do not say their {missing}"), advice));
         }
         if let Some(unknown) =
             self.settings.keys().find(|key| !dependent().any(|name| name == *key))
@@ -96,8 +96,8 @@ impl Setup {
         Ok(())
     }
 
-    /// Refuses to use the times for an image of which `facts` are known by name, such as the
-    /// attributes of a noise file. Threads, build and processor are not compared: no image tells.
+    /// Refuses to use the times for another image, given its metadata such as the attributes of a
+    /// noise file. Threads, build and processor are not compared: images do not record them.
     ///
     /// # Errors
     /// Names everything that differs, with both values.
@@ -137,11 +137,11 @@ impl Setup {
     }
 }
 
-/// Stands for what a file does not tell.
+/// Shown for values that a file does not have.
 const UNKNOWN: &str = "unknown";
 
 /// One line.
-impl fmt::Display for Setup {
+impl fmt::Display for MeasurementSetup {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, threads, backend, build, version, .. } = self;
         let plural = if *threads == 1 { "" } else { "s" };
@@ -165,7 +165,7 @@ pub(super) mod tests {
     use super::*;
     use crate::settings::PartialSettings;
 
-    fn origin() -> Provenance {
+    fn provenance() -> Provenance {
         let none = PartialSettings::default();
         Provenance {
             version: "1.2.3".into(),
@@ -176,17 +176,17 @@ pub(super) mod tests {
         }
     }
 
-    pub fn setup() -> Setup {
-        Setup::new(&origin(), 3)
+    pub fn setup() -> MeasurementSetup {
+        MeasurementSetup::new(&provenance(), 3)
     }
 
-    /// As `bdpm analyze` writes them.
+    /// Metadata as `bdpm analyze` writes it.
     pub fn facts() -> Metadata {
-        origin().to_metadata()
+        provenance().to_metadata()
     }
 
     #[test]
-    fn every_difference_is_named_with_both_values() {
+    fn differences_are_named_with_both_values() {
         setup().check_fits(&facts()).unwrap();
         let text = |text: &str| Value::Text(text.into());
         for (key, value, expected) in [
@@ -196,8 +196,6 @@ pub(super) mod tests {
             ("merge_vertex", Value::Number(1.0), "merge-vertex is 2, not 1"),
             ("strategy", text("mis"), "strategy is single, not mis"),
             ("direct", text("photon-map"), "direct is connect, not photon-map"),
-            ("light_roulette", text("weight"), "light-roulette is albedo, not weight"),
-            ("camera_roulette", text("albedo"), "camera-roulette is weight, not albedo"),
             ("radius", Value::Number(0.5), "radius is 0.01, not 0.5"),
             ("kernel", text("disc"), "kernel is area, not disc"),
         ] {
@@ -213,12 +211,12 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_no_program_wrote_is_refused() {
+    fn missing_and_unknown_settings_are_refused() {
         setup().validate().unwrap();
         let mut less = setup();
         less.settings.remove("radius");
         let shown = less.validate().unwrap_err().to_string();
-        assert!(shown.contains("do not tell their radius"), "{shown}");
+        assert!(shown.contains("do not say their radius"), "{shown}");
         let mut more = setup();
         more.settings.insert("seed".into(), 1.into());
         let shown = more.validate().unwrap_err().to_string();
@@ -226,9 +224,9 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn it_survives_a_file() {
+    fn setup_survives_a_file() {
         let text = serde_json::to_string(&setup()).unwrap();
-        assert_eq!(serde_json::from_str::<Setup>(&text).unwrap(), setup());
+        assert_eq!(serde_json::from_str::<MeasurementSetup>(&text).unwrap(), setup());
         assert!(setup().to_string().starts_with("box, 512x512 pixels, 3 threads"), "{}", setup());
     }
 }

@@ -1,6 +1,6 @@
-//! Where camera paths gather photons.
+//! Gather points: the vertices of camera paths at which photons are merged.
 
-use super::mis::Mis;
+use super::mis::densities::PathKind;
 use super::photon::Photon;
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
@@ -14,27 +14,26 @@ use std::ops::Range;
 /// A vertex of a camera path at which photons are merged.
 #[derive(Clone, Copy, Debug)]
 pub struct GatherPoint {
-    /// Where it is, scene units.
+    /// Position, scene units.
     pub position: Vec3,
-    /// Its camera path: index among those that are merged together.
+    /// Index of its camera path among those that are merged together.
     pub path: u32,
-    /// Throughput of the path times the BSDF toward the camera, 1/sr: what a photon's flux per
-    /// area (of the merge kernel) is multiplied with. The throughput alone if there is a `view`.
+    /// Throughput of the path times the BSDF toward the camera, 1/sr: the factor of a photon's flux per area of the
+    /// merge kernel. The throughput alone if there is a `view`.
     pub weight: Rgb,
-    /// Number of the diffuse vertex, `1..=k`: all photons are merged at `k`; before, only those that
-    /// come from a light without a diffuse bounce.
+    /// Number of the diffuse vertex, `1..=k`. Photons of all classes are merged at `k`, only caustic photons before.
     pub vertex: u32,
     /// Unit normal on the side that the camera path sees.
     pub normal: Vec3,
-    /// That side.
+    /// The side of the triangle that the camera path sees.
     pub facet: Facet,
     /// Index in [`CameraPaths::views`](crate::transport::camera_paths::CameraPaths::views), or
-    /// [`GatherPoint::NO_VIEW`] if the BSDF is the same for all photons.
+    /// [`GatherPoint::NO_VIEW`] if the BSDF is constant.
     pub view: u32,
 }
 
 impl GatherPoint {
-    /// The BSDF does not depend on where photons come from.
+    /// Marks a point whose BSDF does not depend on the directions of photons.
     pub const NO_VIEW: u32 = u32::MAX;
 }
 
@@ -42,9 +41,9 @@ impl GatherPoint {
 #[derive(Clone, Debug, Default)]
 pub struct GatherPoints {
     packets: Vec<GatherPacket>,
-    /// What the points carry of their paths' weights, if paths are weighted.
-    parts: Vec<[f32; LANES]>,
-    /// Lanes that are taken: all of a packet, even if not all of its points gather.
+    /// MIS partials of the points; meaningless without MIS.
+    mis_partials: Vec<[f32; LANES]>,
+    /// Lanes in use. A packet of diffuse vertices uses all lanes even if not all of its points gather.
     taken: usize,
 }
 
@@ -58,22 +57,22 @@ pub(crate) struct GatherPacket {
     pub path: [u32; LANES],
     pub vertex: [u32; LANES],
     pub view: [u32; LANES],
-    /// The facets; see [`Facet`].
+    /// Meshes and sides of the [`Facet`]s.
     pub mesh: [u32; LANES],
     pub side: [u32; LANES],
-    /// Which lanes gather.
+    /// Lanes that gather.
     pub gathers: Mask,
 }
 
 impl GatherPacket {
-    /// Which lanes gather for these camera paths.
+    /// The lanes that gather for these camera paths.
     #[inline(always)] // part of vectorized code
     pub fn gathers_of(&self, paths: &Range<usize>) -> Mask {
         let (start, end) = (paths.start as u32, paths.end as u32);
         from_fn(|lane| self.gathers[lane] & (self.path[lane] >= start) & (self.path[lane] < end))
     }
 
-    /// One of the points.
+    /// The point in one lane.
     #[inline(always)] // part of vectorized code
     pub fn get(&self, lane: usize) -> GatherPoint {
         GatherPoint {
@@ -89,35 +88,35 @@ impl GatherPacket {
 }
 
 impl GatherPoints {
-    /// Takes all out.
+    /// Removes all points.
     pub fn clear(&mut self) {
         self.taken = 0;
     }
 
-    /// All of them; those of one path are in the order of its vertices.
+    /// All points; the points of one path are in the order of its vertices.
     pub fn iter(&self) -> impl Iterator<Item = GatherPoint> {
         self.packets().iter().flat_map(|packet| {
             (0..LANES).filter(|&lane| packet.gathers[lane]).map(|lane| packet.get(lane))
         })
     }
 
-    /// The one in this lane.
+    /// The point in the lane of this number.
     #[inline]
     pub(crate) fn at(&self, number: usize) -> GatherPoint {
         self.packets[number / LANES].get(number % LANES)
     }
 
-    /// Lanes that all of them take.
+    /// Number of lanes in use.
     pub(crate) fn lanes(&self) -> usize {
         self.taken
     }
 
-    /// All side by side; points of one path are in the order of its vertices.
+    /// All packets; the points of one path are in the order of its vertices.
     pub(crate) fn packets(&self) -> &[GatherPacket] {
         &self.packets[..self.taken.div_ceil(LANES)]
     }
 
-    /// Adds one.
+    /// Adds a point.
     pub(crate) fn push(&mut self, point: &GatherPoint) {
         let lane = self.taken % LANES;
         let packet = self.packet();
@@ -135,32 +134,32 @@ impl GatherPoints {
         self.taken += 1;
     }
 
-    /// Sets what the last point carries of its path's weight.
-    pub(crate) fn set_part(&mut self, part: f32) {
+    /// Sets the MIS partial of the last point.
+    pub(crate) fn set_mis_partial(&mut self, partial: f32) {
         let last = self.taken - 1;
-        self.parts_of_last()[last % LANES] = part;
+        self.last_partials()[last % LANES] = partial;
     }
 
-    /// Sets that of the last packet of points.
-    pub(crate) fn set_parts(&mut self, parts: &[f32; LANES]) {
-        *self.parts_of_last() = *parts;
+    /// Sets the MIS partials of the last packet of points.
+    pub(crate) fn set_mis_partials(&mut self, partials: &[f32; LANES]) {
+        *self.last_partials() = *partials;
     }
 
-    fn parts_of_last(&mut self) -> &mut [f32; LANES] {
+    fn last_partials(&mut self) -> &mut [f32; LANES] {
         let packets = self.taken.div_ceil(LANES);
-        if self.parts.len() < packets {
-            self.parts.resize(packets, [0.0; LANES]);
+        if self.mis_partials.len() < packets {
+            self.mis_partials.resize(packets, [0.0; LANES]);
         }
-        &mut self.parts[packets - 1]
+        &mut self.mis_partials[packets - 1]
     }
 
-    /// What the point in this lane carries of its path's weight.
+    /// The MIS partial of the point in the lane of this number.
     #[inline]
-    pub(crate) fn part(&self, number: usize) -> f32 {
-        self.parts[number / LANES][number % LANES]
+    pub(crate) fn mis_partial(&self, number: usize) -> f32 {
+        self.mis_partials[number / LANES][number % LANES]
     }
 
-    /// The one with the next lane to take.
+    /// The packet with the next free lane.
     #[inline(always)]
     fn packet(&mut self) -> &mut GatherPacket {
         let packet = self.taken / LANES;
@@ -170,7 +169,7 @@ impl GatherPoints {
         &mut self.packets[packet]
     }
 
-    /// Adds those of diffuse vertices that gather; the numbers are those of the vertices.
+    /// Adds the diffuse vertices in the lanes of `gathers`; `vertex` has their numbers along their paths.
     #[inline(always)] // part of the loop over vertices
     pub(crate) fn push_diffuse(
         &mut self,
@@ -196,25 +195,25 @@ impl GatherPoints {
     }
 }
 
-/// A surface whose BSDF depends on where photons come from, as a camera path sees it.
+/// A surface whose BSDF depends on the directions of photons, as a camera path sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct GatherView {
-    /// How it scatters.
+    /// The BSDF.
     pub bsdf: Bsdf,
-    /// Whence it is seen.
+    /// Shading normal and direction toward the camera path.
     pub at: Vertex,
-    /// Unit normal that is not the triangle's, on the side that is seen, if there is one.
+    /// Interpolated or mapped unit normal on the side that is seen, if there is one.
     pub interpolated: Option<Vec3>,
 }
 
 impl GatherView {
-    /// The BSDF's value for a photon that is merged at `point`, 1/sr. Photons count by the area of
-    /// the triangles, light by that of the interpolated surface.
+    /// The BSDF's value for a photon that is merged at `point`, 1/sr. Photons count by the area of the triangles,
+    /// light by the area of the interpolated surface.
     pub fn value(&self, photon: &Photon, point: &GatherPoint) -> Rgb {
         self.value_from(photon.from_as_at(point.normal), point)
     }
 
-    /// The same for light from `wi`.
+    /// The BSDF's value as of [`Self::value`] for a photon from `wi`, 1/sr.
     pub fn value_from(&self, wi: Vec3, point: &GatherPoint) -> Rgb {
         // theory.md (37)
         let areas = wi.dot(self.at.normal) / wi.dot(point.normal);
@@ -226,18 +225,18 @@ impl GatherView {
         }
     }
 
-    /// Density with which camera paths go on toward light from `wi`.
-    pub(crate) fn camera_density(&self, mis: &Mis, wi: Vec3) -> f32 {
-        mis.camera.density(&self.bsdf, &self.at, wi)
+    /// Density with which camera paths go on toward `wi`.
+    pub(crate) fn camera_density(&self, wi: Vec3) -> f32 {
+        PathKind::Camera.density(&self.bsdf, &self.at, wi)
     }
 
-    /// Density with which light paths that come from `wi` go on along the camera path, where the triangle has
-    /// the unit normal `normal`.
-    pub(crate) fn light_density(&self, mis: &Mis, wi: Vec3, normal: Vec3) -> f32 {
+    /// Density with which light paths from `wi` go on along the camera path. The triangle has the unit normal
+    /// `normal`.
+    pub(crate) fn light_density(&self, wi: Vec3, normal: Vec3) -> f32 {
         let normal = self.interpolated.map_or(normal, |interpolated| {
             shading_normal(&self.bsdf, interpolated, normal, wi, Transport::Flux)
         });
         let at = Vertex { normal, wo: wi, front: self.at.front };
-        mis.light.density(&self.bsdf, &at, self.at.wo)
+        PathKind::Light.density(&self.bsdf, &at, self.at.wo)
     }
 }

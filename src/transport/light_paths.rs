@@ -1,10 +1,10 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
 use super::mis::Mis;
-use super::mis::photons::PhotonParts;
-use super::path_queue::Flight;
-use super::path_state::{Depth, WEIGHT_FLOOR, Walk, Walks, at_other_surface};
-use super::photon::{Extent, Photon, PhotonClass, Photons, Side};
+use super::mis::photons::LightPartials;
+use super::path_queue::PathQueue;
+use super::path_state::{Depth, PathState, PathStates, at_other_surface};
+use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket};
 use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
@@ -12,7 +12,7 @@ use crate::base::rng::{Stream, StreamKey};
 use crate::scene::diffuse::DiffuseVertices;
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Lights, Scene, Seen, Surface};
-use crate::settings::{Direct, Roulette, Settings};
+use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, any, lanes_of};
 use glam::Vec3;
@@ -22,11 +22,11 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Light paths per batch. Fixed, so that results do not depend on the number of threads; enough
-/// to fill ray packets, few enough for a batch to stay in the second-level cache.
+/// Light paths per batch. It is fixed, so that results do not depend on the number of threads. As many fill ray
+/// packets, and a batch of them stays in the second-level cache.
 const BATCH: u32 = 1024;
 
-/// Largest survival probability: paths end even between perfectly white walls.
+/// Maximum survival probability: paths end even between perfectly white walls.
 pub(super) const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
@@ -34,7 +34,7 @@ pub(super) const MAX_SURVIVAL: f32 = 0.995;
 pub struct LightPaths {
     batches: Vec<Batch>,
     tracers: Pool<Tracer>,
-    /// Where they start; in proportion to the lights' power if there is none.
+    /// Density of the starts of paths; without it they start in proportion to the lights' power.
     pub guide: Option<Arc<Guide>>,
 }
 
@@ -55,29 +55,28 @@ impl LightPaths {
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
         let Self { batches, tracers, guide } = self;
-        let guide = guide.as_deref();
+        let pass = LightPass { scene, accel, settings, guide: guide.as_deref(), key };
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
             |tracer, (batch, index)| {
                 let first = index * BATCH;
-                let last = light_paths.min(first + BATCH);
-                tracer.trace(batch, (scene, accel), settings, guide, key, first..last);
+                tracer.trace(&pass, first..light_paths.min(first + BATCH), batch);
             },
         );
     }
 
-    /// All photons: slices of consecutive paths, each bounce by bounce.
+    /// All photons in slices of consecutive paths. The photons of a slice are ordered bounce by bounce.
     pub fn photons(&self) -> impl Iterator<Item = &[Photon]> + Clone {
         self.batches.iter().map(|batch| batch.photons.as_slice())
     }
 
-    /// What all photons carry of their paths' weights, in the same slices; empty ones without weights.
-    pub fn parts(&self) -> impl Iterator<Item = &[f32]> + Clone {
-        self.batches.iter().map(|batch| batch.parts.as_slice())
+    /// MIS partials of all photons in the same slices, which are empty without MIS.
+    pub fn mis_partials(&self) -> impl Iterator<Item = &[f32]> + Clone {
+        self.batches.iter().map(|batch| batch.mis_partials.as_slice())
     }
 
-    /// What is to be known of all photons before they can be sorted.
+    /// Bounds and number of all photons.
     pub fn extent(&self) -> Extent {
         self.batches.iter().map(|batch| batch.extent).fold(Extent::default(), Extent::and)
     }
@@ -87,7 +86,7 @@ impl LightPaths {
         self.extent().count
     }
 
-    /// Whether no path left a photon.
+    /// Tests whether no path left a photon.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -103,25 +102,35 @@ impl LightPaths {
     }
 }
 
-/// What consecutive paths leave.
+/// Settings that all light paths of an iteration share.
+struct LightPass<'a> {
+    scene: &'a Scene,
+    accel: &'a dyn Intersect,
+    settings: &'a Settings,
+    guide: Option<&'a Guide>,
+    /// Random streams of the iteration.
+    key: StreamKey,
+}
+
+/// Photons of consecutive paths.
 #[derive(Debug, Default)]
 struct Batch {
-    /// Bounce by bounce.
+    /// Ordered bounce by bounce.
     photons: PhotonList,
-    /// What they carry of their paths' weights, if paths are weighted.
-    parts: Vec<f32>,
+    /// MIS partials of the photons; empty without MIS.
+    mis_partials: Vec<f32>,
     extent: Extent,
     rays: u64,
     busy: Duration,
 }
 
-/// So many photons more a [`PhotonList`] has when it is full.
+/// Photons by which a full [`PhotonList`] grows.
 const STEP: usize = 256;
 
-/// Photons that come many at a time.
+/// A list to which photons are added sixteen at a time.
 #[derive(Debug, Default)]
 struct PhotonList {
-    /// Behind the photons, anything.
+    /// The first `count` are valid.
     buffer: Vec<Photon>,
     count: usize,
 }
@@ -135,7 +144,7 @@ impl PhotonList {
         &self.buffer[..self.count]
     }
 
-    /// Room for as many as sixteen paths leave, to be [taken](Self::take).
+    /// Space for the photons of sixteen paths; [`Self::commit`] adds those that were written.
     #[inline(always)]
     fn space(&mut self) -> &mut [Photon; LANES] {
         let end = self.count + LANES;
@@ -145,249 +154,220 @@ impl PhotonList {
         self.buffer[self.count..].first_chunk_mut().expect("there is room")
     }
 
-    /// Adds the first of those that were written to [`Self::space`].
+    /// Adds the first `count` photons that were written to [`Self::space`].
     #[inline(always)]
-    fn take(&mut self, count: usize) {
+    fn commit(&mut self, count: usize) {
         self.count += count;
     }
 
     fn push(&mut self, photon: Photon) {
         self.space()[0] = photon;
-        self.take(1);
+        self.commit(1);
     }
 }
 
 /// A reusable workspace that traces one batch after another.
 #[derive(Debug, Default)]
 struct Tracer {
-    in_flight: Flight<Walks, 16>,
-    /// The rays of the next bounce, in the order in which they are found.
-    next: Flight<Walks, 16>,
+    segments: PathQueue<PathStates, 16>,
+    /// The segments of the next bounce, in the order in which they are found.
+    next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
-    /// Of the current batch.
+    /// Photons of the current batch.
     photons: PhotonList,
-    parts: PhotonParts,
-    /// Whether photons keep theirs.
-    directions: bool,
-    /// Whether photons straight from a light are stored, not replaced by connections.
+    partials: LightPartials,
+    /// Photons keep their directions.
+    stores_directions: bool,
+    /// Photons straight from a light source are stored, not replaced by connections.
     stores_direct: bool,
 }
 
 impl Tracer {
-    fn trace(
-        &mut self,
-        batch: &mut Batch,
-        (scene, accel): (&Scene, &dyn Intersect),
-        settings: &Settings,
-        guide: Option<&Guide>,
-        key: StreamKey,
-        paths: Range<u32>,
-    ) {
+    fn trace(&mut self, pass: &LightPass, paths: Range<u32>, batch: &mut Batch) {
         let start = Instant::now();
         mem::swap(&mut self.photons, &mut batch.photons);
-        mem::swap(&mut self.parts.photons, &mut batch.parts);
+        mem::swap(&mut self.partials.photons, &mut batch.mis_partials);
         self.photons.clear();
-        self.parts.start(Mis::new(settings), paths.clone());
-        self.directions = scene.merges_by_direction();
-        self.stores_direct = settings.direct == Direct::PhotonMap;
+        self.partials.start(Mis::new(pass.settings), paths.clone());
+        self.stores_directions = pass.scene.merges_by_direction();
+        self.stores_direct = pass.settings.direct == Direct::PhotonMap;
         batch.rays = 0;
         vectorized(
             #[inline(always)]
-            |simd| self.emit(simd, scene.lights(), guide, key, paths),
+            |simd| self.emit(simd, pass, paths),
         );
-        while self.in_flight.len() > 0 {
-            batch.rays += self.in_flight.len() as u64;
-            let count = self.in_flight.len();
+        while self.segments.len() > 0 {
+            batch.rays += self.segments.len() as u64;
+            let count = self.segments.len();
             let rays = vectorized(
                 #[inline(always)]
-                |_| self.in_flight.rays(),
+                |_| self.segments.rays(),
             );
             self.hits.resize(rays.len(), HitPacket::default());
-            accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
+            pass.accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
                 #[inline(always)]
-                |simd| self.bounce(simd, scene, settings.light_roulette),
+                |simd| self.bounce(simd, pass.scene),
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
-        mem::swap(&mut self.parts.photons, &mut batch.parts);
+        mem::swap(&mut self.partials.photons, &mut batch.mis_partials);
         batch.extent = Extent::of(batch.photons.as_slice());
         batch.busy = start.elapsed();
     }
 
     #[inline(always)] // vectorized
-    fn emit(
-        &mut self,
-        simd: Simd,
-        lights: &Lights,
-        guide: Option<&Guide>,
-        key: StreamKey,
-        mut paths: Range<u32>,
-    ) {
-        self.in_flight.clear();
-        let mut walks = Walks::default();
+    fn emit(&mut self, simd: Simd, pass: &LightPass, mut paths: Range<u32>) {
+        self.segments.clear();
+        let mut states = PathStates::default();
         while !paths.is_empty() {
             let first = paths.start;
             let count = paths.by_ref().take(LANES).count();
             for lane in 0..count {
-                walks.rng.set(lane, key.rng(u64::from(first) + lane as u64));
+                states.rng.set(lane, pass.key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = lights.emit_all(guide, &mut walks.rng, count);
-            if self.parts.are_wanted() {
-                self.parts.emit(first, &emissions.emitter[..count]);
+            let emissions = pass.scene.lights().emit_all(pass.guide, &mut states.rng, count);
+            if self.partials.is_active() {
+                self.partials.emit(first, &emissions.emitter[..count]);
             }
-            (walks.origin, walks.direction) = (emissions.origin, emissions.direction);
-            walks.weight = emissions.flux;
+            (states.origin, states.direction) = (emissions.origin, emissions.direction);
+            states.weight = emissions.flux;
             let mut emitted = Mask::default();
             for (lane, emitted) in emitted.iter_mut().enumerate() {
-                let flux = walks.weight.get(lane);
-                walks.path[lane] = first.wrapping_add(lane as u32);
-                walks.inverse_start[lane] = flux.max_element().recip();
+                states.path[lane] = first.wrapping_add(lane as u32);
                 // Black parts of pictures emit nothing.
-                *emitted = (lane < count) & (flux != Rgb::ZERO);
+                *emitted = (lane < count) & (states.weight.get(lane) != Rgb::ZERO);
             }
-            self.in_flight.append(simd, &emitted, &walks);
+            self.segments.append(simd, &emitted, &states);
         }
     }
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
     #[inline(always)] // vectorized
-    fn bounce(&mut self, simd: Simd, scene: &Scene, roulette: Roulette) {
+    fn bounce(&mut self, simd: Simd, scene: &Scene) {
         self.next.clear();
-        let (in_flight, hits) = (mem::take(&mut self.in_flight), mem::take(&mut self.hits));
-        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
+        let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
+        let (mut states, mut seen, mut at) = <(PathStates, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
-            let count = in_flight.load(packet, &mut walks);
-            let rest = scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
+            let count = segments.load(packet, &mut states);
+            let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
             for lane in lanes_of(rest.others) {
-                let (ray, walk) = walks.get(lane);
-                let (lights, from) = (scene.lights(), ray.origin);
+                let (ray, state) = states.get(lane);
+                let (lights, origin) = (scene.lights(), ray.origin);
                 let scatter =
-                    |surface: &Surface| self.scatter_other(lights, surface, (from, walk), roulette);
-                if let Some((ray, walk)) =
-                    at_other_surface(scene, &ray, &hits.get(lane), (&mut at, lane), scatter)
+                    |surface: &Surface| self.scatter_other(lights, surface, origin, state);
+                if let Some((ray, state)) =
+                    at_other_surface(scene, &ray, &hits.get(lane), &mut at, lane, scatter)
                 {
-                    self.next.push_walk(&ray, &walk);
+                    self.next.push_state(&ray, &state);
                 }
             }
-            self.store_diffuse(simd, &at, &walks);
-            let reached = self.parts.are_wanted().then_some(walks);
-            let goes_on = self.scatter_diffuse(simd, &at, &mut walks, roulette);
-            if let Some(reached) = reached {
-                self.parts.scatter_diffuse(scene.lights(), &at, &reached, &goes_on);
+            self.store_diffuse(simd, &at, &states);
+            let arrived = self.partials.is_active().then_some(states);
+            let goes_on = self.scatter_diffuse(simd, &at, &mut states);
+            if let Some(arrived) = arrived {
+                self.partials.scatter_diffuse(scene.lights(), &at, &arrived, &goes_on);
             }
         }
         self.hits = hits;
-        self.in_flight = mem::replace(&mut self.next, in_flight);
+        self.segments = mem::replace(&mut self.next, segments);
     }
 
     /// Stores arrivals at diffuse vertices.
     #[inline(always)] // vectorized
-    fn store_diffuse(&mut self, simd: Simd, at: &DiffuseVertices, walks: &Walks) {
-        let (mut stored, mut side, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
+    fn store_diffuse(&mut self, simd: Simd, at: &DiffuseVertices, states: &PathStates) {
+        let (mut stored, mut arrival, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
-            let depth = walks.depth[lane];
+            let depth = states.depth[lane];
             stored[lane] = at.active[lane] & (self.stores_direct | !depth.is_start());
-            side[lane] = Side::new(at.normal.get(lane), class_of(depth) as u32).0;
+            arrival[lane] = Arrival::new(at.normal.get(lane), class_of(depth) as u32).0;
         }
         if !any(&stored) {
             return;
         }
-        if self.parts.are_wanted() {
-            self.parts.store_diffuse(&stored, walks);
+        if self.partials.is_active() {
+            self.partials.store_diffuse(&stored, states);
         }
-        if self.directions {
+        if self.stores_directions {
             for (lane, from) in from.iter_mut().enumerate() {
-                *from = pack_direction(-walks.direction.get(lane));
+                *from = pack_direction(-states.direction.get(lane));
             }
         }
-        let photons = Photons { position: at.position, path: walks.path, flux: walks.weight, side };
-        // All are written, but only those that are stored are kept: which these are nobody foresees.
+        let (position, path, flux) = (at.position, states.path, states.weight);
+        let photons = PhotonPacket { position, path, flux, arrival };
+        // Writes all sixteen and keeps those that are stored: a branch for each could not be predicted.
         let (space, mut count) = (self.photons.space(), 0);
         photons.one_by_one(simd, &from, |lane, photon| {
             space[count % LANES] = photon;
             count += usize::from(stored[lane]);
         });
-        self.photons.take(count);
+        self.photons.commit(count);
     }
 
-    /// Stores an arrival; `from` is a unit vector toward where it came from.
-    #[inline]
-    fn store(&mut self, photon: Photon, from: Vec3) {
-        self.photons.push(if self.directions { photon.coming_from(from) } else { photon });
-    }
-
-    /// Goes on from diffuse vertices; which paths do.
+    /// Scatters at diffuse vertices, and returns the lanes whose paths survive.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
         simd: Simd,
         at: &DiffuseVertices,
-        walks: &mut Walks,
-        roulette: Roulette,
+        states: &mut PathStates,
     ) -> Mask {
-        walks.origin = at.off_surface;
-        walks.direction = at.sample(&mut walks.rng);
-        let ends = walks.rng.next_1d();
+        states.origin = at.off_surface;
+        states.direction = at.sample(&mut states.rng);
+        let ends = states.rng.next_1d();
         let mut goes_on = Mask::default();
         for lane in 0..LANES {
-            let (flux, albedo) = (walks.weight.get(lane), at.albedo.get(lane));
-            let survival = survival(flux, albedo, walks.inverse_start[lane], roulette);
+            let (flux, albedo) = (states.weight.get(lane), at.albedo.get(lane));
+            let survival = survival(albedo);
             goes_on[lane] = at.active[lane] & (ends[lane] < survival);
             // theory.md (38)
-            walks.weight.set(lane, flux * (albedo / survival));
-            walks.depth[lane] = walks.depth[lane].scattered();
+            states.weight.set(lane, flux * (albedo / survival));
+            states.depth[lane] = states.depth[lane].scattered();
         }
-        self.next.append(simd, &goes_on, walks);
+        self.next.append(simd, &goes_on, states);
         goes_on
     }
 
-    /// At a surface that is not diffuse alone; the next ray unless the path ends.
+    /// Stores and scatters at a surface that is not only diffuse. Returns the next ray unless the path ends.
     fn scatter_other(
         &mut self,
         lights: &Lights,
         surface: &Surface,
-        (from, mut walk): (Vec3, Walk),
-        roulette: Roulette,
-    ) -> Option<(Ray, Walk)> {
+        origin: Vec3,
+        mut state: PathState,
+    ) -> Option<(Ray, PathState)> {
         let Surface { position, normal, wo, .. } = *surface;
-        if surface.bsdf.merges() && (self.stores_direct || !walk.depth.is_start()) {
-            let class = class_of(walk.depth);
-            self.parts.store(&walk);
-            self.store(Photon::new(position, walk.path, walk.weight, normal, class), wo);
+        if surface.bsdf.merges() && (self.stores_direct || !state.depth.is_start()) {
+            self.partials.store(&state);
+            let class = class_of(state.depth);
+            let photon = Photon::new(position, state.path, state.weight, normal, class);
+            self.photons.push(if self.stores_directions { photon.coming_from(wo) } else { photon });
         }
-        let sample = surface.scatter_flux(&mut walk.rng)?;
-        self.parts.scatter(lights, surface, (from, &walk), &sample);
-        walk.depth = if sample.lobe.passes_through() {
-            walk.depth.passed_on()
+        let sample = surface.scatter_flux(&mut state.rng)?;
+        self.partials.scatter(lights, surface, origin, &state, &sample);
+        state.depth = if sample.lobe.passes_through() {
+            state.depth.passed_through()
         } else {
-            walk.depth.scattered()
+            state.depth.scattered()
         };
-        let survival = survival(walk.weight, sample.weight, walk.inverse_start, roulette);
-        if walk.rng.next_1d() >= survival {
+        let survival = survival(sample.weight);
+        if state.rng.next_1d() >= survival {
             return None;
         }
         // theory.md (38)
-        walk.weight *= sample.weight / survival;
-        Some((Ray::new(surface.start(sample.wi), sample.wi), walk))
+        state.weight *= sample.weight / survival;
+        Some((Ray::new(surface.start(sample.wi), sample.wi), state))
     }
 }
 
-/// At which vertices the next photon of a path is merged.
-#[inline(always)] // as the next: parts of vector loops
-// theory.md, section 4
+/// Class of the next photon of a path: theory.md, section 4.
+#[inline(always)] // part of vector loops, as the function below
 fn class_of(depth: Depth) -> PhotonClass {
     if depth.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
 }
 
-/// Probability of going on with `flux` from a vertex of this weight.
+/// Survival probability at a vertex that multiplies the flux by `weight`: theory.md (39).
 #[inline(always)]
-fn survival(flux: Rgb, weight: Rgb, inverse_start: f32, roulette: Roulette) -> f32 {
-    let share = match roulette {
-        // theory.md (39)
-        Roulette::Albedo => weight.max_element(),
-        // theory.md (40)
-        Roulette::Weight => (flux * weight).max_element() * inverse_start / WEIGHT_FLOOR,
-    };
-    share.min(MAX_SURVIVAL)
+fn survival(weight: Rgb) -> f32 {
+    weight.max_element().min(MAX_SURVIVAL)
 }

@@ -1,437 +1,446 @@
-//! Merge phase: what light paths bring to camera paths, all together or pair by pair.
+//! Merge phase: sums the photons near the gather points of camera paths, and lists the pairs of paths that meet.
+//!
+//! Gather points query the photon map packet by packet, in the order of their camera paths. Where the map exceeds
+//! the caches, many camera paths are merged together and their queries are sorted by zones of the map. Both orders
+//! differ in [`Merge::merge_in_order`] and [`Merge::merge_by_zone`] only and share all code for a query.
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
-use super::kernel::{Admission, ByClass, Kernel, PointKernel, PointKernels, nested};
+use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
 use super::mis::Mis;
-use super::mis::points::{AtFirst, AtSecond};
+use super::mis::merge_weights::{FirstVertexWeights, MergedPhoton, SecondVertexWeights};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
-use super::photon_map::{Found, LookUp, LookUps, PhotonMap, Range, Ranges, Unweighted, Weighing};
+use super::photon_map::{
+    MergeQueries, MergeQuery, MergedFlux, NoPairs, PairSink, PhotonMap, PhotonWeights, PointPairs,
+    PointSearch, Ranges, Unweighted,
+};
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s};
 use std::array::from_fn;
-use std::ops;
+use std::{ops, slice};
 
-/// Camera paths or gather points merged together where look-ups in any order wait for memory: enough for
-/// neighbors to share what they read of a large photon map.
-const MERGED: usize = 65_536;
+/// Camera paths or gather points of a batch that is merged zone by zone: enough for neighbors to share what they
+/// read of a large photon map.
+const ZONE_BATCH: usize = 65_536;
 
-/// The same in iterations that measure: their pairs take room in the caches, too.
-const MEASURED: usize = 16_384;
+/// Size of such a batch in iterations that list pairs, which take room in the caches, too.
+const ZONE_BATCH_WITH_PAIRS: usize = 16_384;
 
-/// Pairs found at a time: as many camera paths as find more are merged in parts.
-const MOST_PAIRS: usize = 1 << 22;
+/// Maximum number of pairs in a list. Camera paths that have more are merged in several parts.
+const MAX_PAIRS: usize = 1 << 22;
+
+/// Quantities to record beside the sums, and MIS.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MergeOptions {
+    /// Weights of merges at both vertices of camera paths that are cut at the second.
+    pub mis: Option<Mis>,
+    /// Record [`MergeOutput::caustics`].
+    pub records_caustics: bool,
+    /// Record [`MergeOutput::annulus`].
+    pub records_annulus: bool,
+}
 
 /// A merge kernel over a photon map.
 #[derive(Clone, Copy)]
 pub struct Merge<'a> {
     map: &'a PhotonMap,
     merge_vertex: u32,
-    kernel: Kernel<'a>,
+    kernel: MergeKernel<'a>,
     admission: Admission,
-    mis: Option<Mis>,
-    in_zones: bool,
-    most_pairs: usize,
-    /// Whether caustics are told.
-    tells: bool,
-    /// Whether it is told what photons beyond half the merge radii bring.
-    halves: bool,
+    options: MergeOptions,
+    by_zone: bool,
+    max_pairs: usize,
 }
 
-/// What camera paths gathered; buffers are reused by the next.
+/// The merged light of camera paths; buffers are reused for the next ones.
 #[derive(Debug, Default)]
-pub struct Gathered {
+pub struct MergeOutput {
     /// `sum_i I_ij` of each camera path, W/(m^2 sr).
     pub sums: Vec<Rgb>,
-    /// All of which these are the sums, if they were asked for.
+    /// The terms of these sums, from [`Merge::gather_pairs`].
     pub pairs: PairList,
-    /// The part of the sums that photons without a diffuse bounce add at first vertices, if it was asked for and
-    /// can be told apart: if [`Merge::tells_caustics`].
+    /// Part of the sums from caustic photons at first vertices, if recorded. It is complete if
+    /// [`Merge::separates_caustics`].
     pub caustics: Vec<Rgb>,
-    /// What the sums are more than they would be at half the merge radii, by class of photons, if that was asked for.
-    pub beyond: Vec<ByClass<Rgb>>,
-    look_ups: LookUps,
+    /// The sums less the sums at half the merge radii, by photon class, if recorded.
+    pub annulus: Vec<ByClass<Rgb>>,
+    workspace: Workspace,
+}
+
+/// Buffers for a batch of camera paths.
+#[derive(Debug, Default)]
+struct Workspace {
+    queries: MergeQueries,
     ranges: Ranges,
-    /// At the gather points, W.
+    /// Flux at the gather points of each packet, W.
     flux: Vec<ByClass<Vec3s>>,
-    /// The same within half the merge radii; as many, or none if it is not asked for.
-    half: Vec<ByClass<Vec3s>>,
+    /// Flux within half the merge radii, W; empty unless the annulus is recorded.
+    inner: Vec<ByClass<Vec3s>>,
     kernels: Vec<PointKernels>,
 }
 
+/// Camera paths that are merged together.
+struct Batch<'a> {
+    simd: Simd,
+    paths: &'a CameraPaths,
+    /// The paths among them that gather.
+    part: &'a ops::Range<usize>,
+}
+
+impl Batch<'_> {
+    #[inline(always)] // vectorized
+    fn packets(&self) -> &[GatherPacket] {
+        self.paths.gather_points.packets()
+    }
+
+    /// The lanes of a packet that gather. All paths gather unless pairs are listed.
+    #[inline(always)] // vectorized
+    fn gathers<const PAIRS: bool>(&self, packet: &GatherPacket) -> Mask {
+        if PAIRS { packet.gathers_of(self.part) } else { packet.gathers }
+    }
+}
+
+/// Flux that is found at the gather points of consecutive packets, and the pairs that it consists of.
+struct PacketFlux<'a> {
+    /// Number of the first packet.
+    first: usize,
+    flux: &'a mut [ByClass<Vec3s>],
+    /// Flux within half the merge radii; may be empty unless the annulus is recorded.
+    inner: &'a mut [ByClass<Vec3s>],
+    /// The kernels at the points, if pairs are listed.
+    kernels: &'a [PointKernels],
+    pairs: &'a mut PairList,
+}
+
+/// Sums of the camera paths.
+struct PathSums<'a> {
+    sums: &'a mut [Rgb],
+    caustics: &'a mut [Rgb],
+    annulus: &'a mut [ByClass<Rgb>],
+}
+
 impl<'a> Merge<'a> {
-    /// Merges with the photons of `map`, built for the kernel's reach, camera paths that are cut at their
+    /// Merges the photons of `map`, which was built for the kernel's reach, with camera paths that are cut at their
     /// diffuse vertex number `merge_vertex`.
-    pub fn new(map: &'a PhotonMap, merge_vertex: u32, kernel: Kernel<'a>) -> Self {
-        let kernel = if map.has_caustic_photons() { kernel } else { kernel.of_last_vertex() };
-        let admission = kernel.admission();
-        let (in_zones, most_pairs) = (map.is_large(), MOST_PAIRS);
-        let (mis, tells, halves) = (None, false, false);
-        Self { map, merge_vertex, kernel, admission, mis, in_zones, most_pairs, tells, halves }
+    pub fn new(
+        map: &'a PhotonMap,
+        merge_vertex: u32,
+        kernel: MergeKernel<'a>,
+        options: MergeOptions,
+    ) -> Self {
+        let has_caustics = map.has_caustic_photons();
+        let kernel = if has_caustics { kernel } else { kernel.without_caustics() };
+        let mut admission = kernel.admission();
+        admission.separate_classes = options.records_annulus && has_caustics;
+        let (by_zone, max_pairs) = (map.is_large(), MAX_PAIRS);
+        Self { map, merge_vertex, kernel, admission, options, by_zone, max_pairs }
     }
 
-    /// Whether it is told what photons beyond half the merge radii bring.
-    pub fn halves(&self) -> bool {
-        self.halves
+    /// Quantities that are recorded beside the sums, and MIS.
+    pub fn options(&self) -> &MergeOptions {
+        &self.options
     }
 
-    /// The same, telling what photons beyond half the merge radii bring as well.
-    #[must_use]
-    pub fn with_annulus(self, halves: bool) -> Self {
-        let apart = halves && self.map.has_caustic_photons();
-        Self { halves, admission: Admission { apart, ..self.admission }, ..self }
-    }
-
-    /// The same, telling caustics by themselves as well.
-    #[must_use]
-    pub fn telling(self, tells: bool) -> Self {
-        Self { tells, ..self }
-    }
-
-    /// Whether photons with and without a diffuse bounce are summed apart: their radii differ, or there are none of
-    /// the latter.
-    pub fn tells_caustics(&self) -> bool {
+    /// Tests whether recorded caustics are complete: photon classes have sums of their own, or there are no caustic
+    /// photons.
+    pub fn separates_caustics(&self) -> bool {
         !self.admission.is_uniform() || !self.map.has_caustic_photons()
     }
 
-    /// The same with photons without a diffuse bounce alone: tells caustics where all have one radius.
+    /// Merges caustic photons only: separates caustics where both classes have one radius.
     #[must_use]
-    pub fn of_caustics(self) -> Self {
-        Self { admission: self.admission.of_every_vertex(), halves: false, ..self }
+    pub fn caustics_only(self) -> Self {
+        let options = MergeOptions { records_annulus: false, ..self.options };
+        Self { admission: self.admission.caustics_only(), options, ..self }
     }
 
-    /// Weighs what is merged, at both vertices of camera paths that are cut at the second.
-    #[must_use]
-    pub fn weighted(self, mis: Option<Mis>) -> Self {
-        Self { mis, ..self }
+    /// Approximate number of camera paths or gather points that are best merged together.
+    pub fn batch_size(&self, lists_pairs: bool) -> usize {
+        match (self.by_zone, lists_pairs) {
+            (true, true) => ZONE_BATCH_WITH_PAIRS,
+            (true, false) => ZONE_BATCH,
+            (false, _) => CameraPaths::BATCH,
+        }
     }
 
-    /// How many camera paths or gather points it pays to merge together, about, with or without their pairs.
-    pub fn together(&self, pairs: bool) -> usize {
-        let large = if pairs { MEASURED } else { MERGED };
-        if self.in_zones { large } else { CameraPaths::BATCH }
+    /// Sets `output` to the merged light of these camera paths, without pairs.
+    pub fn gather(&self, paths: &CameraPaths, output: &mut MergeOutput) {
+        output.clear(paths.direct.len(), &self.options);
+        self.merge::<false>(paths, &(0..paths.direct.len()), output);
     }
 
-    /// Sets `gathered` to what these camera paths gather.
-    pub fn gather(&self, paths: &CameraPaths, gathered: &mut Gathered) {
-        gathered.clear(paths, (self.tells, self.halves));
-        self.find::<false>(paths, 0..paths.direct.len(), gathered);
-    }
-
-    /// Sets `gathered` to what these camera paths gather and the pairs that this consists of, and shows it
-    /// to `visit` with the camera paths that are complete, in their order: all at once unless they have
-    /// very many pairs.
+    /// Sets `output` to the merged light of these camera paths with its pairs, and calls `visit` with the range of
+    /// camera paths that are complete. It is called once, or several times in the order of the camera paths if
+    /// these have more than [`MAX_PAIRS`] pairs.
     pub fn gather_pairs(
         &self,
         paths: &CameraPaths,
-        gathered: &mut Gathered,
-        mut visit: impl FnMut(&Gathered, ops::Range<usize>),
+        output: &mut MergeOutput,
+        mut visit: impl FnMut(&MergeOutput, ops::Range<usize>),
     ) {
-        gathered.clear(paths, (self.tells, self.halves));
+        output.clear(paths.direct.len(), &self.options);
         let (mut first, end) = (0, paths.direct.len());
         let mut count = end;
         while first < end {
             let part = first..first.saturating_add(count).min(end);
-            gathered.pairs.clear();
-            if self.find::<true>(paths, part.clone(), gathered) {
-                gathered.pairs.order_by_path(part.clone());
-                visit(gathered, part.clone());
+            output.pairs.clear();
+            if self.merge::<true>(paths, &part, output) {
+                output.pairs.order_by_path(part.clone());
+                visit(output, part.clone());
                 first = part.end;
                 count = count.saturating_mul(2);
             } else {
-                gathered.sums[part.clone()].fill(Rgb::ZERO);
-                if self.tells {
-                    gathered.caustics[part.clone()].fill(Rgb::ZERO);
-                }
-                if self.halves {
-                    gathered.beyond[part.clone()].fill([Rgb::ZERO; 2]);
-                }
+                output.clear_part(&part);
                 count = part.len().div_ceil(2);
             }
         }
     }
 
-    /// Adds what these camera paths gather, and their pairs if asked for. Returns whether all are found: if
-    /// not, there are more pairs than are kept at a time, and several camera paths.
-    fn find<const PAIRS: bool>(
+    /// Adds the merged light of a part of the camera paths, and lists pairs if `PAIRS`. Returns false if it stopped
+    /// because several camera paths have too many pairs.
+    fn merge<const PAIRS: bool>(
         &self,
         paths: &CameraPaths,
-        part: ops::Range<usize>,
-        gathered: &mut Gathered,
+        part: &ops::Range<usize>,
+        output: &mut MergeOutput,
     ) -> bool {
+        let MergeOutput { sums, pairs, caustics, annulus, workspace } = output;
+        let sums = &mut PathSums { sums, caustics, annulus };
         vectorized(
             #[inline(always)]
-            |simd| match (self.mis.is_some(), self.in_zones) {
-                (false, true) => self.find_in_zones::<PAIRS, false>(simd, paths, part, gathered),
-                (false, false) => self.find_in_order::<PAIRS, false>(simd, paths, part, gathered),
-                (true, true) => self.find_in_zones::<PAIRS, true>(simd, paths, part, gathered),
-                (true, false) => self.find_in_order::<PAIRS, true>(simd, paths, part, gathered),
+            |simd| {
+                let batch = &Batch { simd, paths, part };
+                if self.by_zone {
+                    self.merge_by_zone::<PAIRS>(batch, workspace, pairs, sums)
+                } else {
+                    self.merge_in_order::<PAIRS>(batch, &mut workspace.ranges, pairs, sums)
+                }
             },
         )
     }
 
-    /// Packet by packet.
+    /// Merges packet by packet.
     #[inline(always)] // vectorized
-    fn find_in_order<const PAIRS: bool, const MIS: bool>(
+    fn merge_in_order<const PAIRS: bool>(
         &self,
-        simd: Simd,
-        paths: &CameraPaths,
-        part: ops::Range<usize>,
-        gathered: &mut Gathered,
+        batch: &Batch,
+        ranges: &mut Ranges,
+        pairs: &mut PairList,
+        sums: &mut PathSums,
     ) -> bool {
-        let Gathered { sums, pairs, caustics, beyond, ranges, .. } = gathered;
-        for (packet, first) in paths.gather_points.packets().iter().zip((0..).step_by(LANES)) {
-            let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
-            self.map.find_ranges(&packet.position, &gathers, ranges);
+        for (index, packet) in batch.packets().iter().enumerate() {
+            self.map.find_ranges(&packet.position, &batch.gathers::<PAIRS>(packet), ranges);
             if ranges.is_empty() {
                 continue;
             }
             let mut kernels = PointKernels::default();
             if PAIRS {
-                kernels = self.kernel.at::<{ nested::BOTH }>(packet, &ranges.look_ups());
+                kernels = self.kernel.at(packet, &ranges.lanes(), NestedRadii::Both);
             }
-            let (mut flux, mut half) = <(ByClass<Vec3s>, ByClass<Vec3s>)>::default();
-            for ranges in ranges.by_look_up() {
-                let lane = ranges[0].look_up;
-                let point = packet.get(lane);
-                let look_up = self.look_up(&point, first + lane);
-                let to = (&kernels.get(lane), &mut *pairs);
-                let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, &look_up, to);
-                set(&mut flux, lane, found.all);
-                set(&mut half, lane, found.half);
-            }
-            if !PAIRS {
-                kernels = self.kernels(packet, &lit(&flux));
-            }
-            self.add(packet, &kernels, &flux, sums);
-            self.add_caustics(packet, &kernels, &flux, caustics);
-            if self.halves {
-                add_beyond(packet, &kernels, (&flux, &half), beyond);
-            }
-            if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
+            let (mut flux, mut inner) = <(ByClass<Vec3s>, ByClass<Vec3s>)>::default();
+            let mut found = PacketFlux {
+                first: index,
+                flux: slice::from_mut(&mut flux),
+                inner: slice::from_mut(&mut inner),
+                kernels: slice::from_ref(&kernels),
+                pairs,
+            };
+            let query = |lane: usize| self.query(&packet.get(lane), index * LANES + lane);
+            self.merge_ranges::<PAIRS>(batch, ranges, query, &mut found);
+            if PAIRS && self.are_too_many(batch, pairs) {
                 return false;
             }
+            self.add_packet::<PAIRS>(packet, kernels, &flux, Some(&inner), sums);
         }
         true
     }
 
-    /// First all look-ups in one part of the photon map, then in the next: they read the same photons.
+    /// Merges zone by zone: all queries in one part of the photon map, which read the same photons, before those in
+    /// the next part.
     #[inline(always)] // vectorized
-    fn find_in_zones<const PAIRS: bool, const MIS: bool>(
+    fn merge_by_zone<const PAIRS: bool>(
         &self,
-        simd: Simd,
-        paths: &CameraPaths,
-        part: ops::Range<usize>,
-        gathered: &mut Gathered,
+        batch: &Batch,
+        workspace: &mut Workspace,
+        pairs: &mut PairList,
+        sums: &mut PathSums,
     ) -> bool {
-        let Gathered { sums, pairs, caustics, beyond, look_ups, ranges, flux, half, kernels } =
-            gathered;
-        let packets = paths.gather_points.packets();
-        look_ups.sort(
+        let Workspace { queries, ranges, flux, inner, kernels } = workspace;
+        let packets = batch.packets();
+        queries.sort(
             self.map,
-            packets.iter().zip((0..).step_by(LANES)).flat_map(|(packet, first)| {
-                let gathers = if PAIRS { packet.gathers_of(&part) } else { packet.gathers };
+            packets.iter().enumerate().flat_map(|(index, packet)| {
+                let gathers = batch.gathers::<PAIRS>(packet);
                 let lanes = (0..LANES).filter(move |&lane| gathers[lane]);
-                lanes.map(move |lane| self.look_up(&packet.get(lane), first + lane))
+                lanes.map(move |lane| self.query(&packet.get(lane), index * LANES + lane))
             }),
         );
         flux.clear();
         flux.resize(packets.len(), <ByClass<Vec3s>>::default());
-        half.clear();
-        half.resize(if self.halves { packets.len() } else { 0 }, <ByClass<Vec3s>>::default());
+        let has_inner = self.options.records_annulus;
+        inner.clear();
+        inner.resize(if has_inner { packets.len() } else { 0 }, <ByClass<Vec3s>>::default());
         kernels.clear();
         kernels.resize(packets.len(), PointKernels::default());
         if PAIRS {
             for (packet, kernels) in packets.iter().zip(&mut *kernels) {
-                *kernels = self.kernel.at::<{ nested::BOTH }>(packet, &packet.gathers_of(&part));
+                let gathers = batch.gathers::<PAIRS>(packet);
+                *kernels = self.kernel.at(packet, &gathers, NestedRadii::Both);
             }
         }
-        for look_ups in look_ups.packets() {
+        let mut found = PacketFlux { first: 0, flux, inner, kernels, pairs };
+        for queries in queries.batches() {
             let mut positions = Vec3s::default();
-            for (lane, look_up) in look_ups.iter().enumerate() {
-                positions.set(lane, look_up.position);
+            for (lane, query) in queries.iter().enumerate() {
+                positions.set(lane, query.position);
             }
-            self.map.find_ranges(&positions, &from_fn(|lane| lane < look_ups.len()), ranges);
-            for ranges in ranges.by_look_up() {
-                let look_up = &look_ups[ranges[0].look_up];
-                let point = look_up.point as usize;
-                let to = (&kernels[point / LANES].get(point % LANES), &mut *pairs);
-                let found = self.flux_in::<PAIRS, MIS>(simd, paths, ranges, look_up, to);
-                set(&mut flux[point / LANES], point % LANES, found.all);
-                if let Some(half) = half.get_mut(point / LANES) {
-                    set(half, point % LANES, found.half);
-                }
-            }
-            if PAIRS && pairs.len() > self.most_pairs && part.len() > 1 {
+            self.map.find_ranges(&positions, &from_fn(|lane| lane < queries.len()), ranges);
+            self.merge_ranges::<PAIRS>(batch, ranges, |lane| queries[lane], &mut found);
+            if PAIRS && self.are_too_many(batch, found.pairs) {
                 return false;
             }
         }
-        for (index, (packet, kernels)) in packets.iter().zip(kernels).enumerate() {
-            let flux = &flux[index];
-            if !PAIRS {
-                *kernels = self.kernels(packet, &lit(flux));
-            }
-            self.add(packet, kernels, flux, sums);
-            self.add_caustics(packet, kernels, flux, caustics);
-            if let Some(half) = half.get(index) {
-                add_beyond(packet, kernels, (flux, half), beyond);
-            }
+        for (index, packet) in packets.iter().enumerate() {
+            let inner = inner.get(index);
+            self.add_packet::<PAIRS>(packet, kernels[index], &flux[index], inner, sums);
         }
         true
     }
 
-    /// The kernels of an iteration that does not measure, where there is flux.
-    #[inline(always)] // vectorized
-    fn kernels(&self, packet: &GatherPacket, lit: &Mask) -> PointKernels {
-        if self.halves {
-            self.kernel.at::<{ nested::HALF }>(packet, lit)
-        } else {
-            self.kernel.at::<{ nested::NONE }>(packet, lit)
-        }
+    /// Tests whether there are more pairs than are listed at a time, and several camera paths to divide.
+    fn are_too_many(&self, batch: &Batch, pairs: &PairList) -> bool {
+        pairs.len() > self.max_pairs && batch.part.len() > 1
     }
 
-    /// Adds what photons of so much flux contribute to the camera paths of a packet of points.
+    /// Merges the photons in the ranges of up to sixteen queries.
     #[inline(always)] // vectorized
-    fn add(
+    fn merge_ranges<const PAIRS: bool>(
         &self,
-        packet: &GatherPacket,
-        kernels: &PointKernels,
-        flux: &ByClass<Vec3s>,
-        sums: &mut [Rgb],
+        batch: &Batch,
+        ranges: &Ranges,
+        query: impl Fn(usize) -> MergeQuery,
+        found: &mut PacketFlux,
     ) {
-        let mut contribution = Vec3s::default();
-        for lane in 0..LANES {
-            // theory.md (45)
-            let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
-            contribution.set(lane, weight * kernels.together(lane, flux));
-        }
-        let lit = lit(flux);
-        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
-            sums[packet.path[lane] as usize] += contribution.get(lane);
+        for ranges in ranges.by_lane() {
+            let query = &query(ranges[0].lane);
+            let (packet, lane) =
+                (query.point as usize / LANES - found.first, query.point as usize % LANES);
+            let search = PointSearch { query, ranges, kernel: found.kernels[packet].get(lane) };
+            let flux = self.merge_point::<PAIRS>(batch, &search, found.pairs);
+            set(&mut found.flux[packet], lane, flux.all);
+            if let Some(inner) = found.inner.get_mut(packet) {
+                set(inner, lane, flux.inner);
+            }
         }
     }
 
-    /// Of the same, what photons without a diffuse bounce contribute at first vertices, if that is told.
+    /// Merges the photons that one query finds. Where the BSDF is not constant, flux and weights include its value.
     #[inline(always)] // vectorized
-    fn add_caustics(
+    fn merge_point<const PAIRS: bool>(
         &self,
-        packet: &GatherPacket,
-        kernels: &PointKernels,
-        [every, _]: &ByClass<Vec3s>,
-        caustics: &mut [Rgb],
-    ) {
-        if !self.tells {
-            return;
+        batch: &Batch,
+        search: &PointSearch,
+        pairs: &mut PairList,
+    ) -> MergedFlux {
+        let query = search.query;
+        if query.directional {
+            return self.merge_directional::<PAIRS>(batch.paths, search, pairs);
         }
-        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & (packet.vertex[lane] == 1)) {
-            if every.get(lane) == Rgb::ZERO {
-                continue; // The kernel is known where there is flux.
-            }
-            let kernel = kernels.get(lane);
-            let flux = every.get(lane) * kernel.relative()[PhotonClass::Caustic as usize];
-            caustics[packet.path[lane] as usize] +=
-                packet.weight.get(lane) * kernel.inverse_area * flux;
-        }
-    }
-
-    /// The flux of the photons in the ranges of a look-up that it counts, W; times the BSDF where that is
-    /// not the same for all photons. Adds their pairs if asked for.
-    #[inline(always)] // vectorized
-    fn flux_in<const PAIRS: bool, const MIS: bool>(
-        &self,
-        simd: Simd,
-        paths: &CameraPaths,
-        ranges: &[Range],
-        look_up: &LookUp,
-        (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> Found {
-        if look_up.view {
-            self.flux_viewed::<PAIRS>(paths, ranges, look_up, (kernel, pairs))
-        } else if let Some(mis) = self.mis.filter(|_| MIS) {
-            let part = paths.gather_points.part(look_up.point as usize);
-            let to = (kernel, pairs);
-            if !look_up.last {
-                let first = (&AtFirst(part), 1.0);
-                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, first);
-            }
-            let second = AtSecond::new(&mis, part);
-            if self.map.has_caustic_photons() {
-                let all = (&second, 1.0);
-                return self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all);
-            }
-            let all = (&Unweighted, second.bounced());
-            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
-        } else {
-            let (to, all) = ((kernel, pairs), (&Unweighted, 1.0));
-            self.lambertian_flux::<PAIRS>(simd, paths, ranges, look_up, to, all)
-        }
-    }
-
-    /// [`Self::flux_in`] where the BSDF is the same for all photons, which are weighed each and all alike.
-    #[inline(always)] // vectorized
-    fn lambertian_flux<const PAIRS: bool>(
-        &self,
-        simd: Simd,
-        paths: &CameraPaths,
-        ranges: &[Range],
-        look_up: &LookUp,
-        (kernel, pairs): (&PointKernel, &mut PairList),
-        (weighing, weight): (&impl Weighing, f32),
-    ) -> Found {
-        let Found { all, half } = if PAIRS {
-            let point = paths.gather_points.at(look_up.point as usize);
-            let to = (point.path, pair_weight(&point, kernel) * weight, pairs);
-            let by = (&self.admission, kernel);
-            match self.halves {
-                true => self.map.pairs_in::<true>(simd, ranges, look_up, by, weighing, to),
-                false => self.map.pairs_in::<false>(simd, ranges, look_up, by, weighing, to),
-            }
-        } else if self.halves {
-            self.map.flux_in::<true>(ranges, look_up, &self.admission, weighing)
-        } else {
-            self.map.flux_in::<false>(ranges, look_up, &self.admission, weighing)
+        let Some(mis) = self.options.mis else {
+            return self.merge_lambertian::<PAIRS>(batch, search, &Unweighted, 1.0, pairs);
         };
-        Found { all: all.map(|flux| flux * weight), half: half.map(|flux| flux * weight) }
+        let partial = batch.paths.gather_points.mis_partial(query.point as usize);
+        if !query.all_classes {
+            let weights = &FirstVertexWeights(partial);
+            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+        }
+        let weights = &SecondVertexWeights::new(&mis, partial);
+        if self.map.has_caustic_photons() {
+            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+        }
+        // One weight for all photons.
+        self.merge_lambertian::<PAIRS>(batch, search, &Unweighted, weights.diffuse(), pairs)
     }
 
-    /// [`Self::flux_in`] where the BSDF depends on where photons come from.
+    /// Merges photons where the BSDF is constant. MIS weights are `weights` times `weight`.
+    #[inline(always)] // vectorized
+    fn merge_lambertian<const PAIRS: bool>(
+        &self,
+        batch: &Batch,
+        search: &PointSearch,
+        weights: &impl PhotonWeights,
+        weight: f32,
+        pairs: &mut PairList,
+    ) -> MergedFlux {
+        let MergedFlux { all, inner } = if PAIRS {
+            let point = batch.paths.gather_points.at(search.query.point as usize);
+            let to_luminance = to_luminance(&point, search) * weight;
+            let mut sink = PointPairs::new(batch.simd, to_luminance, pairs.space(search.places()));
+            let flux = self.merge_photons(search, weights, &mut sink);
+            let (count, nested) = sink.finish();
+            if count > 0 {
+                pairs.commit(count, point.path, nested);
+            }
+            flux
+        } else {
+            self.merge_photons(search, weights, &mut NoPairs)
+        };
+        MergedFlux { all: all.map(|flux| flux * weight), inner: inner.map(|flux| flux * weight) }
+    }
+
+    #[inline(always)] // vectorized
+    fn merge_photons(
+        &self,
+        search: &PointSearch,
+        weights: &impl PhotonWeights,
+        pairs: &mut impl PairSink,
+    ) -> MergedFlux {
+        if self.options.records_annulus {
+            self.map.merge::<true>(search, &self.admission, weights, pairs)
+        } else {
+            self.map.merge::<false>(search, &self.admission, weights, pairs)
+        }
+    }
+
+    /// Merges photons where the BSDF depends on their directions.
     #[inline(never)] // keeps the common case short
-    fn flux_viewed<const PAIRS: bool>(
+    fn merge_directional<const PAIRS: bool>(
         &self,
         paths: &CameraPaths,
-        ranges: &[Range],
-        look_up: &LookUp,
-        (kernel, pairs): (&PointKernel, &mut PairList),
-    ) -> Found {
-        let point = paths.gather_points.at(look_up.point as usize);
+        search: &PointSearch,
+        pairs: &mut PairList,
+    ) -> MergedFlux {
+        let number = search.query.point as usize;
+        let point = paths.gather_points.at(number);
         let view = &paths.views[point.view as usize];
-        let weight = pair_weight(&point, kernel);
-        let (mut sums, mut nested, mut count) = (Found::default(), [0.0; 2], 0);
+        let (kernel, to_luminance) = (&search.kernel, to_luminance(&point, search));
+        let (mut sums, mut nested, mut count) = (MergedFlux::default(), [0.0; 2], 0);
         let Admission { nested2, .. } = self.admission;
-        let own = self.mis.map(|mis| (mis, paths.gather_points.part(look_up.point as usize)));
-        self.map.for_each_in(ranges, point.position, |photon, distance2, part| {
+        let mis = self.options.mis.map(|mis| (mis, paths.gather_points.mis_partial(number)));
+        self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partial| {
             let class = photon.class();
-            let counts = look_up.last || own.is_some() || class == PhotonClass::Caustic;
-            let least_radius2 = self.admission.least_radius2(photon, distance2, point.position);
-            if counts && self.admission.admits(photon, least_radius2, point.normal) {
+            let counts = search.query.all_classes || mis.is_some() || class == PhotonClass::Caustic;
+            let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
+            if counts && self.admission.admits(photon, min_radius2, point.normal) {
                 // theory.md (46)
                 let wi = photon.from_as_at(point.normal);
                 let mut flux = photon.flux * view.value_from(wi, &point);
-                if let Some((mis, own)) = own {
-                    flux *= mis.weight_in_view(view, &point, own, (photon.class(), part), wi);
+                if let Some((mis, point_partial)) = mis {
+                    let photon = MergedPhoton { class, mis_partial, wi };
+                    flux *= mis.directional_weight(view, &point, point_partial, &photon);
                 }
                 sums.all[self.admission.sum_of(class)] += flux;
-                if least_radius2 <= nested2[1][class as usize] {
-                    sums.half[self.admission.sum_of(class)] += flux;
+                if min_radius2 <= nested2[1][class as usize] {
+                    sums.inner[self.admission.sum_of(class)] += flux;
                 }
                 if PAIRS {
                     let class = class as usize;
-                    let value = weight.dot(flux * kernel.relative()[class]);
+                    let value = to_luminance.dot(flux * kernel.relative()[class]);
                     // theory.md (68)
                     let [inner, core] = [0, 1].map(|at| {
-                        let inside = least_radius2 <= nested2[at][class];
+                        let inside = min_radius2 <= nested2[at][class];
                         if inside { kernel.nested[at][class] * value } else { 0.0 }
                     });
                     nested[0] += value - inner;
@@ -442,47 +451,71 @@ impl<'a> Merge<'a> {
             }
         });
         if count > 0 {
-            pairs.take(count, point.path, nested);
+            pairs.commit(count, point.path, nested);
         }
         sums
     }
 
-    /// Where a gather point of this number looks for photons.
+    /// The query of the gather point in the lane of this number.
     #[inline(always)] // vectorized
-    fn look_up(&self, point: &GatherPoint, number: usize) -> LookUp {
+    fn query(&self, point: &GatherPoint, number: usize) -> MergeQuery {
         let GatherPoint { position, normal, vertex, view, .. } = *point;
-        let last = vertex == self.merge_vertex;
-        let view = view != GatherPoint::NO_VIEW;
-        LookUp { position, point: number as u32, normal, last, view, zone: 0 }
+        let all_classes = vertex == self.merge_vertex;
+        let directional = view != GatherPoint::NO_VIEW;
+        MergeQuery { position, point: number as u32, normal, all_classes, directional, zone: 0 }
     }
-}
 
-/// What the flux of a photon is multiplied with to get the luminance that it contributes at a point.
-#[inline(always)] // vectorized
-fn pair_weight(point: &GatherPoint, kernel: &PointKernel) -> Rgb {
-    LUMINANCE * point.weight * kernel.inverse_area
-}
-
-/// Adds what photons beyond half the merge radii contribute to the camera paths of a packet of points: that of all,
-/// less what the photons within contribute at half the radii. theory.md (71a).
-#[inline(always)] // vectorized
-fn add_beyond(
-    packet: &GatherPacket,
-    kernels: &PointKernels,
-    (flux, half): (&ByClass<Vec3s>, &ByClass<Vec3s>),
-    beyond: &mut [ByClass<Rgb>],
-) {
-    let lit = lit(flux);
-    for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
-        let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
-        let to = &mut beyond[packet.path[lane] as usize];
-        for (class, to) in to.iter_mut().enumerate() {
-            let [all, half] = [flux, half].map(|flux| flux[class].get(lane));
-            if all != Rgb::ZERO {
-                *to += weight * kernels.beyond(lane, class, all, half);
+    /// Adds the flux at a packet of gather points to their camera paths. `kernels` are known if pairs are listed.
+    #[inline(always)] // vectorized
+    fn add_packet<const PAIRS: bool>(
+        &self,
+        packet: &GatherPacket,
+        mut kernels: PointKernels,
+        flux: &ByClass<Vec3s>,
+        inner: Option<&ByClass<Vec3s>>,
+        to: &mut PathSums,
+    ) {
+        // Kernels are computed and matter where there is flux.
+        let lit = from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO));
+        if !PAIRS {
+            let half = self.options.records_annulus;
+            let nested = if half { NestedRadii::Half } else { NestedRadii::None };
+            kernels = self.kernel.at(packet, &lit, nested);
+        }
+        let (mut weights, mut contributions) = <(Vec3s, Vec3s)>::default();
+        for lane in 0..LANES {
+            // theory.md (45)
+            let weight = packet.weight.get(lane) * kernels.get(lane).inverse_area;
+            weights.set(lane, weight);
+            contributions.set(lane, weight * kernels.total(lane, flux));
+        }
+        for lane in (0..LANES).filter(|&lane| packet.gathers[lane] & lit[lane]) {
+            let (path, weight) = (packet.path[lane] as usize, weights.get(lane));
+            to.sums[path] += contributions.get(lane);
+            if self.options.records_caustics && packet.vertex[lane] == 1 {
+                let class = PhotonClass::Caustic as usize;
+                let caustic = flux[class].get(lane);
+                if caustic != Rgb::ZERO {
+                    to.caustics[path] += weight * (caustic * kernels.get(lane).relative()[class]);
+                }
+            }
+            if let (true, Some(inner)) = (self.options.records_annulus, inner) {
+                // theory.md (71a)
+                for (class, to) in to.annulus[path].iter_mut().enumerate() {
+                    let [all, inner] = [flux, inner].map(|flux| flux[class].get(lane));
+                    if all != Rgb::ZERO {
+                        *to += weight * kernels.annulus(lane, class, all, inner);
+                    }
+                }
             }
         }
     }
+}
+
+/// Factors from the flux of diffuse photons to the luminance that they contribute at a point.
+#[inline(always)] // vectorized
+fn to_luminance(point: &GatherPoint, search: &PointSearch) -> Rgb {
+    LUMINANCE * point.weight * search.kernel.inverse_area
 }
 
 /// Sets the flux of one lane.
@@ -493,23 +526,24 @@ fn set(flux: &mut ByClass<Vec3s>, lane: usize, found: ByClass<Rgb>) {
     }
 }
 
-/// Where there is flux: only there the kernel matters.
-#[inline(always)] // vectorized
-fn lit(flux: &ByClass<Vec3s>) -> Mask {
-    from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO))
-}
+impl MergeOutput {
+    /// Sets the sums of as many camera paths to 0.
+    fn clear(&mut self, paths: usize, options: &MergeOptions) {
+        let Self { sums, caustics, annulus, .. } = self;
+        sums.resize(paths, Rgb::ZERO);
+        caustics.resize(if options.records_caustics { paths } else { 0 }, Rgb::ZERO);
+        annulus.resize(if options.records_annulus { paths } else { 0 }, [Rgb::ZERO; 2]);
+        self.clear_part(&(0..paths));
+    }
 
-impl Gathered {
-    fn clear(&mut self, paths: &CameraPaths, (tells, halves): (bool, bool)) {
-        self.sums.clear();
-        self.sums.resize(paths.direct.len(), Rgb::ZERO);
-        self.caustics.clear();
-        if tells {
-            self.caustics.resize(paths.direct.len(), Rgb::ZERO);
+    /// Sets the sums of some camera paths to 0.
+    fn clear_part(&mut self, part: &ops::Range<usize>) {
+        self.sums[part.clone()].fill(Rgb::ZERO);
+        if !self.caustics.is_empty() {
+            self.caustics[part.clone()].fill(Rgb::ZERO);
         }
-        self.beyond.clear();
-        if halves {
-            self.beyond.resize(paths.direct.len(), [Rgb::ZERO; 2]);
+        if !self.annulus.is_empty() {
+            self.annulus[part.clone()].fill([Rgb::ZERO; 2]);
         }
     }
 }

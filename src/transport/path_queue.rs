@@ -1,4 +1,4 @@
-//! Paths under way, sixteen side by side, packed without gaps.
+//! A queue of path segments, sixteen side by side, packed without gaps.
 
 use crate::accel::RayPacket;
 use crate::simd::dispatch::{Reorder, Simd};
@@ -6,40 +6,40 @@ use crate::simd::{LANES, Mask};
 use bytemuck::Pod;
 use std::marker::PhantomData;
 
-/// `N` columns of sixteen words, the first six of which are origins and directions of rays.
+/// `N` columns of sixteen words. The first six are origins and directions of rays.
 pub(crate) trait Columns<const N: usize>: Pod {
-    /// Where the rays end, in multiples of their direction's length.
+    /// End of the rays, in multiples of the length of their direction.
     const T_FAR: f32;
 }
 
-/// Rays with what goes with them.
+/// Rays with the states of their paths.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Flight<P, const N: usize> {
-    chunks: Vec<Chunk<N>>,
+pub(crate) struct PathQueue<P, const N: usize> {
+    chunks: Vec<ColumnChunk<N>>,
     len: usize,
     rays: Vec<RayPacket>,
     packets: PhantomData<P>,
 }
 
-/// Column by column. Behind each is room for what sixteen new ones have too many; it moves on to the next
-/// chunk.
-type Chunk<const N: usize> = [[u32; CHUNK + LANES]; N];
+/// Lanes of the queue, column by column. Behind each column is room for the excess of sixteen new lanes, which then
+/// moves to the next chunk.
+type ColumnChunk<const N: usize> = [[u32; CHUNK + LANES]; N];
 
-/// Lanes of a chunk. That it is constant leaves one check of an index for all columns.
+/// Lanes of a chunk. As a constant it leaves one bounds check for all columns.
 const CHUNK: usize = 512;
 
-impl<P: Columns<N>, const N: usize> Flight<P, N> {
-    /// Takes all out.
+impl<P: Columns<N>, const N: usize> PathQueue<P, N> {
+    /// Removes all lanes.
     pub fn clear(&mut self) {
         self.len = 0;
     }
 
-    /// How many there are.
+    /// Number of lanes.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Sets `packet` to sixteen of them, `16 index` and on; how many there are.
+    /// Sets `packet` to the sixteen lanes from `16 * index` on. Returns how many of them there are.
     #[inline(always)] // part of the loops over vertices
     pub fn load(&self, index: usize, packet: &mut P) -> usize {
         let (chunk, first) = (&self.chunks[index * LANES / CHUNK], index * LANES % CHUNK);
@@ -49,7 +49,7 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         LANES.min(self.len - index * LANES)
     }
 
-    /// The rays, as backends take them.
+    /// The rays in packets, as backends take them.
     #[inline(always)] // part of vectorized code
     pub fn rays(&mut self) -> &[RayPacket] {
         let packets = self.len.div_ceil(LANES);
@@ -72,8 +72,8 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         let mut at = self.len % CHUNK;
         let chunk = self.chunk();
         for (half, reorder) in Reorder::kept_first(kept).into_iter().enumerate() {
-            // Always eight: behind those that are kept comes anything, which the next replace. A branch for
-            // each would be decided by chance, and nothing predicts that.
+            // Writes all eight: the next lanes replace those that are not kept. Branches on random masks could not be
+            // predicted.
             reorder.columns::<N>(
                 simd,
                 |column| columns(packet)[column].as_chunks().0[half],
@@ -83,22 +83,22 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         }
         self.len = self.len / CHUNK * CHUNK + at;
         if at >= CHUNK {
-            self.move_on();
+            self.start_chunk();
         }
     }
 
-    /// The one with the next lane to take.
+    /// The chunk with the next free lane.
     #[inline(always)]
-    fn chunk(&mut self) -> &mut Chunk<N> {
+    fn chunk(&mut self) -> &mut ColumnChunk<N> {
         if self.len / CHUNK == self.chunks.len() {
             self.chunks.push([[0; CHUNK + LANES]; N]);
         }
         &mut self.chunks[self.len / CHUNK]
     }
 
-    /// Starts another chunk with what the last one has too many.
+    /// Starts another chunk with the excess lanes of the last one.
     #[cold]
-    fn move_on(&mut self) {
+    fn start_chunk(&mut self) {
         let next = self.len / CHUNK;
         if next == self.chunks.len() {
             self.chunks.push([[0; CHUNK + LANES]; N]);
@@ -109,7 +109,7 @@ impl<P: Columns<N>, const N: usize> Flight<P, N> {
         }
     }
 
-    /// Adds the first lane.
+    /// Adds the first lane of a packet.
     pub fn push(&mut self, packet: &P) {
         let at = self.len % CHUNK;
         for (column, words) in self.chunk().iter_mut().zip(columns(packet)) {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     fn check(simd: Simd) {
-        let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
+        let mut queue = PathQueue::<[[f32; LANES]; 7], 7>::default();
         let mut expected = Vec::new();
         for round in 0..100_u32 {
             let names: [f32; LANES] =
@@ -153,22 +153,22 @@ mod tests {
                 _ => round.wrapping_mul(0x9e37_79b9) >> 16,
             };
             let kept = std::array::from_fn(|lane| pattern >> lane & 1 == 1);
-            flight.append(simd, &kept, &packet);
+            queue.append(simd, &kept, &packet);
             expected
                 .extend(names.iter().zip(kept).filter(|&(_, kept)| kept).map(|(&name, _)| name));
             if round % 3 == 0 {
-                flight.push(&packet);
+                queue.push(&packet);
                 expected.push(names[0]);
             }
         }
-        assert_eq!(flight.len(), expected.len());
+        assert_eq!(queue.len(), expected.len());
         for (index, &name) in expected.iter().enumerate() {
             let mut packet = [[0.0; LANES]; 7];
-            let count = flight.load(index / LANES, &mut packet);
+            let count = queue.load(index / LANES, &mut packet);
             assert_eq!(count, LANES.min(expected.len() - index / LANES * LANES));
             let columns = packet.map(|column| column[index % LANES]);
             assert_eq!(columns, [0, 1, 2, 3, 4, 5, 6].map(|column| name + 0.125 * column as f32));
-            let ray = flight.rays()[index / LANES].get(index % LANES);
+            let ray = queue.rays()[index / LANES].get(index % LANES);
             assert_eq!(ray.origin.to_array(), columns[..3]);
             assert_eq!(ray.direction.to_array(), columns[3..6]);
             assert_eq!((ray.t_near, ray.t_far), (0.0, 1.0));
@@ -176,22 +176,22 @@ mod tests {
     }
 
     #[test]
-    fn chunks_are_filled_to_their_ends() {
-        let mut flight = Flight::<[[f32; LANES]; 7], 7>::default();
+    fn full_chunks_keep_all_lanes() {
+        let mut queue = PathQueue::<[[f32; LANES]; 7], 7>::default();
         for index in 0..2 * CHUNK / LANES {
-            flight.append(Simd::default(), &[true; LANES], &[[index as f32; LANES]; 7]);
+            queue.append(Simd::default(), &[true; LANES], &[[index as f32; LANES]; 7]);
         }
-        assert_eq!(flight.len(), 2 * CHUNK);
-        assert_eq!(flight.rays().len(), 2 * CHUNK / LANES);
+        assert_eq!(queue.len(), 2 * CHUNK);
+        assert_eq!(queue.rays().len(), 2 * CHUNK / LANES);
         for index in 0..2 * CHUNK / LANES {
             let mut packet = [[0.0; LANES]; 7];
-            assert_eq!(flight.load(index, &mut packet), LANES);
+            assert_eq!(queue.load(index, &mut packet), LANES);
             assert_eq!(packet, [[index as f32; LANES]; 7]);
         }
     }
 
     #[test]
-    fn those_that_are_kept_follow_each_other_in_their_order() {
+    fn appended_lanes_keep_their_order() {
         check(Simd::default());
         vectorized(check);
     }

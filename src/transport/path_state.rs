@@ -1,6 +1,6 @@
-//! Paths under way, of either kind: sixteen side by side, or one.
+//! States of paths that are being traced, of either kind: sixteen side by side, or one.
 
-use super::path_queue::{Columns, Flight};
+use super::path_queue::{Columns, PathQueue};
 use crate::accel::{Hit, Ray};
 use crate::base::math::Rgb;
 use crate::base::rng::Rng;
@@ -9,77 +9,73 @@ use crate::scene::{Scene, Surface};
 use crate::simd::{LANES, Rngs, Vec3s};
 use bytemuck::{Pod, Zeroable};
 
-/// Paths whose weight fell below this share of what they started with play roulette: light paths with
-/// [`Roulette::Weight`](crate::settings::Roulette::Weight), camera paths where they pass through.
-pub(super) const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
-
-/// Sixteen paths under way.
+/// States of sixteen paths.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub(super) struct Walks {
-    /// Of the next rays.
+pub(super) struct PathStates {
+    /// Origins of the next rays.
     pub origin: Vec3s,
-    /// Unit vectors.
+    /// Unit directions of the next rays.
     pub direction: Vec3s,
     pub rng: Rngs,
-    /// Of light paths the flux, W; of camera paths the throughput.
+    /// Flux of light paths, W, or throughput of camera paths.
     pub weight: Vec3s,
-    /// Reciprocals of the largest channel of the weight at the start.
+    /// Reciprocals of the largest channel of the weight at the start, for camera paths.
     pub inverse_start: [f32; LANES],
-    /// Which path it is.
+    /// Numbers of the paths.
     pub path: [u32; LANES],
-    /// Vertices so far.
+    /// Numbers of vertices so far.
     pub depth: [Depth; LANES],
 }
 
-impl Columns<16> for Walks {
+impl Columns<16> for PathStates {
     const T_FAR: f32 = f32::INFINITY;
 }
 
-/// How many vertices a path has: where it scattered diffusely, and where it passed through.
+/// Numbers of the vertices of a path at which it scattered diffusely and at which it passed through.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(super) struct Depth(u32);
 
 impl Depth {
-    /// Bits for the diffuse ones; the others are above them.
+    /// Bits for the diffuse vertices; the others are above them.
     const DIFFUSE: u32 = 16;
 
     /// Vertices at which the path scattered diffusely. Paths end by roulette long before 65,535.
-    #[inline(always)] // as the next: parts of vector loops
+    #[inline(always)] // part of vector loops, as the functions below
     pub fn diffuse(self) -> u32 {
         self.0 & ((1 << Self::DIFFUSE) - 1)
     }
 
-    /// Vertices through which it passed.
+    /// Vertices through which the path passed.
     #[inline(always)]
     pub fn passed(self) -> u32 {
         self.0 >> Self::DIFFUSE
     }
 
-    /// With one more diffuse vertex.
+    /// Adds a diffuse vertex.
     #[inline(always)]
     #[must_use]
     pub fn scattered(self) -> Self {
         Self(self.0.wrapping_add(1))
     }
 
-    /// With one more vertex passed through.
+    /// Adds a vertex passed through.
     #[must_use]
-    pub fn passed_on(self) -> Self {
+    pub fn passed_through(self) -> Self {
         Self(self.0.wrapping_add(1 << Self::DIFFUSE))
     }
 
-    /// Whether there is none of either kind.
+    /// Tests whether there is no vertex of either kind.
     #[inline(always)]
     pub fn is_start(self) -> bool {
         self.0 == 0
     }
 }
 
-/// One of [`Walks`], without its ray.
+/// State of one path without its ray; see [`PathStates`].
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Walk {
+pub(super) struct PathState {
     pub rng: Rng,
     pub weight: Rgb,
     pub inverse_start: f32,
@@ -87,49 +83,50 @@ pub(super) struct Walk {
     pub depth: Depth,
 }
 
-impl Walks {
-    pub fn get(&self, lane: usize) -> (Ray, Walk) {
+impl PathStates {
+    pub fn get(&self, lane: usize) -> (Ray, PathState) {
         let ray = Ray::new(self.origin.get(lane), self.direction.get(lane));
-        let walk = Walk {
+        let state = PathState {
             rng: self.rng.get(lane),
             weight: self.weight.get(lane),
             inverse_start: self.inverse_start[lane],
             path: self.path[lane],
             depth: self.depth[lane],
         };
-        (ray, walk)
+        (ray, state)
     }
 
-    pub fn set(&mut self, lane: usize, ray: &Ray, walk: &Walk) {
+    pub fn set(&mut self, lane: usize, ray: &Ray, state: &PathState) {
         self.origin.set(lane, ray.origin);
         self.direction.set(lane, ray.direction);
-        self.rng.set(lane, walk.rng);
-        self.weight.set(lane, walk.weight);
-        self.inverse_start[lane] = walk.inverse_start;
-        self.path[lane] = walk.path;
-        self.depth[lane] = walk.depth;
+        self.rng.set(lane, state.rng);
+        self.weight.set(lane, state.weight);
+        self.inverse_start[lane] = state.inverse_start;
+        self.path[lane] = state.path;
+        self.depth[lane] = state.depth;
     }
 }
 
-impl Flight<Walks, 16> {
+impl PathQueue<PathStates, 16> {
     /// Adds one path.
-    pub fn push_walk(&mut self, ray: &Ray, walk: &Walk) {
-        let mut one = Walks::default();
-        one.set(0, ray, walk);
+    pub fn push_state(&mut self, ray: &Ray, state: &PathState) {
+        let mut one = PathStates::default();
+        one.set(0, ray, state);
         self.push(&one);
     }
 }
 
-/// Where a path hit what [`Scene::lambertian`] leaves out: a surface that is Lambertian here sets its
-/// diffuse vertex, at any other the path goes on as `scatter` says.
+/// Handles a hit that [`Scene::lambertian`] leaves out. A surface that is Lambertian here sets its lane of `at`. At any
+/// other surface the path continues as `scatter` returns.
 #[inline(never)] // keeps the loops over Lambertian vertices short
 pub(super) fn at_other_surface(
     scene: &Scene,
     ray: &Ray,
     hit: &Hit,
-    (at, lane): (&mut DiffuseVertices, usize),
-    scatter: impl FnOnce(&Surface) -> Option<(Ray, Walk)>,
-) -> Option<(Ray, Walk)> {
+    at: &mut DiffuseVertices,
+    lane: usize,
+    scatter: impl FnOnce(&Surface) -> Option<(Ray, PathState)>,
+) -> Option<(Ray, PathState)> {
     let surface = scene.surface(ray, hit);
     match surface.diffuse() {
         Some(point) => {
@@ -145,13 +142,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn depths_count_both_kinds() {
+    fn depth_counts_both_kinds_of_vertices() {
         let mut depth = Depth::default();
         assert!(depth.is_start());
         for _ in 0..300 {
             depth = depth.scattered();
         }
-        let depth = depth.passed_on().passed_on();
+        let depth = depth.passed_through().passed_through();
         assert_eq!((depth.diffuse(), depth.passed(), depth.is_start()), (300, 2, false));
     }
 }

@@ -1,4 +1,4 @@
-//! Photons: what light paths leave where they arrive.
+//! Photons: the records of light paths at the surfaces where they arrive.
 
 use crate::base::math::{Bounds, Rgb, pack_direction, unpack_direction};
 use crate::simd::dispatch::{Simd, one_by_one};
@@ -15,36 +15,36 @@ pub struct Photon {
     pub position: Vec3,
     /// Id of its light path, `0..N_F`.
     pub path: u32,
-    /// Flux it carries, W: its share of the light is `flux / N_F`.
+    /// Flux, W, of its light path alone: divided by `N_F` it is the photon's part of the light.
     pub flux: Rgb,
-    /// Which side of the surface it arrived from, and where it is merged.
-    pub(crate) side: Side,
-    /// Packed unit vector toward where it came from, if it was told.
+    /// Normal on the side of arrival, and the class.
+    pub(crate) arrival: Arrival,
+    /// Packed unit vector against the direction of flight; 0 in scenes where no BSDF needs it.
     pub(crate) from: u32,
 }
 
-/// What is to be known of all photons before they can be sorted.
+/// Bounds and number of a set of photons, as the sorting of a photon map needs them.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
     /// Box around their positions.
     pub bounds: Bounds,
-    /// How many they are.
+    /// Number of photons.
     pub count: usize,
-    /// Whether any is merged at every vertex.
+    /// At least one photon is [`PhotonClass::Caustic`].
     pub has_caustic_photons: bool,
-    /// Whether any tells where it comes from; the packed direction 0 needs no telling.
-    pub directions: bool,
+    /// At least one packed direction is not 0.
+    pub has_directions: bool,
 }
 
 impl Default for Extent {
-    /// Of no photons.
+    /// The extent of no photons.
     fn default() -> Self {
-        Self { bounds: Bounds::EMPTY, count: 0, has_caustic_photons: false, directions: false }
+        Self { bounds: Bounds::EMPTY, count: 0, has_caustic_photons: false, has_directions: false }
     }
 }
 
 impl Extent {
-    /// That of some photons.
+    /// The extent of these photons.
     pub fn of(photons: &[Photon]) -> Self {
         let (mut min, mut max) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
         let (mut has_caustic_photons, mut directions) = (false, 0);
@@ -56,10 +56,11 @@ impl Extent {
             directions |= photon.from;
         }
         let bounds = Bounds { min: min.into(), max: max.into() };
-        Self { bounds, count: photons.len(), has_caustic_photons, directions: directions != 0 }
+        let has_directions = directions != 0;
+        Self { bounds, count: photons.len(), has_caustic_photons, has_directions }
     }
 
-    /// That of these photons and others.
+    /// The extent of both sets of photons.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         let Bounds { min, max } = other.bounds;
@@ -67,23 +68,23 @@ impl Extent {
             bounds: Bounds { min: self.bounds.min.min(min), max: self.bounds.max.max(max) },
             count: self.count + other.count,
             has_caustic_photons: self.has_caustic_photons | other.has_caustic_photons,
-            directions: self.directions | other.directions,
+            has_directions: self.has_directions | other.has_directions,
         }
     }
 }
 
-/// Sixteen photons, but for their directions.
+/// Sixteen photons without their directions.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Photons {
+pub(crate) struct PhotonPacket {
     pub position: Vec3s,
     pub path: [u32; LANES],
     pub flux: Vec3s,
-    pub side: [u32; LANES],
+    pub arrival: [u32; LANES],
 }
 
-impl Photons {
-    /// One by one, with the packed direction `from` which each came.
+impl PhotonPacket {
+    /// Calls `each` with every lane and its photon, whose packed direction is in `from`.
     #[inline(always)] // part of the loop over vertices
     pub fn one_by_one(&self, simd: Simd, from: &[u32; LANES], mut each: impl FnMut(usize, Photon)) {
         one_by_one(simd, bytemuck::cast_ref(self), |lane, words| {
@@ -94,20 +95,20 @@ impl Photons {
     }
 }
 
-/// The part of a photon that decides whether it counts, in one word: the surface normal on the side it
-/// arrived from, each coordinate in 1/127 and one byte, and its class in the highest byte.
+/// Normal and class of a photon in one word, as admission tests need them: the surface normal on the side of
+/// arrival, each coordinate in 1/127 and one byte, and the class in the highest byte.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct Side(pub u32);
+pub(crate) struct Arrival(pub u32);
 
-impl Default for Side {
+impl Default for Arrival {
     fn default() -> Self {
         Self::new(Vec3::ZERO, PhotonClass::default() as u32)
     }
 }
 
-impl Side {
-    #[inline(always)] // as the next: parts of vector loops
+impl Arrival {
+    #[inline(always)] // part of vector loops, as the methods below
     pub fn new(normal: Vec3, class: u32) -> Self {
         // Adding 1.5 * 2^23 rounds to the nearest integer and leaves it in the lowest bits.
         let byte = |c: f32| (c * 127.0 + 12_582_912.0).to_bits() & 0xff;
@@ -127,15 +128,15 @@ impl Side {
         ((self.0 << (24 - 8 * axis)) as i32 >> 24) as f32
     }
 
-    /// Whether the photon is merged at every vertex.
+    /// Tests whether the class is [`PhotonClass::Caustic`].
     #[inline(always)]
-    pub fn at_every_vertex(self) -> bool {
+    pub fn is_caustic(self) -> bool {
         self.0 >> 24 == PhotonClass::Caustic as u32
     }
 }
 
-/// At which vertices of a camera path a photon is merged, so that each path counts exactly once.
-/// theory.md, section 4: which path is counted where.
+/// Class of a photon by its history. It decides at which vertices of a camera path the photon is merged, so that
+/// each path counts exactly once: theory.md, section 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum PhotonClass {
@@ -148,35 +149,35 @@ pub enum PhotonClass {
 }
 
 impl Photon {
-    /// `normal` is the unit normal on the side of arrival.
+    /// A photon without a direction; `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
-        Self { position, path, flux, side: Side::new(normal, class as u32), from: 0 }
+        Self { position, path, flux, arrival: Arrival::new(normal, class as u32), from: 0 }
     }
 
-    /// The same with the unit vector toward where it came from, for BSDFs that depend on it.
+    /// Sets the unit vector against the direction of flight, for BSDFs that depend on it.
     #[must_use]
     pub fn coming_from(self, from: Vec3) -> Self {
         Self { from: pack_direction(from), ..self }
     }
 
-    /// Unit vector toward where it came from, turned along with the surface to a place of the unit
-    /// normal `normal`: what is merged there is the radiance that the surface has here.
+    /// Unit vector against the direction of flight, rotated with the surface to a place of the unit normal
+    /// `normal`: the merge estimates the radiance of the photon's surface there.
     /// theory.md (46), R.
     pub fn from_as_at(&self, normal: Vec3) -> Vec3 {
-        let own = self.side.normal().normalize();
+        let own = self.arrival.normal().normalize();
         Quat::from_rotation_arc(own, normal) * unpack_direction(self.from)
     }
 
     /// Dot product of `normal` with the normal on the side that it arrived on, 127 units long.
     #[inline]
     pub fn cosine(&self, normal: Vec3) -> f32 {
-        self.side.normal().dot(normal)
+        self.arrival.normal().dot(normal)
     }
 
-    /// Where it is merged.
+    /// Class, which decides where the photon is merged.
     #[inline]
     pub fn class(&self) -> PhotonClass {
-        if self.side.at_every_vertex() { PhotonClass::Caustic } else { PhotonClass::Diffuse }
+        if self.arrival.is_caustic() { PhotonClass::Caustic } else { PhotonClass::Diffuse }
     }
 }
 
@@ -186,8 +187,9 @@ mod tests {
     use crate::simd::dispatch::vectorized;
 
     #[test]
-    fn sixteen_photons_are_each_of_them() {
-        let (mut photons, mut from, mut expected) = (Photons::zeroed(), [0; LANES], Vec::new());
+    fn photon_packet_splits_into_its_photons() {
+        let (mut photons, mut from, mut expected) =
+            (PhotonPacket::zeroed(), [0; LANES], Vec::new());
         for (lane, from) in from.iter_mut().enumerate() {
             let number = lane as f32;
             let normal = Vec3::new(number - 8.0, 3.0, -number).normalize();
@@ -196,12 +198,12 @@ mod tests {
             photons.position.set(lane, position);
             photons.path[lane] = 100 + lane as u32;
             photons.flux.set(lane, flux);
-            photons.side[lane] = Side::new(normal, class as u32).0;
+            photons.arrival[lane] = Arrival::new(normal, class as u32).0;
             *from = pack_direction(normal);
             let photon = Photon::new(position, 100 + lane as u32, flux, normal, class);
             expected.push(photon.coming_from(normal));
             assert_eq!(photon.class(), class);
-            assert!(photon.side.normal().distance(127.0 * normal) < 0.87); // half a unit each way
+            assert!(photon.arrival.normal().distance(127.0 * normal) < 0.87); // half a unit each way
         }
         for simd in [Simd::default(), vectorized(|simd| simd)] {
             let mut found = Vec::new();

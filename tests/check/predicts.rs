@@ -4,7 +4,7 @@ use crate::committed;
 use crate::common::{MIS, furnished_box, settings};
 use crate::far_counts::{Subject, assert_far_counts};
 use bdpm::Settings;
-use bdpm::settings::{Direct, Kernel, Strategy};
+use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 
 #[test]
 fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
@@ -41,7 +41,7 @@ fn the_noise_of_scenes_by_all_ways_is_known_at_far_counts() {
             kernel: Kernel::Area,
             radius,
             caustic_radius: 0.5 * radius,
-            mis_light_paths: 1000,
+            mis_scales: Some(MisScales { light_paths: 1000, ..settings.mis_scales() }),
             ..settings
         };
         let (name, scene) = (name.into(), &scene);

@@ -4,9 +4,9 @@
 use crate::common::*;
 use bdpm::accel::Intersect;
 use bdpm::noise::Measure;
-use bdpm::noise::image::{NoiseImage, Statistic};
 use bdpm::render::RenderConfig;
-use bdpm::settings::{Direct, Kernel};
+use bdpm::noise::image::{NoiseImage, Statistic};
+use bdpm::settings::{Direct, Kernel, MisScales};
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
 
@@ -96,8 +96,9 @@ pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     let caustic_radius = if kernel == Kernel::Area { 0.6 * radius } else { radius };
     let asked =
         Settings { direct, merge_vertex, kernel, radius, caustic_radius, ..settings(12, 12) };
-    // Weights for other counts than any of these.
-    let settings = Settings { mis_light_paths: 1000, ..by_way(asked) };
+    // The weights are made for other counts than any of these.
+    let mis_scales = Some(MisScales { light_paths: 1000, scales: [0.4; 2] });
+    let settings = Settings { mis_scales, ..by_way(asked) };
     let name = format!("{direct:?} {kernel:?} k={merge_vertex}");
     Subject { name, scene: &furnished_box(), settings, iterations: 2500, quiet: 1.0, most: 0.03 }
         .assert_far_counts(&[(30_000, 4, 130), (300, 100, 500), (3000, 25, 250)]);

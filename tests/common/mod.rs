@@ -9,7 +9,7 @@ use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::Bsdf;
 use bdpm::scene::{Camera, Emitter, FieldOfView, Material, Mesh};
-use bdpm::settings::{Bias, Direct, Kernel, Roulette, Strategy};
+use bdpm::settings::{Bias, Direct, Kernel, MisScales, Strategy};
 use bdpm::{Renderer, Scene, Settings};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -146,14 +146,10 @@ pub fn settings(width: u32, height: u32) -> Settings {
         kernel: Kernel::Disc,
         merge_vertex: 1,
         strategy: Strategy::Single,
-        mis_light_paths: 1000,
-        mis_c1: 0.4,
-        mis_c2: 0.4,
         direct: Direct::Connect,
-        light_roulette: Roulette::Albedo,
-        camera_roulette: Roulette::Weight,
         guide: 0,
         seed: 1,
+        mis_scales: None,
     }
 }
 
@@ -165,8 +161,9 @@ pub fn by_way(settings: Settings) -> Settings {
     if settings.merge_vertex != MIS {
         return settings;
     }
-    let mis_light_paths = settings.light_paths;
-    Settings { merge_vertex: 2, strategy: Strategy::Mis, mis_light_paths, ..settings }
+    // All tests of a scene have the same weights, whatever their numbers of camera paths.
+    let mis_scales = Some(MisScales { light_paths: settings.light_paths, scales: [0.4; 2] });
+    Settings { merge_vertex: 2, strategy: Strategy::Mis, mis_scales, ..settings }
 }
 
 /// The default backend for a scene.

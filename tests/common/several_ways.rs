@@ -5,7 +5,7 @@ use crate::common::*;
 use bdpm::Settings;
 use bdpm::scene::bsdf::{Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance};
 use bdpm::scene::{Material, Mesh, Scene};
-use bdpm::settings::{Direct, Kernel, Roulette, Strategy};
+use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -16,10 +16,10 @@ pub const TILES: usize = (SIDE / TILE * (SIDE / TILE)) as usize;
 /// Scales of merges at both vertices, and the planned light paths over the actual ones.
 pub type Weighting = ([f64; 2], f64);
 
-pub fn weighted(settings: &Settings, ([mis_c1, mis_c2], planned): Weighting) -> Settings {
-    let mis_light_paths = (f64::from(settings.light_paths) * planned) as u32;
-    let settings = Settings { mis_light_paths, mis_c1, mis_c2, ..settings.clone() };
-    Settings { strategy: Strategy::Mis, merge_vertex: 2, ..settings }
+pub fn weighted(settings: &Settings, (scales, planned): Weighting) -> Settings {
+    let light_paths = (f64::from(settings.light_paths) * planned) as u32;
+    let mis_scales = Some(MisScales { light_paths, scales });
+    Settings { strategy: Strategy::Mis, merge_vertex: 2, mis_scales, ..settings.clone() }
 }
 
 /// Mean of each tile in each iteration: `[tile][iteration]`.
@@ -84,14 +84,11 @@ pub fn furnace(bsdfs: &[Bsdf], normals: bool) -> Arc<Scene> {
     scene(meshes, materials, vec![], camera)
 }
 
-/// How direct light is found, how paths end, and the radius for caustics.
-pub type Way = (Direct, Roulette, f32);
+/// Technique for direct light, and the radius for caustics.
+pub type Way = (Direct, f32);
 
-pub const WAYS: [Way; 3] = [
-    (Direct::Connect, Roulette::Albedo, 0.05),
-    (Direct::Connect, Roulette::Weight, 0.15),
-    (Direct::PhotonMap, Roulette::Weight, 0.05),
-];
+pub const WAYS: [Way; 3] =
+    [(Direct::Connect, 0.05), (Direct::Connect, 0.15), (Direct::PhotonMap, 0.05)];
 
 /// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights.
 pub fn assert_furnace(
@@ -101,11 +98,9 @@ pub fn assert_furnace(
     iterations: usize,
     (ways, weightings): (&[Way], &[Weighting]),
 ) {
-    for &(direct, roulette, caustic_radius) in ways {
+    for &(direct, caustic_radius) in ways {
         let settings = Settings {
             direct,
-            light_roulette: roulette,
-            camera_roulette: roulette,
             kernel: Kernel::Area,
             light_paths: 8000,
             camera_paths: 8,
@@ -117,7 +112,7 @@ pub fn assert_furnace(
         let single = tiles(scene, Settings { merge_vertex: 2, ..settings.clone() }, iterations);
         for &weighting in weightings {
             let several = tiles(scene, weighted(&settings, weighting), iterations);
-            let what = format!("{name} {direct:?} {roulette:?} {weighting:?}");
+            let what = format!("{name} {direct:?} {caustic_radius} {weighting:?}");
             let exact: Vec<Vec<f64>> =
                 several.iter().map(|tile| tile.iter().map(|x| x - 2.0).collect()).collect();
             assert_zero(&format!("{what}, 2"), &exact, 2.0, 3e-3, loss);

@@ -4,7 +4,7 @@ use bdpm::accel::Intersect;
 use bdpm::base::math::LUMINANCE;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::noise::bias::Bias;
+use bdpm::noise::bias::MergeBias;
 use bdpm::noise::film::BATCHES;
 use bdpm::render::RenderConfig;
 use bdpm::settings::{Kernel, PartialSettings};
@@ -124,7 +124,7 @@ pub fn biases(
     let real = Square { value: square(BATCHES), error: (share * scatter).sqrt() };
 
     let all: Vec<usize> = (0..pixels).collect();
-    let own = Bias::new(&renderer.block().noise_image().unwrap(), &all).relative;
+    let own = MergeBias::new(&renderer.block().noise_image().unwrap(), &all).relative;
     // The error of the square that this is the root of.
     let error = (2.0 * own.value * own.error).max(own.error.powi(2));
     let estimated = Square { value: own.value.powi(2), error };

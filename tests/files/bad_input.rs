@@ -258,8 +258,6 @@ fn values_out_of_range() {
         ("radius = 0", "the merge radius is 0", "0.8%"),
         ("radius = \"big\"", "`big` is not a length", "0.8%"),
         ("merge_vertex = 0", "merge vertex 0", "1 to 255"),
-        ("mis_light_paths = 0", "0 light paths", "between 1"),
-        ("mis_c2 = -0.5", "the scale of merges is -0.5", "such as 0.4"),
         ("guide = 5000", "5000 iterations to learn a guide", "such as 32"),
         ("seed = -1", "wrong value: integer `-1`", "help: give "),
     ] {

@@ -218,8 +218,6 @@ fn scene_files_with_everything() {
         camera_paths = 3
         merge_vertex = 3
         direct = 'photon-map'
-        light_roulette = 'weight'
-        camera_roulette = 'albedo'
         seed = 7";
     let list: [(&str, &[u8]); 3] =
         [("sky.exr", &sky), ("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", scene.as_bytes())];

@@ -258,7 +258,7 @@ fn files_larger_than_memory_are_refused_at_once() {
     std::fs::File::create(&path).unwrap().set_len(1 << 43).unwrap();
     let error = load(&path).unwrap_err().to_string();
     assert!(
-        error.contains("a.obj: reading the file takes about 32768.0 GiB of memory, but"),
+        error.contains("a.obj: reading the file takes about 49152.0 GiB of memory, but"),
         "{error}"
     );
 }

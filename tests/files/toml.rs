@@ -7,7 +7,7 @@ use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
-use bdpm::settings::{Direct, Length, PartialSettings, Roulette, Settings};
+use bdpm::settings::{Direct, Length, PartialSettings, Settings};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -106,13 +106,8 @@ fn the_cornell_box_is_the_paper_s() {
         kernel: None,
         merge_vertex: Some(2),
         strategy: None,
-        mis_light_paths: None,
-        mis_c1: None,
-        mis_c2: None,
         guide: None,
         direct: Some(Direct::Connect),
-        light_roulette: Some(Roulette::Albedo),
-        camera_roulette: Some(Roulette::Weight),
         seed: None,
     };
     assert_eq!(loaded.defaults, expected);

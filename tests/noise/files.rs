@@ -1,7 +1,7 @@
 //! Measured noise in files, and predictions from them.
 
 use crate::common::*;
-use bdpm::adaptive::optimize::predict::{Budget, Predicted, Source};
+use bdpm::adaptive::optimize::predict::{Predicted, RenderTime, Source};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::noise::file::NoiseFile;
@@ -116,7 +116,7 @@ fn predictions_from_the_file_are_those_from_memory() {
         merge_pair: 1e-11,
         pixels: 209.0,
     };
-    let budget = Budget { model, time: 60.0 };
+    let budget = RenderTime { model, time: 60.0 };
     let same = |a: Predicted, b: Predicted| {
         assert!((a.value / b.value - 1.0).abs() < 1e-5, "{a:?} {b:?}");
         assert!((a.error.unwrap() / b.error.unwrap() - 1.0).abs() < 1e-3, "{a:?} {b:?}");
@@ -180,7 +180,7 @@ fn the_published_numbers_come_out() {
         merge_pair: 5.03e-5 / 25.0,
         pixels: 1.0,
     };
-    let budget = Budget { model, time: 1000.0 };
+    let budget = RenderTime { model, time: 1000.0 };
     let after = |n, m| source.predict(n, m, Some(&budget)).timed.unwrap();
     let close = |value: f64, printed: f64, unit: f64| {
         assert!((value - printed).abs() <= 0.5001 * unit, "{value}, printed {printed}");

@@ -6,18 +6,18 @@ use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::region;
-use bdpm::paper::folder::{Experiment, Folder, Identity};
-use bdpm::paper::part::{Part, Purpose};
+use bdpm::paper::folder::{Conditions, Experiment, Folder};
+use bdpm::paper::measurement::{Measurement, Purpose};
 use bdpm::paper::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
 use bdpm::paper::results::Results;
-use bdpm::paper::run::{Bench, Run};
+use bdpm::paper::run::{Run, SceneContext};
 use bdpm::paper::terms::{Terms, share};
 use bdpm::render::RenderConfig;
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;
 use bdpm::settings::{Kernel, PartialSettings, Settings};
-use bdpm::timing::setup::Setup;
+use bdpm::timing::setup::MeasurementSetup;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -38,7 +38,7 @@ fn box_filter() -> rayon::ThreadPool {
 }
 
 /// An experiment without a time budget takes the fewest iterations, whatever the machine.
-fn identity(scene: &Arc<Scene>, settings: &Settings) -> Identity {
+fn conditions(scene: &Arc<Scene>, settings: &Settings) -> Conditions {
     let origin = Provenance {
         version: "1".into(),
         scene: scene.name.clone(),
@@ -46,8 +46,8 @@ fn identity(scene: &Arc<Scene>, settings: &Settings) -> Identity {
         backend: Backend::default().name().into(),
         settings: settings.clone(),
     };
-    Identity {
-        setup: Setup::new(&origin, 2),
+    Conditions {
+        setup: MeasurementSetup::new(&origin, 2),
         accel: "some".into(),
         settings: settings.clone(),
         region: region::find(Some("side-walls"), &scene.regions).unwrap(),
@@ -59,11 +59,11 @@ fn identity(scene: &Arc<Scene>, settings: &Settings) -> Identity {
 fn run(path: &Path, stop: usize) -> (Experiment, usize) {
     let (scene, accel, settings) = loaded(8);
     let threads = box_filter();
-    let bench = Bench { scene: &scene, accel: &accel, threads: &threads };
+    let context = SceneContext { scene: &scene, accel: &accel, threads: &threads };
     for starts in 1.. {
         let folder = Folder::new(path).unwrap();
-        let experiment = folder.open(identity(&scene, &settings)).unwrap();
-        let mut run = Run::new(bench, folder, experiment);
+        let experiment = folder.open(conditions(&scene, &settings)).unwrap();
+        let mut run = Run::new(context, folder, experiment);
         let mut iterations = 0;
         let complete = run.run(|_| {
             iterations += 1;
@@ -83,16 +83,16 @@ fn stopping_and_going_on_changes_nothing_but_times() {
     // Cells begin anew; the longest takes 48 iterations.
     let (found, starts) = run(pieces.path(), 50);
     assert!(starts > 20, "{starts}");
-    assert_eq!(found.done.len(), Part::all().len());
+    assert_eq!(found.done.len(), Measurement::all().len());
     for (found, expected) in found.done.iter().zip(&expected.done) {
-        assert_eq!(found.part, expected.part);
+        assert_eq!(found.measurement, expected.measurement);
         assert_eq!(found.iterations, 32);
-        assert_eq!(found.pooled_rms, expected.pooled_rms, "{}", found.part.name());
+        assert_eq!(found.pooled_rms, expected.pooled_rms, "{}", found.measurement.name());
         assert_eq!(found.mean_rms, expected.mean_rms);
-        assert_eq!(found.times.is_empty(), found.part.purpose != Purpose::Cell);
+        assert_eq!(found.times.is_empty(), found.measurement.purpose != Purpose::Cell);
     }
     let folders = [whole.path(), pieces.path()].map(|path| Folder::new(path).unwrap());
-    for part in &Part::all()[..3] {
+    for part in &Measurement::all()[..3] {
         let [a, b] = folders.each_ref().map(|folder| folder.load_noise(part).unwrap());
         assert_eq!(a, b);
     }
@@ -112,20 +112,23 @@ fn another_experiment_is_not_continued() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, _, settings) = loaded(16);
     let files = Folder::new(folder.path()).unwrap();
-    let begun = identity(&scene, &settings);
+    let begun = conditions(&scene, &settings);
     let experiment = files.open(begun.clone()).unwrap();
     files.save(&experiment).unwrap();
     assert_eq!(files.open(begun.clone()).unwrap(), experiment);
 
-    let other =
-        Identity { settings: Settings { seed: 9, ..settings }, time_budget: 60.0, ..begun.clone() };
+    let other = Conditions {
+        settings: Settings { seed: 9, ..settings },
+        time_budget: 60.0,
+        ..begun.clone()
+    };
     let shown = files.open(other).unwrap_err().to_string();
     assert!(shown.contains("its seed is 1, not 9; its time-budget is 0.0, not 60.0"), "{shown}");
     assert!(shown.contains("experiment.json") && shown.contains("\nhelp: "), "{shown}");
 
     fs::write(folder.path().join("experiment.json"), "{}").unwrap();
     let shown = files.open(begun).unwrap_err().to_string();
-    assert!(shown.contains("no experiment under way: missing field"), "{shown}");
+    assert!(shown.contains("not an experiment under way: missing field"), "{shown}");
 }
 
 fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>) {

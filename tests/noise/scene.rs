@@ -4,10 +4,10 @@ use crate::common::*;
 use bdpm::film::radiance::luminance;
 use bdpm::import::load;
 use bdpm::noise::Measure;
-use bdpm::noise::bias::Bias;
+use bdpm::noise::bias::MergeBias;
+use bdpm::render::RenderConfig;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};
 use bdpm::noise::summary::NoiseSummary;
-use bdpm::render::RenderConfig;
 use bdpm::scene::Mesh;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
@@ -172,7 +172,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
     // Behind the edge, where the irradiance bends up, and before it, where it bends down.
     for (columns, sign) in [(0..4, 1.0), (4..8, 1.0), (8..12, -1.0), (12..16, -1.0)] {
         let region = noise.select(|x, _, _, _| columns.contains(&x));
-        let bias = Bias::new(&noise, &region).mean;
+        let bias = MergeBias::new(&noise, &region).mean;
         let of = |s: &[f64; 256]| region.iter().map(|&i| s[i]).sum::<f64>() / region.len() as f64;
         let difference = Estimate::from_samples(&samples.iter().map(of).collect::<Vec<_>>());
         // A quarter of the radius leaves 1/16 of the bias.

@@ -3,7 +3,7 @@
 use bdpm::paper::implied;
 use bdpm::timing::TimeModel;
 use bdpm::timing::fit::{Fit, fit};
-use bdpm::timing::sample::{Phase, Sample};
+use bdpm::timing::measure::{Phase, TimeSample};
 use rand_core::{Rng, SeedableRng};
 use rand_xoshiro::Xoshiro128PlusPlus;
 
@@ -43,7 +43,7 @@ fn seconds(phase: Phase, light_paths: f64, camera_paths: f64) -> f64 {
 fn samples(
     counts: &[(f64, f64)],
     mut change: impl FnMut(f64) -> (f64, Option<f64>),
-) -> Vec<Sample> {
+) -> Vec<TimeSample> {
     samples_of_iterations(counts, |seconds, _| change(seconds))
 }
 
@@ -51,13 +51,13 @@ fn samples(
 fn samples_of_iterations(
     counts: &[(f64, f64)],
     mut change: impl FnMut(f64, f64) -> (f64, Option<f64>),
-) -> Vec<Sample> {
+) -> Vec<TimeSample> {
     let mut samples = Vec::new();
     for phase in Phase::ALL {
         for &(light_paths, camera_paths) in counts {
             let iteration = TRUTH.iteration(light_paths, camera_paths);
             let (seconds, error) = change(seconds(phase, light_paths, camera_paths), iteration);
-            samples.push(Sample { phase, light_paths, camera_paths, seconds, error });
+            samples.push(TimeSample { phase, light_paths, camera_paths, seconds, error });
         }
     }
     samples
@@ -165,8 +165,8 @@ fn what_the_sizes_do_not_tell_is_said() {
     assert_eq!(
         pilot.notes,
         [
-            "the sizes of the camera phase do not tell fixed from camera_path",
-            "the sizes of the merge phase do not tell fixed from merge_pair and look_up",
+            "the sizes of the camera phase do not distinguish fixed from camera_path",
+            "the sizes of the merge phase do not distinguish fixed from merge_pair and look_up",
         ]
     );
     // A single size: everything is proportional.
@@ -195,7 +195,7 @@ fn no_coefficient_is_negative() {
 #[test]
 fn what_is_no_measurement_is_refused() {
     let good = samples(&COUNTS, |t| (t, None));
-    let refused = |samples: &[Sample], expected: &str| {
+    let refused = |samples: &[TimeSample], expected: &str| {
         let shown = fit(samples, TRUTH.pixels).unwrap_err().to_string();
         assert!(shown.contains(expected) && shown.contains("\nhelp: measure"), "{shown}");
     };
@@ -203,7 +203,7 @@ fn what_is_no_measurement_is_refused() {
     refused(&good[..8], "no time of the camera phase");
     fit(&good[..24], TRUTH.pixels).expect("the rest may be unknown");
     for (change, expected) in [
-        ((|s| s.seconds = f64::NAN) as fn(&mut Sample), "phase is NaN"),
+        ((|s| s.seconds = f64::NAN) as fn(&mut TimeSample), "phase is NaN"),
         (|s| s.seconds = -1.0, "phase is -1"),
         (|s| s.error = Some(f64::INFINITY), "+- inf s"),
         (|s| s.light_paths = 0.0, "at 0 light paths"),

@@ -182,7 +182,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         ("longer", "one of 3 parts of 60 iterations, but 1.ckpt is one of 3 parts of 40"),
         ("more", "one of 4 parts"),
         ("again", "it holds iterations 13 to 25, as 2.ckpt does"),
-        ("layers", "does not keep what the others do"),
+        ("layers", "one part keeps other layers or noise estimates"),
         ("grain", "one part keeps other layers or noise estimates"),
         ("single", "it holds iterations 0 to 1, as 1.ckpt does"),
         ("version", "program version is 0.0.9"),

@@ -103,9 +103,9 @@ fn what_cannot_be_measured_is_refused_before_the_work() {
         (&["--iterations", "1"], "1 measured iterations", "at least 2 iterations"),
         (&["--iterations", "0"], "0 measured iterations", "at least 2 iterations"),
         (&["--region", "ceiling"], "no region `ceiling`", "use side-walls, or a rectangle"),
-        (&["--region", "0,0,1"], "`0,0,1` is no rectangle", "four numbers"),
+        (&["--region", "0,0,1"], "`0,0,1` is not a rectangle", "four numbers"),
         (&["--region", "1,0,0,1"], "not in the image", "x0 < x1"),
-        (&["--resolution", "60000x60000"], "GiB", "lower --resolution"),
+        (&["--resolution", "60000x60000"], "GiB", "lower the resolution"),
     ] {
         // clap takes an option once: leave the default resolution out where another is given.
         let output = path.to_str().unwrap();

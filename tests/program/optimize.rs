@@ -50,7 +50,7 @@ fn write(folder: &Path, name: &str, content: &str) -> String {
 }
 
 #[test]
-fn the_papers_optimum_is_found_and_plotted() {
+fn optimum_of_the_paper_is_found_and_plotted() {
     let folder = tempfile::tempdir().unwrap();
     let times = write(folder.path(), "times.json", PAPER_TIMES);
     let plot = folder.path().join("plot.svg").to_str().unwrap().to_owned();
@@ -78,7 +78,7 @@ fn the_papers_optimum_is_found_and_plotted() {
 
     let plot = fs::read_to_string(plot).unwrap();
     for part in
-        ["<svg", "light paths per iteration, N_F", "RMS, W/(m² sr)", "N_B = 25", "least 0.0987"]
+        ["<svg", "light paths per iteration, N_F", "W/(m² sr)", "N_B = 25", "minimum 0.0987"]
     {
         assert!(plot.contains(part), "{part} in {plot}");
     }
@@ -97,7 +97,7 @@ fn the_papers_optimum_is_found_and_plotted() {
 }
 
 #[test]
-fn plans_are_written_and_rendered() {
+fn plans_of_all_objectives_are_written_and_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let (noise, plan, image) = (at("noise.exr"), at("plan.exr"), at("image.exr"));
@@ -157,7 +157,7 @@ fn plans_are_written_and_rendered() {
 }
 
 #[test]
-fn what_cannot_be_optimized_is_refused_by_name() {
+fn wrong_inputs_of_optimize_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let noise = at("noise.exr");
@@ -186,7 +186,7 @@ fn what_cannot_be_optimized_is_refused_by_name() {
         let problem = format!("{option} needs more than coefficients");
         assert_refused(&given(&arguments), &problem, "`bdpm analyze` wrote");
     }
-    assert_refused(&given(&["--target-rms", "1%"]), "do not tell the mean luminance", "without %");
+    assert_refused(&given(&["--target-rms", "1%"]), "the mean luminance is unknown", "without %");
     assert_refused(&measured(&["--time", "0s"]), "in 0 seconds", "--time 1s");
     assert_refused(&measured(&["--region", "ceiling"]), "no region `ceiling`", "use side-walls");
     assert_refused(&measured(&["--max-memory", "1KiB"]), "1024 bytes", "allow more memory");
@@ -194,7 +194,7 @@ fn what_cannot_be_optimized_is_refused_by_name() {
     assert_refused(&measured(&["--plot", &at("p.png")]), "does not end in .svg", "p.svg");
     let refused =
         optimize(&["--coefficients", "0,0,0", "--timings", &foreign, "--plot", &at("p.svg")]);
-    assert_refused(&refused, "no noise to plot", "leave --plot out");
+    assert_refused(&refused, "no noise to plot", "leave out the plot");
     for wrong in [["--target-rms", "-1"], ["--max-memory", "much"], ["--objective", "best"]] {
         assert_eq!(measured(&wrong).status.code(), Some(2), "{wrong:?}");
     }

@@ -4,7 +4,7 @@ use crate::common::*;
 use bdpm::base::math::luminance;
 use bdpm::base::rng::{Stream, StreamKey};
 use bdpm::noise::Measure;
-use bdpm::settings::{Direct, Roulette};
+use bdpm::settings::Direct;
 use bdpm::transport::camera_paths::{CameraPass, CameraPathId, CameraPaths};
 use bdpm::transport::light_paths::LightPaths;
 use bdpm::{Renderer, Scene, Settings};
@@ -68,24 +68,18 @@ fn integrating_sphere_with_all_bounces() {
     let albedo = f64::from(SPHERE_ALBEDO);
     for direct in BOTH {
         for merge_vertex in 1..=3 {
-            for (light_roulette, camera_roulette) in
-                [(Roulette::Albedo, Roulette::Weight), (Roulette::Weight, Roulette::Albedo)]
-            {
-                let settings = Settings {
-                    direct,
-                    merge_vertex,
-                    light_roulette,
-                    camera_roulette,
-                    light_paths: 2000,
-                    camera_paths: 2,
-                    radius: 0.2,
-                    caustic_radius: 0.2,
-                    ..settings(16, 16)
-                };
-                let mean = mean_luminance(&scene, &accel(&scene), settings, 100);
-                // Facets of 2 degrees: their edges widen the kernel's area by less than 1e-3.
-                mean.assert_is(albedo / (1.0 - albedo) * unit, 2e-3);
-            }
+            let settings = Settings {
+                direct,
+                merge_vertex,
+                light_paths: 2000,
+                camera_paths: 2,
+                radius: 0.2,
+                caustic_radius: 0.2,
+                ..settings(16, 16)
+            };
+            let mean = mean_luminance(&scene, &accel(&scene), settings, 100);
+            // Facets of 2 degrees: their edges widen the kernel's area by less than 1e-3.
+            mean.assert_is(albedo / (1.0 - albedo) * unit, 2e-3);
         }
     }
 }
@@ -126,34 +120,27 @@ fn integrating_sphere_bounce_by_bounce_from_the_light() {
     let (scene, _) = integrating_sphere();
     let accel = accel(&scene);
     let power = 4.0 * PI * 5.0;
-    for light_roulette in [Roulette::Albedo, Roulette::Weight] {
-        let mut flux = vec![Vec::new(); 5];
-        for iteration in 0..40 {
-            let settings = Settings {
-                direct: Direct::PhotonMap,
-                light_roulette,
-                light_paths: 3000,
-                ..settings(1, 1)
-            };
-            let mut paths = LightPaths::default();
-            paths.trace(&scene, &*accel, &settings, settings.light_paths, iteration);
-            let mut sums = [0.0; 5];
-            let (mut path, mut vertex) = (u32::MAX, 0);
-            let mut photons: Vec<_> = paths.photons().flatten().collect();
-            photons.sort_by_key(|photon| photon.path); // stable: vertices stay in order
-            for photon in photons {
-                vertex = if photon.path == path { vertex + 1 } else { 0 };
-                path = photon.path;
-                if vertex < sums.len() {
-                    sums[vertex] += f64::from(luminance(photon.flux)) / 3000.0;
-                }
+    let mut flux = vec![Vec::new(); 5];
+    for iteration in 0..40 {
+        let settings = Settings { direct: Direct::PhotonMap, light_paths: 3000, ..settings(1, 1) };
+        let mut paths = LightPaths::default();
+        paths.trace(&scene, &*accel, &settings, settings.light_paths, iteration);
+        let mut sums = [0.0; 5];
+        let (mut path, mut vertex) = (u32::MAX, 0);
+        let mut photons: Vec<_> = paths.photons().flatten().collect();
+        photons.sort_by_key(|photon| photon.path); // stable: vertices stay in order
+        for photon in photons {
+            vertex = if photon.path == path { vertex + 1 } else { 0 };
+            path = photon.path;
+            if vertex < sums.len() {
+                sums[vertex] += f64::from(luminance(photon.flux)) / 3000.0;
             }
-            flux.iter_mut().zip(sums).for_each(|(samples, sum)| samples.push(sum));
         }
-        for (vertex, samples) in flux.iter().enumerate() {
-            let expected = power * f64::from(SPHERE_ALBEDO).powi(vertex as i32);
-            Estimate::from_samples(samples).assert_is(expected, 1e-5);
-        }
+        flux.iter_mut().zip(sums).for_each(|(samples, sum)| samples.push(sum));
+    }
+    for (vertex, samples) in flux.iter().enumerate() {
+        let expected = power * f64::from(SPHERE_ALBEDO).powi(vertex as i32);
+        Estimate::from_samples(samples).assert_is(expected, 1e-5);
     }
 }
 

@@ -20,6 +20,7 @@ mod strategies;
 mod accel_agree;
 mod accel_instances;
 mod analytic_radiance;
+mod area_bound;
 mod area_furnace;
 mod bias;
 mod backends_render;

@@ -8,7 +8,7 @@ use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Material, Mesh, Scene};
-use bdpm::settings::{Direct, Roulette};
+use bdpm::settings::Direct;
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -59,11 +59,6 @@ fn assert_invisible(scene: &Arc<Scene>, loss: f64, iterations: usize) {
             let settings = by_way(Settings {
                 direct,
                 merge_vertex,
-                camera_roulette: if merge_vertex == 2 {
-                    Roulette::Albedo
-                } else {
-                    Roulette::Weight
-                },
                 light_paths: 5000,
                 camera_paths: 12,
                 radius: 0.15,

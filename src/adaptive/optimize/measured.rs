@@ -1,31 +1,31 @@
-//! Measured noise and times as a problem, and what counts lead to by them.
+//! Measured noise and times as a [`Problem`], and predictions for counts with standard errors.
 
 use super::predict::{Predicted, Source};
-use super::{CountLimits, Objective, PerPixel, Problem};
+use super::{CountLimits, MAX_CAMERA_PATHS, MIN_ITERATIONS, Objective, PerPixel, Problem};
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::box_filter;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseSample;
-use crate::settings::policy::{LEAST_ITERATIONS, LEAST_ITERATIONS_TO_TARGET, MOST_CAMERA_PATHS};
+use crate::settings::policy::LEAST_ITERATIONS_TO_TARGET;
 use crate::timing::TimeModel;
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
-/// When rendering ends.
+/// The limit that ends a render.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum End {
-    /// That is open.
+pub enum Budget {
+    /// Not known yet.
     Unbounded,
-    /// After so many seconds.
+    /// A rendering time, seconds.
     Time(f64),
-    /// At this RMS, luminance, W/(m^2 sr).
+    /// An RMS to reach, luminance, W/(m^2 sr).
     Rms(f64),
 }
 
 /// The noise of a region and the times of an image.
 #[derive(Clone, Debug)]
-pub struct Subject<'a> {
+pub struct MeasuredProblem<'a> {
     source: Source<'a>,
     /// Coefficients to search with: means over 5 by 5 pixels, at least 0.
     smoothed: Vec<Coefficients>,
@@ -37,8 +37,8 @@ pub struct Subject<'a> {
     model: TimeModel,
 }
 
-impl<'a> Subject<'a> {
-    /// Noise and times of the same image.
+impl<'a> MeasuredProblem<'a> {
+    /// `source` and `model` belong to the same image.
     pub fn new(source: Source<'a>, objective: Objective, model: TimeModel) -> Self {
         let (smoothed, luminance) = match source {
             Source::Measured(noise, region) => {
@@ -52,34 +52,34 @@ impl<'a> Subject<'a> {
         Self { source, smoothed, luminance, weights, objective, model }
     }
 
-    /// The problem of finding the best counts for rendering up to `end`. So many iterations fit in
-    /// that time that a single one does not matter, unless not even the shortest sensible ones do.
-    pub fn problem(&self, light_paths: RangeInclusive<u32>, end: End) -> Problem {
-        let problem = |iteration_time| {
-            let (light_paths, camera_paths) = (light_paths.clone(), 1..=MOST_CAMERA_PATHS);
-            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
-            Problem::new(&self.smoothed, &self.luminance, self.objective, self.model, &bounds)
-        };
-        let unlimited = problem(f64::INFINITY);
-        let least = unlimited.least_sensible_time();
-        match end {
-            End::Unbounded => unlimited,
-            End::Time(time) => problem((time / LEAST_ITERATIONS).max(least)),
+    /// The problem of finding the best counts for a render with this budget. Enough iterations fit in
+    /// it that the outliers of a single one do not matter, unless even the shortest sensible ones are
+    /// too long.
+    pub fn problem(&self, light_paths: RangeInclusive<u32>, budget: Budget) -> Problem {
+        let unlimited = self.unlimited(light_paths, 1..=MAX_CAMERA_PATHS);
+        match budget {
+            Budget::Unbounded => unlimited,
+            Budget::Time(time) => unlimited.limited_to(time / MIN_ITERATIONS),
             // The time depends on the counts, which depend on the time: a few rounds settle that.
-            End::Rms(rms) => (0..4).fold(unlimited, |found, _| {
-                let longest =
-                    found.uniform().cost / (rms * rms) / LEAST_ITERATIONS_TO_TARGET as f64;
-                problem(longest.max(least))
+            Budget::Rms(rms) => (0..4).fold(unlimited.clone(), |found, _| {
+                let time = found.uniform().cost / (rms * rms);
+                unlimited.limited_to(time / LEAST_ITERATIONS_TO_TARGET as f64)
             }),
         }
     }
 
+    fn unlimited(
+        &self,
+        light_paths: RangeInclusive<u32>,
+        camera_paths: RangeInclusive<u32>,
+    ) -> Problem {
+        let bounds = CountLimits { light_paths, camera_paths, iteration_time: f64::INFINITY };
+        Problem::new(&self.smoothed, &self.luminance, self.objective, self.model, &bounds)
+    }
+
     /// The best light paths at one camera path in each pixel, unlimited in time.
     pub fn one_camera_path(&self, light_paths: RangeInclusive<u32>) -> Counts {
-        let bounds =
-            CountLimits { light_paths, camera_paths: 1..=1, iteration_time: f64::INFINITY };
-        let (pixels, luminance) = (&self.smoothed, &self.luminance);
-        let best = Problem::new(pixels, luminance, self.objective, self.model, &bounds).uniform();
+        let best = self.unlimited(light_paths, 1..=1).uniform();
         Counts::uniform(best.light_paths, best.camera_paths)
     }
 
@@ -102,13 +102,13 @@ impl<'a> Subject<'a> {
         self.model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
     }
 
-    /// Root of the objective for one iteration by (1), luminance, W/(m^2 sr).
+    /// Root of the objective for one iteration by equation (1), luminance, W/(m^2 sr).
     pub fn rms(&self, counts: &Counts) -> Predicted {
         self.statistic(|coefficients| self.variance(coefficients, counts).max(0.0).sqrt())
     }
 
-    /// The time that `other` takes for the same noise, over that of `counts`. Both share their
-    /// fluctuations, so that its error is smaller than those of two [`Self::rms`].
+    /// The time that `other` takes for the noise that `counts` reach, over the time of `counts`. Both
+    /// fluctuate together, so that the error is smaller than those of two [`Self::rms`].
     pub fn relative_time(&self, counts: &Counts, other: &Counts) -> Predicted {
         if counts == other {
             return Predicted { value: 1.0, error: None };
@@ -116,13 +116,13 @@ impl<'a> Subject<'a> {
         let times = self.time(other) / self.time(counts);
         self.statistic(|coefficients| {
             let variance = self.variance(coefficients, counts);
-            // Without noise nothing is gained.
+            // Without noise no counts are better than others.
             if variance > 0.0 { times * self.variance(coefficients, other) / variance } else { 1.0 }
         })
     }
 
-    /// A function of the coefficients as measured, with its standard error. Only a percentile is
-    /// about means over 5 by 5 pixels: that of single pixels would tell how noisy they are.
+    /// A function of the coefficients as measured, with its standard error. Only a percentile takes
+    /// means over 5 by 5 pixels: that of single pixels would show how noisy the estimates are.
     fn statistic(&self, of: impl Fn(&[Coefficients]) -> f64) -> Predicted {
         let coefficients = |pixels: &[NoiseSample]| -> Vec<_> {
             pixels.iter().map(|pixel| pixel.coefficients).collect()
@@ -150,7 +150,8 @@ impl<'a> Subject<'a> {
     }
 }
 
-/// Means over 5 by 5 pixels, at least 0, of the pixels of a region; `all` are those of the image.
+/// Means over 5 by 5 pixels, at least 0, for the pixels of a region. `all` holds the coefficients of
+/// the whole image.
 fn smoothed(
     all: &[Coefficients],
     (width, height): (u32, u32),

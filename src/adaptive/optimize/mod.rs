@@ -1,74 +1,43 @@
 //! The best numbers of light and camera paths.
 //!
 //! An iteration with `N_F` light paths and `n_p` camera paths in pixel `p` takes the time `tau` of
-//! [`TimeModel`] and leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
-//! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is `tau
-// theory.md (80)
-//! V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`.
+//! [`TimeModel`]. It leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
+//! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is
+//! `tau V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`, equation (80) of
+//! docs/theory.md.
 //!
 //! Both `tau` and every `V_p` are sums of products of powers of the counts, with coefficients of at
-// theory.md, section 20
-//! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts,
-//! and so are those of their products, means, maxima and powers: without rounding to whole numbers
-//! there is one minimum, searches along one count inside searches along the other find it, and it
-//! is a lower bound of what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is
-//! not convex.
+//! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts, and
+//! so are those of their products, means, maxima and powers. So there is one minimum if counts need
+//! not be whole: searches along one count inside searches along the other find it. It is a lower
+//! bound of what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is not convex.
+//! Section 20 of docs/theory.md has the details.
 
+pub mod measured;
+mod objective;
 mod per_pixel;
-mod pixel;
 pub mod predict;
 mod search;
-mod fixed_light;
-pub mod measured;
 mod uniform;
-mod integer;
 
-use crate::film::radiance::luminance_weights;
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
+pub use objective::Objective;
 use search::Criterion;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-/// What is made of the variances of the pixels: the aggregate that counts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
-pub enum Objective {
-    /// Mean variance, `mean_p V_p`.
-    #[default]
-    Pooled,
-    /// Mean variance weighted by `1/(L_p^2 + 0.01 mean(L)^2)`: dark pixels count as much as bright
-    /// ones.
-    Relative,
-    /// The paper's mean RMS, squared: `(mean_p sqrt(V_p))^2`.
-    MeanRms,
-    /// The 99.5th percentile of the variances; for fewer than 200 pixels their maximum.
-    MaxRms,
-}
+/// Highest number of camera paths per pixel that is considered: far more than can pay.
+pub const MAX_CAMERA_PATHS: u32 = 1 << 16;
 
-impl Objective {
-    /// Weights of the variances of pixels of these luminances, W/(m^2 sr); their mean is 1.
-    fn weights(self, luminance: &[f64]) -> Vec<f64> {
-        match self {
-            Self::Relative => relative_weights(luminance),
-            _ => vec![1.0; luminance.len()],
-        }
-    }
+/// Among counts whose cost exceeds the least by this fraction, the shortest iteration is chosen: the
+/// optimum is flat, and a short iteration ends near the time that was asked for.
+pub const NEAR_OPTIMUM: f64 = 0.01;
 
-    /// The aggregate of weighted variances, squared luminance.
-    /// theory.md, section 20 (table of A).
-    fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
-        let count = variances.len().max(1) as f64;
-        let root = |variance: f64| variance.max(0.0).sqrt();
-        match self {
-            Self::Pooled | Self::Relative => variances.sum::<f64>() / count,
-            Self::MeanRms => (variances.map(root).sum::<f64>() / count).powi(2),
-            Self::MaxRms => percentile(&mut variances.collect::<Vec<_>>()),
-        }
-    }
-}
+/// Fewest iterations that should fit in a rendering time. They average out the outliers of a single
+/// one, and no coefficient of 0 leads to infinite counts.
+const MIN_ITERATIONS: f64 = 16.0;
 
 /// The counts to choose from.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,12 +46,12 @@ pub struct CountLimits {
     pub light_paths: RangeInclusive<u32>,
     /// Camera paths per pixel; from 1.
     pub camera_paths: RangeInclusive<u32>,
-    /// Longest iteration, seconds; infinite for no limit. Where even the fewest paths take longer,
-    /// the fewest are chosen.
+    /// Longest iteration, seconds; infinite for no limit. If even the fewest paths take longer, the
+    /// fewest are chosen.
     pub iteration_time: f64,
 }
 
-/// The same number of camera paths in every pixel of the image.
+/// One number of camera paths for all pixels of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Uniform {
     /// `N_F`.
@@ -97,7 +66,7 @@ pub struct Uniform {
     pub cost: f64,
 }
 
-/// A number of camera paths for each pixel of the region, the least number elsewhere.
+/// A number of camera paths for each pixel of the region, the lowest number outside.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PerPixel {
     /// `N_F`.
@@ -112,12 +81,9 @@ pub struct PerPixel {
     pub cost: f64,
 }
 
-/// Pixels that a search looks at; of more, an even selection. A prime number, so that the
-/// selection does not follow the rows of the image.
-const MOST_PIXELS: usize = 4093;
-
-/// The same of one that may miss the best a little; prime as well.
-const NEAR_PIXELS: usize = 1021;
+/// Pixels that a search for uniform counts looks at; of more, an even selection. A prime number, so
+/// that the selection does not follow the rows of the image.
+const MAX_PIXELS: usize = 4093;
 
 /// The search for the best counts for the pixels of a region.
 #[derive(Clone, Debug)]
@@ -141,7 +107,7 @@ pub struct Problem {
 impl Problem {
     /// `coefficients` and `luminance` (W/(m^2 sr)) belong to the pixels of a region of the image of
     /// `time.pixels` pixels. Coefficients of single pixels are noisy: pool them over neighborhoods
-    /// first. What is below 0 counts as 0.
+    /// first. Negative coefficients count as 0.
     ///
     /// # Panics
     /// If the numbers of coefficients and luminances differ.
@@ -174,7 +140,7 @@ impl Problem {
         }
     }
 
-    /// What the same counts everywhere lead to.
+    /// Time, variance and cost of the same counts in all pixels.
     pub fn evaluate_uniform(&self, light_paths: u32, camera_paths: u32) -> Uniform {
         let (n_light, n_camera) = (f64::from(light_paths), f64::from(camera_paths));
         let iteration_time = self.time.iteration(n_light, n_camera);
@@ -183,13 +149,13 @@ impl Problem {
         Uniform { light_paths, camera_paths, iteration_time, variance, cost }
     }
 
-    /// Time of the best iteration with the fewest camera paths, but at most twice that of the fewest
-    /// paths of both kinds, seconds. A shorter one saves light paths at the price of all that the
-    /// camera paths cost: no limit should ask for it.
+    /// Lowest time limit of an iteration that pays, seconds: the time of the best iteration with the
+    /// fewest camera paths, but at most twice that of the fewest paths of both kinds. A shorter
+    /// iteration saves light paths, but still pays for all camera paths.
     ///
     /// Twice is enough for a cost of at most twice the least at these camera paths: at `s N_F = t` it
     /// is `2 (t q + s p)`, and the least is `(sqrt(t q) + sqrt(s p))^2`.
-    /// theory.md (86).
+    // theory.md (86)
     pub fn least_sensible_time(&self) -> f64 {
         let camera_paths = [self.camera_paths[0]; 2];
         let unlimited = Self { camera_paths, iteration_time: f64::INFINITY, ..self.clone() };
@@ -197,10 +163,16 @@ impl Problem {
         unlimited.uniform().iteration_time.min(2.0 * self.time.iteration(fewest[0], fewest[1]))
     }
 
-    /// What a number of camera paths for each pixel of the region leads to.
+    /// The problem with iterations of at most `seconds`, but no less than
+    /// [`Self::least_sensible_time`].
+    fn limited_to(&self, seconds: f64) -> Self {
+        Self { iteration_time: seconds.max(self.least_sensible_time()), ..self.clone() }
+    }
+
+    /// Time, variance and cost of `camera_paths`, one number for each pixel of the region.
     ///
     /// # Panics
-    /// If there are not as many numbers as pixels.
+    /// If the numbers of `camera_paths` and of pixels differ.
     pub fn evaluate(&self, light_paths: u32, camera_paths: Vec<u32>) -> PerPixel {
         assert_eq!(camera_paths.len(), self.pixels.len(), "each pixel has a count");
         let n_light = f64::from(light_paths);
@@ -216,7 +188,7 @@ impl Problem {
 
     /// Seconds per iteration without camera paths in the region, and per camera path in each of
     /// `pixels`.
-    /// theory.md (82), `T_0` and `c.
+    // theory.md (82), `T_0` and `c`
     fn time_in_camera_paths(&self, n_light: f64) -> [f64; 2] {
         let TimeModel { fixed, light_path, camera_path, look_up, merge_pair, .. } = self.time;
         let per_path = camera_path + look_up + merge_pair * n_light;
@@ -234,27 +206,25 @@ impl Problem {
         }
     }
 
-    /// The aggregate is convex in the logarithms of the counts.
     fn is_convex(&self) -> bool {
-        self.objective != Objective::MaxRms || excluded(self.pixels.len()) == 0
+        self.objective.is_convex(self.pixels.len())
     }
 
-    /// The problem for at most [`MOST_PIXELS`] pixels, each standing for several.
     fn sampled(&self) -> Cow<'_, Self> {
-        self.at_most(MOST_PIXELS)
+        self.at_most(MAX_PIXELS)
     }
 
-    /// The problem for at most so many pixels, each standing for several.
-    fn at_most(&self, most: usize) -> Cow<'_, Self> {
+    /// The problem for at most `max_pixels` pixels, each standing for several.
+    fn at_most(&self, max_pixels: usize) -> Cow<'_, Self> {
         let count = self.pixels.len();
-        if count <= most {
+        if count <= max_pixels {
             return Cow::Borrowed(self);
         }
-        let pixels = (0..most).map(|i| self.pixels[i * count / most]).collect();
-        Cow::Owned(Self { pixels, each: count as f64 / most as f64, ..*self })
+        let pixels = (0..max_pixels).map(|i| self.pixels[i * count / max_pixels]).collect();
+        Cow::Owned(Self { pixels, each: count as f64 / max_pixels as f64, ..*self })
     }
 
-    /// Even the fewest paths take longer than allowed.
+    /// Whether even the fewest paths take longer than allowed.
     fn is_infeasible(&self) -> bool {
         let [n_light, n_camera] = [self.light_paths[0], self.camera_paths[0]].map(f64::from);
         !self.criterion().allows(self.time.iteration(n_light, n_camera))
@@ -265,60 +235,12 @@ impl Problem {
     }
 }
 
-/// [`luminance_weights`] scaled to the mean 1; all 1 for a black image.
-/// theory.md, section 20 (`relative`).
-fn relative_weights(luminance: &[f64]) -> Vec<f64> {
-    let count = luminance.len() as f64;
-    let weights = luminance_weights(luminance);
-    let scale = count / weights.iter().sum::<f64>();
-    // Neither 0/0 nor an infinite weight.
-    let valid = scale.is_finite() && scale > 0.0;
-    if valid { weights.iter().map(|w| w * scale).collect() } else { vec![1.0; luminance.len()] }
-}
-
-/// Values of `count` that lie above their 99.5th percentile.
-fn excluded(count: usize) -> usize {
-    count - (count * 199).div_ceil(200)
-}
-
-/// The value at the index `ceil(0.995 count) - 1` of the sorted values; 0 for none.
-fn percentile(values: &mut [f64]) -> f64 {
-    let above = excluded(values.len());
-    match above {
-        0 => values.iter().copied().fold(0.0, f64::max),
-        _ => *values.select_nth_unstable_by(values.len() - above - 1, f64::total_cmp).1,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_percentile_leaves_out_one_value_in_200() {
-        for (count, expected) in [(0, 0.0), (1, 1.0), (199, 199.0), (200, 199.0), (1000, 995.0)] {
-            let mut values: Vec<_> = (1..=count).rev().map(f64::from).collect();
-            assert_eq!(percentile(&mut values), expected);
-        }
-    }
-
-    #[test]
-    fn relative_weights_prefer_dark_pixels_and_survive_black_ones() {
-        let weights = relative_weights(&[0.0, 1.0, 2.0]);
-        assert!((weights.iter().sum::<f64>() - 3.0).abs() < 1e-12);
-        assert!((weights[0] / weights[1] - 101.0).abs() < 1e-9);
-        assert_eq!(relative_weights(&[0.0; 3]), [1.0; 3]);
-        assert!(relative_weights(&[]).is_empty());
-    }
-
-    #[test]
-    fn objectives_are_written_in_kebab_case() {
-        assert_eq!(serde_json::to_string(&Objective::MeanRms).unwrap(), "\"mean-rms\"");
-        assert_eq!(Objective::default(), Objective::Pooled);
-    }
-
-    #[test]
-    fn a_short_time_costs_camera_paths_and_not_the_light_paths_they_need() {
+    fn short_time_budget_keeps_the_light_paths_that_camera_paths_need() {
         // One camera path per pixel takes a second; ten seconds fit no 64 iterations of that.
         let coefficients = [Coefficients { a: 1.0, b: 1e-3, f: 1e-2 }; 9];
         let time = TimeModel {
@@ -335,7 +257,7 @@ mod tests {
             Problem::new(&coefficients, &[1.0; 9], Objective::Pooled, time, &bounds)
         };
         let limit = 10.0 / 64.0;
-        assert_eq!(problem(limit).uniform().light_paths, 2, "what the bare limit leads to");
+        assert_eq!(problem(limit).uniform().light_paths, 2, "without a lowest limit");
         let least = problem(f64::INFINITY).least_sensible_time();
         let best = problem(limit.max(least)).uniform();
         // Along N_B = 1 by hand: sqrt(t p / (s q)).

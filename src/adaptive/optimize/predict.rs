@@ -1,14 +1,13 @@
 //! Predictions for any counts and for a given time, from measured coefficients.
 
-use super::{CountLimits, Objective, Problem};
+use super::{CountLimits, MIN_ITERATIONS, Objective, Problem};
 use crate::noise::Coefficients;
-use crate::noise::image::{NoiseImage, NoiseSample, mean};
+use crate::noise::image::{NoiseImage, NoiseSample, Statistic, mean, root};
 use crate::settings::MAX_LIGHT_PATHS;
-use crate::settings::policy::LEAST_ITERATIONS;
 use crate::timing::TimeModel;
 use serde::Serialize;
 
-/// Where the coefficients come from.
+/// Coefficients, measured or given.
 #[derive(Clone, Copy, Debug)]
 pub enum Source<'a> {
     /// Measured, over a region given by its pixels.
@@ -37,11 +36,11 @@ pub struct Prediction {
     pub pooled_rms: Predicted,
     /// Mean RMS of one iteration, `mean_p sqrt(V_p)`: the paper's.
     pub mean_rms: Predicted,
-    /// After the given time.
+    /// The noise after a rendering time, if one was given.
     pub timed: Option<Timed>,
 }
 
-/// What a time of rendering leads to.
+/// The noise after a rendering time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Timed {
     /// Time of one iteration, seconds.
@@ -61,33 +60,32 @@ pub struct Optimum {
     pub light_paths: Predicted,
     /// `N_B`.
     pub camera_paths: f64,
-    /// What is reached there.
+    /// The noise at these counts.
     pub prediction: Prediction,
 }
 
-/// A time model and a time of rendering in seconds.
+/// A rendering time, and the time of an iteration.
 #[derive(Clone, Copy, Debug)]
-pub struct Budget {
+pub struct RenderTime {
     /// Time of one iteration.
     pub model: TimeModel,
-    /// Time of rendering, seconds.
+    /// Rendering time, seconds.
     pub time: f64,
 }
 
-/// Root that a negative estimate does not have.
-fn root(x: f64) -> f64 {
-    x.max(0.0).sqrt()
+impl From<Statistic> for Predicted {
+    /// The value as measured; an infinite error is unknown.
+    fn from(statistic: Statistic) -> Self {
+        let error = statistic.error.is_finite().then_some(statistic.error);
+        Self { value: statistic.value, error }
+    }
 }
 
 impl Source<'_> {
     /// A function of the pixels' coefficients, with its standard error.
     pub fn statistic(&self, of: impl Fn(&[NoiseSample]) -> f64) -> Predicted {
         match self {
-            Self::Measured(noise, region) => {
-                let found = noise.statistic(region, of);
-                let error = found.error.is_finite().then_some(found.error);
-                Predicted { value: found.value, error }
-            }
+            Self::Measured(noise, region) => noise.statistic(region, of).into(),
             Self::Given(coefficients) => {
                 let sample = NoiseSample { coefficients: *coefficients, ..NoiseSample::default() };
                 Predicted { value: of(&[sample]), error: None }
@@ -96,11 +94,11 @@ impl Source<'_> {
     }
 
     /// The noise at `n_light` light paths and `n_camera` camera paths.
-    pub fn predict(&self, n_light: f64, n_camera: f64, budget: Option<&Budget>) -> Prediction {
+    pub fn predict(&self, n_light: f64, n_camera: f64, render: Option<&RenderTime>) -> Prediction {
         let variance = |p: &NoiseSample| p.coefficients.variance(n_light, n_camera);
         let pooled_rms = self.statistic(|pixels| root(mean(pixels, variance)));
         let mean_rms = self.statistic(|pixels| mean(pixels, |p| root(variance(p))));
-        let timed = budget.map(|Budget { model, time }| {
+        let timed = render.map(|RenderTime { model, time }| {
             let tau = model.iteration(n_light, n_camera);
             let iterations = time / tau;
             // theory.md (77)
@@ -116,27 +114,28 @@ impl Source<'_> {
     }
 
     /// The number of light paths with the least pooled RMS at `n_camera` camera paths.
-    pub fn best_light_paths(&self, n_camera: f64, budget: &Budget) -> Optimum {
+    pub fn best_light_paths(&self, n_camera: f64, render: &RenderTime) -> Optimum {
         let light_paths =
-            self.statistic(|pixels| best_light_paths(pooled(pixels), n_camera, budget));
-        let prediction = self.predict(light_paths.value, n_camera, Some(budget));
+            self.statistic(|pixels| best_light_paths(pooled(pixels), n_camera, render));
+        let prediction = self.predict(light_paths.value, n_camera, Some(render));
         Optimum { light_paths, camera_paths: n_camera, prediction }
     }
 
     /// The pair of counts with the least pooled RMS, `N_B` being whole.
-    pub fn optimum(&self, budget: &Budget) -> Optimum {
+    pub fn optimum(&self, render: &RenderTime) -> Optimum {
         let coefficients = match self {
             Self::Measured(noise, region) => noise.mean_coefficients(region),
             Self::Given(coefficients) => *coefficients,
         };
-        let problem = |iteration_time| {
-            let (light_paths, camera_paths) = (1..=MAX_LIGHT_PATHS, 1..=u32::MAX);
-            let bounds = CountLimits { light_paths, camera_paths, iteration_time };
-            Problem::new(&[coefficients], &[1.0], Objective::Pooled, budget.model, &bounds)
+        let bounds = CountLimits {
+            light_paths: 1..=MAX_LIGHT_PATHS,
+            camera_paths: 1..=u32::MAX,
+            iteration_time: f64::INFINITY,
         };
-        let least = problem(f64::INFINITY).least_sensible_time();
-        let best = problem((budget.time / LEAST_ITERATIONS).max(least));
-        self.best_light_paths(f64::from(best.uniform().camera_paths), budget)
+        let RenderTime { model, time } = *render;
+        let problem = Problem::new(&[coefficients], &[1.0], Objective::Pooled, model, &bounds);
+        let best = problem.limited_to(time / MIN_ITERATIONS).uniform();
+        self.best_light_paths(f64::from(best.camera_paths), render)
     }
 }
 
@@ -147,16 +146,15 @@ fn pooled(pixels: &[NoiseSample]) -> Coefficients {
 }
 
 /// Minimizes `(t + s x) (q + p/x)` over the light paths `x`: at `sqrt(t p / (s q))`, within bounds.
-/// theory.md (81).
-fn best_light_paths(c: Coefficients, n_camera: f64, budget: &Budget) -> f64 {
-    let [t, s] = budget.model.in_light_paths(n_camera);
+fn best_light_paths(c: Coefficients, n_camera: f64, render: &RenderTime) -> f64 {
+    let [t, s] = render.model.in_light_paths(n_camera);
     let (p, q) = (c.a / n_camera + c.f, c.b / n_camera);
-    // No shorter than is sensible, as `Problem::least_sensible_time` says.
-    // theory.md (86)
-    let longest = (budget.time / LEAST_ITERATIONS).max(2.0 * (t + s));
+    // theory.md (86): the lowest limit is that of `Problem::least_sensible_time`.
+    let longest = (render.time / MIN_ITERATIONS).max(2.0 * (t + s));
     let most = ((longest - t) / s).min(f64::from(MAX_LIGHT_PATHS));
+    // theory.md (81)
     let best = (t * p / (s * q)).sqrt();
-    // Without variance that light paths lower, the ratio may be 0/0.
+    // Without variance that light paths reduce, the ratio may be 0/0.
     let best = if p == 0.0 { 1.0 } else { best };
     best.min(most).max(1.0)
 }
@@ -165,7 +163,7 @@ fn best_light_paths(c: Coefficients, n_camera: f64, budget: &Budget) -> f64 {
 mod tests {
     use super::*;
 
-    fn budget() -> Budget {
+    fn render() -> RenderTime {
         let model = TimeModel {
             fixed: 0.01,
             light_path: 1e-6,
@@ -174,16 +172,16 @@ mod tests {
             merge_pair: 1e-12,
             pixels: 10_000.0,
         };
-        Budget { model, time: 1000.0 }
+        RenderTime { model, time: 1000.0 }
     }
 
     #[test]
-    fn nothing_near_the_optimum_is_better() {
+    fn optimum_is_better_than_its_neighbors() {
         for (a, b, f) in [(3595.0, 37.18, 0.3788), (100.0, 1e-3, 50.0), (1.0, 1.0, 1.0)] {
             let source = Source::Given(Coefficients { a, b, f });
-            let best = source.optimum(&budget());
+            let best = source.optimum(&render());
             let cost = |n: f64, m: f64| {
-                source.predict(n, m, Some(&budget())).timed.unwrap().pooled_rms.value
+                source.predict(n, m, Some(&render())).timed.unwrap().pooled_rms.value
             };
             let (n, m) = (best.light_paths.value, best.camera_paths);
             let least = best.prediction.timed.unwrap().pooled_rms.value;
@@ -198,9 +196,9 @@ mod tests {
     }
 
     #[test]
-    fn coefficients_of_0_do_not_lead_to_infinite_counts() {
+    fn optimum_is_finite_with_coefficients_of_0() {
         for (a, b, f) in [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)] {
-            let best = Source::Given(Coefficients { a, b, f }).optimum(&budget());
+            let best = Source::Given(Coefficients { a, b, f }).optimum(&render());
             let counts = [best.light_paths.value, best.camera_paths];
             assert!(counts.iter().all(|n| *n >= 1.0 && n.is_finite()), "{counts:?}");
             assert!(best.prediction.timed.unwrap().iterations > 15.0, "{best:?}");

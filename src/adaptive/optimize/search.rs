@@ -1,39 +1,35 @@
-//! Searches along one count.
+//! Searches along one count, and the criterion by which they compare counts.
 
 /// Costs this close to each other, relatively, are equal: rounding errors do not decide.
 const EQUAL: f64 = 1e-13;
 
-/// What is minimized, within which limits.
+/// The quantity to minimize, and its limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Criterion {
     /// Longest iteration, seconds.
-    most_time: f64,
-    /// Highest cost; the shortest iteration is looked for up to it, the least cost without it.
-    most_cost: Option<f64>,
+    longest: f64,
+    /// Highest cost. With it the shortest iteration is sought, without it the least cost.
+    pub(super) highest_cost: Option<f64>,
 }
 
 impl Criterion {
-    pub(super) fn least_cost(most_time: f64) -> Self {
-        Self { most_time, most_cost: None }
+    pub(super) fn least_cost(longest: f64) -> Self {
+        Self { longest, highest_cost: None }
     }
 
     /// The shortest iteration whose cost exceeds `cost` by at most the fraction `slack`.
     pub(super) fn least_time(self, cost: f64, slack: f64) -> Self {
-        Self { most_cost: Some(cost * (1.0 + slack.max(0.0)) * (1.0 + 10.0 * EQUAL)), ..self }
+        Self { highest_cost: Some(cost * (1.0 + slack.max(0.0)) * (1.0 + 10.0 * EQUAL)), ..self }
     }
 
-    /// The least cost of iterations as short.
+    /// The least cost of iterations within the same time limit.
     pub(super) fn without_cost_limit(self) -> Self {
-        Self { most_cost: None, ..self }
+        Self { highest_cost: None, ..self }
     }
 
     /// The iteration is short enough.
     pub(super) fn allows(&self, time: f64) -> bool {
-        time <= self.most_time
-    }
-
-    pub(super) fn most_cost(&self) -> Option<f64> {
-        self.most_cost
+        time <= self.longest
     }
 
     pub(super) fn score(&self, time: f64, variance: f64) -> Score {
@@ -41,16 +37,20 @@ impl Criterion {
     }
 
     fn score_cost(&self, time: f64, cost: f64) -> Score {
-        let factor = |value, most| if value <= most { 0.0 } else { value / most };
-        let excess =
-            [factor(time, self.most_time), self.most_cost.map_or(0.0, |m| factor(cost, m))];
-        Score { excess, value: if self.most_cost.is_some() { time } else { cost }, cost, time }
+        let factor = |value, limit| if value <= limit { 0.0 } else { value / limit };
+        let excess = [
+            factor(time, self.longest),
+            self.highest_cost.map_or(0.0, |limit| factor(cost, limit)),
+        ];
+        Score { excess, value: if self.highest_cost.is_some() { time } else { cost }, cost, time }
     }
 }
 
 /// How good counts are: first by the time above its limit, then by the cost above its limit, then
-/// by the value. All sets of counts at least as good as others are convex where times and costs
-/// are.
+/// by the value.
+///
+/// The counts that are at least as good as some others form a convex set where times and costs are
+/// convex.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Score {
     /// The factors by which time and cost exceed their limits; 0 within these.
@@ -61,17 +61,17 @@ pub(super) struct Score {
 }
 
 impl Score {
-    /// Within the limits of time and cost.
+    /// Time and cost are within their limits.
     pub(super) fn is_valid(&self) -> bool {
         self.excess == [0.0; 2]
     }
 
-    /// The same counts by another criterion.
+    /// Rates the same counts by another criterion.
     pub(super) fn with_criterion(&self, criterion: &Criterion) -> Self {
         criterion.score_cost(self.time, self.cost)
     }
 
-    /// Strictly better; among equals the shorter iteration is.
+    /// Strictly better; of equal scores the shorter iteration is.
     pub(super) fn beats(&self, other: &Self) -> bool {
         if self.excess != other.excess {
             return self.excess < other.excess;
@@ -127,9 +127,9 @@ pub(super) fn minimize(
         .map_or(low, |x| x.0)
 }
 
-/// Two numbers from `low` to `high`, closer than the relative `width`, between which `holds` turns
-/// from false to true; the same bound twice where it never turns.
-pub(super) fn turn([low, high]: [f64; 2], width: f64, holds: impl Fn(f64) -> bool) -> [f64; 2] {
+/// Two numbers from `low` to `high`, closer than the relative `width`, between which `holds` changes
+/// from false to true; the same bound twice where it never changes.
+pub(super) fn bisect([low, high]: [f64; 2], width: f64, holds: impl Fn(f64) -> bool) -> [f64; 2] {
     if holds(low) {
         return [low, low];
     }
@@ -142,55 +142,4 @@ pub(super) fn turn([low, high]: [f64; 2], width: f64, holds: impl Fn(f64) -> boo
         *(if holds(middle) { &mut yes } else { &mut no }) = middle;
     }
     [no, yes]
-}
-
-/// Relative improvement for which another scan is made.
-const WORTH_A_SCAN: f64 = 1e-5;
-
-/// What is known of one whole number: a bound, and what it leads to if it could beat the incumbent.
-pub(super) type Scanned<T> = (Score, Option<(Score, T)>);
-
-/// The best of the whole numbers in `[least, most]`, going outward from `center` in both directions
-/// until the bound says that nothing better follows.
-///
-/// After `dense` numbers the steps double, and again after as many: what is skipped then differs
-/// little from its neighbors. A best that is noticeably better
-/// than the one before starts another scan around it.
-pub(super) fn scan<T>(
-    [least, most]: [u32; 2],
-    center: f64,
-    dense: u32,
-    mut incumbent: Option<(Score, T)>,
-    at: impl Fn(u32, Option<&Score>) -> Scanned<T>,
-) -> Option<(Score, T)> {
-    let mut center = (center as u32).clamp(least, most);
-    let mut before = None;
-    loop {
-        let mut best = center;
-        for direction in [-1, 1] {
-            // The center belongs to the way down.
-            let mut number = i64::from(center) + direction.max(0);
-            let mut visited = 0;
-            while let Some(n) = u32::try_from(number).ok().filter(|n| (least..=most).contains(n)) {
-                let (bound, found) = at(n, incumbent.as_ref().map(|(score, _)| score));
-                if incumbent.as_ref().is_some_and(|(score, _)| !bound.beats(score)) {
-                    break;
-                }
-                if let Some((score, result)) = found
-                    && incumbent.as_ref().is_none_or(|(old, _)| score.beats(old))
-                {
-                    incumbent = Some((score, result));
-                    best = n;
-                }
-                number += direction << (visited / dense);
-                visited += 1;
-            }
-        }
-        let score = incumbent.as_ref().map(|(score, _)| score.value);
-        let improved = score.zip(before).is_none_or(|(now, old)| now < old * (1.0 - WORTH_A_SCAN));
-        if best.abs_diff(center) <= dense || !improved {
-            return incumbent;
-        }
-        (center, before) = (best, score);
-    }
 }

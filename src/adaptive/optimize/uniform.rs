@@ -1,6 +1,6 @@
-//! The same counts in all pixels.
+//! Counts that are equal in all pixels.
 
-use super::search::{Criterion, Scanned, Score, minimize, scan};
+use super::search::{Criterion, Score, minimize};
 use super::{Problem, Uniform};
 use std::ops::RangeInclusive;
 
@@ -10,8 +10,9 @@ const LINE_WIDTH: f64 = 1e-7;
 /// Relative width of the search across lines, which only has to lead near the minimum.
 const CENTER_WIDTH: f64 = 1e-4;
 
-/// Whole numbers that are all tried, to either side of the center.
-const DENSE: u32 = 1024;
+/// Whole numbers on either side of the center that are tried at most. The bound ends the search long
+/// before, unless the cost is flat.
+const MAX_NEIGHBORS: usize = 1024;
 
 /// The count that is constant along a line.
 #[derive(Clone, Copy)]
@@ -21,13 +22,13 @@ enum Axis {
 }
 
 /// The counts `[N_F, N_B]` with their score.
-type Found = (Score, [u32; 2]);
+type ScoredCounts = (Score, [u32; 2]);
 
 impl Problem {
-    /// The counts of least cost; among equals the shortest iteration.
+    /// The counts of least cost; of equal costs the shortest iteration.
     ///
-    /// Exact for up to 4093 pixels and for any number with the objectives `pooled` and `relative`,
-    /// except for `max-rms` from 200 pixels on, whose percentile is not convex.
+    /// Exact for up to 4093 pixels, and for any number with the objectives `pooled` and `relative`.
+    /// The exception is `max-rms` from 200 pixels on, whose percentile is not convex.
     pub fn uniform(&self) -> Uniform {
         self.best_uniform(None)
     }
@@ -72,13 +73,13 @@ impl Problem {
         } else {
             let sampled = self.sampled();
             let criterion = sampled.criterion();
-            let mut found = sampled.search_uniform(&criterion, None);
+            let (score, mut counts) = sampled.search_uniform(&criterion, None);
             if let Some(slack) = slack {
-                let criterion = criterion.least_time(found.0.cost, slack);
-                let incumbent = (found.0.with_criterion(&criterion), found.1);
-                found = sampled.search_uniform(&criterion, Some(incumbent));
+                let criterion = criterion.least_time(score.cost, slack);
+                let incumbent = (score.with_criterion(&criterion), counts);
+                counts = sampled.search_uniform(&criterion, Some(incumbent)).1;
             }
-            found.1
+            counts
         };
         self.evaluate_uniform(n_light, n_camera)
     }
@@ -88,31 +89,36 @@ impl Problem {
         criterion.score(self.time.iteration(n_light, n_camera), variance)
     }
 
-    fn search_uniform(&self, criterion: &Criterion, incumbent: Option<Found>) -> Found {
+    fn search_uniform(
+        &self,
+        criterion: &Criterion,
+        incumbent: Option<ScoredCounts>,
+    ) -> ScoredCounts {
         let line = |axis| Line { problem: self, criterion, axis };
         let across = line(Axis::LightPaths);
         let bounds = self.light_paths.map(f64::from);
-        let convex = self.is_convex();
-        let n_light = minimize(bounds, CENTER_WIDTH, convex, |n| across.relaxed(n).0);
+        let n_light = minimize(bounds, CENTER_WIDTH, self.is_convex(), |n| across.relaxed(n).0);
         let n_camera = across.relaxed(n_light).1;
         // Rounding the larger count costs little, so that few values of the smaller can win.
-        let (center, range, line) = if n_light < n_camera {
-            (n_light, self.light_paths, across)
+        let best = if n_light < n_camera {
+            across.best_near(n_light, self.light_paths, incumbent)
         } else {
-            (n_camera, self.camera_paths, line(Axis::CameraPaths))
+            line(Axis::CameraPaths).best_near(n_camera, self.camera_paths, incumbent)
         };
         let fewest = [self.light_paths[0], self.camera_paths[0]];
-        scan(range, center, DENSE, incumbent, |n, _| line.at(n))
-            .unwrap_or_else(|| (line.score(f64::from(fewest[0]), f64::from(fewest[1])), fewest))
+        best.unwrap_or_else(|| {
+            let [n_light, n_camera] = fewest.map(f64::from);
+            (self.score(criterion, n_light, n_camera), fewest)
+        })
     }
 }
 
 /// A search at a constant number of either light or camera paths.
 ///
-/// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`: the cost is convex in
-/// `x`, and the best whole number is beside the best `x`. The other objectives are convex in `ln
-/// x`.
-/// theory.md (81).
+/// Time and mean variance are `T + t x` and `q + p/x` in the other count `x`. So the cost is convex
+/// in `x`, and the best whole number is beside the best `x`. The other objectives are convex in
+/// `ln x`.
+// theory.md (81)
 struct Line<'a> {
     problem: &'a Problem,
     criterion: &'a Criterion,
@@ -120,8 +126,8 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// `[N_F, N_B]` of the constant and the other count.
-    fn point<T>(&self, constant: T, other: T) -> [T; 2] {
+    /// `[N_F, N_B]` from the constant and the other count.
+    fn counts<T>(&self, constant: T, other: T) -> [T; 2] {
         match self.axis {
             Axis::LightPaths => [constant, other],
             Axis::CameraPaths => [other, constant],
@@ -129,7 +135,7 @@ impl Line<'_> {
     }
 
     fn score(&self, constant: f64, other: f64) -> Score {
-        let [n_light, n_camera] = self.point(constant, other);
+        let [n_light, n_camera] = self.counts(constant, other);
         self.problem.score(self.criterion, n_light, n_camera)
     }
 
@@ -150,20 +156,43 @@ impl Line<'_> {
     }
 
     /// The better of the whole numbers beside `other`.
-    fn rounded(&self, other: f64, constant: u32) -> Found {
+    fn rounded(&self, other: f64, constant: u32) -> ScoredCounts {
         let [least, most] = self.bounds();
         let below = (other as u32).clamp(least, most);
         let scored = |other| {
             let score = self.score(f64::from(constant), f64::from(other));
-            (score, self.point(constant, other))
+            (score, self.counts(constant, other))
         };
         let (below, above) = (scored(below), scored(below.saturating_add(1).min(most)));
         if above.0.beats(&below.0) { above } else { below }
     }
 
-    fn at(&self, constant: u32) -> Scanned<[u32; 2]> {
-        let (bound, other) = self.relaxed(f64::from(constant));
-        let found = self.rounded(other, constant);
-        (bound, (found.0.is_valid()).then_some(found))
+    /// The best counts for any whole constant in `[least, most]`, if they beat `incumbent`. Goes
+    /// outward from `center` in both directions until the bound, the score without rounding, says
+    /// that nothing better follows.
+    fn best_near(
+        &self,
+        center: f64,
+        [least, most]: [u32; 2],
+        incumbent: Option<ScoredCounts>,
+    ) -> Option<ScoredCounts> {
+        let mut best = incumbent;
+        let mut visit = |constants: &mut dyn Iterator<Item = u32>| {
+            for constant in constants.take(MAX_NEIGHBORS) {
+                let (bound, other) = self.relaxed(f64::from(constant));
+                if best.is_some_and(|(score, _)| !bound.beats(&score)) {
+                    break;
+                }
+                let found = self.rounded(other, constant);
+                let beats = |(score, _): ScoredCounts| found.0.beats(&score);
+                if found.0.is_valid() && best.is_none_or(beats) {
+                    best = Some(found);
+                }
+            }
+        };
+        let center = (center as u32).clamp(least, most);
+        visit(&mut (least..=center).rev());
+        visit(&mut (center..=most).skip(1));
+        best
     }
 }

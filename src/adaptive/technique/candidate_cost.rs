@@ -1,12 +1,12 @@
-//! The best counts of a technique for a time or an error, and what they lead to.
+//! Finds the best counts of a technique at given radii, and predicts the error or time they lead to.
 
-use super::census::Surfaces;
-use super::trial::Trial;
 use super::{Candidate, End, FreeParameters, Technique};
 use crate::noise::Coefficients;
 use crate::render::bias_correction::shrinkage;
 use crate::settings::Settings;
-use crate::settings::policy::*;
+use crate::settings::policy::{
+    LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, least_iterations_after_choice,
+};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -16,35 +16,47 @@ use std::array::from_fn;
 const EVERY: usize = PhotonClass::Caustic as usize;
 const LAST: usize = PhotonClass::Diffuse as usize;
 
-/// What is asked for.
+/// Camera paths per pixel that are compared: steps of at most a factor of 2, which costs 5 % of the
+/// time at most (docs/optimum.md), up to counts that only very long renders can use.
+pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
+
+/// Share of the pixels, by their weight, that are taken to have the merge bias. Correcting the bias
+/// adds noise to these pixels alone. Fixed by trial.
+const BIASED_PIXELS: f64 = 0.15;
+
+/// Goal of the render, and the limits of the choice.
 pub struct CandidateCost {
-    /// A time is that of all processes together.
+    /// Time of all processes together, or the error to reach.
     pub end: End,
-    /// How many these are.
+    /// Number of processes that share the iterations.
     pub ranks: u32,
-    pub most_light_paths: u32,
+    /// Light paths of an iteration that the memory allows.
+    pub max_light_paths: u32,
+    /// Settings that the pilot may choose.
     pub open: FreeParameters,
-    /// Whether bias is taken off where it stands out from the noise.
-    pub reduces: bool,
-    /// Radii that were asked for.
-    pub wished: ByClass<f32>,
+    /// Whether the merge bias is corrected where it stands out from the noise.
+    pub corrects_bias: bool,
+    /// Merge radii of the settings, scene units.
+    pub requested: ByClass<f32>,
 }
 
-/// What merging with a class of photons adds.
+/// Merge bias of a class of photons at one radius, and the noise that correcting it would add.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Merged {
-    /// Squared relative bias at the radius, and its standard error.
-    pub bias2: f64,
+pub struct MergeBias {
+    /// Squared relative bias at the radius.
+    pub square: f64,
+    /// Standard error of `square`.
     pub error: f64,
-    /// What of the bias is left at half the radius, over that beyond it.
+    /// Bias that is left at half the radius, over the bias of the outer annulus.
     pub left: f64,
-    /// Coefficients `a` and `f` of what photons beyond half the radius bring, relative.
+    /// Coefficients `a` and `f` of the contribution of photons in the outer annulus, relative.
     pub outer: Coefficients,
 }
 
-/// The best radii and counts of a technique, and what they lead to.
+/// The best counts of a technique at some radii, and the error and time that they lead to.
 #[derive(Clone, Copy, Debug)]
 pub struct Best {
+    /// Merge radii, scene units.
     pub radii: ByClass<f64>,
     light_paths: f64,
     camera_paths: u32,
@@ -53,35 +65,26 @@ pub struct Best {
     bias2: f64,
     bias2_error: f64,
     times: TimeModel,
+    /// Whether a trial has measured the technique at these radii.
     pub tried: bool,
 }
 
+/// Squared relative error of an image, in its two parts.
+#[derive(Clone, Copy, Debug)]
+struct SquaredError {
+    noise: f64,
+    bias: f64,
+}
+
 impl CandidateCost {
-    /// Share of the time that areas take before they are known, at some reach, about.
-    pub fn share(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces, reach: f64) -> f64 {
-        let Best { light_paths, camera_paths, seconds, times, .. } =
-            self.noise(trial, weights, &Surfaces::default());
-        let camera_paths = f64::from(camera_paths);
-        let visits = camera_paths * seconds / times.iteration(light_paths, camera_paths);
-        surfaces.cost(reach, visits) / seconds
-    }
-
-    fn noise(&self, trial: &Trial, weights: &[f64], surfaces: &Surfaces) -> Best {
-        let coefficients = trial.relative(weights);
-        let none = <ByClass<Merged>>::default();
-        self.evaluate(&coefficients, &trial.times, none, trial.radii, surfaces)
-    }
-
     /// The best counts: theory.md (93c), at the camera paths of [`CAMERA_STEPS`].
     pub fn evaluate(
         &self,
         coefficients: &Coefficients,
         times: &TimeModel,
-        merged: ByClass<Merged>,
+        merged: &ByClass<MergeBias>,
         radii: ByClass<f64>,
-        surfaces: &Surfaces,
     ) -> Best {
-        let reach = radii[EVERY].max(radii[LAST]);
         let Coefficients { a, b, f } = coefficients.clamped();
         let mut best: Option<Best> = None;
         for camera_paths in CAMERA_STEPS {
@@ -97,34 +100,30 @@ impl CandidateCost {
             }
             let allowed = ((longest - base) / per_light_path).max(base / per_light_path);
             let optimum = (base * light / (per_light_path * camera)).sqrt();
-            let most = f64::from(self.most_light_paths).min(allowed);
+            let most = f64::from(self.max_light_paths).min(allowed);
             let light_paths = if optimum.is_nan() { 2.0 } else { optimum.min(most).max(2.0) };
             let tau = base + per_light_path * light_paths;
-            // theory.md (93f)
-            let first = |seconds: f64| surfaces.cost(reach, n_camera * seconds / tau);
             let variance = camera + light / light_paths;
-            // Squared noise and bias where the variance of an iteration is left to such a share.
-            let left_at = |share: f64| {
-                let parts: ByClass<[f64; 2]> = from_fn(|class| {
+            // Error after the variance of one iteration has fallen to this share of it.
+            let error_at = |share: f64| {
+                let parts: ByClass<SquaredError> = from_fn(|class| {
                     let merged = &merged[class];
                     let Coefficients { a, f, .. } = merged.outer;
-                    self.reduced(merged, share * (a / n_camera + f) / light_paths)
+                    self.corrected(merged, share * (a / n_camera + f) / light_paths)
                 });
-                let [noise2, bias2] = [0, 1].map(|at| parts[0][at] + parts[1][at]);
-                [share * variance + noise2, bias2]
-            };
-            let (seconds, [noise2, bias2]) = match self.end {
-                End::Time(time) => {
-                    let least = LEAST_TIME_SHARE * time;
-                    let left = (time - first(time)).max(least);
-                    (time, left_at(tau / (time - first(left)).max(least)))
+                SquaredError {
+                    noise: share * variance + (parts[0].noise + parts[1].noise),
+                    bias: parts[0].bias + parts[1].bias,
                 }
+            };
+            let (seconds, left) = match self.end {
+                End::Time(time) => (time, error_at(tau / time)),
                 End::Error(error) => {
-                    let share = share_for(error * error, &left_at);
+                    let share = share_for(error * error, &error_at);
                     let share = share.max(LEAST_NOISE_SHARE * error * error / variance);
                     // theory.md (91)
-                    let known = (tau / share).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
-                    (known + first(known), left_at(share))
+                    let seconds = (tau / share).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
+                    (seconds, error_at(share))
                 }
             };
             let own = Best {
@@ -132,8 +131,8 @@ impl CandidateCost {
                 light_paths,
                 camera_paths,
                 seconds,
-                noise2,
-                bias2,
+                noise2: left.noise,
+                bias2: left.bias,
                 bias2_error: merged.iter().map(|m| m.error * m.error).sum::<f64>().sqrt(),
                 times: *times,
                 tried: false,
@@ -145,22 +144,32 @@ impl CandidateCost {
         best.expect("there is a step")
     }
 
-    /// The noise that is added and the bias that is left of a class of photons, whose bias beyond half the radius has
-    /// this variance: theory.md (71f).
-    fn reduced(&self, &Merged { bias2, left, .. }: &Merged, variance: f64) -> [f64; 2] {
-        if !self.reduces {
-            return [0.0, bias2];
+    /// Noise that the correction adds, and bias that it leaves, for a class of photons. `variance` is
+    /// that of the contribution of the outer annulus: theory.md (71f).
+    fn corrected(
+        &self,
+        &MergeBias { square, left, .. }: &MergeBias,
+        variance: f64,
+    ) -> SquaredError {
+        if !self.corrects_bias {
+            return SquaredError { noise: 0.0, bias: square };
         }
-        let beyond = bias2 / (1.0 + left).powi(2);
-        let share = shrinkage(beyond / BIASED_PIXELS, variance);
-        [BIASED_PIXELS * share * share * variance, (1.0 - share + left).powi(2) * beyond]
+        let outer = square / (1.0 + left).powi(2);
+        let share = shrinkage(outer / BIASED_PIXELS, variance);
+        SquaredError {
+            noise: BIASED_PIXELS * share * share * variance,
+            bias: (1.0 - share + left).powi(2) * outer,
+        }
     }
 }
 
-/// The share of the variance of an iteration at which squared noise and bias come to so much; 0 where the bias alone is
-/// more.
-fn share_for(error2: f64, left: &impl Fn(f64) -> [f64; 2]) -> f64 {
-    let total = |share: f64| left(share).iter().sum::<f64>();
+/// Share of the variance of an iteration at which the squared error is `error2`; 0 if the bias alone
+/// exceeds it.
+fn share_for(error2: f64, error_at: &impl Fn(f64) -> SquaredError) -> f64 {
+    let total = |share: f64| {
+        let SquaredError { noise, bias } = error_at(share);
+        noise + bias
+    };
     let (mut low, mut high) = (0.0, 1.0);
     if total(low) > error2 {
         return low;
@@ -180,16 +189,16 @@ fn share_for(error2: f64, left: &impl Fn(f64) -> [f64; 2]) -> f64 {
 }
 
 impl Best {
-    /// The less, the better.
+    /// Cost that the choice minimizes: the squared error after the time, or the time to the error.
     pub fn rank(&self, demand: &CandidateCost) -> f64 {
         match demand.end {
             End::Time(_) => self.noise2 + self.bias2,
-            // Where the bias alone is too much, the less of it, the better.
+            // The fourth power prefers less bias where no time is long enough.
             End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
         }
     }
 
-    /// What the program tells of it.
+    /// The candidate that the program reports.
     pub fn scored(&self, technique: Technique) -> Candidate {
         let Self { radii, camera_paths, seconds, noise2, bias2, bias2_error, times, tried, .. } =
             *self;
@@ -209,7 +218,7 @@ impl Best {
         }
     }
 
-    /// The settings of a trial there.
+    /// Settings of a trial at these radii.
     pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
         self.scored(technique).apply(settings)
     }
@@ -218,31 +227,32 @@ impl Best {
 #[cfg(test)]
 pub mod tests {
     use super::*;
+    use crate::settings::policy::LEAST_ITERATIONS_AFTER_CHOICE;
 
+    /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
         let (light_path, camera_path, look_up, merge_pair) = (2e-7, 5e-7, 1e-8, 1e-12);
         TimeModel { fixed: 1e-4, light_path, camera_path, look_up, merge_pair, pixels: 1e4 }
     }
 
+    /// A demand in which everything is open.
     pub fn demand(end: End) -> CandidateCost {
-        let open = FreeParameters::ALL;
         CandidateCost {
             end,
             ranks: 1,
-            most_light_paths: 1 << 24,
-            open,
-            reduces: false,
-            wished: [1.0; 2],
+            max_light_paths: 1 << 24,
+            open: FreeParameters::ALL,
+            corrects_bias: false,
+            requested: [1.0; 2],
         }
     }
 
     #[test]
-    fn counts_are_the_best_of_all_that_are_tried() {
+    fn counts_are_the_best_of_all_steps() {
         let coefficients = Coefficients { a: 2e4, b: 0.04, f: 1e4 };
-        let none = Surfaces::default();
-        let mut merged = <ByClass<Merged>>::default();
-        merged[LAST].bias2 = 1e-5;
-        let at = |end| demand(end).evaluate(&coefficients, &times(), merged, [1.0; 2], &none);
+        let mut merged = <ByClass<MergeBias>>::default();
+        merged[LAST].square = 1e-5;
+        let at = |end| demand(end).evaluate(&coefficients, &times(), &merged, [1.0; 2]);
         let best = at(End::Time(100.0));
         let mut least = f64::INFINITY;
         for n_camera in CAMERA_STEPS {
@@ -259,7 +269,7 @@ pub mod tests {
             (best.noise2 / least - 1.0).abs() < 2e-3 && best.noise2 <= least,
             "{best:?} {least}"
         );
-        // The time to the error that this time leads to is this time.
+        // Asking for the error that is reached after 100 s gives back these 100 s.
         let error = (best.noise2 + best.bias2).sqrt();
         let back = at(End::Error(error));
         assert!(back.seconds <= 100.0 * (1.0 + 1e-9) && back.seconds > 95.0, "{back:?}");

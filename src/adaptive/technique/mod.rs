@@ -1,12 +1,13 @@
-//! Which technique renders an image with the least error: strategy, direct light and merge radii.
+//! Chooses the technique that renders an image with the least error: strategy, direct light and merge
+//! radii.
 //!
-//! A pilot outside of the image (`pilot.rs`) tries each strategy on a sample of the pixels (`trial.rs`), at a large
-//! radius, where the merge bias is plain, and at a smaller one; and what areas of surfaces cost (`census.rs`). How
-//! noise, bias and time depend on the radii is known (`model.rs`, `bias.rs`), so that a few trials tell about all radii;
-//! what looks best for the time or error (`demand.rs`) is then tried where it would render. theory.md, section 22a.
+//! A pilot beside the image (`pilot.rs`) tries each strategy on a sample of the pixels (`trial.rs`): at
+//! the radii of the settings, and at a large radius, where the merge bias stands out from the noise.
+//! From these trials a model predicts noise, bias and time at all radii (`model.rs`, `bias.rs`). The
+//! candidate with the lowest cost (`demand.rs`) is then tried at the radii that were chosen for it.
+//! See theory.md, section 22a.
 
 mod bias;
-mod census;
 mod candidate_cost;
 mod model;
 mod pilot;
@@ -14,57 +15,75 @@ mod trial;
 
 use crate::base::error::Result;
 use crate::render::Renderer;
-use crate::settings::policy::*;
-use crate::settings::{Bias, Direct, Kernel, Settings, Strategy, shared_by};
+use crate::settings::{Bias, Direct, Kernel, Settings, Strategy};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use serde::{Deserialize, Serialize};
 
-/// How a path is found, whatever the radii and counts.
+/// Share of the given time that the pilot takes.
+const PILOT_SHARE: f64 = 0.08;
+
+/// Minimum time of the pilot, seconds, unless that exceeds [`MAX_PILOT_SHARE`]. A shorter pilot measures
+/// too little.
+const MIN_PILOT_TIME: f64 = 0.6;
+
+/// Share of the given time that [`MIN_PILOT_TIME`] may take at most.
+const MAX_PILOT_SHARE: f64 = 0.12;
+
+/// Maximum time of the pilot, seconds: a longer one finds no better settings.
+const MAX_PILOT_TIME: f64 = 8.0;
+
+/// Factor on the time of the pilot where it chooses nothing but counts.
+const COUNTS_ONLY: f64 = 0.5;
+
+/// Time of the first pilot where no time is given, seconds.
+const FIRST_PILOT_TIME: f64 = 0.5;
+
+/// A second pilot is worth it if its time exceeds that of the first by this factor.
+const LONGER_PILOT: f64 = 2.0;
+
+/// Sampling technique, without radii and counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Technique {
-    /// In one way or in all.
+    /// Whether each path is sampled by one technique or by several, with weights.
     pub strategy: Strategy,
     /// The diffuse vertex at which camera paths are cut.
     pub merge_vertex: u32,
-    /// How light is found that comes straight from a light source.
+    /// How direct light is estimated.
     pub direct: Direct,
-    /// What flux is divided by.
+    /// The area that merged flux is divided by. The pilot keeps that of the settings.
     pub kernel: Kernel,
 }
 
-/// What the choice is free to decide.
+/// Settings that the pilot may choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FreeParameters {
     /// Strategy and merge vertex.
     pub strategy: bool,
     /// Direct light.
     pub direct: bool,
-    /// Discs instead of areas.
-    pub kernel: bool,
     /// The merge radius.
     pub radius: bool,
     /// The radius for photons without a diffuse bounce.
     pub caustic_radius: bool,
     /// Where light paths start.
     pub guide: bool,
-    /// Whether bias is taken off.
+    /// Whether the merge bias is corrected.
     pub bias: bool,
 }
 
 impl FreeParameters {
-    /// All of it.
+    /// Everything.
     pub const ALL: Self = Self::everything(true);
 
-    /// Nothing but counts.
+    /// Nothing but the counts.
     pub const NONE: Self = Self::everything(false);
 
     const fn everything(open: bool) -> Self {
         Self {
             strategy: open,
             direct: open,
-            kernel: open,
             radius: open,
             caustic_radius: open,
             guide: open,
@@ -72,17 +91,17 @@ impl FreeParameters {
         }
     }
 
-    /// Whether anything is but the counts.
+    /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
-        let Self { strategy, direct, kernel, radius, caustic_radius, guide, .. } = *self;
-        strategy || direct || kernel || radius || caustic_radius || guide
+        let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
+        strategy || direct || radius || caustic_radius || guide
     }
 
     fn any_radius(&self) -> bool {
         self.radius || self.caustic_radius
     }
 
-    /// What becomes of the bias: it is taken off if that is not decided.
+    /// Whether to correct the merge bias: yes, unless the settings decide.
     fn bias(&self, settings: &Settings) -> Bias {
         if self.bias { Bias::Reduce } else { settings.bias }
     }
@@ -94,54 +113,54 @@ pub struct Candidate {
     /// The technique.
     #[serde(flatten)]
     pub technique: Technique,
-    /// Scene units.
+    /// Merge radius, scene units.
     pub radius: f32,
-    /// Scene units.
+    /// Merge radius for photons without a diffuse bounce, scene units.
     pub caustic_radius: f32,
-    /// `N_F`.
+    /// Light paths of an iteration, `N_F`.
     pub light_paths: u32,
-    /// `N_B`.
+    /// Camera paths per pixel of an iteration, `N_B`.
     pub camera_paths: u32,
-    /// Rendering time to the end, seconds.
+    /// Rendering time until the end, seconds.
     pub seconds: f64,
-    /// Relative RMS error of the image then.
+    /// Predicted relative RMS error of the image at the end.
     pub error: f64,
-    /// The part of that which is noise.
+    /// Noise part of `error`.
     pub noise: f64,
-    /// The part of that which is bias.
+    /// Bias part of `error`.
     pub bias: f64,
     /// Standard error of the square of `bias`.
     pub bias2_error: f64,
-    /// Whether it was tried at these radii, not only at others.
+    /// Whether a trial measured it at these radii.
     pub tried: bool,
-    /// Times of the image, from a sample of it.
+    /// Times of an iteration of the image, from trials on a sample of it.
     pub times: TimeModel,
 }
 
-/// What a pilot found.
+/// Result of a pilot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Selection {
-    /// The best first, then the others.
+    /// All candidates, the best first.
     pub candidates: Vec<Candidate>,
-    /// What it was free to decide.
+    /// Settings that the pilot could choose.
     pub open: FreeParameters,
-    /// Where light paths start, if that is not in proportion to the lights' power.
+    /// Guide of light paths; without one they start in proportion to the lights' power.
     pub guide: Option<Guided>,
-    /// What the pilot took, seconds.
+    /// Time of the pilot, seconds.
     pub seconds: f64,
 }
 
 /// A guide of light paths that pays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Guided {
-    /// Iterations in which it was learned, and is again.
+    /// Iterations that learned it. The image's own guide is learned in as many.
     pub iterations: u32,
-    /// Second moment of what light paths bring, over that without a guide.
+    /// Second moment of the contribution of light paths, over that without a guide.
     pub second_moment: f64,
 }
 
 impl Guided {
-    /// In words.
+    /// Describes the guide in words.
     pub fn describe(&self) -> String {
         let gain = self.second_moment.recip();
         format!("light paths start where they bring more, for {gain:.2} times less variance")
@@ -149,13 +168,13 @@ impl Guided {
 }
 
 impl Technique {
-    /// That of some settings.
+    /// The technique of some settings.
     pub fn of(settings: &Settings) -> Self {
         let Settings { strategy, merge_vertex, direct, kernel, .. } = *settings;
         Self { strategy, merge_vertex, direct, kernel }
     }
 
-    /// In words.
+    /// Describes the technique in words.
     pub fn describe(&self) -> String {
         let how = match self.strategy {
             Strategy::Mis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
@@ -171,20 +190,7 @@ impl Technique {
         }
     }
 
-    /// The diffuse vertices of a camera path at which photons are merged.
-    fn vertices(&self) -> Vec<u32> {
-        match self.strategy {
-            Strategy::Single => vec![self.merge_vertex],
-            Strategy::Mis => vec![1, 2],
-        }
-    }
-
-    /// The same on discs, if it is not.
-    fn on_discs(&self) -> Option<Self> {
-        (self.kernel == Kernel::Area).then_some(Self { kernel: Kernel::Disc, ..*self })
-    }
-
-    /// Settings with it at some radii.
+    /// Settings with this technique at some radii.
     fn with(self, settings: &Settings, radii: ByClass<f32>) -> Settings {
         let Self { strategy, merge_vertex, direct, kernel } = self;
         let radius = radii[PhotonClass::Diffuse as usize];
@@ -200,7 +206,7 @@ impl Technique {
         }
     }
 
-    /// All that may be chosen beside `settings`.
+    /// All techniques that may be chosen instead of that of `settings`.
     fn candidates(settings: &Settings, open: FreeParameters) -> Vec<Self> {
         let own = Self::of(settings);
         let strategies = if open.strategy {
@@ -220,7 +226,7 @@ impl Technique {
                 kernel: own.kernel,
             })
         });
-        // Direct light from the map is worth its noise only where all light is merged at the first vertex.
+        // Direct light from the photon map pays only where all light is merged at the first vertex.
         let sensible = |it: &Self| {
             it.direct == own.direct && !open.direct
                 || it.direct == Direct::Connect
@@ -231,69 +237,62 @@ impl Technique {
 }
 
 impl Candidate {
-    /// The settings that render so.
+    /// Settings that render this candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let Self { technique, radius, caustic_radius, light_paths, camera_paths, .. } = *self;
         let mut radii = [radius; 2];
         radii[PhotonClass::Caustic as usize] = caustic_radius;
-        let scale = shared_by(camera_paths);
-        Settings {
-            light_paths,
-            camera_paths,
-            mis_light_paths: light_paths,
-            mis_c1: scale,
-            mis_c2: scale,
-            ..technique.with(settings, radii)
-        }
+        Settings { light_paths, camera_paths, mis_scales: None, ..technique.with(settings, radii) }
     }
 }
 
 impl Selection {
-    /// The settings that render as the best of all.
+    /// Settings that render the best candidate.
     pub fn apply(&self, settings: &Settings) -> Settings {
         let guide = self.guide.map_or(settings.guide, |guided| guided.iterations);
         Settings { guide, bias: self.open.bias(settings), ..self.best().apply(settings) }
     }
 
-    /// The best of all.
+    /// The best candidate.
     pub fn best(&self) -> &Candidate {
         &self.candidates[0]
     }
 
-    /// The best of the other techniques, if there are any.
+    /// The second best candidate, if there is one.
     pub fn runner_up(&self) -> Option<&Candidate> {
         self.candidates.get(1)
     }
 }
 
-/// What rendering is to end with.
+/// When rendering ends.
 #[derive(Clone, Copy, Debug)]
 pub enum End {
-    /// After so many seconds in all.
+    /// After a time, seconds, that includes the pilot.
     Time(f64),
     /// At this relative error.
     Error(f64),
 }
 
-/// Tries what is open beside the settings of a renderer, on the threads of the current rayon pool. Where the time is
-/// not known, a short pilot tells how much a longer one may take. The pilot runs in this process alone, whatever the
-/// number of [`Renderer::ranks`] that render afterwards.
+/// Tries what is open, beside the settings of a renderer, on the threads of the current rayon pool.
+///
+/// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is long
+/// enough. The pilot runs in this process alone, whatever the number of [`Renderer::ranks`].
 ///
 /// # Errors
 /// As [`Renderer::new`].
 pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Selection> {
-    let pilot = |budget| pilot::run(renderer, (open, end), budget);
-    let part = if open.any() { 1.0 } else { CLOSED_SHARE };
+    let pilot = |budget| pilot::run(renderer, open, end, budget);
+    let part = if open.any() { 1.0 } else { COUNTS_ONLY };
     let share = |time: f64| {
-        let least = LEAST_TECHNIQUE_TIME.min(MOST_TECHNIQUE_SHARE * time);
-        part * (TECHNIQUE_SHARE * time).max(least).min(TECHNIQUE_LONGEST)
+        let least = MIN_PILOT_TIME.min(MAX_PILOT_SHARE * time);
+        part * (PILOT_SHARE * time).max(least).min(MAX_PILOT_TIME)
     };
     match end {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
-            let first = pilot(TECHNIQUE_TIME)?;
+            let first = pilot(FIRST_PILOT_TIME)?;
             let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
-            if budget < LONGER_PILOT * TECHNIQUE_TIME {
+            if budget < LONGER_PILOT * FIRST_PILOT_TIME {
                 return Ok(first);
             }
             let again = pilot(budget)?;

@@ -1,59 +1,77 @@
-//! The error of a technique at any radii and counts, from a few trials.
+//! Predicts the error of a technique at any radii and counts, from a few trials.
 //!
-//! Merged flux is spread over the area of a disc: the second moment of a pair goes as `1/r^2`. Light paths are
-//! shared by what a pixel's camera paths see, which is the disc convolved with the pixel's own area: `f` goes as
-//! `1/(r^2 + g^2)`. Both kinds of photons add, each at its own radius; `b` does not depend on either. theory.md (93a).
+//! A merge spreads the flux of a photon over the area of a disc, so that the second moment of a pair
+//! is proportional to `1/r^2`. All camera paths of a pixel share the light paths that they see. What
+//! they see is the disc convolved with the area of the pixel, so that `f` is proportional to
+//! `1/(r^2 + g^2)`. The contributions of both classes of photons add, each at a radius of its own.
+//! `b` does not depend on the radii: theory.md (93a).
 
 use super::Technique;
-use super::bias::{Bias, Typical};
-use super::candidate_cost::{Best, CandidateCost, Merged};
-use super::census::Surfaces;
+use super::bias::{Bias, Prior};
+use super::candidate_cost::{Best, CandidateCost, MergeBias};
 use super::trial::Trial;
 use crate::film::annulus::left_at_half;
 use crate::noise::Coefficients;
-use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use std::array::from_fn;
 use std::f64::consts::PI;
+use std::ops::Range;
 
 const EVERY: usize = PhotonClass::Caustic as usize;
 const LAST: usize = PhotonClass::Diffuse as usize;
 
-/// What a technique costs at any radii.
+/// The largest radius of trials and of the choice, over that of the settings. The bias shows at a large
+/// radius and falls from there as measured. Between the radii of two trials the noise is known.
+pub const LARGEST_SCALE: f32 = 4.0;
+
+/// Radii that the choice compares: the largest radius over these powers of the root of 2. The
+/// smallest is a sixteenth of the largest.
+const RADIUS_STEPS: Range<i32> = 0..9;
+
+/// Minimum share of the second moment that the fit gives to either class of photons. With a share of
+/// 0 the radius of that class would cost nothing.
+const MINIMUM_PART: f64 = 0.05;
+
+/// Pixels that must have received photons before a trial is trusted without the model: a photon map
+/// that few pixels see looks less noisy than it is.
+pub const ENOUGH_FOUND: f64 = 64.0;
+
+/// The image that trials sample.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageScale {
+    /// Width of the image, pixels.
+    pub width: u32,
+    /// Radius of a disc of the area that a pixel sees, scene units.
+    pub footprint: f64,
+}
+
+/// Noise, bias and time of a technique as functions of the radii.
 pub struct Model {
+    /// The technique.
     pub technique: Technique,
-    /// The largest radius to choose, over that which was asked for.
-    largest: f32,
-    /// The smallest radii of the trials that are modeled.
+    /// The smallest radii of the trials that were fitted, scene units.
     smallest: ByClass<f64>,
     /// Second moment of the pairs, relative, times the squared radius.
     pairs: ByClass<f64>,
-    /// The light main effect, relative, times the squared radius and footprint.
+    /// Light main effect, relative, times the squared radius and footprint.
     light: ByClass<f64>,
-    /// The camera main effect, relative.
+    /// Camera main effect, relative.
     camera: f64,
     bias: ByClass<Option<Bias>>,
-    /// Whether one trial alone tells of it: not what either class of photons does by itself.
+    /// Whether there was a single trial, which cannot separate the two classes of photons.
     is_one_trial: bool,
-    /// Radius of a disc of the area that a pixel sees.
+    /// Radius of a disc of the area that a pixel sees, scene units.
     footprint: f64,
-    /// With the time of merging per pair over the squared reach.
+    /// Times of an iteration, with the time per pair divided by the squared lookup radius.
     times: TimeModel,
-    surfaces: Surfaces,
 }
 
 impl Model {
-    /// From trials at different radii, with weights of the pixels' squared errors; of an image so many pixels wide
-    /// that see discs of the radius `footprint`.
-    pub fn new(
-        (technique, largest): (Technique, f32),
-        trials: &[Trial],
-        weights: &[f64],
-        (width, footprint): (u32, f64),
-        surfaces: &Surfaces,
-    ) -> Self {
+    /// Fits trials at different radii. `weights` are those of the pixels' squared errors.
+    pub fn new(technique: Technique, trials: &[Trial], weights: &[f64], scale: ImageScale) -> Self {
+        let ImageScale { width, footprint } = scale;
         let across = f64::from(width) * footprint * PI.sqrt();
         let measured: Vec<_> = trials.iter().map(|trial| trial.relative(weights)).collect();
         let g2 = footprint * footprint;
@@ -68,18 +86,17 @@ impl Model {
         let mut classes = vec![PhotonClass::Diffuse];
         classes.extend(both.then_some(PhotonClass::Caustic));
         for class in classes {
-            // The last one that tells it, or what is typical.
+            // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(class));
             let radius = trial.unwrap_or(&trials[0]).radii[class as usize];
-            let typical = Typical::new(class, technique, radius / across);
+            let prior = Prior::new(class, technique, radius / across);
             bias[class as usize] = Some(match trial {
-                Some(trial) => Bias::new(trial, radius, weights, typical),
-                None => Bias::typical(radius, typical),
+                Some(trial) => Bias::measured(trial, radius, weights, prior),
+                None => Bias::assumed(radius, prior),
             });
         }
         Self {
             technique,
-            largest,
             smallest: from_fn(|class| {
                 trials.iter().map(|trial| trial.radii[class]).fold(f64::INFINITY, f64::min)
             }),
@@ -90,7 +107,6 @@ impl Model {
             is_one_trial: trials.len() == 1,
             footprint,
             times: mean_times(trials),
-            surfaces: surfaces.clone(),
         }
     }
 
@@ -104,17 +120,17 @@ impl Model {
         Coefficients { a: pairs - f, b: self.camera, f }.clamped()
     }
 
-    /// What merging with either class adds: theory.md (93b), (71f).
-    fn merged(&self, radii: ByClass<f64>) -> ByClass<Merged> {
+    /// Merge bias of both classes of photons at some radii: theory.md (93b), (71f).
+    fn merged(&self, radii: ByClass<f64>) -> ByClass<MergeBias> {
         from_fn(|class| {
-            let Some(bias) = self.bias[class] else { return Merged::default() };
-            let [bias2, error] = bias.at(radii[class]);
+            let Some(bias) = self.bias[class] else { return MergeBias::default() };
+            let [square, error] = bias.at(radii[class]);
             let (r2, g2) = (radii[class].powi(2), self.footprint.powi(2));
             let pairs = 3.0 * self.pairs[class] / r2;
             let f = self.light[class] * ((0.25 * r2 + g2).recip() - (r2 + g2).recip());
             let f = f.min(pairs);
             let left = left_at_half(self.technique.kernel)[class];
-            Merged { bias2, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
+            MergeBias { square, error, left, outer: Coefficients { a: pairs - f, b: 0.0, f } }
         })
     }
 
@@ -125,29 +141,32 @@ impl Model {
 
     /// The best radii and counts.
     pub fn best(&self, demand: &CandidateCost) -> Best {
-        let CandidateCost { open, wished, .. } = demand;
-        let steps = |is_open: bool, wished: f32| -> Vec<f64> {
-            let wished = f64::from(wished);
+        let CandidateCost { open, requested, .. } = demand;
+        let steps = |is_open: bool, requested: f32| -> Vec<f64> {
+            let requested = f64::from(requested);
             if !is_open {
-                return vec![wished];
+                return vec![requested];
             }
             (RADIUS_STEPS)
-                .map(|step| wished * f64::from(self.largest) * 0.5f64.powf(0.5 * f64::from(step)))
+                .map(|step| {
+                    requested * f64::from(LARGEST_SCALE) * 0.5f64.powf(0.5 * f64::from(step))
+                })
                 .collect()
         };
-        let last = steps(open.radius, wished[LAST]);
+        let last = steps(open.radius, requested[LAST]);
         let every = match self.bias[EVERY] {
-            // Both steps are those of the larger radius where both are open.
+            // Both classes take steps of the larger radius where both are open.
             Some(_) => steps(
                 open.caustic_radius,
-                if open.caustic_radius { wished[LAST] } else { wished[EVERY] },
+                if open.caustic_radius { requested[LAST] } else { requested[EVERY] },
             ),
             None => vec![],
         };
         let mut best: Option<Best> = None;
         for &last in &last {
-            // Without such photons their radius is of no concern.
-            let none = [if open.caustic_radius { 0.25 * last } else { f64::from(wished[EVERY]) }];
+            // Without photons of the other class their radius does not matter.
+            let requested = f64::from(requested[EVERY]);
+            let none = [if open.caustic_radius { 0.25 * last } else { requested }];
             let same = [last];
             let every = match &every[..] {
                 [] => &none[..],
@@ -160,9 +179,8 @@ impl Model {
                 let own = demand.evaluate(
                     &self.coefficients(radii),
                     &self.times(radii),
-                    self.merged(radii),
+                    &self.merged(radii),
                     radii,
-                    &self.surfaces,
                 );
                 if best.is_none_or(|best| own.rank(demand) < best.rank(demand)) {
                     best = Some(own);
@@ -172,11 +190,12 @@ impl Model {
         best.expect("there is a step")
     }
 
-    /// The counts and what they lead to by a trial at the very radii, if that has found enough.
+    /// The best counts at the radii of a trial that was not fitted, by its own coefficients and times.
     pub fn tried_at(&self, trial: &Trial, weights: &[f64], demand: &CandidateCost) -> Best {
         let radii = trial.radii;
         let own = trial.relative(weights);
-        // What few pixels have found looks quiet, and so do radii smaller than all others.
+        // A trial can miss rare light if few pixels received photons, or if its radii are smaller than
+        // all others. It then looks less noisy than it is.
         let is_small = (0..2).any(|class| radii[class] < self.smallest[class]);
         let coefficients = if is_small || trial.found(weights) < ENOUGH_FOUND {
             let model = self.coefficients(radii);
@@ -184,44 +203,44 @@ impl Model {
         } else {
             own
         };
-        let merged = self.merged(radii);
-        let mut best = demand.evaluate(&coefficients, &trial.times, merged, radii, &self.surfaces);
+        let mut best = demand.evaluate(&coefficients, &trial.times, &self.merged(radii), radii);
         best.tried = true;
         best
     }
 }
 
-/// Parts of either class, at least 0, that add up to `values` with the factors `inverse` of trials: by least squares
-/// of relative deviations.
+/// Fits one part of at least 0 for each class, so that the parts times the factors `inverse` of the
+/// trials add up to `values`: least squares of relative deviations.
 fn parts(inverse: &[ByClass<f64>], values: &[f64], both: bool) -> ByClass<f64> {
     let rows = inverse.iter().zip(values).filter(|(_, value)| **value > 0.0);
     let rows: Vec<[f64; 2]> = rows.map(|(inverse, value)| inverse.map(|x| x / value)).collect();
     let product = |i: usize, j: usize| rows.iter().map(|row| row[i] * row[j]).sum::<f64>();
     let sum = |i: usize| rows.iter().map(|row| row[i]).sum::<f64>();
     let alone = |class: usize| {
-        let mut found = [0.0; 2];
-        found[class] = if rows.is_empty() { 0.0 } else { sum(class) / product(class, class) };
-        found
+        let mut fitted = [0.0; 2];
+        fitted[class] = if rows.is_empty() { 0.0 } else { sum(class) / product(class, class) };
+        fitted
     };
     if !both {
         return alone(LAST);
     }
     let determinant = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
-    let found = [
+    let fitted = [
         (sum(0) * product(1, 1) - sum(1) * product(0, 1)) / determinant,
         (sum(1) * product(0, 0) - sum(0) * product(0, 1)) / determinant,
     ];
-    match found {
+    match fitted {
         // One trial, or several at the same radii.
         [x, y] if !(x.is_finite() && y.is_finite()) => alone(LAST),
-        // The class whose part would be negative has next to none.
-        [x, _] if x < 0.0 => [LEAST_PART * alone(0)[0], alone(1)[1]],
-        [_, y] if y < 0.0 => [alone(0)[0], LEAST_PART * alone(1)[1]],
-        _ => found,
+        // The class whose part would be negative contributes next to nothing.
+        [x, _] if x < 0.0 => [MINIMUM_PART * alone(0)[0], alone(1)[1]],
+        [_, y] if y < 0.0 => [alone(0)[0], MINIMUM_PART * alone(1)[1]],
+        _ => fitted,
     }
 }
 
-/// Means over trials; that of merging per squared reach, by least squares: within small ones it hardly shows.
+/// Means over trials. The time per pair is fitted in proportion to the squared lookup radius, by least
+/// squares, because at small radii it hardly shows.
 fn mean_times(trials: &[Trial]) -> TimeModel {
     let count = trials.len() as f64;
     let mean = |of: &dyn Fn(&Trial) -> f64| trials.iter().map(of).sum::<f64>() / count;
@@ -240,13 +259,13 @@ fn mean_times(trials: &[Trial]) -> TimeModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-
+    use crate::adaptive::technique::bias::TYPICAL_FALL;
     use crate::adaptive::technique::candidate_cost::tests::{demand, times};
     use crate::adaptive::technique::{End, FreeParameters};
     use crate::settings::{Direct, Kernel, Strategy};
 
     #[test]
-    fn parts_of_both_classes_are_told_apart() {
+    fn parts_of_both_classes_are_separated() {
         let inverse = [[1.0, 0.25], [0.0625, 4.0], [1.0, 1.0]];
         let value = |[x, y]: [f64; 2]| inverse.map(|[a, b]| a * x + b * y);
         let found = parts(&inverse, &value([3.0, 5.0]), true);
@@ -276,7 +295,6 @@ mod tests {
         let camera = 0.04;
         let model = Model {
             technique,
-            largest: 4.0,
             smallest: [0.0; 2],
             pairs,
             light,
@@ -285,14 +303,13 @@ mod tests {
             is_one_trial: false,
             footprint: 0.1,
             times: times(),
-            surfaces: Surfaces::default(),
         };
         let radius = |time| model.best(&demand(End::Time(time))).radii[LAST];
         let radii = [1.0, 100.0, 1e4].map(radius);
         assert!(radii[0] > radii[1] && radii[1] > radii[2], "{radii:?}");
-        // A user's radius stays.
+        // A radius of the command line is kept.
         let open = FreeParameters { radius: false, ..demand(End::Time(1.0)).open };
-        let fixed = CandidateCost { open, wished: [0.5, 0.7], ..demand(End::Time(1.0)) };
+        let fixed = CandidateCost { open, requested: [0.5, 0.7], ..demand(End::Time(1.0)) };
         assert_eq!(model.best(&fixed).radii[LAST], f64::from(0.7f32));
     }
 }

@@ -1,7 +1,6 @@
-//! One technique at given radii on a sample of the pixels: its noise, its nested radii and its times.
+//! Measures one technique at given radii on a sample of the pixels: noise, merge bias and times.
 
-use super::census::{Census, Ground, Surfaces};
-use super::{Guided, Technique};
+use super::Guided;
 use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::film::counts::Counts;
@@ -11,66 +10,118 @@ use crate::render::RenderConfig;
 use crate::render::Renderer;
 use crate::render::guiding::Learned;
 use crate::scene::lights::guide::Guide;
-use crate::scene::{Emitter, Material, Placement, Scene};
-use crate::settings::policy::*;
-use crate::settings::{Kernel, Settings};
+use crate::scene::{Emitter, Placement, Scene};
+use crate::settings::Settings;
+use crate::settings::policy::{
+    LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND,
+};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
-use crate::timing::sample::{Phase, Sample};
+use crate::timing::measure::{Phase, TimeSample};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Where trials take place.
-pub struct Site<'a> {
-    /// Of the whole image, for what is learned beside it.
+/// Measured iterations of a trial: standard errors need 16 batches of two iterations.
+const TRIAL_ITERATIONS: u64 = 32;
+
+/// Light paths of an iteration of a trial, and camera paths of all its pixels together. Fewer measure
+/// next to nothing, and more only repeat what they measure.
+const TRIAL_PATHS: Range<f64> = 1024.0..16_384.0;
+
+/// Camera paths per pixel of an iteration of a trial: the smallest number that can be measured, so
+/// that a trial sees as many pixels as possible.
+const TRIAL_CAMERA_PATHS: u32 = 2;
+
+/// A trial ends after this factor of its time even if it has not done [`TRIAL_ITERATIONS`].
+const TRIAL_PATIENCE: f64 = 1.3;
+
+/// Factor on the light paths from the first timed iterations of a trial to the second, minimum and
+/// maximum. The time per path and per pair must stand out from the fixed time.
+const TIMED_RATIOS: [u32; 2] = [4, 16];
+
+/// Camera paths per pixel of timed iterations, three times those of the others for the same reason.
+const TIMED_CAMERA_PATHS: u32 = 6;
+
+/// Minimum number of timed iterations of either kind, where they fit in the time.
+const TRIAL_TIMED: u64 = 2;
+
+/// Share of a trial's time for measured iterations. The rest is for timed ones.
+const TRIAL_MEASURING: f64 = 0.75;
+
+/// Added to the seed of the image, so that trials share no samples with it.
+const TRIAL_SEED: u64 = 0x5eed_0ff0_7e57_ab1e;
+
+/// Factor on the caustic radius of trials that measure one class of photons, if both radii are equal.
+/// It changes the bias by far less than any trial can measure.
+const RADIUS_RATIO: f32 = 0.999;
+
+/// Pixels across and down at which the size of a pixel's footprint is computed.
+const FOOTPRINTS: u32 = 16;
+
+/// Minimum number of iterations of learning: the first half learns and the second half tests the
+/// guide.
+const MIN_LEARNING: u32 = 2 * LEARNING_ROUND;
+
+/// Maximum number of iterations of learning: the cells of the guide are then as small as pays.
+const MAX_LEARNING: u32 = 64;
+
+/// Learning is skipped if [`MIN_LEARNING`] iterations would exceed its time by more than this factor.
+const LEARNING_PATIENCE: f64 = 2.0;
+
+/// A guide is used if it leaves at most this share of the second moment of the contribution of light
+/// paths. A smaller gain does not pay for learning.
+const WORTHWHILE_GUIDE: f64 = 0.9;
+
+/// Runs trials on a sample of the pixels of an image.
+pub struct TrialRunner<'a> {
+    /// Renders the whole image: learning uses it.
     whole: Renderer,
-    ground: Ground<'a>,
-    /// What areas cost at some vertices and radii.
-    census: Vec<(u32, f64, Census)>,
-    /// Some that know areas for different radii, which further trials use.
-    known: Vec<Renderer>,
-    /// Of so many by so many pixels one is taken.
+    scene: &'a Scene,
+    /// One renderer for each lookup radius so far. Trials of equal lookup radius share its areas.
+    renderers: Vec<Renderer>,
+    /// The sample has one pixel of each square of this many by this many pixels.
     stride: u32,
     /// Where light paths of trials start.
     guide: Option<Arc<Guide>>,
     /// Wall-clock time of a path of either kind, seconds.
     per_path: f64,
-    /// Of an iteration of a trial.
+    /// Light paths of an iteration of a trial.
     light_paths: u32,
-    /// That the memory allows.
-    most_light_paths: u32,
-    /// Of the image.
+    /// Light paths of an iteration that the memory allows.
+    max_light_paths: u32,
+    /// Pixels of the image.
     pixels: f64,
     /// Area of the surfaces on which photons are merged, scene units squared.
     area: f64,
-    /// Radius of a disc of the area that a pixel sees, typically, scene units.
+    /// Radius of a disc of the area that a pixel sees, median over the image, scene units.
     pub footprint: f64,
 }
 
-/// What a trial found.
+/// Result of a trial.
 pub struct Trial {
     /// Merge radii, scene units.
     pub radii: ByClass<f64>,
-    /// The class of photons whose bias it tells, if any.
+    /// The class of photons whose bias was measured, if any.
     pub nests: Option<PhotonClass>,
-    /// Of the sample of the pixels.
+    /// Noise of the sample of the pixels.
     pub noise: NoiseImage,
-    /// For the whole image.
+    /// Times of an iteration of the whole image.
     pub times: TimeModel,
-    /// Second moment of what a light path brings to a camera path, relative, if photons were spread evenly over all
-    /// surfaces.
+    /// Second moment of the contribution of a light path to a camera path, relative, if photons were
+    /// spread evenly over all surfaces.
     pub even: f64,
     /// Whether there were photons that merge at every vertex.
     pub has_caustic_photons: bool,
 }
 
 impl Trial {
-    /// Mean coefficients over weighted pixels. As long as few pixels have found something, what they would find
-    /// where light is spread evenly counts as one more: theory.md (93e).
+    /// Mean coefficients over weighted pixels. While few pixels have received photons, evenly spread
+    /// light counts as one more pixel: theory.md (93e).
     pub fn relative(&self, weights: &[f64]) -> Coefficients {
         let weighted = self.noise.pixels.iter().zip(weights);
         let sum: Coefficients = weighted.map(|(pixel, &w)| pixel.noise.coefficients * w).sum();
@@ -79,7 +130,7 @@ impl Trial {
         Coefficients { f: mean.f + more, ..mean }
     }
 
-    /// About how many pixels have found something: theory.md (93e).
+    /// Effective number of pixels that have received photons: theory.md (93e).
     pub fn found(&self, weights: &[f64]) -> f64 {
         let (mut sum, mut squares) = (0.0, 0.0);
         for (pixel, &weight) in self.noise.pixels.iter().zip(weights) {
@@ -91,8 +142,8 @@ impl Trial {
     }
 }
 
-impl<'a> Site<'a> {
-    /// For the image of this renderer, and trials of so many seconds or more.
+impl<'a> TrialRunner<'a> {
+    /// Prepares trials for the image of a renderer. The sample is as large as trials of `seconds` allow.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -106,34 +157,30 @@ impl<'a> Site<'a> {
         };
         let each = TRIAL_MEASURING * seconds / TRIAL_ITERATIONS as f64;
         let probe = stride(TRIAL_PATHS.start);
-        // Half of them are light paths.
+        // Half of the paths are light paths.
         let per_path = seconds_per_path(renderer, probe)?;
         let paths = 0.5 * each / per_path;
         let paths = paths.clamp(TRIAL_PATHS.start, TRIAL_PATHS.end);
         let stride = stride(paths);
         let (area, footprint) = (merging_area(scene), footprint(scene, &**accel, settings));
-        let most_light_paths = renderer.most_light_paths();
-        let view = scene.camera.view(settings.width, settings.height);
-        let resolution = [settings.width, settings.height];
-        let seed = settings.seed.wrapping_add(TRIAL_SEED);
+        let max_light_paths = renderer.most_light_paths();
         Ok(Self {
             whole: renderer.with_settings(Settings { guide: 0, ..settings.clone() })?,
-            ground: Ground { scene, accel: &**accel, view, resolution, seed },
-            census: Vec::new(),
-            known: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
+            scene,
+            renderers: vec![renderer.sample(Settings { guide: 0, ..settings.clone() }, stride)?],
             stride,
             guide: renderer.guide().cloned(),
             per_path,
-            light_paths: (paths as u32).min(most_light_paths),
-            most_light_paths,
+            light_paths: (paths as u32).min(max_light_paths),
+            max_light_paths,
             pixels: settings.pixels() as f64,
             area,
             footprint,
         })
     }
 
-    /// Lets trials start light paths where it learns in about so long that they bring more; `None` if there is no time
-    /// to learn that, or it does not pay.
+    /// Learns in about `seconds` where light paths should start, and starts those of trials there.
+    /// Returns `None` if the time is too short or the guide does not pay.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -141,24 +188,24 @@ impl<'a> Site<'a> {
         let start = Instant::now();
         let camera_paths = 2.0 * LEARNING_PIXELS * f64::from(LEARNING_CAMERA_PATHS);
         let iteration = self.per_path * (camera_paths + f64::from(LEARNING_LIGHT_PATHS));
-        if f64::from(LEAST_LEARNING) * iteration > LEARNING_PATIENCE * seconds {
+        if f64::from(MIN_LEARNING) * iteration > LEARNING_PATIENCE * seconds {
             return Ok(None);
         }
         let goes_on = |done: u32, guide: &Guide| {
             let is_hopeless = done >= LEARNING_ROUND && guide.expected() > WORTHWHILE_GUIDE;
-            let has_time = done < MOST_LEARNING && start.elapsed().as_secs_f64() < seconds;
-            !is_hopeless && (done < LEAST_LEARNING || has_time)
+            let has_time = done < MAX_LEARNING && start.elapsed().as_secs_f64() < seconds;
+            !is_hopeless && (done < MIN_LEARNING || has_time)
         };
         let Learned { guide, iterations, second_moment } = self.whole.learn_guide(goes_on)?;
-        if iterations < LEAST_LEARNING || second_moment > WORTHWHILE_GUIDE {
+        if iterations < MIN_LEARNING || second_moment > WORTHWHILE_GUIDE {
             return Ok(None);
         }
         self.guide = Some(guide);
         Ok(Some(Guided { iterations, second_moment }))
     }
 
-    /// Tries the strategy, radii and weights of `settings` for so long; one class of photons may be merged at
-    /// nested radii.
+    /// Tries the strategy, radii and weights of `settings` for `seconds`. Photons of the class `nests`
+    /// are merged at nested radii as well, which measures their bias.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -171,12 +218,14 @@ impl<'a> Site<'a> {
         let start = Instant::now();
         let light_paths = self.light_paths;
         let camera_paths = TRIAL_CAMERA_PATHS;
-        // Its samples are none of the image's.
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
-        let mut own = Settings { light_paths, camera_paths, seed, guide: 0, ..settings.clone() };
+        let mis_scales = Some(settings.mis_scales());
+        let guide = 0;
+        let mut own =
+            Settings { light_paths, camera_paths, seed, guide, mis_scales, ..settings.clone() };
         if nests.is_some() && own.caustic_radius == own.radius {
-            // Equal radii are one for all photons, and would tell the bias of both classes twice.
-            own.caustic_radius *= TOLD_APART;
+            // With equal radii the nested radii would measure the bias of both classes together.
+            own.caustic_radius *= RADIUS_RATIO;
         }
         let renderer = self.renderer(own.clone())?.guided(self.guide.clone());
         let batches = RenderConfig::with_pixel_batches();
@@ -208,17 +257,17 @@ impl<'a> Site<'a> {
                 timed += 1;
             }
             samples.extend(times(&renderer));
-            // As many more as fit in the time, and no less than tell a difference.
+            // As many more as fit in the time, within the ratios that separate the times.
             let threads = rayon::current_num_threads() as f64;
             let light = renderer.block().clock.times.light.as_secs_f64() / (timed as f64 * threads);
             per_light_path = light / f64::from(light_paths);
             let fits = share / light;
             let ratio = (fits as u32).clamp(TIMED_RATIOS[0], TIMED_RATIOS[1]);
-            light_paths = light_paths.saturating_mul(ratio).min(self.most_light_paths);
+            light_paths = light_paths.saturating_mul(ratio).min(self.max_light_paths);
         }
         let pixels = f64::from(noise.width * noise.height);
         let model = fit(&samples, pixels)?.model;
-        // Two times tell the part that is paid anyway badly: it is no more than half.
+        // Two counts determine the fixed time badly: it is at most half of the measured time.
         let light_path = model.light_path.max(0.5 * per_light_path);
         Ok(Trial {
             radii: [own.caustic_radius, own.radius].map(f64::from),
@@ -231,70 +280,30 @@ impl<'a> Site<'a> {
     }
 }
 
-impl<'a> Site<'a> {
-    /// What areas cost a technique before they are known, within two reaches, scene units; `seconds` for each
-    /// vertex and reach.
-    pub fn surfaces(&mut self, technique: &Technique, reaches: [f64; 2], seconds: f64) -> Surfaces {
-        let Some(areas) = self.known[0].areas() else { return Surfaces::default() };
-        if technique.kernel == Kernel::Disc {
-            return Surfaces::default();
-        }
-        let mut at = |vertex: u32, reach: f64| {
-            let is_known = |known: &&(u32, f64, Census)| (known.0, known.1) == (vertex, reach);
-            let known = self.census.iter().find(is_known).map(|known| known.2);
-            let take = || self.ground.census(&areas.at(reach as f32), vertex, seconds);
-            let census = known.unwrap_or_else(take);
-            self.census.push((vertex, reach, census));
-            (reach, census)
-        };
-        let census = technique.vertices().into_iter().map(|vertex| {
-            let [near, far] = reaches;
-            let low = at(vertex, near);
-            // What would take too long to try is taken to be as bad as it can be.
-            let worst = low.1.times((far / near).powf(CENSUS_POWER));
-            let high = if worst.least_time() > seconds { (far, worst) } else { at(vertex, far) };
-            [low, high]
-        });
-        let census = census.collect();
-        let threads = rayon::current_num_threads();
-        Surfaces { census, pixels_per_thread: self.pixels / threads as f64 }
-    }
-
-    /// Share of the image's pixels that trials take.
-    pub fn sampled(&self) -> f64 {
-        f64::from(self.stride * self.stride).recip()
-    }
-
-    /// Whether any surface is there for a share of the rays only.
-    pub fn is_translucent(&self) -> bool {
-        self.ground.scene.materials().iter().any(Material::is_translucent)
-    }
-
-    /// Whether lamps that rays can hit are seen in rough surfaces which paths pass through: all strategies but `mis` find
-    /// them there by chance alone.
+impl<'a> TrialRunner<'a> {
+    /// Whether rough surfaces that paths pass through can show lamps that rays can hit. All strategies
+    /// but `mis` find these lamps only by random sampling.
     pub fn mirrors_lamps_roughly(&self) -> bool {
-        let (scene, lights) = (self.ground.scene, self.ground.scene.lights());
+        let lights = self.scene.lights();
         let are_hit =
             lights.shine_from_beyond() || !lights.emitters().iter().all(Emitter::is_delta);
-        are_hit && scene.materials().iter().any(|material| material.bsdf.has_rough())
+        are_hit && self.scene.materials().iter().any(|material| material.bsdf.has_rough())
     }
 
-    /// One that shares areas with another of the same reach: most of what trials see is the same.
+    /// A renderer of the sample that shares areas with an earlier one of the same lookup radius, because
+    /// trials see mostly the same surfaces.
     fn renderer(&mut self, settings: Settings) -> Result<Renderer> {
-        let is_same = |known: &&Renderer| {
-            let known = known.settings();
-            (known.kernel, known.reach()) == (settings.kernel, settings.reach())
-        };
-        if let Some(known) = self.known.iter().find(is_same) {
-            return known.sample(settings, self.stride);
+        let reach = settings.reach();
+        if let Some(same) = self.renderers.iter().find(|own| own.settings().reach() == reach) {
+            return same.sample(settings, self.stride);
         }
-        let new = self.known[0].sample(settings.clone(), self.stride)?;
-        self.known.push(new);
+        let new = self.renderers[0].sample(settings.clone(), self.stride)?;
+        self.renderers.push(new);
         self.renderer(settings)
     }
 
-    /// A photon is one of so many that share the area, and is found on a disc of it.
-    /// theory.md (93e).
+    /// Second moment if photons were spread evenly over all surfaces: a light path leaves `photons` on
+    /// them, and a merge sees those of one disc. theory.md (93e).
     fn even(&self, settings: &Settings, photons: f64) -> f64 {
         let reach = f64::from(settings.radius.max(settings.caustic_radius));
         let per_light_path = photons.max(1.0) / f64::from(settings.light_paths);
@@ -302,14 +311,14 @@ impl<'a> Site<'a> {
     }
 }
 
-/// Wall-clock time of a path of either kind in trials that take one of so many by so many pixels.
+/// Wall-clock time of a path of either kind, seconds, in trials of one pixel out of `stride` squared.
 fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     let light_paths = (TRIAL_PATHS.start as u32).min(renderer.most_light_paths());
     let camera_paths = TRIAL_CAMERA_PATHS;
     let own = Settings { light_paths, camera_paths, guide: 0, ..renderer.settings().clone() };
     let mut probe = renderer.sample(own, stride)?;
     let paths = probe.settings().pixels() as f64 * f64::from(camera_paths) + f64::from(light_paths);
-    // The first one meets cold memory.
+    // The first iteration meets cold caches.
     probe.iterate(Measure::Pairs);
     let start = Instant::now();
     probe.iterate(Measure::Pairs);
@@ -327,28 +336,28 @@ fn merging_area(scene: &Scene) -> f64 {
         let area = |triangle| f64::from(scene.placed_triangle(place as u32, triangle).area());
         triangles.map(area).sum()
     };
-    // Summed in the order of the places, on any number of threads.
+    // The order of the sum does not depend on the number of threads.
     places.map(area).collect::<Vec<f64>>().iter().sum()
 }
 
-/// Times of the block under way.
-fn times(renderer: &Renderer) -> impl Iterator<Item = Sample> {
+/// Mean times of the current block, by phase.
+fn times(renderer: &Renderer) -> impl Iterator<Item = TimeSample> {
     let block = renderer.block();
     let (clock, threads) = (block.clock, rayon::current_num_threads());
     let light_paths = f64::from(block.counts.light_paths);
     let camera_paths = block.counts.camera_paths.mean();
     Phase::ALL.into_iter().map(move |phase| {
         let seconds = phase.time(&clock.times, threads).as_secs_f64() / clock.iterations as f64;
-        Sample { phase, light_paths, camera_paths, seconds, error: None }
+        TimeSample { phase, light_paths, camera_paths, seconds, error: None }
     })
 }
 
-/// The median over the image of the radius of a disc as large as what a pixel sees head-on; of a pinhole's
-/// image 1, where nothing is seen.
+/// Radius of a disc of the area that a pixel sees head-on, median over the image, scene units; that of a
+/// unit square if nothing is seen.
 fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
     let view = scene.camera.view(settings.width, settings.height);
     let [w, h] = [settings.width, settings.height].map(|pixels| pixels as f32);
-    // Of a pixel: a single one may see everything.
+    // Offset between the two rays, pixels. A whole pixel may span the whole view.
     const PART: f32 = 0.1;
     let mut sides = Vec::new();
     for row in 0..FOOTPRINTS {
@@ -377,28 +386,28 @@ mod tests {
     use crate::settings::Direct;
 
     #[test]
-    fn equal_radii_tell_the_bias_of_each_class_alone() {
+    fn equal_radii_measure_the_bias_of_each_class_separately() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
         let loaded = load(folder).unwrap();
         let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
         let own = own.unwrap();
-        // Light straight from the lamp is then merged, too.
+        // Photons straight from the lamp are then of the class that merges at every vertex.
         let (direct, radius) = (Direct::PhotonMap, 8.0 * own.radius);
         let (width, height, light_paths) = (16, 16, 4000);
         let own =
             Settings { direct, radius, caustic_radius: radius, width, height, light_paths, ..own };
         let accel = build(Backend::Bvh, &loaded.scene).unwrap();
         let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
-        let mut site = Site::new(&renderer, 0.0).unwrap();
-        // In no time: two iterations, the same ones each time.
+        let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
+        // Without time a trial takes two iterations, with equal samples each time.
         let mut nested = |class| -> Vec<f64> {
-            let trial = site.trial(&own, Some(class), 0.0).unwrap();
+            let trial = runner.trial(&own, Some(class), 0.0).unwrap();
             trial.noise.pixels.iter().map(|pixel| pixel.noise.nested[1]).collect()
         };
         let [every, last] = [PhotonClass::Caustic, PhotonClass::Diffuse].map(&mut nested);
         let square = |values: &[f64]| values.iter().map(|d| d * d).sum::<f64>();
         let between: Vec<f64> = every.iter().zip(&last).map(|(a, b)| a - b).collect();
         assert!(square(&every) > 0.0 && square(&last) > 0.0);
-        assert!(square(&between) > 0.1 * square(&every), "both tell the same");
+        assert!(square(&between) > 0.1 * square(&every), "both classes have the same bias");
     }
 }

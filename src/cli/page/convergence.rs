@@ -27,6 +27,7 @@ pub fn section(moment: &Snapshot) -> Markup {
         ticks: [&time_ticks, &percents],
         curves: lines.curves(),
         marks: lines.marks(),
+        legend: Vec::new(),
     };
     html! {
         @if let Some(svg) = plot.svg() {

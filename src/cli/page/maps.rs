@@ -7,10 +7,10 @@ use bdpm::adaptive::stopping::importance;
 use bdpm::base::math::Rgb;
 use bdpm::film::radiance::box_filter;
 use bdpm::image_io::auto_exposure;
+use bdpm::noise::bias::BIAS_CERTAINTY;
 use bdpm::output::page::picture::{Colors, Picture};
 use bdpm::render::bias;
 use bdpm::render::block::coefficients;
-use bdpm::settings::policy::BIAS_CERTAINTY;
 use maud::{Markup, html};
 use rayon::prelude::*;
 

@@ -1,7 +1,7 @@
-//! What a material of an MTL file means: its records, and the BSDF made of them.
+//! Records of a material in an MTL file, and their conversion to a BSDF.
 //!
-//! MTL grew from Phong's highlights, which are no physical material; the table in
-//! `docs/scene-format.md` tells what becomes of it.
+//! MTL describes highlights by Phong's model, which is not physically based. The table in
+//! `docs/scene-format.md` lists which records become which BSDF.
 
 use super::DEFAULT_ALBEDO;
 use crate::base::math::Rgb;
@@ -10,61 +10,61 @@ use crate::scene::bsdf::{Bsdf, Coated, Conductor, Glossy, Reflectance};
 use crate::scene::{Material, NormalMap, Texture};
 use std::sync::Arc;
 
-/// Below this roughness (`Pr`) a surface that is no metal has a smooth coat.
+/// A nonmetal whose roughness (`Pr`) is below this value gets a smooth coat.
 pub(in crate::import) const COAT_ROUGHNESS: f32 = 0.3;
 
-/// The records of one material, as far as they are understood.
+/// The supported records of one material.
 #[derive(Clone, Debug, Default)]
 pub(in crate::import) struct MtlMaterial {
-    /// `newmtl`
+    /// `newmtl`: name of the material.
     pub name: String,
-    /// `Kd`, at most 1.
+    /// `Kd`: diffuse albedo, each component in [0, 1].
     pub diffuse: Option<Rgb>,
-    /// `Ks`, at most 1.
+    /// `Ks`: specular reflectance, each component in [0, 1].
     pub specular: Option<Rgb>,
-    /// `Ke`, W/(m^2 sr).
+    /// `Ke`: emitted radiance, W/(m^2 sr).
     pub emission: Option<Rgb>,
-    /// `Ns`: Phong's exponent, at least 0.
+    /// `Ns`: exponent of Phong's model, at least 0.
     pub exponent: Option<f32>,
     /// `Ni`: refractive index.
     pub ior: Option<f32>,
-    /// `d`, or 1 less `Tr`.
+    /// `d` or 1 - `Tr`: opacity in [0, 1].
     pub opacity: Option<f32>,
-    /// `illum`
+    /// `illum`: illumination model, 0 to 10.
     pub model: Option<u8>,
-    /// `Pr`
+    /// `Pr`: perceptual roughness in [0, 1].
     pub roughness: Option<f32>,
-    /// `Pm`
+    /// `Pm`: metalness in [0, 1].
     pub metalness: Option<f32>,
-    /// `map_Kd`
+    /// `map_Kd`: texture that multiplies the albedo.
     pub albedo_texture: Option<Arc<Texture>>,
-    /// `map_d`
+    /// `map_d`: texture of the opacity.
     pub opacity_texture: Option<Arc<Texture>>,
-    /// `map_Ke`
+    /// `map_Ke`: texture that multiplies the emission.
     pub emission_texture: Option<Arc<Texture>>,
-    /// `norm`
+    /// `norm`: tangent-space normal map.
     pub normal_texture: Option<Arc<Texture>>,
 }
 
-/// What was left out of a material.
+/// Properties of a material that its BSDF does not represent.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::import) struct Ignored {
-    /// A highlight over a diffuse base.
+    /// Whether a highlight over a diffuse base was ignored.
     pub highlight: bool,
-    /// An opacity of 0, which files have for what is to be seen.
+    /// Whether an opacity of 0 was ignored, which some exporters write for visible surfaces.
     pub transparency: bool,
 }
 
 impl MtlMaterial {
-    /// The material, and what of its records has no counterpart.
+    /// Returns the material and the properties that it does not represent.
     pub(in crate::import) fn material(&self) -> (Material, Ignored) {
         let (bsdf, ignored) = self.bsdf();
-        // Glass shows by itself what is behind it.
+        // Glass is transparent by its BSDF, so its opacity does not count.
         let glass = bsdf.transmits();
-        let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
+        let default = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
         let normal_map = self.normal_texture.clone();
         let material = Material {
-            emission: self.emission.unwrap_or(unsaid),
+            emission: self.emission.unwrap_or(default),
             albedo_texture: self.albedo_texture.clone(),
             opacity_texture: self.opacity_texture.clone(),
             opacity: self
@@ -78,8 +78,8 @@ impl MtlMaterial {
     }
 
     fn bsdf(&self) -> (Bsdf, Ignored) {
-        let unsaid = if self.albedo_texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
-        let diffuse = self.diffuse.unwrap_or(Rgb::splat(unsaid));
+        let default = if self.albedo_texture.is_some() { 1.0 } else { DEFAULT_ALBEDO };
+        let diffuse = self.diffuse.unwrap_or(Rgb::splat(default));
         let specular = self.specular.unwrap_or(Rgb::ZERO);
         let ior = self.ior.unwrap_or(DEFAULT_IOR);
         let alpha = self.alpha();
@@ -97,11 +97,11 @@ impl MtlMaterial {
             return (glossy(), kept);
         }
         match self.model {
-            // Refraction, and glass.
+            // Models with refraction, and glass.
             Some(4 | 6 | 7 | 9) if has_ior => {
                 (dielectric(ior, alpha, Rgb::ONE), Ignored::default())
             }
-            // Reflection by ray tracing.
+            // Models with ray-traced reflection.
             Some(3 | 5 | 8) if diffuse == Rgb::ZERO && alpha == 0.0 => {
                 (Bsdf::Mirror { reflectance: specular }, kept)
             }
@@ -121,8 +121,9 @@ impl MtlMaterial {
         }
     }
 
-    /// GGX width: the square of `Pr`, else of the same curvature at its peak as Phong's lobe
-    /// (`alpha^2 = 2/(Ns + 2)`, Walter et al. 2007); models of ray tracing are smooth.
+    /// Returns the width `alpha` of the GGX distribution. It is the square of `Pr` if that is given.
+    /// Otherwise `alpha^2 = 2/(Ns + 2)` (Walter et al. 2007), which matches the curvature of Phong's
+    /// lobe at its peak. Models with ray-traced reflection or refraction are smooth.
     fn alpha(&self) -> f32 {
         match (self.roughness, self.exponent, self.model) {
             (Some(roughness), ..) => roughness * roughness,

@@ -1,4 +1,4 @@
-//! Material libraries (MTL), record by record.
+//! Reads material libraries (MTL).
 
 pub(super) mod material;
 
@@ -14,16 +14,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Reflected share of light where nothing else is said.
+/// Albedo of a material whose file gives none.
 pub(super) const DEFAULT_ALBEDO: f32 = 0.5;
 
-/// A material that only reflects.
+/// Returns a diffuse material of the default albedo.
 pub(super) fn grey(name: &str) -> Material {
     let bsdf = Bsdf::diffuse(Rgb::splat(DEFAULT_ALBEDO));
     Material::new(name, bsdf)
 }
 
-/// Adds the materials of a library to those read before. Notes tell what was ignored.
+/// Adds the materials of a library to those of earlier ones, and warnings about ignored content.
 ///
 /// # Errors
 /// If the file cannot be read, or a color is malformed.
@@ -33,7 +33,7 @@ pub(super) fn load(
     notes: &mut Vec<Warning>,
 ) -> Result<()> {
     let text = read_lines(path)?;
-    let mut lines = Lines::new(path, &text, 0);
+    let mut lines = Lines::new(path, &text);
     let mut current: Option<MtlMaterial> = None;
     let mut ignored = Notes::default();
     while lines.advance()? {
@@ -64,8 +64,8 @@ pub(super) fn load(
             ));
         };
         match keyword {
-            "Kd" => material.diffuse = Some(share(&lines, rest, path, notes)?),
-            "Ks" => material.specular = Some(share(&lines, rest, path, notes)?),
+            "Kd" => material.diffuse = Some(reflectance(&lines, rest, path, notes)?),
+            "Ks" => material.specular = Some(reflectance(&lines, rest, path, notes)?),
             "Ke" => material.emission = Some(color(&lines, rest)?),
             "Ns" => material.exponent = Some(number(&lines, rest, 0.0, 1e9)?),
             "Ni" => material.ior = Some(number(&lines, rest, 0.0, 10.0)?),
@@ -123,20 +123,25 @@ pub(super) fn load(
     Ok(())
 }
 
-/// What was ignored: names of materials that are defined again or lack something, and of textures.
+/// Names of the materials and textures that warnings mention.
 #[derive(Default)]
 struct Notes {
+    /// Materials with several definitions.
     twice: BTreeSet<String>,
+    /// Textures that do not exist.
     missing: BTreeSet<String>,
-    /// With the reason.
+    /// Textures that cannot be read, each with the reason.
     unreadable: BTreeSet<String>,
+    /// Materials with textures of an unsupported kind.
     textures: BTreeSet<String>,
+    /// Materials whose highlight was ignored.
     highlights: BTreeSet<String>,
+    /// Materials whose opacity of 0 was ignored.
     transparent: BTreeSet<String>,
 }
 
 impl Notes {
-    /// Adds a material whose records are complete.
+    /// Adds a material after its last record.
     fn finish(&mut self, records: MtlMaterial, materials: &mut BTreeMap<String, Material>) {
         let (material, ignored) = records.material();
         if ignored.highlight {
@@ -149,17 +154,17 @@ impl Notes {
     }
 }
 
-/// The texture of this file name, `None` if it does not exist.
+/// Loads the texture of this file name. Returns `None` if there is no such file.
 fn texture(library: &Path, name: &str) -> Option<Result<Arc<Texture>>> {
     let path = find(library.parent().unwrap_or(Path::new("")), name)?;
     Some(Texture::load(&path).map(Arc::new))
 }
 
-/// A number within bounds; what follows it is ignored.
+/// Parses a number within bounds and ignores the rest of the line.
 fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
     let line = lines.text();
     let keyword = split_keyword(&line).0;
-    // `d -halo 0.5` of the standard: opacity that depends on the angle, read as if it did not.
+    // The standard has `d -halo 0.5`, an opacity that depends on the angle. The option is ignored.
     let text = text.strip_prefix("-halo").unwrap_or(text);
     let number = text.split_whitespace().next().and_then(|word| word.parse::<f32>().ok());
     number.filter(|number| (low..=high).contains(number)).ok_or_else(|| {
@@ -170,8 +175,8 @@ fn number(lines: &Lines, text: &str, low: f32, high: f32) -> Result<f32> {
     })
 }
 
-/// A color of at most 1; more is cut with a note.
-fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Warning>) -> Result<Rgb> {
+/// Parses a color and clamps it to 1, with a warning.
+fn reflectance(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Warning>) -> Result<Rgb> {
     let color = color(lines, text)?;
     if color.max_element() > 1.0 {
         let what = match split_keyword(&lines.text()).0 {
@@ -185,7 +190,7 @@ fn share(lines: &Lines, text: &str, path: &Path, notes: &mut Vec<Warning>) -> Re
     Ok(color.min(Rgb::ONE))
 }
 
-/// Three numbers, or one for all channels.
+/// Parses three numbers, or one for all channels.
 fn color(lines: &Lines, text: &str) -> Result<Rgb> {
     let line = lines.text();
     let keyword = split_keyword(&line).0;

@@ -1,4 +1,4 @@
-//! The material libraries that an OBJ file names.
+//! Finds and loads the material libraries that an OBJ file names.
 
 use crate::base::error::Result;
 use crate::import::mtl;
@@ -8,15 +8,18 @@ use crate::scene::Material;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A mention of a material library.
+/// An `mtllib` record.
 #[derive(Clone, Debug)]
 pub(super) struct Library {
+    /// File names, separated by spaces. A name may hold spaces itself.
     pub names: String,
+    /// One-based line of the record.
     pub line: usize,
 }
 
 impl Library {
-    /// Names may hold spaces, and one line may name several libraries: try the whole first.
+    /// Adds the materials of all libraries of the record. It first tries the whole text as one name,
+    /// because names may hold spaces, then each word. A missing library causes a warning.
     pub(super) fn load(
         &self,
         obj: &Path,
@@ -28,17 +31,17 @@ impl Library {
             return mtl::load(&path, materials, notes);
         }
         let mut missing = Vec::new();
-        let mut is_any = false;
+        let mut is_any_found = false;
         for name in self.names.split_whitespace() {
             match find(folder, name) {
                 Some(path) => {
                     mtl::load(&path, materials, notes)?;
-                    is_any = true;
+                    is_any_found = true;
                 }
                 None => missing.push(name),
             }
         }
-        if !is_any {
+        if !is_any_found {
             missing = vec![self.names.as_str()];
         }
         for name in missing {

@@ -1,26 +1,28 @@
-//! Polygons, cut into triangles that cover what the outline encloses and nothing else: the fan from the
-//! first corner where it does, as always if they are convex, and else by clipping ears.
+//! Cuts polygons into triangles that cover exactly the area inside the outline. If the fan from the first
+//! corner does so, as it does for every convex polygon, the fan is used. Otherwise ears are clipped.
 
 use glam::{DVec2, DVec3, Vec2Swizzles, Vec3};
 
-/// Most corners of a polygon that is clipped: time grows with their square.
+/// Maximum number of corners of a polygon whose ears are clipped. The time grows with its square.
 pub(super) const LARGEST: usize = 1024;
 
-/// Depth of a dent by its length up to which it is taken for a straight edge whose corners are rounded.
+/// Maximum depth of a dent, relative to its length, that counts as a straight edge with rounded
+/// coordinates.
 const DENT: f64 = 1e-3;
 
 /// Cuts polygons, one after another.
 #[derive(Debug, Default)]
 pub(super) struct Cutter {
+    /// Points of the current polygon in space.
     points: Vec<DVec3>,
-    /// The same, seen along the polygon's normal; counterclockwise.
+    /// Points of the polygon in the plane, counterclockwise.
     flat: Vec<DVec2>,
-    /// How many polygons were too large to be clipped: their fans cover too much.
+    /// Number of polygons that were too large to clip. Their fans may cover too much.
     pub rough: u64,
 }
 
 impl Cutter {
-    /// Tells the corners of each triangle of a polygon of three or more.
+    /// Calls `triangle` with the corners of each triangle of a polygon of three or more points.
     pub fn cut(&mut self, points: impl Iterator<Item = Vec3>, triangle: impl FnMut([usize; 3])) {
         self.points.clear();
         self.points.extend(points.map(|point| point.as_dvec3()));
@@ -36,7 +38,7 @@ impl Cutter {
         }
     }
 
-    /// Leaves out the axis that is nearest to the normal.
+    /// Projects the points along the axis that is nearest to the normal.
     fn flatten(&mut self) {
         let first = self.points[0];
         let pairs = self.points.windows(2);
@@ -55,25 +57,25 @@ impl Cutter {
         self.flat.extend(self.points.iter().map(flat));
     }
 
-    /// Twice the signed area of a triangle: above 0 if it turns left.
+    /// Returns twice the signed area of a triangle, which is positive if it turns left.
     fn turn(&self, [a, b, c]: [usize; 3]) -> f64 {
         let [a, b, c] = [a, b, c].map(|i| self.flat[i]);
         (b - a).perp_dot(c - b)
     }
 
-    /// The square of a triangle's longest edge.
+    /// Returns the squared length of a triangle's longest edge.
     fn size(&self, [a, b, c]: [usize; 3]) -> f64 {
         let length = |[a, b]: [usize; 2]| self.flat[a].distance_squared(self.flat[b]);
         [[a, b], [b, c], [c, a]].map(length).into_iter().fold(0.0, f64::max)
     }
 
-    /// Cuts off corner after corner that turns left and whose triangle no other corner is in.
+    /// Repeatedly cuts off a corner that turns left and whose triangle contains no other corner.
     fn clip(&self, mut triangle: impl FnMut([usize; 3])) {
         let count = self.flat.len();
         let mut next: Vec<usize> = (1..count).chain([0]).collect();
         let mut previous: Vec<usize> = [count - 1].into_iter().chain(0..count - 1).collect();
         let mut is_cut = vec![false; count];
-        // Cutting one changes but its neighbors, so each is tried once, and again after that.
+        // Each corner is tried once. A cut changes only its two neighbors, which are tried again.
         let mut to_try: Vec<usize> = (0..count).rev().collect();
         let mut left = count;
         while let Some(corner) = to_try.pop() {
@@ -86,7 +88,7 @@ impl Cutter {
                 left -= 1;
             }
         }
-        // A triangle or, of outlines that cross themselves, whatever there is.
+        // One triangle remains, or more if the outline crosses itself.
         let rest: Vec<usize> = (0..count).filter(|corner| !is_cut[*corner]).collect();
         for pair in rest[1..].windows(2) {
             triangle([rest[0], pair[0], pair[1]]);
@@ -102,7 +104,7 @@ impl Cutter {
         let mut other = next[c];
         while other != a {
             let point = self.flat[other];
-            // Outlines may touch themselves, as those with a bridge to a hole do.
+            // An outline may touch itself, for example along a bridge to a hole.
             let is_inside =
                 [[a, b], [b, c], [c, a]].iter().all(|[p, q]| self.turn([*p, *q, other]) >= 0.0);
             if is_inside && !own.contains(&point) {
@@ -120,7 +122,8 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::TAU;
 
-    /// Areas of a polygon and of its triangles, with their signs; those must all be the same.
+    /// Returns the area of a polygon and the sum of the areas of its triangles, whose orientations
+    /// must agree.
     fn areas(outline: &[Vec3]) -> [f64; 2] {
         let mut cutter = Cutter::default();
         let mut triangles = Vec::new();
@@ -142,10 +145,10 @@ mod tests {
     }
 
     #[test]
-    fn shapes_of_known_area() {
+    fn triangles_cover_area_of_known_shapes() {
         let arrow = [[0.0, 0.0], [2.0, -1.0], [0.0, 3.0], [-2.0, -1.0]];
         let l = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
-        // With corners on straight edges.
+        // Some corners lie on straight edges.
         let u = [
             [0.0, 0.0],
             [1.0, 0.0],
@@ -160,7 +163,7 @@ mod tests {
             [0.0, 2.0],
             [0.0, 1.0],
         ];
-        // A square with a square hole, whose bridge is gone along twice.
+        // A square with a square hole. The outline passes the bridge between them twice.
         let ring = [
             [0.0, 0.0],
             [3.0, 0.0],
@@ -190,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn fans_stay_fans() {
+    fn convex_and_nearly_convex_polygons_become_fans() {
         let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let rounded = [[0.0, 0.0], [1.0, 0.001], [2.0, 0.0], [2.0, 1.0]];
         let hollow = [[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]];
@@ -203,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn outlines_without_area_and_huge_ones_are_cut_somehow() {
+    fn degenerate_and_huge_outlines_yield_expected_number_of_triangles() {
         let star = |i: u32| {
             let angle = i as f32 * (std::f32::consts::TAU / 100_000.0);
             Vec3::new(angle.cos(), angle.sin(), 0.0) * (1 + i % 2) as f32
@@ -222,7 +225,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_outline_around_a_point(radii in proptest::collection::vec(0.05..1.0_f64, 4..60)) {
+        fn triangles_cover_area_of_any_star_shaped_outline(radii in proptest::collection::vec(0.05..1.0_f64, 4..60)) {
             let point = |(i, radius): (usize, &f64)| {
                 let angle = TAU * i as f64 / radii.len() as f64;
                 (DVec3::new(angle.cos(), angle.sin(), 0.3 * angle.cos()) * radius).as_vec3()

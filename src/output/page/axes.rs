@@ -1,12 +1,15 @@
 //! Plots on logarithmic axes, as SVG whose colors and dashes the style sheet gives by class.
 
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 
 /// Width and height; narrow, so that labels are readable on a phone.
 const SIZE: [f64; 2] = [560.0, 360.0];
 
 /// Room beside the plot for labels: left, right, top, bottom.
 const MARGINS: [f64; 4] = [92.0, 18.0, 16.0, 56.0];
+
+/// Distance of the lines of the legend.
+const LEGEND_LINE: f64 = 22.0;
 
 /// Ticks along an axis at the most.
 const MOST_TICKS: usize = 6;
@@ -27,6 +30,8 @@ pub struct LogPlot<'a> {
     pub ticks: [Ticks<'a>; 2],
     pub curves: Vec<Curve<'a>>,
     pub marks: Vec<Mark<'a>>,
+    /// Class and label of each entry of the legend, which is shown inside the plot.
+    pub legend: Vec<(&'a str, String)>,
 }
 
 /// Points that a line joins.
@@ -67,15 +72,27 @@ impl Axis {
 }
 
 impl LogPlot<'_> {
-    /// The SVG element. Points that are not positive and finite are left out; `None` if none is left.
+    /// The SVG element, for pages that have styles for its classes. Points that are not positive and
+    /// finite are left out; `None` if none is left.
     pub fn svg(&self) -> Option<Markup> {
+        self.draw(None, None)
+    }
+
+    /// The SVG element of a class, with a style sheet inside. It is also a whole SVG file.
+    pub fn svg_with_style(&self, class: &str, style: &str) -> Option<Markup> {
+        self.draw(Some(class), Some(style))
+    }
+
+    fn draw(&self, class: Option<&str>, style: Option<&str>) -> Option<Markup> {
         let [left, right, top, bottom] = MARGINS;
         let [width, height] = SIZE;
         let x = Axis { ends: self.ends(0)?, places: [left, width - right] };
         let y = Axis { ends: self.ends(1)?, places: [height - bottom, top] };
         let at = |value: f64| format!("{value:.1}");
         Some(html! {
-            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt) {
+            svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt)
+                xmlns=[style.map(|_| "http://www.w3.org/2000/svg")] class=[class] {
+                @if let Some(style) = style { style { (PreEscaped(style)) } }
                 @for (value, label) in x.shown(self.ticks[0]) {
                     @let place = x.place(value);
                     line .mesh x1=(at(place)) x2=(at(place)) y1=(at(top)) y2=(at(height - bottom)) {}
@@ -106,6 +123,11 @@ impl LogPlot<'_> {
                 }
                 @for Mark { class, at: [a, b] } in self.marks.iter().filter(|mark| is_shown(&mark.at)) {
                     circle class=(class) cx=(at(x.place(*a))) cy=(at(y.place(*b))) r="6" {}
+                }
+                @for (row, (class, label)) in self.legend.iter().enumerate() {
+                    @let place = top + 12.0 + LEGEND_LINE * row as f64;
+                    circle class=(class) cx=(at(width - right - 12.0)) cy=(at(place)) r="6" {}
+                    text x=(at(width - right - 26.0)) y=(at(place + 6.0)) text-anchor="end" { (label) }
                 }
             }
         })
@@ -185,6 +207,7 @@ mod tests {
             ticks: [&time_ticks, &decimal],
             curves: vec![Curve { class: "fell", points }],
             marks: Vec::new(),
+            legend: Vec::new(),
         };
         plot.svg().map(|svg| svg.into_string())
     }

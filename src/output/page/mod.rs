@@ -2,6 +2,7 @@
 //! pixels with their scales, plots, tables, numbers.
 
 pub mod axes;
+pub mod noise_plot;
 pub mod number;
 pub mod picture;
 
@@ -27,7 +28,23 @@ pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Marku
     }
 }
 
-/// A table that scrolls by itself where it is wider than the page, its caption not.
+/// One row of column names. Names that begin with `*` head columns of text, names that begin with `?` columns of
+/// published values.
+pub fn header(names: &[&str]) -> Markup {
+    html! {
+        thead {
+            tr {
+                @for name in names {
+                    @let text = name.starts_with('*').then_some("text");
+                    @let paper = name.starts_with('?').then_some("paper");
+                    th scope="col" class=[text.or(paper)] { (name.trim_start_matches(['*', '?'])) }
+                }
+            }
+        }
+    }
+}
+
+/// A table that scrolls by itself if it is wider than the page; its caption does not scroll.
 pub fn table(class: &str, caption: &Markup, rows: &Markup) -> Markup {
     html! {
         div .table {

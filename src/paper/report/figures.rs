@@ -1,14 +1,15 @@
 //! Figures 1 to 4 from the results.
 
-use super::plot::Plot;
 use crate::film::radiance::box_filter;
 use crate::noise::file::NoiseFile;
+use crate::output::page::noise_plot::{NoisePlot, NoisePoint};
 use crate::output::page::picture::{Colors, Picture};
 use crate::paper::implied;
-use crate::paper::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS};
+use crate::paper::published::{CAMERA_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use crate::paper::results::Results;
 use crate::paper::tables::Cell;
 use crate::paper::terms::pooled_rms;
+use maud::Markup;
 
 /// Names of the three terms.
 pub const TERMS: [&str; 3] = ["C: pairs of paths", "B: camera paths", "F: light paths"];
@@ -26,9 +27,9 @@ pub struct Figures {
     /// Its channels one by one, at `N_B = 25`; F from the run at `N_B = 100`.
     pub single: [Picture; 3],
     /// Figure 4 here, as SVG.
-    pub here: String,
-    /// Figure 4 from the published numbers.
-    pub published: String,
+    pub here: Markup,
+    /// Figure 4 from the published numbers, as SVG.
+    pub published: Markup,
 }
 
 impl Figures {
@@ -93,7 +94,7 @@ impl Figures {
 
     /// All plots with their names.
     pub fn plots(&self) -> [(&'static str, &str); 2] {
-        [("figure-4-here", &self.here), ("figure-4-published", &self.published)]
+        [("figure-4-here", &self.here.0), ("figure-4-published", &self.published.0)]
     }
 }
 
@@ -107,14 +108,8 @@ fn roots(file: &NoiseFile, n_camera: f64, pooled: bool) -> Vec<[f64; 3]> {
     terms.iter().map(|terms| terms.map(|term| term.max(0.0).sqrt())).collect()
 }
 
-/// Top of both plots: all that was measured, up to twice the least.
-fn top(results: &Results, least: f64) -> f64 {
-    let highest = results.cells.iter().map(|cell| cell.after.value / least).fold(1.5, f64::max);
-    (highest * 1.05).min(2.2)
-}
-
 /// RMS after the time at the best number of light paths for `N_B = 25`.
-pub fn least(results: &Results) -> f64 {
+fn least(results: &Results) -> f64 {
     rms_after(results, results.optima.here.light_paths.value, CAMERA_PATHS[0])
 }
 
@@ -127,24 +122,26 @@ fn rms_after(results: &Results, n_light: f64, n_camera: u32) -> f64 {
     pooled_rms(&pixels, n_light, m) * time.sqrt()
 }
 
-fn plot_here(results: &Results) -> String {
+/// Figure 4 from measured noise and times.
+fn plot_here(results: &Results) -> Markup {
     let least = least(results);
-    let point = |cell: &Cell| {
-        let (rms, error) = (cell.after.value / least, cell.after.error.unwrap_or(0.0) / least);
-        (f64::from(cell.light_paths), cell.camera_paths, rms, error)
+    let point = |cell: &Cell| NoisePoint {
+        light_paths: f64::from(cell.light_paths),
+        camera_paths: cell.camera_paths,
+        rms: cell.after.value / least,
+        error: cell.after.error.unwrap_or(0.0) / least,
     };
-    let points: Vec<_> = results.cells.iter().map(point).collect();
-    let plot = Plot {
-        curve: &|n, m| rms_after(results, n, m) / least,
-        curves: &TABLE_1_CAMERA_PATHS,
-        points: &points,
-        minimum: results.optima.here.light_paths.value,
-        top: top(results, least),
-    };
-    plot.svg()
+    plot(
+        results,
+        &|n, m| rms_after(results, n, m) / least,
+        &TABLE_1_CAMERA_PATHS,
+        &results.cells.iter().map(point).collect::<Vec<_>>(),
+        results.optima.here.light_paths.value,
+    )
 }
 
-fn plot_published(results: &Results) -> String {
+/// Figure 4 from the published numbers.
+fn plot_published(results: &Results) -> Markup {
     let model = implied::time_model();
     // A model of one pixel: its times at other numbers of camera paths are not printed.
     let after = |n: f64| implied::rms(n, 25.0) * model.iteration(n, 25.0).sqrt();
@@ -152,20 +149,40 @@ fn plot_published(results: &Results) -> String {
     let least = after(minimum);
     let column = TABLE_1_CAMERA_PATHS.iter().position(|&n| n == CAMERA_PATHS[0]).unwrap_or(0);
     let lowest = TABLE_1.iter().map(|(_, cells)| cells[column]).fold(f64::INFINITY, f64::min);
-    let points: Vec<_> = TABLE_1
-        .iter()
-        .flat_map(|(n, cells)| {
-            let cells = TABLE_1_CAMERA_PATHS.into_iter().zip(cells);
+    let points = TABLE_1.iter().flat_map(|(n, cells)| {
+        TABLE_1_CAMERA_PATHS.into_iter().zip(cells).map(move |(camera_paths, rms)| NoisePoint {
+            light_paths: f64::from(*n),
+            camera_paths,
+            rms: rms / lowest,
             // Rounded to the third digit.
-            cells.map(|(m, rms)| (f64::from(*n), m, rms / lowest, 0.0005 / lowest))
+            error: 0.0005 / lowest,
         })
-        .collect();
-    let plot = Plot {
-        curve: &|n, _| after(n) / least,
-        curves: &[CAMERA_PATHS[0]],
-        points: &points,
-        minimum,
-        top: top(results, self::least(results)),
+    });
+    let points: Vec<_> = points.collect();
+    plot(results, &|n, _| after(n) / least, &CAMERA_PATHS[..1], &points, minimum)
+}
+
+/// RMS over the least, on the same axes for both plots.
+fn plot(
+    results: &Results,
+    rms: &dyn Fn(f64, u32) -> f64,
+    curves: &[u32],
+    points: &[NoisePoint],
+    minimum: f64,
+) -> Markup {
+    // Show all measured values up to about twice the least.
+    let least = least(results);
+    let highest = results.cells.iter().map(|cell| cell.after.value / least).fold(1.5, f64::max);
+    let plot = NoisePlot {
+        alt: "Noise after a time against the number of light paths",
+        rms_name: "RMS over the least",
+        rms,
+        camera_paths: &TABLE_1_CAMERA_PATHS,
+        curves,
+        points,
+        minimum: (minimum, CAMERA_PATHS[0], "minimum at N_B = 25".into()),
+        light_paths: [80.0, f64::from(TABLE_2[TABLE_2.len() - 1].light_paths) * 1.3],
+        limits: [0.95, (highest * 1.05).min(2.2)],
     };
-    plot.svg()
+    plot.svg().expect("the minimum is a point")
 }

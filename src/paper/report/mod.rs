@@ -2,7 +2,6 @@
 
 mod figures;
 mod page;
-mod plot;
 mod sections;
 mod summary;
 mod tables;

@@ -3,8 +3,8 @@
 use super::figures::Figures;
 use super::{sections, summary, tables};
 use crate::output::page::number::{count, fixed, shown};
-use crate::output::page::{document, table};
-use crate::paper::folder::Identity;
+use crate::output::page::{document, header, table};
+use crate::paper::folder::Conditions;
 use crate::paper::results::Results;
 use maud::{Markup, html};
 
@@ -30,7 +30,7 @@ pub fn page(results: &Results, figures: &Figures) -> Markup {
             h2 { "Table 2: 25 camera paths per pixel" }
             (tables::table_2_noise(results))
             (tables::table_2_times(results))
-            h2 { "What is the same" }
+            h2 { "Comparison with the paper" }
             (summary::findings(results))
             h2 { "The paper's estimator and all pairs" }
             (summary::estimators(results))
@@ -44,7 +44,7 @@ pub fn page(results: &Results, figures: &Figures) -> Markup {
 }
 
 fn introduction(results: &Results) -> Markup {
-    let Identity { setup, settings, .. } = &results.experiment.identity;
+    let Conditions { setup, settings, .. } = &results.experiment.conditions;
     html! {
         p {
             "The paper shows that the variance of a pixel in one iteration of bidirectional photon "
@@ -59,7 +59,7 @@ fn introduction(results: &Results) -> Markup {
 }
 
 fn setup(results: &Results) -> Markup {
-    let Identity { setup, accel, settings, region, time_budget } = &results.experiment.identity;
+    let Conditions { setup, accel, settings, region, time_budget } = &results.experiment.conditions;
     let unknown = "unknown".to_owned();
     let rectangles: Vec<String> = region.rectangles.iter().map(|r| format!("{r:?}")).collect();
     let iterations: f64 = results.experiment.done.iter().map(|done| done.iterations as f64).sum();
@@ -98,18 +98,13 @@ fn setup(results: &Results) -> Markup {
         h3 { "Settings" }
         pre { code { (settings_json) } }
         h3 { "Times per path and pair" }
-        pre { code { (crate::timing::report::coefficients(&results.timings)) } }
+        pre { code { (results.timings.coefficients_table()) } }
         (table("", &html! { "All runs" }, &html! {
-                thead {
-                    tr {
-                        th scope="col" { "run" } th scope="col" { "iterations" }
-                        th scope="col" { "seconds" } th scope="col" { "√V sampled, pooled, W/(m² sr)" }
-                    }
-                }
+                (header(&["run", "iterations", "seconds", "√V sampled, pooled, W/(m² sr)"]))
                 tbody {
                     @for done in &results.experiment.done {
                         tr {
-                            th scope="row" { (done.part.name()) }
+                            th scope="row" { (done.measurement.name()) }
                             td { (count(done.iterations as f64)) }
                             td { (fixed(done.seconds, 1)) }
                             td { (shown(done.rms())) }

@@ -1,29 +1,28 @@
 //! The sections of Figures 1 to 4: pictures with their captions, and the means beside them.
 
 use super::figures::{Figures, TERMS};
-use super::plot::Marker;
+use crate::adaptive::optimize::NEAR_OPTIMUM;
 use crate::output::page::number::{count, fixed, shown, significant};
-use crate::output::page::table;
+use crate::output::page::{header, table};
 use crate::paper::optimum::Best;
 use crate::paper::published;
-use crate::paper::published::{FIGURE_2, FIGURE_3, TABLE_1_CAMERA_PATHS};
+use crate::paper::published::{FIGURE_2, FIGURE_3};
 use crate::paper::results::Results;
 use crate::paper::terms::Terms;
-use crate::settings::policy::NEAR_OPTIMUM;
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 pub fn figure_1(results: &Results, figures: &Figures) -> Markup {
     let file = &results.noise[0];
     let caption = html! {
         "The image after " (count(file.noise.iterations as f64)) " iterations. The boxes are the region "
-        "that all means are about, “" (results.experiment.identity.region.name) "”: "
+        "that all means are about, “" (results.experiment.conditions.region.name) "”: "
         (results.region.len()) " pixels."
     };
     html! { div .figures { (figures.image.figure(boxes(results), &caption)) } }
 }
 
 fn boxes(results: &Results) -> &[[f64; 4]] {
-    &results.experiment.identity.region.rectangles
+    &results.experiment.conditions.region.rectangles
 }
 
 pub fn figure_2(results: &Results, figures: &Figures) -> Markup {
@@ -74,13 +73,7 @@ pub fn figure_3(results: &Results, figures: &Figures) -> Markup {
                     "Region means of the roots: W/(m² sr) here; over the mean RMS here | "
                     span .paper { "paper" }
                 }, &html! {
-                thead {
-                    tr {
-                        th scope="col" { "N_B" } th scope="col" { "C" } th scope="col" { "B" }
-                        th scope="col" { "F" } th scope="col" { "√V formula" }
-                        th scope="col" { "√V sampled" }
-                    }
-                }
+                (header(&["N_B", "C", "B", "F", "√V formula", "√V sampled"]))
                 tbody {
                     @for (terms, published) in results.terms.iter().zip(FIGURE_3) {
                         (terms_row(terms, published))
@@ -116,15 +109,9 @@ pub fn figure_4(results: &Results, figures: &Figures) -> Markup {
         html! { (count(best.flat[0])) " to " (count(best.flat[1])) }
     };
     html! {
-        div .legend {
-            @for n_camera in TABLE_1_CAMERA_PATHS {
-                span { (PreEscaped(Marker(n_camera).to_string())) "N_B = " (n_camera) }
-            }
-            span { "◯ minimum at N_B = 25" }
-        }
         div .figures .wide {
             figure .plot {
-                (PreEscaped(&figures.here))
+                (figures.here)
                 figcaption {
                     "Here: RMS over the least at N_B = 25. Curves by formula (1) and the time model from "
                     "a single run, points from noise sampled and times measured at each pair of counts, "
@@ -132,7 +119,7 @@ pub fn figure_4(results: &Results, figures: &Figures) -> Markup {
                 }
             }
             figure .plot {
-                (PreEscaped(&figures.published))
+                (figures.published)
                 figcaption {
                     "The paper: points of Table 1 with their rounding, and the curve that Figure 3a and "
                     "the times of Table 2 imply at N_B = 25."
@@ -144,13 +131,7 @@ pub fn figure_4(results: &Results, figures: &Figures) -> Markup {
                     "pixels that light paths take the share of the time that they take in Table 2, by "
                     "the time model; by the paper’s other numbers; and as its authors read it off"
                 }, &html! {
-                thead {
-                    tr {
-                        th {} th scope="col" { "here" }
-                        th scope="col" { (fixed(optima.pixels.sqrt(), 0)) "² pixels" }
-                        th scope="col" .paper { "implied" } th scope="col" .paper { "read off" }
-                    }
-                }
+                (header(&["", "here", &format!("{:.0}² pixels", optima.pixels.sqrt()), "?implied", "?read off"]))
                 tbody {
                     tr {
                         th scope="row" { "best N_F" }

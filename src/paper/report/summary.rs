@@ -1,8 +1,8 @@
-//! What is the same, what is not and why; and where the paper contradicts itself.
+//! Comparisons with the paper, and contradictions in the paper.
 
 use crate::adaptive::optimize::predict::Predicted;
 use crate::output::page::number::{fixed, shown, significant};
-use crate::output::page::table;
+use crate::output::page::{header, table};
 use crate::paper::findings::{Finding, Topic, Verdict};
 use crate::paper::results::Results;
 use maud::{Markup, html};
@@ -49,22 +49,13 @@ pub fn findings(results: &Results) -> Markup {
     let topics = [Topic::Formula, Topic::Terms, Topic::Halving, Topic::LightPaths, Topic::Minimum];
     html! {
         p {
-            "“Printed” is the number in the paper, “implied” what formula (1) makes of its other "
-            "numbers. The same is what differs by no more than the tolerance, if the standard error "
+            "“Printed” is the number in the paper, “implied” follows from its other numbers by formula "
+            "(1). Values are the same if they differ by no more than the tolerance and the standard error "
             "is no larger than that."
         }
         @for topic in topics {
             (table("findings cards", &html! { (topic.title()) }, &html! {
-                    thead {
-                        tr {
-                            th scope="col" .text { "quantity" }
-                            th scope="col" { "printed" }
-                            th scope="col" { "implied" }
-                            th scope="col" { "here" }
-                            th scope="col" { "tolerance" }
-                            th scope="col" .text { "verdict" }
-                        }
-                    }
+                    (header(&["*quantity", "printed", "implied", "here", "tolerance", "*verdict"]))
                     tbody {
                         @for finding in results.findings.iter().filter(|f| f.topic == topic) {
                             (row(finding))
@@ -98,18 +89,11 @@ fn row(finding: &Finding) -> Markup {
 pub fn inconsistencies(results: &Results) -> Markup {
     html! {
         p {
-            "Found by computing from the printed numbers alone; they explain what is “as implied” "
-            "above."
+            "These follow from the printed numbers alone. They explain the values above that are “as "
+            "implied”."
         }
         (table("findings cards", &html! {}, &html! {
-                thead {
-                    tr {
-                        th scope="col" .text { "number" }
-                        th scope="col" { "printed" }
-                        th scope="col" { "implied" }
-                        th scope="col" .text { "because" }
-                    }
-                }
+                (header(&["*number", "printed", "implied", "*because"]))
                 tbody {
                     @for found in &results.inconsistencies {
                         tr {
@@ -126,36 +110,26 @@ pub fn inconsistencies(results: &Results) -> Markup {
 
 /// Halves beside all pairs.
 pub fn estimators(results: &Results) -> Markup {
-    let parts = &results.experiment.done;
-    let per_iteration = |part: usize| parts[part].seconds / parts[part].iterations as f64;
+    let done = &results.experiment.done;
+    let per_iteration = |index: usize| done[index].seconds / done[index].iterations as f64;
     let certain = |x: Predicted| x.error.is_some_and(|error| x.value.abs() <= 2.0 * error);
     let same = results.estimators.iter().filter(|row| certain(row.difference)).count();
     html! {
         p {
-            "Both saw the same paths in the same " (parts[0].iterations) " iterations. Of the "
+            "Both saw the same paths in the same " (done[0].iterations) " iterations. Of the "
             (results.estimators.len()) " averages, " (same) " agree within two standard errors of the "
             "difference. An iteration with halves took "
             (format!("{:.3}", per_iteration(1) / per_iteration(0)))
             " times as long as one with all pairs."
         }
         (table("", &html! {
-                    "Region means in (W/(m² sr))², and how many iterations the halves need for the "
-                    "certainty of one iteration with all pairs"
+                    "Region means in (W/(m² sr))², and the iterations that the halves need for the "
+                    "accuracy of one iteration with all pairs"
                 }, &html! {
-                thead {
-                    tr {
-                        th {} th colspan="3" scope="colgroup" { "region mean" }
-                        th colspan="2" scope="colgroup" { "iterations" }
-                    }
-                    tr {
-                        th scope="col" .text { "average" }
-                        th scope="col" { "all pairs" }
-                        th scope="col" { "halves" }
-                        th scope="col" { "difference" }
-                        th scope="col" { "single pixels" }
-                        th scope="col" { "region mean" }
-                    }
-                }
+                (header(&[
+                    "*average", "all pairs", "halves", "difference", "iterations, single pixels",
+                    "iterations, region mean",
+                ]))
                 tbody {
                     @for row in &results.estimators {
                         tr {

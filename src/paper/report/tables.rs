@@ -1,7 +1,7 @@
 //! Tables 1 and 2 beside the published ones.
 
 use crate::output::page::number::{count, fixed, shown, significant};
-use crate::output::page::table;
+use crate::output::page::{header, table};
 use crate::paper::implied;
 use crate::paper::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use crate::paper::results::Results;
@@ -38,14 +38,7 @@ pub fn table_1(results: &Results) -> Markup {
                     ". Each cell: from sampled noise and measured time; from formula (1) and the time "
                     "model; in the paper."
                 }, &html! {
-                thead {
-                    tr {
-                        th scope="col" { "N_F" }
-                        @for n_camera in TABLE_1_CAMERA_PATHS {
-                            th scope="col" { "N_B = " (n_camera) }
-                        }
-                    }
-                }
+                (header(&["N_F", "N_B = 5", "N_B = 10", "N_B = 25", "N_B = 100"]))
                 tbody {
                     @for (n_light, printed) in TABLE_1 {
                         tr {
@@ -71,22 +64,10 @@ pub fn table_2_noise(results: &Results) -> Markup {
                     "uses, over what the formula gives; RMS after 1000 s over its first entry; "
                     "iterations in 1000 s"
                 }, &html! {
-                thead {
-                    tr {
-                        th {} th colspan="2" scope="colgroup" { "√V, W/(m² sr)" }
-                        th colspan="2" scope="colgroup" { "√V over the first" }
-                        th colspan="2" scope="colgroup" { "mean of roots" }
-                        th colspan="2" scope="colgroup" { "√V_T over the first" }
-                        th colspan="2" scope="colgroup" { "N_I in 1000 s" }
-                    }
-                    tr {
-                        th scope="col" { "N_F" }
-                        th scope="col" { "sampled" } th scope="col" { "formula" }
-                        @for _ in 0..4 {
-                            th scope="col" { "here" } th scope="col" .paper { "paper" }
-                        }
-                    }
-                }
+                (header(&[
+                    "N_F", "√V sampled, W/(m² sr)", "√V by formula", "√V over the first", "?paper",
+                    "mean of roots", "?paper", "√V_T over the first", "?paper", "N_I in 1000 s", "?paper",
+                ]))
                 tbody {
                     @for row in TABLE_2 {
                         @if let (Some(cell), Some(reference)) =
@@ -111,7 +92,7 @@ pub fn table_2_noise(results: &Results) -> Markup {
     }
 }
 
-/// Table 2: the time of an iteration and its parts.
+/// Table 2: the time of an iteration and of its phases.
 pub fn table_2_times(results: &Results) -> Markup {
     html! {
         (table("", &html! {
@@ -119,18 +100,10 @@ pub fn table_2_times(results: &Results) -> Markup {
                     "scaled to the paper's 6 s (here | "
                     span .paper { "paper" } ")"
                 }, &html! {
-                thead {
-                    tr {
-                        th {} th colspan="5" scope="colgroup" { "milliseconds here" }
-                        th colspan="3" scope="colgroup" { "seconds, scaled | " span .paper { "paper" } }
-                    }
-                    tr {
-                        th scope="col" { "N_F" }
-                        @for name in ["camera", "light", "merge", "rest", "τ", "light", "merge", "τ"] {
-                            th scope="col" { (name) }
-                        }
-                    }
-                }
+                (header(&[
+                    "N_F", "camera, ms", "light, ms", "merge, ms", "rest, ms", "τ, ms", "light, scaled",
+                    "merge, scaled", "τ, scaled",
+                ]))
                 tbody {
                     @for row in TABLE_2 {
                         @if let Some(cell) = find(&results.cells, row.light_paths, CAMERA_PATHS[0]) {

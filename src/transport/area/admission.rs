@@ -1,4 +1,4 @@
-//! Which photons are merged at a point: what decides for the photon and for the surface alike.
+//! Which photons are merged at a point. One test decides for photons and for surfaces.
 
 use glam::Vec3;
 
@@ -6,12 +6,14 @@ use glam::Vec3;
 /// exceed this, half of it.
 pub const LIMIT: f32 = 63.5;
 
-/// How far from the plane of a photon's surface the point where it is merged may be, over the radius. What is in reach
-/// beside that is another layer: the ceiling above a lamp, the shelf below a shelf, which have light of their own. A
-/// sphere of twice the radius or more loses nothing.
+/// Maximum distance between a gather point and the plane of a photon's surface, over the radius.
+///
+/// A surface in reach that is farther away is another layer, with light of its own: the ceiling above a
+/// lamp, or the next shelf. A sphere loses nothing if its radius is twice the merge radius or more.
 pub const THICKNESS: f32 = 0.25;
 
-/// Of the squared distance from that plane, 127 times as long: with this factor it is to be within the squared radius.
+/// Factor on the squared distance from that plane, with a normal 127 units long. The product must not
+/// exceed the squared radius.
 pub const FLATTENING: f32 = 1.0 / (127.0 * 127.0 * THICKNESS * THICKNESS);
 
 /// A unit normal as photons hold it: each coordinate rounded to 1/127, 127 units long.
@@ -26,7 +28,8 @@ pub fn packed(normal: Vec3) -> Vec3 {
 /// `normal`: the angle between them is less than 60 degrees.
 ///
 /// The photon's direction does not decide, and of its place only the distance from its own plane ([`THICKNESS`]),
-/// which is the same all over a triangle: else photons in a fold would be told apart otherwise than the area is.
+/// which is constant over a triangle. Any other test would accept photons in a fold whose surface the
+/// area does not count.
 #[inline(always)]
 pub fn admits(packed: Vec3, normal: Vec3) -> bool {
     packed.dot(normal) > LIMIT

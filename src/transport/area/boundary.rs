@@ -5,10 +5,9 @@ use glam::DVec2;
 /// A directed segment with what counts on its left.
 pub type Segment = (DVec2, DVec2);
 
-/// What of the edges of polygons that do not overlap is an edge of them all together. Edges that are
-/// less than `tolerance` apart are one.
+/// The boundary of the union of polygons that do not overlap. Edges closer than `tolerance` are equal.
 ///
-/// Around a point inside, all of them must still turn once: so ends stay where they are.
+/// The boundary must still wind once around each inner point, so that the ends of edges are not moved.
 pub fn boundary(mut edges: Vec<Segment>, tolerance: f64) -> Vec<Segment> {
     cancel_pairs(&mut edges);
     let mut kept = Vec::new();
@@ -129,15 +128,15 @@ fn cancel_pairs(edges: &mut Vec<Segment>) {
     for edges in edges.chunk_by(same) {
         let back = edges.iter().filter(|edge| upward(edge).1).count();
         let forth = edges.len() - back;
-        // Those of one direction come first.
+        // Edges of one direction precede those of the other.
         kept.extend(&edges[back.min(forth)..edges.len() - back.min(forth)]);
     }
     *edges = kept;
 }
 
-/// Intervals of a line where segments do not cancel, in the direction of most of them. A segment
-/// adds 1 from its start on and takes 1 from its end on, so that one of the other direction, whose end
-/// comes first, takes 1 between its ends.
+/// Intervals of a line where segments do not cancel, in the direction of the majority. A segment adds
+/// 1 at its start and subtracts 1 at its end. The end of a segment of the other direction precedes its
+/// start, so that it subtracts 1 in between.
 fn keep_net(events: &mut [(f64, i32, DVec2)], tolerance: f64, kept: &mut Vec<Segment>) {
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut net, mut open) = (0, None::<DVec2>);

@@ -1,4 +1,4 @@
-//! A tree of boxes that finds what meets another box.
+//! A tree of boxes that finds those that meet another box.
 
 use glam::Vec3A;
 
@@ -35,16 +35,16 @@ impl Box3 {
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
-    /// Of the boxes that it was built of, leaf by leaf.
+    /// Indices of the boxes, leaf by leaf.
     order: Vec<u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
     around: Box3,
-    /// Of a leaf its first in `order`, else the second child; the first child follows its parent.
+    /// First index in `order` for a leaf, otherwise the second child. The first child follows its parent.
     first: u32,
-    /// Of a leaf; 0 of the others.
+    /// Boxes of a leaf; 0 for inner nodes.
     count: u32,
 }
 
@@ -60,7 +60,7 @@ impl Bvh {
         Self { nodes, order }
     }
 
-    /// Visits all boxes that meet this one, and some others, until a visit says `false`; says
+    /// Visits all boxes that meet `around`, and some others, until a visit returns `false`. Returns
     /// whether none did.
     pub fn find(&self, around: &Box3, mut visit: impl FnMut(u32) -> bool) -> bool {
         // Halves of 32 bits' worth of boxes are no deeper than this.
@@ -91,7 +91,7 @@ impl Bvh {
         self.nodes.first().map_or(Box3::EMPTY, |root| root.around)
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>() + self.order.capacity() * size_of::<u32>()
     }

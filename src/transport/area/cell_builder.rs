@@ -1,16 +1,16 @@
-//! What lies around a cell.
+//! Frames of patches and cells, and the triangles in reach of them.
 
 use super::components::SideId;
 use super::lit_sides::Sides;
 use super::polygon::{Polygon, area, clip_to, rectangle};
 use super::solids::{LIFT, Plane};
 use super::surfaces::Surfaces;
-use super::triangle_index::Reach;
+use super::triangle_index::TriangleIndex;
 use glam::{DVec2, DVec3, Vec3};
 
 /// Coordinates of a patch: in its plane and above it, in radii.
 #[derive(Clone, Copy, Debug)]
-pub struct Frame {
+pub struct PatchFrame {
     /// A point of the plane.
     pub origin: DVec3,
     /// Unit vectors; the last points up.
@@ -19,8 +19,8 @@ pub struct Frame {
     pub per_radius: f64,
 }
 
-impl Frame {
-    /// Of the side of a triangle to which `up` points: the first axis along its longest edge.
+impl PatchFrame {
+    /// Frame of the side of a triangle to which `up` points. The first axis is along its longest edge.
     pub fn new(corners: [DVec3; 3], up: Vec3, radius: f64) -> Self {
         let edges = [0, 1, 2].map(|i| corners[(i + 1) % 3] - corners[i]);
         let longest = |a: &DVec3, b: &DVec3| a.length_squared().total_cmp(&b.length_squared());
@@ -44,7 +44,7 @@ impl Frame {
         DVec3::from_array(self.axes.map(|axis| axis.dot(from)))
     }
 
-    /// The same with another point of the plane as origin.
+    /// This frame with another point of the plane as origin.
     pub fn about(&self, at: DVec2) -> Self {
         let from = self.axes[0] * at.x + self.axes[1] * at.y;
         Self { origin: self.origin + from * self.radius, ..*self }
@@ -53,7 +53,7 @@ impl Frame {
 
 /// A side of a triangle on which points are.
 #[derive(Clone, Copy, Debug)]
-pub struct Own {
+pub struct GatherFacet {
     /// Index of the place.
     pub place: u32,
     /// Index of the triangle in its mesh.
@@ -79,21 +79,21 @@ pub struct Near {
     pub holes: bool,
 }
 
-/// Works out cells.
+/// Computes cells.
 #[derive(Clone, Copy)]
-pub struct Maker<'a> {
-    /// All that there is.
+pub struct CellBuilder<'a> {
+    /// Surfaces of the scene.
     pub surfaces: &'a dyn Surfaces,
-    /// Which of it light reaches.
+    /// The sides of these surfaces that light reaches.
     pub sides: &'a Sides,
-    /// How to find it.
-    pub reach: &'a Reach,
-    /// Of the spheres, scene units.
+    /// Search structure over their triangles.
+    pub reach: &'a TriangleIndex,
+    /// Radius of the spheres, scene units.
     pub radius: f64,
 }
 
-/// Where points are.
-pub struct Spot {
+/// The points of a cell, in the coordinates of its patch about its middle.
+pub struct CellFrame {
     /// Half of the sides of the cell around the origin.
     pub half: DVec2,
     /// The part of the cell in the triangle.
@@ -103,16 +103,17 @@ pub struct Spot {
     /// Smallest and largest coordinates of its points.
     pub low: DVec3,
     pub high: DVec3,
-    /// Of coordinates, in radii: points that are closer are one.
+    /// Points that are closer than this, in radii, are equal.
     pub tolerance: f64,
 }
 
-impl Maker<'_> {
-    pub fn spot(&self, frame: &Frame, corners: [DVec3; 3], half: DVec2) -> Spot {
+impl CellBuilder<'_> {
+    /// The frame of a cell whose middle is the origin of `frame`.
+    pub fn cell_frame(&self, frame: &PatchFrame, corners: [DVec3; 3], half: DVec2) -> CellFrame {
         let flat = corners.map(|corner| frame.local(corner).truncate());
         let mut polygon = clip_to(&flat, half);
         if polygon.is_empty() {
-            // Rounding may bring points here all the same.
+            // Rounding may still assign points to this cell.
             polygon = rectangle(half).to_vec();
         }
         let extent = polygon.iter().fold(0.0, |far: f64, corner| far.max(corner.length()));
@@ -123,7 +124,7 @@ impl Maker<'_> {
         let largest = corners.iter().fold(0.0, |far: f64, c| far.max(c.abs().max_element()));
         let tolerance = 1e-5 + 4.0 * largest * f64::from(f32::EPSILON) / self.radius;
         let [low, high] = [low, high].map(|corner| corner.extend(0.0));
-        Spot { half, polygon, extent, low, high, tolerance: tolerance.min(1e-2) }
+        CellFrame { half, polygon, extent, low, high, tolerance: tolerance.min(1e-2) }
     }
 }
 
@@ -157,7 +158,7 @@ impl Near {
     }
 }
 
-impl Spot {
+impl CellFrame {
     /// Whether a segment that is not on the border of what was looked at is in reach.
     pub fn reaches(&self, &(p, q): &(DVec2, DVec2), outer: DVec2) -> bool {
         let on_border = |axis: usize| {

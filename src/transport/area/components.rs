@@ -1,4 +1,4 @@
-//! Which triangles hang together, and which of their sides: those that share an edge with nobody else.
+//! Connected components of triangles and their sides: triangles that share an edge of two triangles.
 //!
 //! Triangles of a mesh that share an edge two by two are of one component, and so are triangles of
 //! several meshes along edges that are borders of both. Where three or more meet, light may reach
@@ -35,7 +35,7 @@ impl SideId {
 /// The components of a mesh alone.
 #[derive(Debug)]
 struct MeshComponents {
-    /// Of each triangle, with its parity in the lowest bit: whether its front is of the other side.
+    /// Component of each triangle; the lowest bit says whether its front is on the component's other side.
     of: Vec<u32>,
     /// Which triangles repeat another.
     is_double: Vec<bool>,
@@ -69,7 +69,7 @@ impl Edge {
 }
 
 impl Components {
-    /// Of all meshes at their places.
+    /// Finds the components of all meshes at their places.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
         let meshes: Vec<_> = surfaces.meshes().par_iter().map(MeshComponents::new).collect();
         let mut count = 0;
@@ -103,7 +103,7 @@ impl Components {
         2 * self.joined.len()
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         let own = |mesh: &MeshComponents| {
             let borders = mesh.borders.capacity() * size_of::<Border>();
@@ -238,7 +238,7 @@ impl Sets {
         }
     }
 
-    /// Of each member the one that stands for its set, with the parity.
+    /// The representative of each member's set, with the parity.
     fn flattened(mut self) -> Vec<u32> {
         (0..self.parents.len() as u32).map(|member| self.find(member)).collect()
     }

@@ -1,14 +1,13 @@
-//! Discs and what straight edges cut off them.
+//! Areas of discs that straight edges cut.
 //!
-//! With the disc's center as origin, the area of the part of a disc of radius `rho` that lies in a
-//! polygon is `w pi rho^2` plus [`chord`] of each edge, where `w` says how often the polygon winds
-//! around the center. Edges that the disc does not meet add nothing. (Summed over edges, triangles
-//! with the center where an edge is in the disc and sectors where it is outside make the area; the
-//! sectors of whole edges add up to `w pi rho^2`.)
+//! The part of a disc of radius `rho` in a polygon has the area `w pi rho^2` plus [`chord`] of each edge.
+//! The center of the disc is the origin, and `w` is the winding number of the polygon around it. Edges
+//! that the disc does not meet add nothing. (Each edge adds a triangle with the center where it is
+//! in the disc, and a sector where it is outside. The sectors of whole edges add up to `w pi rho^2`.)
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// What an edge adds to the part of a disc of squared radius `rho2` on its left.
+/// Contribution of an edge to the area of a disc of squared radius `rho2` on its left.
 ///
 /// The center is `h` to the left of the edge's line, and the edge runs from `s0` to `s1` along it,
 /// counted from the foot of the center. With the center on the line, it counts as on its left.

@@ -1,4 +1,4 @@
-//! What lies in the spheres around the points of a patch, ready to be summed up.
+//! Edges and triangles in reach of the points of a cell, packed to sum up areas.
 //!
 //! Coordinates are those of the patch, in its plane, in units of the radius.
 
@@ -10,7 +10,7 @@ use glam::DVec2;
 use std::array::from_fn;
 use std::f32::consts::PI;
 
-/// So many side by side.
+/// Edges or triangles of a pack.
 const WIDTH: usize = 8;
 
 type Lane = [f32; WIDTH];
@@ -26,12 +26,12 @@ pub struct List {
     inside: bool,
 }
 
-/// The same beside surfaces with holes.
+/// A [`List`] beside surfaces with holes.
 #[derive(Clone, Debug)]
 pub struct HoledList {
-    /// What has none.
+    /// Surfaces without holes.
     pub list: List,
-    /// What has some.
+    /// Surfaces with holes.
     pub holes: Vec<Holed>,
 }
 
@@ -54,7 +54,7 @@ struct Facets;
 
 /// A triangle in the space of a patch.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Facet {
+pub struct ListedTriangle {
     /// Height of its plane above a point: coefficients of 1, x and y.
     pub height: [f64; 3],
     /// Coordinates in its plane of the foot of a point: coefficients of x and y each.
@@ -67,7 +67,7 @@ pub struct Facet {
 #[derive(Clone, Copy, Debug)]
 pub struct Holed {
     /// The part.
-    pub facet: Facet,
+    pub facet: ListedTriangle,
     /// Corners of all of the triangle in the same plane, in the order of the mesh.
     pub whole: [DVec2; 3],
     /// Index of the place.
@@ -77,8 +77,8 @@ pub struct Holed {
 }
 
 impl List {
-    /// Of boundary segments with the surface on their left, and of other triangles.
-    pub fn new(inside: bool, segments: &[(DVec2, DVec2)], facets: &[Facet]) -> Self {
+    /// Packs boundary segments, which have the surface on their left, and triangles in other planes.
+    pub fn new(inside: bool, segments: &[(DVec2, DVec2)], facets: &[ListedTriangle]) -> Self {
         let packs = |count: usize| count.div_ceil(WIDTH);
         let own = Segments::ROWS * packs(segments.len());
         let mut rows = vec![Row::default(); own + Facets::ROWS * packs(facets.len())];
@@ -108,13 +108,13 @@ impl List {
         from_fn(|i| inside * radii2[i] + sums[i])
     }
 
-    /// Reads a little of it, so that the rest is near when it is asked for.
+    /// Reads a little of it, so that the rest is in the cache when it is summed up.
     #[inline(always)]
     pub fn touch(&self) -> f32 {
         self.rows.iter().step_by(4).take(8).map(|row| row.0[0]).sum()
     }
 
-    /// Bytes that it takes besides itself.
+    /// Size in bytes of the memory that it owns.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.rows)
     }
@@ -142,7 +142,7 @@ impl HoledList {
         areas
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + self.list.bytes() + size_of_val(&*self.holes)
     }
@@ -152,7 +152,7 @@ impl Segments {
     const ROWS: usize = 7;
 
     fn fill(rows: &mut [Row], segments: &[(DVec2, DVec2)]) {
-        // Those that fill up are far away.
+        // Lanes without a segment are far away.
         rows[0] = Row([4.0; WIDTH]);
         for (lane, &(p, q)) in segments.iter().enumerate() {
             let (along, length) = (q - p).normalize_and_length();
@@ -195,14 +195,14 @@ fn any_of(bits: &[u32; WIDTH]) -> u32 {
     bits.iter().fold(0, |all, bit| all | bit)
 }
 
-/// Of a sphere in whose plane a triangle counts at this height of its center above it, the squared radius of the disc
-/// there; 0 where it is another layer: theory.md (45b).
+/// Squared radius of the disc that a sphere cuts out of a plane, from the squared height of its center
+/// above the plane; 0 if the plane is another layer: theory.md (45b).
 #[inline(always)]
 fn disc2(radius2: f32, height2: f32) -> f32 {
     if height2 <= THICKNESS * THICKNESS * radius2 { radius2 - height2 } else { 0.0 }
 }
 
-/// So many edges are summed up at a time.
+/// Edges that are summed up at a time.
 const EDGES: usize = 16;
 
 /// Edges that discs of some radii meet.
@@ -215,7 +215,7 @@ struct Edges<'a, const N: usize> {
     waiting: [[f32; EDGES]; 5],
     count: usize,
     sums: [[f32; EDGES]; N],
-    /// What is added besides.
+    /// Areas that do not come from edges.
     more: [f32; N],
 }
 
@@ -268,8 +268,8 @@ impl<'a, const N: usize> Edges<'a, N> {
 impl Facets {
     const ROWS: usize = 13;
 
-    fn fill(rows: &mut [Row], facets: &[Facet]) {
-        // Those that fill up are far away.
+    fn fill(rows: &mut [Row], facets: &[ListedTriangle]) {
+        // Lanes without a triangle are far away.
         rows[0] = Row([4.0; WIDTH]);
         for (lane, facet) in facets.iter().enumerate() {
             let corners = facet.corners.iter().flat_map(|corner| corner.to_array());
@@ -343,7 +343,19 @@ impl Facets {
 }
 
 impl Holed {
-    /// Where to ask for its opacity.
+    /// Areas of discs of these squared radii around a point in the triangle's plane, times the mean
+    /// opacity there. The units are those of [`HoledList::areas`].
+    pub fn discs<const N: usize>(
+        &self,
+        surfaces: &dyn Surfaces,
+        unit: f32,
+        at: [f32; 2],
+        radii2: &[f32; N],
+    ) -> [f32; N] {
+        radii2.map(|radius2| PI * radius2 * surfaces.opacity(&self.hole(at, unit * radius2.sqrt())))
+    }
+
+    /// The place at which to ask for its opacity.
     fn hole(&self, [x, y]: [f32; 2], radius: f32) -> Hole {
         let foot = self.facet.foot.map(|[a, b]| a * f64::from(x) + b * f64::from(y));
         let foot = DVec2::from_array(foot);

@@ -1,12 +1,12 @@
-//! Areas of all surfaces of a scene, worked out where they are asked for.
+//! Areas around gather points, computed where they are asked for and kept.
 
 use super::cell::Cell;
-use super::cell_builder::{Maker, Own};
+use super::cell_builder::{CellBuilder, GatherFacet};
 use super::disc::half_plane;
 use super::lit_sides::Sides;
-use super::patch::{Grid, Patch, Place};
+use super::patch::{CellPoint, Grid, Patch};
 use super::surfaces::{Surfaces, corners};
-use super::triangle_index::Reach;
+use super::triangle_index::TriangleIndex;
 use crate::simd::dispatch::vectorized;
 use crate::simd::{LANES, Mask, Vec3s, lanes_of};
 use glam::Vec3;
@@ -14,28 +14,30 @@ use std::f32::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock};
 
-/// Less than this share of the disc is taken for so much.
-pub const LEAST: f32 = 0.05;
+/// Lower bound of an area, as a share of the disc's.
+pub const MIN_SHARE: f32 = 0.05;
 
 /// Facets kept together.
 const CHUNK: usize = 64;
 
 /// The area that could have sent photons to a point, for all points of a scene and spheres of up to
 /// one radius.
+///
+/// The bound on the work of a query is counted within that radius and holds for all smaller ones.
 pub struct Areas {
-    ground: Arc<Ground>,
+    shared: Arc<SharedGeometry>,
     radius: f32,
-    /// Of each side of each triangle, some at a time.
+    /// Patch of each side of each triangle, in chunks.
     patches: Box<[OnceLock<Chunk>]>,
     kept: AtomicUsize,
     budget: usize,
 }
 
-/// What areas of any radius rest on.
-struct Ground {
+/// Surfaces and search structures, shared by areas of all radii.
+struct SharedGeometry {
     surfaces: Box<dyn Surfaces>,
     sides: Sides,
-    reach: Reach,
+    reach: TriangleIndex,
     /// Number of the first triangle of each place.
     first: Vec<u32>,
 }
@@ -45,46 +47,46 @@ type Chunk = Box<[OnceLock<Box<Patch>>; CHUNK]>;
 /// Sixteen points at which photons are merged.
 #[derive(Clone, Copy, Debug)]
 pub struct Query<'q> {
-    /// Where they are.
+    /// Their positions.
     pub position: &'q Vec3s,
     /// The sides of triangles that they are on, by [`Areas::facet`].
     pub facet: &'q [u32; LANES],
-    /// Which of them there are.
+    /// Lanes that hold a point.
     pub wanted: &'q Mask,
 }
 
 /// Bytes that [`Areas`] take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Memory {
-    /// From the beginning.
+    /// Without cells.
     pub fixed: usize,
-    /// For what was worked out so far.
+    /// Patches and cells that were computed so far.
     pub kept: usize,
 }
 
 impl Areas {
-    /// For spheres of up to `radius`, keeping what takes up to about `budget` bytes; what does not fit is
-    /// worked out each time it is asked for, with the same result.
+    /// Areas in spheres of up to `radius`. Cells are kept in about `budget` bytes. A cell that does not
+    /// fit is computed for each query, with an equal result.
     pub fn new(surfaces: Box<dyn Surfaces>, sides: Sides, radius: f32, budget: usize) -> Self {
-        let reach = Reach::new(&*surfaces);
+        let reach = TriangleIndex::new(&*surfaces);
         let mut first = vec![0];
         for place in surfaces.places() {
             let count = surfaces.mesh(place.mesh).triangles.len();
             first.push(first[first.len() - 1] + count as u32);
         }
-        Self::on(Arc::new(Ground { surfaces, sides, reach, first }), radius, budget)
+        Self::on(Arc::new(SharedGeometry { surfaces, sides, reach, first }), radius, budget)
     }
 
-    /// The same surfaces for another radius.
+    /// Areas of these surfaces for another radius.
     #[must_use]
     pub fn at(&self, radius: f32) -> Self {
-        Self::on(Arc::clone(&self.ground), radius, self.budget)
+        Self::on(Arc::clone(&self.shared), radius, self.budget)
     }
 
-    fn on(ground: Arc<Ground>, radius: f32, budget: usize) -> Self {
-        let facets = 2 * ground.first[ground.first.len() - 1] as usize;
+    fn on(shared: Arc<SharedGeometry>, radius: f32, budget: usize) -> Self {
+        let facets = 2 * shared.first[shared.first.len() - 1] as usize;
         Self {
-            ground,
+            shared,
             radius,
             patches: (0..facets.div_ceil(CHUNK)).map(|_| OnceLock::new()).collect(),
             kept: AtomicUsize::new(0),
@@ -95,13 +97,14 @@ impl Areas {
     /// Number of the side of a triangle.
     #[inline]
     pub fn facet(&self, place: u32, triangle: u32, front: bool) -> u32 {
-        2 * (self.ground.first[place as usize] + triangle) + u32::from(!front)
+        2 * (self.shared.first[place as usize] + triangle) + u32::from(!front)
     }
 
-    /// The same by the numbers that gather points keep; see [`Facet`](crate::scene::diffuse::Facet).
+    /// Number of the side of a triangle that a gather point names by a
+    /// [`Facet`](crate::scene::diffuse::Facet).
     #[inline(always)] // vectorized
     pub fn number(&self, mesh: u32, side: u32) -> u32 {
-        2 * self.ground.first[mesh as usize] + side
+        2 * self.shared.first[mesh as usize] + side
     }
 
     /// Largest radius that can be asked for.
@@ -109,14 +112,9 @@ impl Areas {
         self.radius
     }
 
-    /// Bytes that are kept at the most, about.
-    pub fn budget(&self) -> usize {
-        self.budget
-    }
-
-    /// Bytes taken.
+    /// Size in bytes.
     pub fn memory(&self) -> Memory {
-        let Ground { sides, reach, first, .. } = &*self.ground;
+        let SharedGeometry { sides, reach, first, .. } = &*self.shared;
         let fixed =
             reach.bytes() + sides.bytes() + 4 * first.capacity() + size_of_val(&*self.patches);
         Memory { fixed, kept: self.kept.load(Relaxed) }
@@ -175,7 +173,7 @@ impl Areas {
             }
         }
         for lane in lanes_of(others) {
-            listed[lane] = self.elsewhere(query.facet[lane], query.position.get(lane), &radii2);
+            listed[lane] = self.compute(query.facet[lane], query.position.get(lane), &radii2);
         }
         let mut areas = [[0.0; LANES]; N];
         for (areas, radius2) in areas.iter_mut().zip(radii2) {
@@ -192,7 +190,7 @@ impl Areas {
         let unit = self.radius * self.radius;
         for (areas, radius2) in areas.iter_mut().zip(radii2) {
             for area in areas {
-                *area = area.max(LEAST * PI * radius2) * unit;
+                *area = area.max(MIN_SHARE * PI * radius2) * unit;
             }
         }
         areas
@@ -205,12 +203,12 @@ impl Areas {
         self.patches[chunk].get()?[own].get().map(|patch| &**patch)
     }
 
-    /// Where it is not known, or no simple list.
+    /// Areas at one point of a cell that is not known yet or is no simple list.
     #[inline(never)] // keeps the common case short
-    fn elsewhere<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
+    fn compute<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
         let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
         let make = || {
-            let surfaces = &*self.ground.surfaces;
+            let surfaces = &*self.shared.surfaces;
             let place = &surfaces.places()[own.place as usize];
             let corners = corners(surfaces, place, own.triangle);
             Box::new(Patch::new(corners, own.normal, self.radius.into()))
@@ -240,16 +238,17 @@ impl Areas {
 
     fn in_grid<const N: usize>(
         &self,
-        own: &Own,
+        own: &GatherFacet,
         grid: &Grid,
         local: [f32; 2],
         radii2: &[f32; N],
     ) -> [f32; N] {
-        let Place { index, at } = grid.place(local);
+        let CellPoint { index, at } = grid.place(local);
         let make = || {
-            let Ground { surfaces, sides, reach, .. } = &*self.ground;
-            let maker = Maker { surfaces: &**surfaces, sides, reach, radius: self.radius.into() };
-            maker.cell(own, grid, index)
+            let SharedGeometry { surfaces, sides, reach, .. } = &*self.shared;
+            let builder =
+                CellBuilder { surfaces: &**surfaces, sides, reach, radius: self.radius.into() };
+            builder.build(own, grid, index)
         };
         let made;
         let cell = match grid.known(index).get() {
@@ -270,19 +269,20 @@ impl Areas {
                 radii2.map(|radius2| half_plane(height.max(0.0), radius2))
             }
             Cell::List(list) => list.areas(at, radii2),
-            Cell::Holed(list) => list.areas(&*self.ground.surfaces, self.radius, at, radii2),
+            Cell::Holed(list) => list.areas(&*self.shared.surfaces, self.radius, at, radii2),
             Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
+            Cell::HoledDisc(hole) => hole.discs(&*self.shared.surfaces, self.radius, at, radii2),
         }
     }
 
-    /// Whether more may be kept.
+    /// Whether another cell may be kept.
     fn has_room(&self) -> bool {
         self.kept.load(Relaxed) < self.budget
     }
 
     /// The side of a triangle of this number; `None` if it has no area.
-    fn own(&self, facet: u32) -> Option<Own> {
-        let Ground { surfaces, sides, first, .. } = &*self.ground;
+    fn own(&self, facet: u32) -> Option<GatherFacet> {
+        let SharedGeometry { surfaces, sides, first, .. } = &*self.shared;
         let number = facet / 2;
         let place = first.partition_point(|&first| first <= number) - 1;
         let (place, triangle) = (place as u32, number - first[place]);
@@ -291,6 +291,6 @@ impl Areas {
         let side = sides.of(place, triangle, front);
         let holes = surfaces.has_holes(place);
         let normal = if front { normal } else { -normal };
-        (normal != Vec3::ZERO).then_some(Own { place, triangle, normal, side, holes })
+        (normal != Vec3::ZERO).then_some(GatherFacet { place, triangle, normal, side, holes })
     }
 }

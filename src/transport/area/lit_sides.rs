@@ -1,16 +1,15 @@
 //! Which sides of surfaces light reaches.
 //!
-//! Only these can have sent a photon, and behind a side that it reaches while it does not reach the
-//! other there is something solid. Neither can be told from a material, since most reflect on both
-//! sides. So light paths tell: [`Marks`] takes the surfaces at which they arrived, in any order, and
-//! freezes what they say of whole components. Of components at which none arrived, the front counts.
-//! The side at which photons are gathered counts in any case.
+//! Only these sides can have sent a photon. If light reaches one side and not the other, something
+//! solid is in between. Materials do not decide this, since most reflect on both sides. Light paths do:
+//! [`Marks`] records the surfaces at which they arrived, in any order, for whole components. The front
+//! of a component counts if none arrived. The side at which photons are gathered counts in any case.
 
 use super::components::{Components, SideId};
 use super::surfaces::Surfaces;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-/// Takes note of where light arrives; any number of threads may do so in any order.
+/// Records where light arrives; any number of threads may do so in any order.
 #[derive(Debug)]
 pub struct Marks {
     components: Components,
@@ -38,7 +37,7 @@ impl Marks {
         self.reached[side as usize].store(true, Relaxed);
     }
 
-    /// What they say.
+    /// The sides that were marked.
     pub fn freeze(self) -> Sides {
         let mut reached: Vec<_> = self.reached.into_iter().map(AtomicBool::into_inner).collect();
         for sides in reached.as_chunks_mut::<2>().0 {
@@ -69,7 +68,7 @@ impl Sides {
         [self.reached.len(), self.reached.iter().filter(|&&reached| reached).count()]
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         self.reached.capacity() + self.components.bytes()
     }

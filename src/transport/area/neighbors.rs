@@ -1,25 +1,37 @@
-//! Finds what lies around a cell.
+//! Finds the surface around a cell.
 
 use super::admission::{THICKNESS, admits, packed};
-use super::cell_builder::{Frame, Maker, Near, Own, Spot};
+use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame};
 use super::components::SideId;
 use super::solids::{Wall, Walls};
 use super::surfaces::box_around;
 use glam::{DAffine3, DVec3, Vec3};
 
-/// All that matters to a cell.
+/// The triangles in reach of a cell.
 pub struct Surroundings {
-    /// That may send photons.
+    /// Triangles that may send photons.
     pub near: Vec<Near>,
-    /// In front of something solid, if that may cover any of these.
+    /// Triangles in front of something solid that may cover any of these.
     pub walls: Walls,
     /// Whether these are of several components.
     pub is_mixed: bool,
 }
 
-/// A place as seen from a patch.
+/// Bound on the work of one cell: numbers of triangles.
+///
+/// Both numbers follow from the geometry, the cell and the radius of the areas. They do not depend on
+/// time, threads or what is already known.
+#[derive(Clone, Copy, Debug)]
+pub struct WorkBound {
+    /// Maximum number of triangles whose boxes meet the box around the cell, extended by the radius.
+    pub visited: usize,
+    /// Maximum number of these that are in reach and may send photons or be in front of a solid.
+    pub kept: usize,
+}
+
+/// A mesh at one of its places, in the coordinates of a patch.
 #[derive(Clone, Copy)]
-struct Seen {
+struct PlacedMesh {
     place: u32,
     /// From the mesh's space to the patch's.
     to_patch: DAffine3,
@@ -37,32 +49,36 @@ struct Solid {
     component: u32,
 }
 
-impl Maker<'_> {
-    /// All in reach; `None` if these are more than `limit` triangles.
+impl CellBuilder<'_> {
+    /// The surroundings of a cell; `None` if they exceed `bound`.
     pub fn surroundings(
         &self,
-        own: &Own,
-        frame: &Frame,
-        spot: &Spot,
-        limit: usize,
+        own: &GatherFacet,
+        frame: &PatchFrame,
+        cell: &CellFrame,
+        bound: WorkBound,
     ) -> Option<Surroundings> {
-        let Frame { origin, axes: [u, v, _], .. } = *frame;
-        let radius = 1.0 + spot.tolerance;
-        let reach = radius + spot.extent;
-        let outer = spot.polygon.iter().map(|p| origin + (u * p.x + v * p.y) * self.radius);
-        let margin = DVec3::splat(self.radius * (1.0 + spot.tolerance));
+        let PatchFrame { origin, axes: [u, v, _], .. } = *frame;
+        let radius = 1.0 + cell.tolerance;
+        let reach = radius + cell.extent;
+        let outer = cell.polygon.iter().map(|p| origin + (u * p.x + v * p.y) * self.radius);
+        let margin = DVec3::splat(self.radius * (1.0 + cell.tolerance));
         let around = box_around(outer.flat_map(|p| [p - margin, p + margin]));
         let (mut near, mut solids) = (Vec::new(), Vec::new());
         let mut seen = self.seen(frame, own.place);
-        let mut count = 0;
+        let (mut visited, mut kept) = (0, 0);
         let complete = self.reach.find(self.surfaces, &around, |place, triangle, corners| {
+            visited += 1;
+            if visited > bound.visited {
+                return false;
+            }
             if place != seen.place {
                 seen = self.seen(frame, place);
             }
             let corners = corners.map(|corner| seen.to_patch.transform_point3(corner.as_dvec3()));
             let [low, high] =
                 [DVec3::min, DVec3::max].map(|of| of(of(corners[0], corners[1]), corners[2]));
-            let gap = (low - spot.high).max(spot.low - high).max(DVec3::ZERO);
+            let gap = (low - cell.high).max(cell.low - high).max(DVec3::ZERO);
             if gap.length_squared() >= radius * radius {
                 return true;
             }
@@ -81,8 +97,8 @@ impl Maker<'_> {
                 return true;
             }
             let Some(normal) = normal.try_normalize() else { return true };
-            // All over the cell it may be too far from its plane.
-            let height = normal.dot(corners[0]).abs() - normal.truncate().length() * spot.extent;
+            // All points of the cell may be too far from its plane.
+            let height = normal.dot(corners[0]).abs() - normal.truncate().length() * cell.extent;
             let may_send = may_send && height < 1.01 * f64::from(THICKNESS);
             if !(is_solid || may_send) {
                 return true;
@@ -107,17 +123,17 @@ impl Maker<'_> {
             if is_solid {
                 solids.push(Solid { place, triangle, corners, front: lit[0], component });
             }
-            count += 1;
-            count <= limit
+            kept += 1;
+            kept <= bound.kept
         });
         complete.then(|| self.sorted(own, frame, near, solids))
     }
 
-    /// Keeps what may cover some of what is near.
+    /// Keeps the solids that may cover some of the triangles that are near.
     fn sorted(
         &self,
-        own: &Own,
-        frame: &Frame,
+        own: &GatherFacet,
+        frame: &PatchFrame,
         near: Vec<Near>,
         mut solids: Vec<Solid>,
     ) -> Surroundings {
@@ -136,10 +152,10 @@ impl Maker<'_> {
         Surroundings { near, walls: Walls::new(solids.iter().map(wall).collect()), is_mixed }
     }
 
-    fn seen(&self, frame: &Frame, place: u32) -> Seen {
+    fn seen(&self, frame: &PatchFrame, place: u32) -> PlacedMesh {
         let to_scene = self.surfaces.places()[place as usize].to_scene;
         let from_scene = frame.scene_to_local();
-        Seen {
+        PlacedMesh {
             place,
             to_patch: to_scene.map_or(from_scene, |to_scene| from_scene * to_scene),
             merges: self.surfaces.merges(place),
@@ -148,8 +164,8 @@ impl Maker<'_> {
     }
 }
 
-impl Frame {
-    /// To these coordinates.
+impl PatchFrame {
+    /// Map from the scene to these coordinates.
     fn scene_to_local(&self) -> DAffine3 {
         let [u, v, up] = self.axes.map(|axis| axis * self.per_radius);
         let matrix3 = glam::DMat3::from_cols(u, v, up).transpose();
@@ -163,11 +179,11 @@ impl Frame {
     }
 }
 
-/// Whether photons of a triangle with this normal, of any length, may be admitted on either side, before
-/// their own normals tell.
+/// Whether photons of a triangle with this normal, of any length, may be admitted on either side. A
+/// coarse test: the packed normals of the photons decide.
 fn may_be_admitted(normal: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
     let length2 = normal.length_squared();
-    // Those of slivers are rounded by more.
+    // Normals of slivers have larger rounding errors.
     let is_sliver = length2 < 1e-6 * a.distance_squared(b) * a.distance_squared(c);
     normal.z * normal.z > 0.48 * 0.48 * length2 || is_sliver
 }

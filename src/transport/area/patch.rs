@@ -1,7 +1,7 @@
 //! A side of a triangle, divided into cells about as large as the sphere.
 
 use super::cell::Cell;
-use super::cell_builder::Frame;
+use super::cell_builder::PatchFrame;
 use glam::{DVec2, DVec3, Vec3};
 use std::sync::OnceLock;
 
@@ -37,9 +37,9 @@ pub struct Grid {
     cells: Box<[OnceLock<Cell>]>,
 }
 
-/// Where in a grid a point is.
+/// The position of a point in a grid.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
+pub struct CellPoint {
     /// Index of its cell.
     pub index: usize,
     /// Coordinates from the middle of the cell.
@@ -49,7 +49,7 @@ pub struct Place {
 impl Patch {
     /// The side of a triangle with these corners in the scene, where `up` points up.
     pub fn new(corners: [DVec3; 3], up: Vec3, radius: f64) -> Self {
-        let frame = Frame::new(corners, up, radius);
+        let frame = PatchFrame::new(corners, up, radius);
         let flat = corners.map(|corner| frame.local(corner).truncate());
         let (low, high) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
         let counts = ((high - low) / CELL).ceil().clamp(DVec2::ONE, DVec2::splat(MOST));
@@ -68,13 +68,13 @@ impl Patch {
         self.axes.map(|axis| axis.dot(from))
     }
 
-    /// All of it.
+    /// The cells of the whole patch.
     #[inline(always)]
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// Bytes that it takes without what is in its cells.
+    /// Size in bytes, without the contents of its cells.
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + size_of_val(&*self.grid.cells)
     }
@@ -101,9 +101,9 @@ impl Grid {
         Self::new(middle - half, middle + half, [SPLIT as u32; 2])
     }
 
-    /// Where a point is.
+    /// Finds the cell of a point.
     #[inline(always)] // part of vectorized code
-    pub fn place(&self, local: [f32; 2]) -> Place {
+    pub fn place(&self, local: [f32; 2]) -> CellPoint {
         // Adding 1.5 * 2^23 rounds to the nearest integer and leaves it in the lowest bits.
         const ROUND: f32 = 12_582_912.0;
         let mut at = [0.0; 2];
@@ -115,7 +115,7 @@ impl Grid {
             cell[axis] = rounded.to_bits() & 0xffff;
             at[axis] = from - ((rounded - ROUND) + 0.5) * self.size[axis];
         }
-        Place { index: (cell[1] * self.columns + cell[0]) as usize, at }
+        CellPoint { index: (cell[1] * self.columns + cell[0]) as usize, at }
     }
 
     /// Middle and half of the sides of a cell.
@@ -127,13 +127,13 @@ impl Grid {
         (low + size * DVec2::new(number(0), number(1)), 0.5 * size)
     }
 
-    /// What is known of a cell.
+    /// The cell of this index, if it was computed.
     #[inline(always)]
     pub fn known(&self, index: usize) -> &OnceLock<Cell> {
         &self.cells[index]
     }
 
-    /// Bytes that it takes without what is in its cells.
+    /// Size in bytes, without the contents of its cells.
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + size_of_val(&*self.cells)
     }

@@ -1,4 +1,4 @@
-//! Light paths that find out which sides of surfaces light reaches.
+//! Traces light paths to find the sides of surfaces that light reaches.
 
 use super::{Marks, Sides, Surfaces};
 use crate::accel::{Intersect, Ray};
@@ -9,13 +9,13 @@ use rayon::prelude::*;
 /// Light paths: each component of a surface that matters to the image is found by some of them.
 const PATHS: u32 = 1 << 15;
 
-/// Vertices of one of them at the most.
+/// Maximum number of vertices of a light path.
 const MOST_VERTICES: u32 = 64;
 
 /// Largest survival probability.
 const MAX_SURVIVAL: f32 = 0.95;
 
-/// Traces them. They are the same whatever the settings, so that all renders of a scene agree.
+/// Traces the light paths. They do not depend on the settings, so that all renders of a scene agree.
 pub(super) fn reached(scene: &Scene, accel: &dyn Intersect, surfaces: &dyn Surfaces) -> Sides {
     let marks = Marks::new(surfaces);
     if !scene.lights().is_empty() {
@@ -36,7 +36,7 @@ fn trace(scene: &Scene, accel: &dyn Intersect, marks: &Marks, rng: &mut Rng) {
             return;
         }
         let surface = scene.surface(&ray, &hit);
-        // Light that ends at black backs tells nothing of what is behind them.
+        // Light that ends at a black back does not mark it: the back bounds something solid.
         let Some(sample) = surface.scatter_flux(rng) else { return };
         marks.add(hit.mesh, hit.triangle, surface.front);
         if rng.next_1d() >= sample.weight.max_element().min(MAX_SURVIVAL) {

@@ -78,11 +78,11 @@ fn crossing((a, height_a): (DVec2, f64), (b, height_b): (DVec2, f64)) -> DVec2 {
     a + (b - a) * (height_a / (height_a - height_b))
 }
 
-/// Adds to `rest` convex polygons that together are what of `polygon` is not in `other`.
+/// Adds convex polygons to `rest` that together are `polygon` without `other`.
 pub fn subtract(polygon: &[DVec2], other: &[DVec2], tolerance: f64, rest: &mut Vec<Polygon>) {
     let mut left = polygon.to_vec();
     let lines: Vec<_> = edges(other).filter_map(|(a, b)| Line::through(a, b)).collect();
-    // Of polygons that do not overlap, one edge has the other polygon all outside.
+    // If the polygons do not overlap, the whole polygon is outside of one edge of the other.
     let apart = |line: &Line| polygon.iter().all(|&p| line.height(p) <= tolerance);
     if lines.iter().any(apart) {
         rest.push(left);

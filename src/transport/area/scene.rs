@@ -9,8 +9,8 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-/// Bytes of areas that are kept at the most: some hundred for each patch of a surface about as large as the
-/// merge sphere. The hall, of 1.5 million triangles, takes half of it.
+/// Maximum size of the areas that are kept, bytes: some hundred for each cell. The hall, of 1.5 million
+/// triangles, takes half of it.
 const BUDGET: usize = 1 << 30;
 
 /// Points of a disc at which the opacity of a cut-out is asked for.
@@ -25,8 +25,8 @@ struct SceneSurfaces {
 }
 
 impl Areas {
-    /// Of all surfaces of a scene that light reaches, which light paths of its own find out, the same for any
-    /// settings and number of threads; for spheres of up to `radius`, scene units.
+    /// Areas of all surfaces of a scene, in spheres of up to `radius`, scene units. A pilot traces light
+    /// paths to find the sides that light reaches. It does not depend on settings or the number of threads.
     pub fn of_scene(scene: &Arc<Scene>, accel: &dyn Intersect, radius: f32) -> Self {
         let surfaces = SceneSurfaces { scene: Arc::clone(scene), places: scene.geometry().places };
         let sides = pilot::reached(scene, accel, &surfaces);

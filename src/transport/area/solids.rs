@@ -1,18 +1,18 @@
-//! Covered surface: what lies inside of solids.
+//! Covered surface: the surface inside of solids.
 //!
 //! A surface is covered where a point just above it is inside of a solid of another component. Solids
-//! need not be closed: something solid is behind every surface of which light reaches one side only
-//! (see [`sides`](super::lit_sides)), and how deep a point is in solids is counted along the way from a point
-//! that light reaches, plus one where the way enters and minus one where it leaves. Of overlapping
-//! solids a point may be in several; it is covered if it is in any. Sheets that light reaches from
-//! both sides cover nothing that is not within [`LIFT`] of them.
+//! need not be closed. A surface that light reaches from one side only has something solid behind it
+//! (see [`sides`](super::lit_sides)). The depth of a point in solids is counted along a line from a point that
+//! light reaches: plus one where the line enters a solid, minus one where it leaves. A point can be in
+//! several overlapping solids; it is covered if it is in any. Sheets that light reaches from both sides
+//! cover only surface within [`LIFT`] of them.
 
 use super::polygon::{Line, Polygon, clip, meets};
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
-/// How far above a surface a solid must reach to cover it, and how far apart layers of the same
-/// surface may be, in radii.
+/// Height in radii that a solid must have above a surface to cover it. Layers that are closer than this
+/// are one surface.
 pub const LIFT: f64 = 2e-3;
 
 /// A triangle in front of something solid.
@@ -22,7 +22,7 @@ pub struct Wall {
     pub corners: [DVec3; 3],
     /// Unit normal away from what is solid.
     pub outward: DVec3,
-    /// Of which it is part.
+    /// Component of the triangle.
     pub component: u32,
     /// The box around it.
     low: DVec3,
@@ -30,7 +30,8 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Of a component, solid on the side away from the unit normal `outward`.
+    /// A triangle of a component with something solid behind it, on the side away from the unit normal
+    /// `outward`.
     pub fn new(corners: [DVec3; 3], outward: DVec3, component: u32) -> Self {
         let (low, high) = around(corners.into_iter());
         Self { corners, outward, component, low, high }
@@ -139,7 +140,7 @@ impl Walls {
         self.blocks.iter().all(|block| block.component == component)
     }
 
-    /// Those of other components that may be near a box.
+    /// Walls of other components that may be near a box.
     fn near(&self, component: u32, (low, high): (DVec3, DVec3)) -> impl Iterator<Item = &Wall> {
         let is_near = move |block: &&Block| {
             let apart = low.cmpgt(block.high) | high.cmplt(block.low);
@@ -172,7 +173,7 @@ impl Walls {
         }
     }
 
-    /// How much deeper `to` is in solids of other components than `from` is.
+    /// Depth of `to` in solids of other components, minus that of `from`.
     pub fn depth(&self, from: DVec3, to: DVec3, component: u32) -> i32 {
         let walls = self.near(component, (from.min(to), from.max(to)));
         walls.map(|wall| wall.crossed(from, to)).sum()

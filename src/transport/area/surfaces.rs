@@ -1,4 +1,4 @@
-//! What the area asks of a scene.
+//! The interface through which areas see a scene.
 
 use super::bvh::Box3;
 use crate::accel::{Place, TriangleMesh};
@@ -36,7 +36,7 @@ pub trait Surfaces: Send + Sync {
     }
 }
 
-/// Where the opacity of a surface with holes is asked for.
+/// A disc of a surface with holes, over which its mean opacity is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hole {
     /// Index of the place.
@@ -46,7 +46,7 @@ pub struct Hole {
     /// Barycentric weights of the second and third corner, of the triangle's point that is nearest
     /// to the middle of the disc.
     pub at: [f32; 2],
-    /// Of the disc over which the mean is taken, scene units.
+    /// Radius of the disc over which the mean is taken, scene units.
     pub radius: f32,
 }
 

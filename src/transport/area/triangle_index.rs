@@ -1,4 +1,4 @@
-//! Finds the triangles near a place, in whichever mesh and however often it is placed.
+//! Finds the triangles near a box, in all meshes at all their places.
 
 use super::bvh::{Box3, Bvh};
 use super::surfaces::{Surfaces, box_around, corners};
@@ -6,20 +6,21 @@ use crate::accel::{Place, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Of a leaf at the most. Places take leaves of their own: a look into one costs more than its box.
+/// Maximum number of triangles in a leaf. Each place has a leaf of its own, because a search in its mesh
+/// costs more than a test of its box.
 const TRIANGLES: usize = 4;
 
 /// Trees over each mesh's triangles, in its own space, and over the places.
 #[derive(Debug)]
-pub struct Reach {
+pub struct TriangleIndex {
     meshes: Vec<Bvh>,
     places: Bvh,
     /// From the scene to the mesh's space, for each place.
     to_mesh: Vec<Option<DAffine3>>,
 }
 
-impl Reach {
-    /// Of all triangles of a scene.
+impl TriangleIndex {
+    /// Builds the trees over all triangles of a scene.
     pub fn new(surfaces: &dyn Surfaces) -> Self {
         let tree = |(mesh, own): (usize, &TriangleMesh)| {
             let place = Place { mesh: mesh as u32, to_scene: None };
@@ -37,8 +38,9 @@ impl Reach {
         Self { places, to_mesh: surfaces.places().iter().map(to_mesh).collect(), meshes }
     }
 
-    /// Visits triangles, by place and index, with their corners in the mesh's space, until a visit says
-    /// `false`: at least those that meet a box, and those of a place together. Says whether none did.
+    /// Visits triangles whose boxes meet `around`, by place and index, with their corners in the mesh's
+    /// space, until a visit returns `false`. Returns whether none did. Triangles of a place follow each
+    /// other. Where a place is rotated, `around` is widened to a box in the mesh's space.
     pub fn find(
         &self,
         surfaces: &dyn Surfaces,
@@ -58,7 +60,7 @@ impl Reach {
         })
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         let meshes: usize = self.meshes.iter().map(Bvh::bytes).sum();
         meshes + self.places.bytes() + self.to_mesh.capacity() * size_of::<Option<DAffine3>>()

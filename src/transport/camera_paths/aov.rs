@@ -1,110 +1,116 @@
-//! What camera paths tell of themselves beside the light that they carry, if they are asked: what they saw first,
-//! and which part of the light is emission or light of one bounce. They draw no random numbers for that.
+//! Arbitrary output variables (AOVs) of camera paths: the first surface, and the parts of the light that are emission
+//! or light of one bounce. Recording them draws no random numbers.
 
 use super::{CameraPass, CameraPaths};
 use crate::base::math::Rgb;
 use crate::scene::Surface;
 use crate::scene::diffuse::DiffuseVertices;
 use crate::simd::LANES;
-use crate::transport::path_state::{Depth, Walk, Walks};
+use crate::transport::path_state::{Depth, PathState, PathStates};
 use glam::Vec3;
 
-/// Of one camera path.
+/// AOVs of one camera path.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Told {
-    /// Part of `D_j`: emission seen directly, or by mirrors and clear glass alone, W/(m^2 sr).
+pub struct PathAov {
+    /// Part of `D_j`: emission seen directly, or only by mirrors and clear glass, W/(m^2 sr).
     pub emission: Rgb,
-    /// Part of `D_j`: light connected at its first vertex, and emission hit by way of a rough lobe.
+    /// Part of `D_j`: light connected at the first vertex, and emission hit after a rough lobe, W/(m^2 sr).
     pub direct: Rgb,
-    /// Albedo of the first surface that is no mirror and no clear glass, tinted by those before.
+    /// Albedo of the first surface that is no mirror and no clear glass, tinted by the surfaces before it.
     pub albedo: Rgb,
-    /// Unit shading normal of that surface on the side that is seen.
+    /// Unit shading normal of the surface of `albedo`, on the side that is seen.
     pub normal: Vec3,
-    /// Where the very first surface is, scene units.
+    /// Position of the first surface of any kind, scene units.
     pub position: Vec3,
-    /// How far from the camera that is along its axis, scene units.
+    /// Distance of `position` from the camera along its axis, scene units.
     pub depth: f32,
-    /// Whether there is any surface.
+    /// The path hits a surface.
     pub hits: bool,
-    /// Whether `albedo` and `normal` are known.
-    knows_surface: bool,
-    /// Whether a rough lobe came before any diffuse vertex.
-    after_rough: bool,
-    /// Number of the diffuse vertex that it is at.
+    /// `albedo` and `normal` are set.
+    has_surface: bool,
+    /// The path took a rough lobe before any diffuse vertex.
+    is_after_rough: bool,
+    /// Number of the current diffuse vertex.
     vertex: u32,
 }
 
 impl CameraPaths {
-    /// Whether camera paths that are traced from now on leave what they [tell](Told).
-    pub fn tell(&mut self, tell: bool) {
-        self.tells = tell;
+    /// Sets whether the camera paths that are traced next record [`Self::aovs`].
+    pub fn record_aovs(&mut self, records: bool) {
+        self.records_aovs = records;
     }
 
-    /// Room for paths that were begun.
-    pub(super) fn prepare_telling(&mut self) {
-        // What was there belongs to paths before these.
+    /// Adds empty AOVs for the new paths.
+    pub(super) fn start_aovs(&mut self) {
+        // Entries from the first new path on belong to paths that were cleared.
         let first = self.direct.len() - self.segments.len();
-        self.told.truncate(first);
-        self.told.resize(self.direct.len(), Told::default());
+        self.aovs.truncate(first);
+        self.aovs.resize(self.direct.len(), PathAov::default());
     }
 
-    /// At Lambertian vertices, before paths go on.
+    /// Records the surfaces at Lambertian vertices, before paths scatter.
     #[inline(never)] // rare
-    pub(super) fn tell_diffuse(&mut self, pass: &CameraPass, at: &DiffuseVertices, walks: &Walks) {
+    pub(super) fn record_diffuse(
+        &mut self,
+        pass: &CameraPass,
+        at: &DiffuseVertices,
+        states: &PathStates,
+    ) {
         for lane in (0..LANES).filter(|&lane| at.active[lane]) {
-            let depth = walks.depth[lane];
-            let told = &mut self.told[walks.path[lane] as usize];
-            told.vertex = depth.diffuse() + 1;
+            let depth = states.depth[lane];
+            let aov = &mut self.aovs[states.path[lane] as usize];
+            aov.vertex = depth.diffuse() + 1;
             if depth.diffuse() == 0 {
-                told.sees_first(pass, depth, at.position.get(lane));
-                let tint = walks.weight.get(lane) * walks.inverse_start[lane];
-                told.sees(tint * at.albedo.get(lane), at.normal.get(lane));
+                aov.set_first_hit(pass, depth, at.position.get(lane));
+                let tint = states.weight.get(lane) * states.inverse_start[lane];
+                aov.set_surface(tint * at.albedo.get(lane), at.normal.get(lane));
             }
         }
     }
 
-    /// At any other surface.
+    /// Records any other surface, whose shading normal is `normal`.
     #[inline(never)] // rare
-    pub(super) fn tell_other(
+    pub(super) fn record_other(
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
-        (walk, normal): (&Walk, Vec3),
+        state: &PathState,
+        normal: Vec3,
     ) {
-        let told = &mut self.told[walk.path as usize];
-        told.vertex = walk.depth.diffuse() + 1;
-        if walk.depth.diffuse() == 0 {
-            told.sees_first(pass, walk.depth, surface.position);
+        let aov = &mut self.aovs[state.path as usize];
+        aov.vertex = state.depth.diffuse() + 1;
+        if state.depth.diffuse() == 0 {
+            aov.set_first_hit(pass, state.depth, surface.position);
             if surface.bsdf.spread().is_some() {
-                let tint = walk.weight * walk.inverse_start;
-                told.sees(tint * surface.bsdf.color(surface.front), normal);
+                let tint = state.weight * state.inverse_start;
+                aov.set_surface(tint * surface.bsdf.color(surface.front), normal);
             }
         }
     }
 
-    /// Emission that a path hit before any diffuse vertex.
+    /// Adds emission that a path hit before any diffuse vertex.
     #[inline(never)] // rare
-    pub(super) fn tell_emission(&mut self, path: u32, emission: Rgb) {
-        let told = &mut self.told[path as usize];
-        let kind = if told.after_rough { &mut told.direct } else { &mut told.emission };
+    pub(super) fn record_emission(&mut self, path: u32, emission: Rgb) {
+        let aov = &mut self.aovs[path as usize];
+        let kind = if aov.is_after_rough { &mut aov.direct } else { &mut aov.emission };
         *kind += emission;
     }
 
-    /// A path goes on by a rough lobe, before any diffuse vertex.
-    pub(super) fn tell_rough(&mut self, path: u32) {
-        self.told[path as usize].after_rough = true;
+    /// Records that a path takes a rough lobe before any diffuse vertex.
+    pub(super) fn record_rough(&mut self, path: u32) {
+        self.aovs[path as usize].is_after_rough = true;
     }
 }
 
-impl Told {
-    /// Light was connected where the path is now.
-    pub(super) fn connects(&mut self, light: Rgb) {
+impl PathAov {
+    /// Adds light that is connected at the current vertex.
+    pub(super) fn add_connection(&mut self, light: Rgb) {
         if self.vertex == 1 {
             self.direct += light;
         }
     }
 
-    fn sees_first(&mut self, pass: &CameraPass, depth: Depth, position: Vec3) {
+    fn set_first_hit(&mut self, pass: &CameraPass, depth: Depth, position: Vec3) {
         if depth.is_start() {
             let camera = &pass.scene.camera;
             self.position = position;
@@ -113,9 +119,9 @@ impl Told {
         }
     }
 
-    fn sees(&mut self, albedo: Rgb, normal: Vec3) {
-        if !self.knows_surface {
-            (self.albedo, self.normal, self.knows_surface) = (albedo, normal, true);
+    fn set_surface(&mut self, albedo: Rgb, normal: Vec3) {
+        if !self.has_surface {
+            (self.albedo, self.normal, self.has_surface) = (albedo, normal, true);
         }
     }
 }

@@ -1,131 +1,130 @@
-//! What camera paths carry of their weights, where paths are found in several ways.
+//! MIS partials of camera paths, and the MIS weights of connections and of emission after rough lobes.
 
 use super::CameraPaths;
+use super::non_diffuse::PathVertex;
 use crate::base::math::luminance;
 use crate::scene::bsdf::{BsdfSample, Lobe, Vertex};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{LightSample, LightSamples, Lights, Scene, Surface};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use crate::transport::gather::GatherView;
-use crate::transport::mis::densities::Directions;
-use crate::transport::path_state::{Walk, Walks};
+use crate::transport::mis::densities::{Directions, PathKind};
+use crate::transport::path_state::PathStates;
 use glam::Vec3;
 use std::array::from_fn;
 
 impl CameraPaths {
-    /// Weighs connections from Lambertian vertices.
-    #[inline(always)] // as those below: vectorized
-    pub(super) fn weigh_connections(
+    /// Multiplies the contributions of connections from Lambertian vertices by their MIS weights.
+    #[inline(always)] // vectorized, as the functions below
+    pub(super) fn weight_connections(
         &self,
         scene: &Scene,
         at: &DiffuseVertices,
-        walks: &Walks,
+        states: &PathStates,
         light: &LightSamples,
         contributions: &mut Vec3s,
     ) {
-        let is_second: Mask = from_fn(|lane| walks.depth[lane].diffuse() == 1);
+        let is_second: Mask = from_fn(|lane| states.depth[lane].diffuse() == 1);
         let Some(mis) = self.mis.filter(|_| any(&is_second)) else { return };
-        let (parts, inverse_start) = (self.parts_of(&walks.path), scene.lights().start().recip());
+        let partials = self.partials_of(&states.path);
+        let inverse_start = scene.lights().start().recip();
         for lane in 0..LANES {
             let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
             // theory.md (47b), `l`
             let l =
                 luminance(light.irradiance.get(lane)) * cos * inverse_start / light.relative[lane];
-            let density = mis.light.lambertian(at.albedo.get(lane).max_element());
-            let weight = mis.balance.connection_weight(parts[lane] * density, l);
+            let density = PathKind::Light.lambertian(at.albedo.get(lane).max_element());
+            let weight = mis.balance.connection_weight(partials[lane] * density, l);
             let weight = if is_second[lane] { weight } else { 1.0 };
             contributions.set(lane, contributions.get(lane) * weight);
         }
     }
 
-    /// What these paths carry; anything of numbers that are none.
+    /// The partials of these paths; meaningless for lanes without a path.
     #[inline(always)]
-    fn parts_of(&self, path: &[u32; LANES]) -> [f32; LANES] {
-        path.map(|path| self.parts.get(path as usize).copied().unwrap_or(0.0))
+    fn partials_of(&self, path: &[u32; LANES]) -> [f32; LANES] {
+        path.map(|path| self.mis_partials.get(path as usize).copied().unwrap_or(0.0))
     }
 
-    /// Sets what the Lambertian points that were left last carry, and what their paths carry on.
+    /// Sets the partials of the last packet of Lambertian gather points, and of their paths.
     #[inline(always)]
-    pub(super) fn weigh_points(
+    pub(super) fn set_point_partials(
         &mut self,
         at: &DiffuseVertices,
         path: &[u32; LANES],
         vertex: &[u32; LANES],
     ) {
         let Some(mis) = self.mis else { return };
-        let (of_paths, mut onward) = (self.parts_of(path), [0.0; LANES]);
-        let mut parts = [0.0; LANES];
+        let (of_paths, mut onward) = (self.partials_of(path), [0.0; LANES]);
+        let mut partials = [0.0; LANES];
         for lane in 0..LANES {
             let albedo = at.albedo.get(lane).max_element();
-            let camera = mis.camera.lambertian(albedo);
-            let second = of_paths[lane] * mis.light.lambertian(albedo);
+            let camera = PathKind::Camera.lambertian(albedo);
+            let second = of_paths[lane] * PathKind::Light.lambertian(albedo);
             onward[lane] = mis.balance.toward_second(camera);
-            parts[lane] = if vertex[lane] == 1 { mis.balance.at_first(camera) } else { second };
+            partials[lane] = if vertex[lane] == 1 { mis.balance.at_first(camera) } else { second };
         }
-        self.gather_points.set_parts(&parts);
+        self.gather_points.set_mis_partials(&partials);
         for lane in 0..LANES {
             if at.active[lane] & (vertex[lane] == 1) {
-                self.parts[path[lane] as usize] = onward[lane];
+                self.mis_partials[path[lane] as usize] = onward[lane];
             }
         }
     }
 
-    /// Weight of a connection from the lobes of a class at any vertex.
+    /// MIS weight of a connection from the lobes of one class at any vertex.
     pub(super) fn connection_weight(
         &self,
         lights: &Lights,
-        surface: &Surface,
-        (walk, at): (&Walk, &Vertex),
-        (lobe, light): (Lobe, &LightSample),
+        vertex: &PathVertex,
+        lobe: Lobe,
+        light: &LightSample,
     ) -> f32 {
+        let PathVertex { surface, at, state } = *vertex;
         if lobe == Lobe::Rough {
             let density = surface.bsdf.pdf_w(lobe, at, light.wi);
             // theory.md (47i)
             return (1.0 + density * light.inverse_pdf_w).recip();
         }
-        let Some(mis) = self.mis.filter(|_| walk.depth.diffuse() == 1) else { return 1.0 };
+        let Some(mis) = self.mis.filter(|_| state.depth.diffuse() == 1) else { return 1.0 };
         let view = GatherView { bsdf: surface.bsdf, at: *at, interpolated: surface.interpolated };
-        let density = view.light_density(&mis, light.wi, surface.normal);
-        let earlier = self.parts[walk.path as usize] * density;
+        let density = view.light_density(light.wi, surface.normal);
+        let earlier = self.mis_partials[state.path as usize] * density;
         let l = emission_over_connection(lights, light, surface.normal);
         mis.balance.connection_weight(earlier, l)
     }
 
-    /// A path goes on from any vertex, which it reached as `walk` tells.
-    pub(super) fn carry_on(
-        &mut self,
-        surface: &Surface,
-        (walk, at): (&Walk, &Vertex),
-        sample: &BsdfSample,
-    ) {
+    /// Updates the partial of a path that continues from any vertex.
+    pub(super) fn update_partial(&mut self, vertex: &PathVertex, sample: &BsdfSample) {
         let Some(mis) = self.mis else { return };
-        if walk.depth.diffuse() == 0 {
-            self.roughs[walk.path as usize] = Rough::new(surface, at, sample);
+        let PathVertex { surface, at, state } = *vertex;
+        if state.depth.diffuse() == 0 {
+            self.rough_vertices[state.path as usize] = RoughVertex::new(surface, at, sample);
         }
-        let part = &mut self.parts[walk.path as usize];
+        let partial = &mut self.mis_partials[state.path as usize];
         if !sample.lobe.passes_through() {
-            let density = mis.camera.density(&surface.bsdf, at, sample.wi);
-            *part = mis.balance.toward_second(density);
-        } else if walk.depth.diffuse() == 1 {
-            let ways = Directions { camera: surface.wo, light: sample.wi };
-            *part *= ways.light_over_camera(surface, sample.lobe);
+            let density = PathKind::Camera.density(&surface.bsdf, at, sample.wi);
+            *partial = mis.balance.toward_second(density);
+        } else if state.depth.diffuse() == 1 {
+            let directions = Directions { camera: surface.wo, light: sample.wi };
+            *partial *= directions.light_over_camera(surface, sample.lobe);
         }
     }
 }
 
-/// The rough lobe that a camera path came from at last, before any diffuse vertex: light that it hits could be
-/// connected, too.
+/// Last vertex of a camera path before any diffuse vertex, if it took a rough lobe there. The light that it hits can
+/// be connected from that vertex, too.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Rough {
+pub(super) struct RoughVertex {
     position: Vec3,
-    /// On the side that is lit, if it is one.
+    /// Normal on the side that can be lit, if only one can.
     normal: Option<Vec3>,
-    /// Of the path's direction, 1/sr; 0 if it came from anywhere else.
+    /// Density of the path's direction, 1/sr; 0 unless it took a rough lobe.
     pdf_w: f32,
 }
 
-impl Rough {
-    /// Where a path goes on from this surface.
+impl RoughVertex {
+    /// The vertex where a path continues from this surface.
     fn new(surface: &Surface, at: &Vertex, sample: &BsdfSample) -> Self {
         if sample.lobe != Lobe::Rough {
             return Self::default();
@@ -134,7 +133,7 @@ impl Rough {
         Self { position: surface.position, normal: surface.lit_side(), pdf_w }
     }
 
-    /// Weight of light that the path hits, where connections are chosen with the density of `connection`.
+    /// MIS weight of light that the path hits; `connection` computes the density of connecting it.
     /// theory.md (47i)
     fn weight(&self, connection: impl FnOnce(&Self) -> f32) -> f32 {
         if self.pdf_w > 0.0 { self.pdf_w / (self.pdf_w + connection(self)) } else { 1.0 }
@@ -142,34 +141,35 @@ impl Rough {
 }
 
 impl CameraPaths {
-    /// Weight of emission that a path hits before its first diffuse vertex.
+    /// MIS weight of emission that a path hits before its first diffuse vertex.
     #[inline(never)] // rare
     pub(super) fn emission_weight(
         &self,
         scene: &Scene,
         path: u32,
-        (facet, position): (Facet, Vec3),
+        facet: Facet,
+        position: Vec3,
     ) -> f32 {
         if self.mis.is_none() {
             return 1.0;
         }
-        self.roughs[path as usize]
+        self.rough_vertices[path as usize]
             .weight(|rough| scene.connection_pdf_w((facet, position), rough.position, rough.normal))
     }
 
-    /// The same of light from beyond.
-    pub(super) fn beyond_weight(&self, scene: &Scene, path: u32, direction: Vec3) -> f32 {
+    /// MIS weight of environment radiance that a path hits before its first diffuse vertex.
+    pub(super) fn environment_weight(&self, scene: &Scene, path: u32, direction: Vec3) -> f32 {
         if self.mis.is_none() {
             return 1.0;
         }
         let lights = scene.lights();
-        self.roughs[path as usize]
+        self.rough_vertices[path as usize]
             .weight(|rough| lights.beyond_pdf_w(direction, rough.position, rough.normal))
     }
 }
 
-/// How much denser emission from a light hits a surface of this unit normal than connections with it, per area.
-/// theory.md (47b), `l`.
+/// Density of emission from a light source over the density of connections with it, at a surface of the unit normal
+/// `normal`: theory.md (47b), `l`.
 fn emission_over_connection(lights: &Lights, light: &LightSample, normal: Vec3) -> f32 {
     let cos = light.wi.dot(normal).abs();
     luminance(light.irradiance) * cos / (lights.start() * light.relative)

@@ -1,30 +1,28 @@
-//! Camera phase: traces camera paths breadth-first, connects them to the lights and leaves the
-//! points at which photons are gathered.
+//! Camera phase: traces camera paths breadth-first, connects them to the lights and stores their gather points.
 
-mod connections;
-mod non_diffuse;
 mod aov;
 mod mis;
+mod non_diffuse;
 
-pub use aov::Told;
+pub use aov::PathAov;
 
 use super::gather::{GatherPoints, GatherView};
 use super::mis::Mis;
-use super::path_queue::Flight;
-use super::path_state::{Walks, at_other_surface};
+use super::path_queue::{Columns, PathQueue};
+use super::path_state::{PathStates, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::scene::diffuse::{DiffuseVertices, Facet};
 use crate::scene::{Scene, Seen, Surface, View};
-use crate::settings::{Direct, Roulette, Settings};
+use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
-use connections::Connections;
-use mis::Rough;
+use bytemuck::{Pod, Zeroable};
+use mis::RoughVertex;
 use std::mem;
 
-/// One camera path: where it starts and which random numbers it draws.
+/// Pixel and number of a camera path, which determine its random numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraPathId {
     /// Column of its pixel.
@@ -35,7 +33,7 @@ pub struct CameraPathId {
     pub index: u32,
 }
 
-/// What all camera paths of an iteration share.
+/// Settings that all camera paths of an iteration share.
 #[derive(Clone, Copy)]
 pub struct CameraPass<'a> {
     /// The scene.
@@ -44,40 +42,56 @@ pub struct CameraPass<'a> {
     pub view: View,
     /// The scene's triangles.
     pub accel: &'a dyn Intersect,
-    /// How paths are traced.
+    /// Settings of the image.
     pub settings: &'a Settings,
     /// Random streams of the iteration.
     pub key: StreamKey,
-    /// Whether vertices before the last gather as well.
+    /// Vertices before the last one gather, too.
     pub gather_early: bool,
 }
 
-/// Camera paths that are merged together, traced batch by batch; the buffers serve many in turn.
+/// Camera paths that are merged together, traced batch by batch; buffers are reused.
 #[derive(Clone, Debug, Default)]
 pub struct CameraPaths {
     /// `D_j` of each path: emission seen and light connected, W/(m^2 sr).
     pub direct: Vec<Rgb>,
-    /// Those of one path are in the order of its vertices.
+    /// The gather points of one path are in the order of its vertices.
     pub gather_points: GatherPoints,
-    /// What some gather points refer to.
+    /// Surfaces of the gather points whose BSDF depends on the directions of photons.
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
-    segments: Flight<Walks, 16>,
+    segments: PathQueue<PathStates, 16>,
     /// The next segments, in the order in which they are found.
-    next: Flight<Walks, 16>,
+    next: PathQueue<PathStates, 16>,
     hits: Vec<HitPacket>,
-    shadow_rays: Flight<Connections, 10>,
+    shadow_rays: PathQueue<Connections, 10>,
     occluded: Vec<Mask>,
-    /// How paths are weighted, if they are.
     mis: Option<Mis>,
-    /// What each path carries of its weight from its first diffuse vertex on.
-    parts: Vec<f32>,
-    /// Where light could be connected that each path hits.
-    roughs: Vec<Rough>,
-    /// What each path tells of itself, if they are to.
-    pub told: Vec<Told>,
-    tells: bool,
+    /// MIS partial of each path from its first diffuse vertex on.
+    mis_partials: Vec<f32>,
+    /// Last rough vertex of each path, with MIS.
+    rough_vertices: Vec<RoughVertex>,
+    /// AOVs of each path, if recorded.
+    pub aovs: Vec<PathAov>,
+    records_aovs: bool,
+}
+
+/// Sixteen shadow rays with the contributions of the connections that they test.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C, align(64))]
+struct Connections {
+    /// Points on light sources.
+    origin: Vec3s,
+    /// Vectors to the vertices.
+    direction: Vec3s,
+    path: [u32; LANES],
+    contribution: Vec3s,
+}
+
+impl Columns<10> for Connections {
+    /// Shadow rays end at the vertices.
+    const T_FAR: f32 = 1.0;
 }
 
 impl CameraPaths {
@@ -85,7 +99,7 @@ impl CameraPaths {
     /// second-level cache.
     pub const BATCH: usize = 2048;
 
-    /// Takes all out.
+    /// Removes all paths.
     pub fn clear(&mut self) {
         self.direct.clear();
         self.gather_points.clear();
@@ -100,14 +114,14 @@ impl CameraPaths {
             |simd| self.start(simd, pass, paths),
         );
         if self.mis.is_some() {
-            // What was there belongs to paths before these.
+            // Entries from the first new path on belong to paths that were cleared.
             let first = self.direct.len() - self.segments.len();
-            self.parts.resize(self.direct.len(), 0.0);
-            self.roughs.truncate(first);
-            self.roughs.resize(self.direct.len(), Rough::default());
+            self.mis_partials.resize(self.direct.len(), 0.0);
+            self.rough_vertices.truncate(first);
+            self.rough_vertices.resize(self.direct.len(), RoughVertex::default());
         }
-        if self.tells {
-            self.prepare_telling();
+        if self.records_aovs {
+            self.start_aovs();
         }
         // Neighboring camera paths stay close up to their first vertex.
         let mut coherence = Coherence::Coherent;
@@ -139,7 +153,7 @@ impl CameraPaths {
         let mut paths = paths.fuse();
         let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
         let inverse_start = [1.0; LANES];
-        let mut walks = Walks { origin, weight, inverse_start, ..Walks::default() };
+        let mut states = PathStates { origin, weight, inverse_start, ..PathStates::default() };
         loop {
             let [mut x, mut y] = [[0.0; LANES]; 2];
             let mut index = [0; LANES];
@@ -155,141 +169,139 @@ impl CameraPaths {
             }
             let first = before + self.segments.len();
             for (lane, index) in index.into_iter().enumerate() {
-                walks.rng.set(lane, pass.key.rng(index));
+                states.rng.set(lane, pass.key.rng(index));
             }
-            let offsets = [walks.rng.next_1d(), walks.rng.next_1d()];
+            let offsets = [states.rng.next_1d(), states.rng.next_1d()];
             for lane in 0..LANES {
                 x[lane] += offsets[0][lane];
                 y[lane] += offsets[1][lane];
-                walks.path[lane] = (first + lane) as u32;
+                states.path[lane] = (first + lane) as u32;
             }
             if pass.view.has_aperture() {
                 for lane in 0..count {
-                    let (_, mut walk) = walks.get(lane);
-                    let (ray, weight) = pass.view.ray(x[lane], y[lane], walk.rng.next_2d());
-                    walk.weight = Rgb::splat(weight);
-                    walk.inverse_start = weight.recip();
-                    walks.set(lane, &ray, &walk);
+                    let (_, mut state) = states.get(lane);
+                    let (ray, weight) = pass.view.ray(x[lane], y[lane], state.rng.next_2d());
+                    state.weight = Rgb::splat(weight);
+                    state.inverse_start = weight.recip();
+                    states.set(lane, &ray, &state);
                 }
             } else {
-                walks.direction = pass.view.pinhole_directions(&x, &y);
+                states.direction = pass.view.pinhole_directions(&x, &y);
             }
-            self.segments.append(simd, &std::array::from_fn(|lane| lane < count), &walks);
+            self.segments.append(simd, &std::array::from_fn(|lane| lane < count), &states);
         }
         self.direct.resize(before + self.segments.len(), Rgb::ZERO);
     }
 
-    /// At the hits: emission, connection, gathering, and the next segments.
+    /// Handles all hits: adds emission, connects, stores gather points, and finds the next segments.
     #[inline(always)] // vectorized
     fn scatter(&mut self, simd: Simd, pass: &CameraPass) {
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
-        let (mut walks, mut seen, mut at) = <(Walks, Seen, DiffuseVertices)>::default();
+        let (mut states, mut seen, mut at) = <(PathStates, Seen, DiffuseVertices)>::default();
         for (packet, hits) in hits.iter().enumerate() {
-            let count = segments.load(packet, &mut walks);
+            let count = segments.load(packet, &mut states);
             let rest =
-                pass.scene.lambertian(simd, &walks.direction, hits, count, &mut seen, &mut at);
+                pass.scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
             if rest.missed != 0 && pass.scene.lights().shine_from_beyond() {
-                self.add_beyond(pass, &walks, rest.missed);
+                self.add_environment(pass, &states, rest.missed);
             }
             for lane in lanes_of(rest.others) {
-                let (ray, walk) = walks.get(lane);
-                let scatter = |surface: &Surface| self.scatter_other(pass, surface, walk);
-                if let Some((ray, walk)) =
-                    at_other_surface(pass.scene, &ray, &hits.get(lane), (&mut at, lane), scatter)
+                let (ray, state) = states.get(lane);
+                let scatter = |surface: &Surface| self.scatter_other(pass, surface, state);
+                if let Some((ray, state)) =
+                    at_other_surface(pass.scene, &ray, &hits.get(lane), &mut at, lane, scatter)
                 {
-                    self.next.push_walk(&ray, &walk);
+                    self.next.push_state(&ray, &state);
                 }
             }
-            if self.tells {
-                self.tell_diffuse(pass, &at, &walks);
+            if self.records_aovs {
+                self.record_diffuse(pass, &at, &states);
             }
-            self.scatter_diffuse(simd, pass, &at, &mut walks);
+            self.scatter_diffuse(simd, pass, &at, &mut states);
         }
         self.hits = hits;
         self.segments = mem::replace(&mut self.next, segments);
     }
 
-    /// Connects and gathers at diffuse vertices, and goes on from those that are not the last.
+    /// Connects and gathers at diffuse vertices, and continues the paths before their last vertex.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
         simd: Simd,
         pass: &CameraPass,
         at: &DiffuseVertices,
-        walks: &mut Walks,
+        states: &mut PathStates,
     ) {
-        let Settings { direct, merge_vertex, camera_roulette, .. } = *pass.settings;
+        let Settings { direct, merge_vertex, .. } = *pass.settings;
         if at.any_emits {
-            self.add_emission(pass.scene, at, walks);
+            self.add_emission(pass.scene, at, states);
         }
-        let weights = at.weights(&walks.weight);
+        let weights = at.weights(&states.weight);
         if direct == Direct::Connect {
-            let light = pass.scene.lights().connect_all(at, &mut walks.rng);
+            let light = pass.scene.lights().connect_all(at, &mut states.rng);
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);
             if self.mis.is_some() {
-                self.weigh_connections(pass.scene, at, walks, &light, &mut contributions);
+                self.weight_connections(pass.scene, at, states, &light, &mut contributions);
             }
-            self.send_shadow_rays(simd, at, &walks.path, &light.target, &contributions);
+            self.queue_shadow_rays(simd, at, &states.path, &light.target, &contributions);
         }
         let (mut gathers, mut goes_on) = <(Mask, Mask)>::default();
         let mut vertex = [0; LANES];
         for lane in 0..LANES {
-            walks.depth[lane] = walks.depth[lane].scattered();
-            vertex[lane] = walks.depth[lane].diffuse();
+            states.depth[lane] = states.depth[lane].scattered();
+            vertex[lane] = states.depth[lane].diffuse();
             let last = vertex[lane] == merge_vertex;
             gathers[lane] = at.active[lane] & (last | pass.gather_early);
             goes_on[lane] = at.active[lane] & (vertex[lane] < merge_vertex);
         }
         if any(&gathers) {
-            self.gather_points.push_diffuse(&gathers, at, &weights, &walks.path, &vertex);
+            self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &vertex);
             if self.mis.is_some() {
-                self.weigh_points(at, &walks.path, &vertex);
+                self.set_point_partials(at, &states.path, &vertex);
             }
         }
         if !any(&goes_on) {
             return;
         }
-        walks.origin = at.off_surface;
-        walks.direction = at.sample(&mut walks.rng);
-        let by_albedo = camera_roulette == Roulette::Albedo;
-        let ends = if by_albedo { walks.rng.next_1d() } else { [0.0; LANES] };
+        states.origin = at.off_surface;
+        states.direction = at.sample(&mut states.rng);
         for lane in 0..LANES {
             let albedo = at.albedo.get(lane);
-            // theory.md (43)
-            let survival = if by_albedo { albedo.max_element().min(1.0) } else { 1.0 };
-            goes_on[lane] &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
-            // theory.md (41)
-            walks.weight.set(lane, walks.weight.get(lane) * (albedo / survival));
+            goes_on[lane] &= albedo != Rgb::ZERO;
+            // theory.md (41), P = 1 by (43)
+            states.weight.set(lane, states.weight.get(lane) * albedo);
         }
-        self.next.append(simd, &goes_on, walks);
+        self.next.append(simd, &goes_on, states);
     }
 
-    /// Adds what diffuse surfaces emit; what is hit later is carried by connections or photons.
+    /// Adds the emission of diffuse surfaces before the first diffuse vertex. Connections and photons contribute the
+    /// emission that paths hit later.
     #[inline(never)] // keeps the common case short
-    fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, walks: &Walks) {
+    fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, states: &PathStates) {
         for lane in 0..LANES {
-            if at.active[lane] && at.front[lane] && walks.depth[lane].diffuse() == 0 {
+            if at.active[lane] && at.front[lane] && states.depth[lane].diffuse() == 0 {
                 let mut emission = at.emission.get(lane);
                 if self.mis.is_some() {
                     let facet = Facet { mesh: at.mesh[lane], side: at.side[lane] };
-                    let place = (facet, at.position.get(lane));
-                    emission *= self.emission_weight(scene, walks.path[lane], place);
+                    let position = at.position.get(lane);
+                    emission *= self.emission_weight(scene, states.path[lane], facet, position);
                 }
                 // theory.md (42), first line
-                let seen = walks.weight.get(lane) * emission;
-                self.direct[walks.path[lane] as usize] += seen;
-                if self.tells {
-                    self.tell_emission(walks.path[lane], seen);
+                let seen = states.weight.get(lane) * emission;
+                self.direct[states.path[lane] as usize] += seen;
+                if self.records_aovs {
+                    self.record_emission(states.path[lane], seen);
                 }
             }
         }
     }
 
-    /// Adds these contributions to their paths if nothing is between points on lights and vertices.
+    /// Queues shadow rays between points on light sources and vertices; `contribution` is added to the paths of the rays
+    /// that nothing blocks.
     #[inline(always)] // vectorized
-    fn send_shadow_rays(
+    fn queue_shadow_rays(
         &mut self,
         simd: Simd,
         at: &DiffuseVertices,
@@ -302,7 +314,7 @@ impl CameraPaths {
             *sent &= contribution.get(lane) != Rgb::ZERO;
             direction.set(lane, at.off_surface.get(lane) - target.get(lane));
         }
-        // From the light: shadow rays to one point then share their origin.
+        // From the light source, so that shadow rays to one point of it share their origin.
         let (origin, path, contribution) = (*target, *path, *contribution);
         self.shadow_rays.append(
             simd,
@@ -311,7 +323,7 @@ impl CameraPaths {
         );
     }
 
-    /// Adds the light of all connections that nothing blocks.
+    /// Adds the contributions of all connections that nothing blocks.
     fn add_connections(&mut self, accel: &dyn Intersect, coherence: Coherence) {
         let count = self.shadow_rays.len();
         let rays = vectorized(
@@ -325,12 +337,12 @@ impl CameraPaths {
         for (packet, occluded) in self.occluded.iter().enumerate() {
             let count = self.shadow_rays.load(packet, &mut connections);
             for (lane, occluded) in occluded.iter().enumerate().take(count) {
-                // Added in any case: what is in the shadow nobody foresees.
+                // Adds 0 in the shadow: a branch could not be predicted.
                 let contribution = connections.contribution.get(lane);
                 let visible = if *occluded { Rgb::ZERO } else { contribution };
                 self.direct[connections.path[lane] as usize] += visible;
-                if self.tells {
-                    self.told[connections.path[lane] as usize].connects(visible);
+                if self.records_aovs {
+                    self.aovs[connections.path[lane] as usize].add_connection(visible);
                 }
             }
         }

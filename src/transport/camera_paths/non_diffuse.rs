@@ -1,160 +1,169 @@
-//! Where camera paths leave the scene, or hit surfaces that are not diffuse alone: one at a time.
+//! Camera paths that leave the scene, or hit surfaces that are not only diffuse: one at a time.
 
-use super::connections::Connections;
-use super::{CameraPass, CameraPaths};
+use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Lobe, Transport, Vertex, Wanted};
 use crate::scene::{LightSample, Lights, Surface};
-use crate::settings::{Direct, Roulette, Settings};
+use crate::settings::Direct;
 use crate::simd::{LANES, Vec3s, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
-use crate::transport::path_state::{WEIGHT_FLOOR, Walk, Walks};
+use crate::transport::path_state::{PathState, PathStates};
 use glam::Vec3;
 
+/// A vertex of a camera path.
+pub(super) struct PathVertex<'a> {
+    pub surface: &'a Surface<'a>,
+    /// Shading normal and direction toward the camera.
+    pub at: &'a Vertex,
+    /// State of the path as it arrives.
+    pub state: &'a PathState,
+}
+
 impl CameraPaths {
-    /// Adds what the paths that left the scene saw there, if nothing else carries it.
+    /// Adds environment radiance to the paths that left the scene before their first diffuse vertex. Connections and
+    /// photons contribute the environment that paths hit later.
     #[inline(never)] // keeps the loop over Lambertian vertices short
-    pub(super) fn add_beyond(&mut self, pass: &CameraPass, walks: &Walks, missed: u32) {
-        for lane in lanes_of(missed).filter(|&lane| walks.depth[lane].diffuse() == 0) {
-            let direction = walks.direction.get(lane);
-            let mut beyond = pass.scene.lights().beyond(direction);
+    pub(super) fn add_environment(&mut self, pass: &CameraPass, states: &PathStates, missed: u32) {
+        for lane in lanes_of(missed).filter(|&lane| states.depth[lane].diffuse() == 0) {
+            let direction = states.direction.get(lane);
+            let mut radiance = pass.scene.lights().beyond(direction);
             if self.mis.is_some() {
-                beyond *= self.beyond_weight(pass.scene, walks.path[lane], direction);
+                radiance *= self.environment_weight(pass.scene, states.path[lane], direction);
             }
             // theory.md (42), second line
-            let seen = walks.weight.get(lane) * beyond;
-            self.direct[walks.path[lane] as usize] += seen;
-            if self.tells {
-                self.tell_emission(walks.path[lane], seen);
+            let seen = states.weight.get(lane) * radiance;
+            self.direct[states.path[lane] as usize] += seen;
+            if self.records_aovs {
+                self.record_emission(states.path[lane], seen);
             }
         }
     }
 
-    /// At a surface that is not diffuse alone; the next segment unless the path ends.
+    /// Handles a hit of a surface that is not only diffuse. Returns the next segment unless the path ends.
     pub(super) fn scatter_other(
         &mut self,
         pass: &CameraPass,
         surface: &Surface,
-        mut walk: Walk,
-    ) -> Option<(Ray, Walk)> {
-        let Settings { camera_roulette, merge_vertex, .. } = *pass.settings;
-        // Emission hit later is carried by connections or photons.
-        if walk.depth.diffuse() == 0 && surface.front {
+        mut state: PathState,
+    ) -> Option<(Ray, PathState)> {
+        // Connections and photons contribute the emission that is hit later.
+        if state.depth.diffuse() == 0 && surface.front {
             // theory.md (42), first line
             let mut emission = surface.emission();
             if self.mis.is_some() && emission != Rgb::ZERO {
-                let place = (surface.facet, surface.position);
-                emission *= self.emission_weight(pass.scene, walk.path, place);
+                let Surface { facet, position, .. } = *surface;
+                emission *= self.emission_weight(pass.scene, state.path, facet, position);
             }
-            self.direct[walk.path as usize] += walk.weight * emission;
-            if self.tells {
-                self.tell_emission(walk.path, walk.weight * emission);
+            self.direct[state.path as usize] += state.weight * emission;
+            if self.records_aovs {
+                self.record_emission(state.path, state.weight * emission);
             }
         }
-        let vertex = walk.depth.diffuse() + 1;
+        let vertex = state.depth.diffuse() + 1;
         let at = surface.vertex(Transport::Radiance);
-        if self.tells {
-            self.tell_other(pass, surface, (&walk, at.normal));
+        if self.records_aovs {
+            self.record_other(pass, surface, &state, at.normal);
         }
-        let merges = self.at_other_vertex(pass, surface, &mut walk);
-        // Cut here, the path still goes on where the surface mirrors besides.
-        let cut = merges && vertex == merge_vertex;
+        let merges = self.at_other_vertex(pass, surface, &mut state);
+        // A path that is cut here still takes lobes that pass through.
+        let cut = merges && vertex == pass.settings.merge_vertex;
         let wanted = if cut { Wanted::PassThrough } else { Wanted::All };
-        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut walk.rng)?;
+        let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut state.rng)?;
         if !surface.agrees(&at, sample.wi) {
             return None;
         }
-        self.carry_on(surface, (&walk, &at), &sample);
-        if self.tells && sample.lobe == Lobe::Rough && walk.depth.diffuse() == 0 {
-            self.tell_rough(walk.path);
+        self.update_partial(&PathVertex { surface, at: &at, state: &state }, &sample);
+        if self.records_aovs && sample.lobe == Lobe::Rough && state.depth.diffuse() == 0 {
+            self.record_rough(state.path);
         }
         // theory.md (41)
-        walk.weight *= sample.weight;
+        state.weight *= sample.weight;
         if sample.lobe.passes_through() {
             let ray = Ray::new(surface.start(sample.wi), sample.wi);
-            return passes_on(&mut walk).then_some((ray, walk));
+            return survives_passing(&mut state).then_some((ray, state));
         }
-        walk.depth = walk.depth.scattered();
-        if camera_roulette == Roulette::Albedo {
-            // theory.md (43)
-            let survival = sample.weight.max_element().min(1.0);
-            if walk.rng.next_1d() >= survival {
-                return None;
-            }
-            walk.weight /= survival;
-        }
-        Some((Ray::new(surface.off_surface, sample.wi), walk))
+        state.depth = state.depth.scattered();
+        Some((Ray::new(surface.off_surface, sample.wi), state))
     }
 
-    /// Connects and gathers where the BSDF depends on the direction of light; whether it merges.
-    fn at_other_vertex(&mut self, pass: &CameraPass, surface: &Surface, walk: &mut Walk) -> bool {
+    /// Connects and gathers at a surface that is not only diffuse. Returns whether photons are merged there.
+    fn at_other_vertex(
+        &mut self,
+        pass: &CameraPass,
+        surface: &Surface,
+        state: &mut PathState,
+    ) -> bool {
         let lights = pass.scene.lights();
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let lit_side = surface.lit_side();
         let at = surface.vertex(Transport::Radiance);
         if merges && pass.settings.direct == Direct::Connect {
-            let light = lights.connect(surface.position, lit_side, &mut walk.rng);
-            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Diffuse, light));
+            let light = lights.connect(surface.position, lit_side, &mut state.rng);
+            let vertex = PathVertex { surface, at: &at, state };
+            self.connect_lobe(lights, &vertex, Lobe::Diffuse, light);
         }
-        if bsdf.has_rough() && walk.depth.diffuse() == 0 {
-            // Such lights cannot be hit, or, weighted, hits are not all; after a diffuse vertex photons carry such paths.
+        if bsdf.has_rough() && state.depth.diffuse() == 0 {
+            // Delta lights cannot be hit. With MIS, connections share the other lights with hits. After a diffuse vertex,
+            // photons contribute these paths.
             let light = if self.mis.is_some() {
-                lights.connect(surface.position, lit_side, &mut walk.rng)
+                lights.connect(surface.position, lit_side, &mut state.rng)
             } else {
-                lights.connect_delta(surface.position, lit_side, &mut walk.rng)
+                lights.connect_delta(surface.position, lit_side, &mut state.rng)
             };
-            self.connect_lobe(lights, surface, (walk, &at), (Lobe::Rough, light));
+            let vertex = PathVertex { surface, at: &at, state };
+            self.connect_lobe(lights, &vertex, Lobe::Rough, light);
         }
         if merges {
             self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
             let view = self.views.len() as u32 - 1;
-            self.gather(pass, surface, walk, view);
+            self.gather(pass, surface, state, view);
         }
         merges
     }
 
-    /// Connects the lobes of one class with a light, if there is one.
+    /// Connects the lobes of one class with a light source, if one was sampled.
     fn connect_lobe(
         &mut self,
         lights: &Lights,
-        surface: &Surface,
-        (walk, at): (&Walk, &Vertex),
-        (lobe, light): (Lobe, Option<LightSample>),
+        vertex: &PathVertex,
+        lobe: Lobe,
+        light: Option<LightSample>,
     ) {
+        let PathVertex { surface, at, state } = *vertex;
         if let Some(light) = light
             && surface.agrees(at, light.wi)
         {
             let value = surface.bsdf.eval_lobe(lobe, at, light.wi);
             let cos_theta = light.wi.dot(at.normal).abs();
             // theory.md (42), third and fourth line
-            let mut contribution = walk.weight * value * light.irradiance * cos_theta;
+            let mut contribution = state.weight * value * light.irradiance * cos_theta;
             if self.mis.is_some() {
-                contribution *= self.connection_weight(lights, surface, (walk, at), (lobe, &light));
+                contribution *= self.connection_weight(lights, vertex, lobe, &light);
             }
             let start = surface.start(light.wi);
-            self.send_shadow_ray(walk.path, contribution, light.target, start);
+            self.queue_shadow_ray(state.path, contribution, light.target, start);
         }
     }
 
-    /// Leaves a point at which photons are gathered with the BSDF in one of `views`.
-    fn gather(&mut self, pass: &CameraPass, surface: &Surface, walk: &Walk, view: u32) {
-        let vertex = walk.depth.diffuse() + 1;
+    /// Stores a gather point with the BSDF in one of `views`.
+    fn gather(&mut self, pass: &CameraPass, surface: &Surface, state: &PathState, view: u32) {
+        let vertex = state.depth.diffuse() + 1;
         if vertex < pass.settings.merge_vertex && !pass.gather_early {
             return;
         }
         let Surface { position, facet, normal, .. } = *surface;
-        let (path, weight) = (walk.path, walk.weight);
+        let (path, weight) = (state.path, state.weight);
         let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
         self.gather_points.push(&point);
         if self.mis.is_some() {
-            self.gather_points.set_part(self.parts[path as usize]);
+            self.gather_points.set_mis_partial(self.mis_partials[path as usize]);
         }
     }
 
-    /// [`Self::send_shadow_rays`] for one.
-    fn send_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
+    /// Queues one shadow ray as [`Self::queue_shadow_rays`] does.
+    fn queue_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
         self.shadow_rays.push(&Connections {
             origin: Vec3s::splat(target),
             direction: Vec3s::splat(off_surface - target),
@@ -164,25 +173,28 @@ impl CameraPaths {
     }
 }
 
-/// From so many vertices on that a path passed through it may end at each of them with this
-/// probability: light may be caught between mirrors.
+/// Share of the initial weight below which paths that pass through a vertex may end: theory.md (44).
+const WEIGHT_FLOOR: f32 = 1.0 / 16.0;
+
+/// Number of vertices passed through from which on a path ends with the probability [`LONG_CHAIN_END`] at each of
+/// them: mirrors may trap light.
 const LONG_CHAIN: u32 = 16;
 const LONG_CHAIN_END: f32 = 0.1;
 
-/// Roulette where a path passed through a vertex: whether it goes on.
-fn passes_on(walk: &mut Walk) -> bool {
-    walk.depth = walk.depth.passed_on();
-    let share = walk.weight.max_element() * walk.inverse_start;
+/// Plays roulette where a path passes through a vertex, and returns whether it survives.
+fn survives_passing(state: &mut PathState) -> bool {
+    state.depth = state.depth.passed_through();
+    let share = state.weight.max_element() * state.inverse_start;
     // theory.md (44)
     let mut survival = (share / WEIGHT_FLOOR).min(1.0);
-    if walk.depth.passed() >= LONG_CHAIN {
+    if state.depth.passed() >= LONG_CHAIN {
         survival = survival.min(1.0 - LONG_CHAIN_END);
     }
     if survival < 1.0 {
-        if walk.rng.next_1d() >= survival {
+        if state.rng.next_1d() >= survival {
             return false;
         }
-        walk.weight /= survival;
+        state.weight /= survival;
     }
     true
 }

@@ -1,4 +1,4 @@
-//! Sums and pairs by either order of look-ups beside each other and all photons with all points.
+//! Sums and pairs of both orders of queries, compared with each other and with all pairs of photons and points.
 
 use super::*;
 use crate::base::math::{disc_area, luminance, uniform_sphere};
@@ -32,7 +32,7 @@ fn photons(count: u32) -> Vec<Photon> {
     (0..count).map(photon).collect()
 }
 
-/// Paths with up to three gather points, some of which look at a BSDF that depends on directions.
+/// Paths with up to three gather points, some of them at a BSDF that depends on directions.
 fn camera_paths(count: u32) -> CameraPaths {
     let mut paths = CameraPaths::default();
     let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
@@ -68,10 +68,10 @@ fn camera_paths(count: u32) -> CameraPaths {
 }
 
 #[test]
-fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
+fn sums_in_either_order_of_queries_match_all_pairs() {
     let all = assert_sums(20_000, [0.05; 2], f32::INFINITY);
     assert!(all > 5000);
-    // Ranges of one look-up follow each other in the same quad.
+    // Ranges of one query share a quad.
     assert!(assert_sums(40, [0.4; 2], f32::INFINITY) > 500);
     for radii in [[0.02, 0.05], [0.06, 0.03]] {
         assert!(assert_sums(20_000, radii, f32::INFINITY) > 1000);
@@ -82,48 +82,49 @@ fn sums_are_those_of_all_pairs_in_any_order_of_look_ups() {
     assert!(flat > 3000 && flat < all, "{flat} of {all}");
 }
 
-/// Photons may be so far from their own planes, over the radius.
+/// Compares all sums; photons count up to `thickness` times the radius off their own planes.
 fn assert_sums(count: u32, radii: ByClass<f32>, thickness: f32) -> usize {
-    let [all, again] = [false, true].map(|halves| assert_sums_of(count, radii, thickness, halves));
+    let [all, again] =
+        [false, true].map(|annulus| assert_sums_of(count, radii, thickness, annulus));
     assert_eq!(all, again);
     all
 }
 
-fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool) -> usize {
+fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, annulus: bool) -> usize {
     let photons = photons(count);
     let paths = camera_paths(500);
     let mut map = PhotonMap::default();
-    let kernel = Kernel::discs(radii);
+    let kernel = MergeKernel::discs(radii);
     map.build_from(&[&photons], kernel.reach());
-    let mut merge = Merge::new(&map, 3, kernel);
+    let options = MergeOptions { records_annulus: annulus, ..MergeOptions::default() };
+    let mut merge = Merge::new(&map, 3, kernel, options);
     merge.admission.flattening = (127.0 * thickness).powi(-2);
-    let merge = merge.with_annulus(halves);
-    let orders = [false, true].map(|in_zones| Merge { in_zones, ..merge });
-    let [mut found, mut in_zones] = orders.map(|merge| {
+    let orders = [false, true].map(|by_zone| Merge { by_zone, ..merge });
+    let [mut found, mut by_zone] = orders.map(|merge| {
         let found = find(&merge, &paths);
-        // In the same order if they are too many for all paths, or for one.
-        for most_pairs in [1, 10, 100, 1000] {
-            assert_eq!(find(&Merge { most_pairs, ..merge }, &paths), found);
+        // Lists of any size have the pairs in the same order.
+        for max_pairs in [1, 10, 100, 1000] {
+            assert_eq!(find(&Merge { max_pairs, ..merge }, &paths), found);
         }
-        let mut gathered = Gathered::default();
-        merge.gather(&paths, &mut gathered);
-        assert_eq!(gathered.sums, found.sums);
-        assert_eq!(gathered.beyond, found.beyond);
+        let mut output = MergeOutput::default();
+        merge.gather(&paths, &mut output);
+        assert_eq!(output.sums, found.sums);
+        assert_eq!(output.annulus, found.annulus);
         found
     });
     found.sort();
-    in_zones.sort();
-    assert_eq!(in_zones, found);
+    by_zone.sort();
+    assert_eq!(by_zone, found);
 
     // Every photon with every point.
     let mut total = 0;
     for (path, sum) in found.sums.iter().enumerate() {
         let (mut pairs, mut nested, mut expected) = (Vec::new(), [0.0; 2], Rgb::ZERO);
-        let mut beyond = [Rgb::ZERO; 2];
+        let mut annulus = [Rgb::ZERO; 2];
         for point in paths.gather_points.iter().filter(|point| point.path as usize == path) {
             for photon in &photons {
                 let from = photon.position - point.position;
-                let offset = photon.side.normal().dot(from) / 127.0;
+                let offset = photon.arrival.normal().dot(from) / 127.0;
                 let distance2 = from.length_squared().max((offset / thickness).powi(2));
                 let counts = point.vertex == 3 || photon.class() == PhotonClass::Caustic;
                 let radius = radii[photon.class() as usize];
@@ -140,7 +141,7 @@ fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool)
                     nested[0] += luminance - inner * luminance;
                     nested[1] += inner * luminance - core * luminance;
                     expected += contribution;
-                    beyond[photon.class() as usize] += contribution - core * contribution;
+                    annulus[photon.class() as usize] += contribution - core * contribution;
                 }
             }
         }
@@ -151,7 +152,7 @@ fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool)
             let sum = found.nested[path].iter().map(|nested| nested[a]).sum();
             assert!(close(sum, nested, 4.0 * luminance(expected)), "{path}");
         }
-        for (one, other) in found.beyond.get(path).into_iter().flatten().zip(beyond) {
+        for (one, other) in found.annulus.get(path).into_iter().flatten().zip(annulus) {
             let apart = (*one - other).abs().max_element();
             assert!(apart <= 4e-5 * expected.max_element(), "{path}: {one}, not {other}");
         }
@@ -164,19 +165,19 @@ fn assert_sums_of(count: u32, radii: ByClass<f32>, thickness: f32, halves: bool)
     total
 }
 
-/// Of each camera path.
+/// Merged light of each camera path.
 #[derive(Debug, Default, PartialEq)]
 struct Found {
     sums: Vec<Rgb>,
-    beyond: Vec<ByClass<Rgb>>,
+    annulus: Vec<ByClass<Rgb>>,
     /// Light path and value of each pair.
     pairs: Vec<Vec<(u32, f32)>>,
-    /// By how much values are larger than at a smaller radius, of each gather point.
+    /// Differences between nested radii at each gather point.
     nested: Vec<Vec<[f32; 2]>>,
 }
 
 impl Found {
-    /// The pairs of each camera path.
+    /// Sorts the pairs of each camera path.
     fn sort(&mut self) {
         self.pairs.iter_mut().for_each(|pairs| sort(pairs));
         self.nested.iter_mut().for_each(|nested| {
@@ -187,15 +188,15 @@ impl Found {
 
 fn find(merge: &Merge, paths: &CameraPaths) -> Found {
     let mut found = Found::default();
-    merge.gather_pairs(paths, &mut Gathered::default(), |gathered, complete| {
+    merge.gather_pairs(paths, &mut MergeOutput::default(), |output, complete| {
         assert_eq!(complete.start, found.sums.len());
-        found.sums.extend(&gathered.sums[complete.clone()]);
-        if merge.halves() {
-            found.beyond.extend(&gathered.beyond[complete.clone()]);
+        found.sums.extend(&output.sums[complete.clone()]);
+        if merge.options().records_annulus {
+            found.annulus.extend(&output.annulus[complete.clone()]);
         }
         for path in complete {
             let (mut pairs, mut nested) = (Vec::new(), Vec::new());
-            for (run, more) in gathered.pairs.of_path(path) {
+            for (run, more) in output.pairs.of_path(path) {
                 pairs.extend(run.iter().map(|pair| (pair.light_path, pair.value)));
                 nested.push(more);
             }

@@ -1,21 +1,23 @@
-//! How densely paths of either kind go on where they scatter, in projected solid angle: the area that they cover
-//! at the next vertex then needs no cosines and distances, which cancel between both kinds.
+//! Densities in projected solid angle with which camera and light paths go on from a vertex. The area measure at the
+//! next vertex then needs no cosines and distances, which cancel between both kinds of paths.
 
 use crate::scene::Surface;
 use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
+use crate::transport::light_paths::MAX_SURVIVAL;
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// Densities below count as this one: where a path of one kind cannot go, but rounding leaves it a way.
-const LEAST: f32 = 1e-9;
+/// Minimum density: rounding may leave a path of one kind where a path of the other kind cannot go.
+const MIN_DENSITY: f32 = 1e-9;
 
-/// Roulette at a merging lobe. What depends on a path's throughput counts as certain, for paths of both kinds.
-#[derive(Clone, Copy, Debug)]
-pub struct Survival {
-    /// Whether paths survive by the share that is reflected.
-    pub by_albedo: bool,
-    /// At most with this probability.
-    pub most: f32,
+/// Kind of a path, by its roulette at merging lobes. Roulette that depends on a path's throughput counts as certain
+/// survival, for paths of both kinds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathKind {
+    /// Survives: camera paths end at their cut.
+    Camera,
+    /// Survives with the reflected share, at most with [`MAX_SURVIVAL`]: theory.md (39).
+    Light,
 }
 
 /// Unit vectors to the next vertex of a path toward the camera and toward the light.
@@ -27,35 +29,40 @@ pub struct Directions {
     pub light: Vec3,
 }
 
-impl Survival {
-    /// Density at a Lambertian surface, in all directions alike.
+impl PathKind {
+    /// Density at a Lambertian surface, the same in all directions.
     #[inline(always)] // part of vector loops
-    pub fn lambertian(&self, albedo: f32) -> f32 {
-        let survival = if self.by_albedo { albedo.min(self.most) } else { 1.0 };
-        (survival * FRAC_1_PI).max(LEAST)
+    pub fn lambertian(self, albedo: f32) -> f32 {
+        let survival = match self {
+            Self::Camera => 1.0,
+            Self::Light => albedo.min(MAX_SURVIVAL),
+        };
+        (survival * FRAC_1_PI).max(MIN_DENSITY)
     }
 
     /// Density of going on toward `wi` from lobes that merge.
     /// theory.md (47a)
-    pub fn density(&self, bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
+    pub fn density(self, bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
         let cos = wi.dot(at.normal);
         if let Some(albedo) = bsdf.diffuse_albedo(at.front) {
-            return if cos > 0.0 { self.lambertian(albedo.max_element()) } else { LEAST };
+            return if cos > 0.0 { self.lambertian(albedo.max_element()) } else { MIN_DENSITY };
         }
-        let density = bsdf.pdf_w(Lobe::Diffuse, at, wi) / cos.abs().max(LEAST);
-        let survival = if self.by_albedo {
-            // The weight is f/density.
-            (self.most * density).min(bsdf.eval_lobe(Lobe::Diffuse, at, wi).max_element())
-        } else {
-            density
+        let density = bsdf.pdf_w(Lobe::Diffuse, at, wi) / cos.abs().max(MIN_DENSITY);
+        let survival = match self {
+            Self::Camera => density,
+            Self::Light => {
+                // The weight of the sample is the BSDF over the density.
+                let value = bsdf.eval_lobe(Lobe::Diffuse, at, wi).max_element();
+                (MAX_SURVIVAL * density).min(value)
+            }
         };
-        survival.max(LEAST)
+        survival.max(MIN_DENSITY)
     }
 }
 
 impl Directions {
-    /// Density of light paths over that of camera paths where `surface` lets both through by a lobe. After a diffuse
-    /// vertex, camera paths pass through wherever they can.
+    /// Density of light paths over the density of camera paths where both pass through `surface` by a lobe. After a
+    /// diffuse vertex, camera paths choose lobes that pass through wherever there are any.
     /// theory.md (47a)
     #[inline(never)] // rare
     pub fn light_over_camera(&self, surface: &Surface, lobe: Lobe) -> f32 {
@@ -69,13 +76,14 @@ impl Directions {
             chosen / (eta * eta)
         } else {
             let density = |at: &Vertex, wi: Vec3| {
-                bsdf.pdf_w(Lobe::Rough, at, wi) / wi.dot(at.normal).abs().max(LEAST)
+                bsdf.pdf_w(Lobe::Rough, at, wi) / wi.dot(at.normal).abs().max(MIN_DENSITY)
             };
             let light = density(&at_light, self.camera);
-            let camera = density(&at_camera, self.light) / bsdf.pass_prob(&at_camera).max(LEAST);
-            light.max(LEAST) / camera.max(LEAST)
+            let camera =
+                density(&at_camera, self.light) / bsdf.pass_prob(&at_camera).max(MIN_DENSITY);
+            light.max(MIN_DENSITY) / camera.max(MIN_DENSITY)
         };
-        ratio.clamp(LEAST, LEAST.recip())
+        ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
     }
 }
 
@@ -89,9 +97,7 @@ mod tests {
         Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric, Wanted,
     };
     use crate::scene::diffuse::Facet;
-    use crate::settings::{Direct, Roulette, Settings, Strategy};
     use crate::transport::gather::GatherView;
-    use crate::transport::mis::Mis;
 
     fn bsdfs() -> Vec<Bsdf> {
         let metal = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
@@ -136,25 +142,16 @@ mod tests {
         if w.z.abs() < 0.05 { direction(rng) } else { w }
     }
 
-    fn mis(roulette: Roulette) -> Mis {
-        let none = Default::default();
-        let settings = Settings::resolve(&none, &none, 1.0).unwrap();
-        let settings = Settings { strategy: Strategy::Mis, direct: Direct::Connect, ..settings };
-        Mis::new(&Settings { camera_roulette: roulette, light_roulette: roulette, ..settings })
-            .unwrap()
-    }
-
     #[test]
-    fn light_paths_and_camera_paths_compute_the_same_densities() {
+    fn densities_from_both_ends_of_a_path_are_equal() {
         let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
         for bsdf in bsdfs() {
             let material = Material::new("some", bsdf);
             for round in 0..2000 {
-                let mis = mis([Roulette::Albedo, Roulette::Weight][round % 2]);
                 let bent = (Vec3::Z + 0.4 * uniform_sphere(rng.next_2d())).normalize();
                 let normal = (round % 3 > 0).then_some(bent);
                 let camera = direction(&mut rng);
-                // As light paths go on, and, where they pass through in any way, as camera paths do.
+                // Sample as light paths do, and, where surfaces can be passed through, as camera paths do.
                 let from_camera = surface(&material, camera, normal);
                 let at = from_camera.vertex(Transport::Radiance);
                 let wanted = if bsdf.passes_through() { Wanted::PassThrough } else { Wanted::All };
@@ -173,10 +170,10 @@ mod tests {
                 let light = direction(&mut rng);
                 if bsdf.merges() && light.z * camera.z > 0.0 {
                     let at_light = surface(&material, light, normal).vertex(Transport::Flux);
-                    let own = mis.light.density(&bsdf, &at_light, camera);
+                    let own = PathKind::Light.density(&bsdf, &at_light, camera);
                     let interpolated = from_camera.interpolated;
                     let view = GatherView { bsdf, at, interpolated };
-                    let seen = view.light_density(&mis, light, from_camera.normal);
+                    let seen = view.light_density(light, from_camera.normal);
                     assert!((own / seen - 1.0).abs() < 1e-4, "{bsdf:?} {own} {seen}");
                 }
             }
@@ -184,19 +181,18 @@ mod tests {
     }
 
     #[test]
-    fn densities_are_those_of_the_paths() {
-        // The mean over sampled directions of 1/density over a part of them is its projected solid angle.
+    fn density_matches_the_samples_of_the_bsdf() {
+        // The mean of 1/density over sampled directions within a cap is the projected solid angle of the cap.
         let mut rng = StreamKey::new(7, Stream::Test, 0).rng(0);
         for bsdf in bsdfs().into_iter().filter(Bsdf::merges) {
             let material = Material::new("some", bsdf);
-            let survival = mis(Roulette::Weight).light;
             let at = surface(&material, Vec3::new(0.48, 0.36, 0.8), None).vertex(Transport::Flux);
             let (n, mut sum, mut square) = (100_000, 0.0, 0.0);
             for _ in 0..n {
                 let sample = bsdf.sample(&at, Transport::Flux, Wanted::All, &mut rng);
                 let sample = sample.filter(|s| s.lobe == Lobe::Diffuse && s.wi.z > 0.6);
-                let one =
-                    sample.map_or(0.0, |s| 1.0 / f64::from(survival.density(&bsdf, &at, s.wi)));
+                let one = sample
+                    .map_or(0.0, |s| 1.0 / f64::from(PathKind::Camera.density(&bsdf, &at, s.wi)));
                 sum += one / f64::from(n);
                 square += one * one / f64::from(n);
             }
@@ -207,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_interfaces_are_the_limit_of_rough_ones() {
+    fn density_ratio_of_rough_interface_approaches_the_smooth_one() {
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
         let smooth = Bsdf::Dielectric(Dielectric::new(1.5));
         let rough = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.02));

@@ -1,61 +1,61 @@
-//! The weights of paths that are merged at the first two diffuse vertices, and connected from both.
+//! The equations of the balance heuristic over merges at the first two diffuse vertices and connections from both.
 
 use crate::base::math::disc_area;
-use crate::settings::Settings;
+use crate::settings::{MisScales, Settings};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
 
-/// What counts as no merges at all: quotients stay finite, and what can be found in one way alone still weighs 1.
-const NOTHING: f32 = 1e-12;
+/// Minimum scale of merges. Quotients stay finite, and the only technique of a path still has the weight 1.
+const MIN_SCALE: f32 = 1e-12;
 
-/// Constants of the balance heuristic. They do not change within a block, whatever its counts: the law needs that.
+/// Constants of the balance heuristic.
 #[derive(Clone, Copy, Debug)]
 pub struct Balance {
-    /// Light paths times the area of a merge, scene units squared.
+    /// Planned light paths times the area of a merge, scene units squared.
     /// theory.md (47c), `eta`.
     eta: f32,
-    /// Scale of merges at the first vertex.
+    /// Scale of merges at the first vertex, `c_1`.
     first: f32,
-    /// The same at the second, by [`PhotonClass`].
+    /// Scale of merges at the second vertex, `c_2`, by [`PhotonClass`].
     second: ByClass<f32>,
 }
 
-/// How else a path could be found that goes on from a light path's diffuse vertex to a photon which is merged at
-/// a camera path's first vertex: there, with a camera path that came to that vertex.
+/// Technique of a camera path that ends at the previous diffuse vertex of a light path, for a photon that is merged
+/// at the camera path's first vertex.
 #[derive(Clone, Copy, Debug)]
 pub enum PreviousTechnique {
-    /// In no way.
+    /// There is none.
     Never,
-    /// By a connection with the light, `1/l` times as dense as emission hits the vertex.
+    /// A connection with the light source, whose density is `1/l` times the density of emission at the vertex.
     /// theory.md (47b)
     Connected {
         /// `1/l`.
         inverse_l: f32,
     },
-    /// By a merge with the photon that arrived there, of this class.
+    /// A merge with the photon of this class that the light path left at the vertex.
     Merged(PhotonClass),
 }
 
 impl Balance {
-    /// As the settings say.
+    /// The constants of these settings.
     pub fn new(settings: &Settings) -> Self {
-        let eta = settings.mis_light_paths as f32 * disc_area(settings.radius);
-        let [first, second] = [settings.mis_c1, settings.mis_c2].map(|c| c as f32);
-        Self::with(eta, [first, second], settings.caustic_radius / settings.radius)
+        let MisScales { light_paths, scales } = settings.mis_scales();
+        let eta = light_paths as f32 * disc_area(settings.radius);
+        Self::with(eta, scales.map(|c| c as f32), settings.caustic_radius / settings.radius)
     }
 
-    /// Of the scales at both vertices, where caustics have a radius so many times the other.
+    /// The constants for scales at both vertices and this quotient of the caustic radius and the radius.
     fn with(eta: f32, [first, second]: [f32; 2], caustic: f32) -> Self {
-        let mut all = [second.max(NOTHING); 2];
-        all[PhotonClass::Caustic as usize] = (second * caustic * caustic).max(NOTHING);
-        Self { eta, first: first.max(NOTHING), second: all }
+        let mut by_class = [second.max(MIN_SCALE); 2];
+        by_class[PhotonClass::Caustic as usize] = (second * caustic * caustic).max(MIN_SCALE);
+        Self { eta, first: first.max(MIN_SCALE), second: by_class }
     }
 
-    /// What a photon carries of its path's weight after a diffuse vertex of the density `light` toward it.
+    /// Partial of a photon after a diffuse vertex, where `light` is the light path's density toward the photon.
     /// theory.md (47e)
-    #[inline(always)] // as those below: parts of vector loops
-    pub fn photon(&self, otherwise: PreviousTechnique, light: f32) -> f32 {
-        let other = match otherwise {
+    #[inline(always)] // part of vector loops, as the functions below
+    pub fn photon(&self, previous: PreviousTechnique, light: f32) -> f32 {
+        let other = match previous {
             PreviousTechnique::Never => 0.0,
             PreviousTechnique::Connected { inverse_l } => inverse_l / self.eta,
             PreviousTechnique::Merged(class) => self.second[class as usize],
@@ -63,29 +63,30 @@ impl Balance {
         other / light
     }
 
-    /// What a merge at the first vertex multiplies a photon's part with, where the camera path's density toward
-    /// where the photon came from is `camera`.
+    /// Partial of a gather point at the first vertex, where `camera` is the camera path's density toward the origin of
+    /// the photon.
+    /// theory.md (47f), `p_c/c_1`.
     #[inline(always)]
     pub fn at_first(&self, camera: f32) -> f32 {
         camera / self.first
     }
 
-    /// What a camera path carries of its weight from the first vertex on, which it left with the density `camera`.
+    /// Partial of a camera path from the first vertex on, which it left with the density `camera`.
     /// theory.md (47d)
     #[inline(always)]
     pub fn toward_second(&self, camera: f32) -> f32 {
         self.first / camera
     }
 
-    /// Weights of merges at the second vertex by class, where the camera path's part times the light path's density
-    /// back to the first is `earlier`.
+    /// Weights of merges at the second vertex by photon class, where `earlier` is the camera path's partial times the
+    /// light path's density toward the first vertex.
     /// theory.md (47f)
     #[inline(always)]
     pub fn second_weights(&self, earlier: f32) -> ByClass<f32> {
         self.second.map(|second| second / (earlier + second))
     }
 
-    /// Weight of a connection from the second vertex.
+    /// Weight of a connection from the second vertex, where `earlier` is as in [`Self::second_weights`].
     /// theory.md (47g)
     #[inline(always)]
     pub fn connection_weight(&self, earlier: f32, l: f32) -> f32 {
@@ -93,11 +94,11 @@ impl Balance {
     }
 }
 
-/// Weight of a merge at the first vertex of a photon that carries `part`, which the vertex multiplies with `by`.
+/// Weight of a merge at the first vertex, from the partials of the gather point and of the photon.
 /// theory.md (47f)
 #[inline(always)]
-pub fn first_weight(by: f32, part: f32) -> f32 {
-    (1.0 + by * part).recip()
+pub fn first_weight(point_partial: f32, photon_partial: f32) -> f32 {
+    (1.0 + point_partial * photon_partial).recip()
 }
 
 #[cfg(test)]
@@ -105,19 +106,19 @@ mod tests {
     use super::*;
     use crate::base::rng::{Rng, Stream, StreamKey};
 
-    /// How the light leaves its source.
+    /// The end of a path at its light source.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Last {
-        /// Straight, and it can be connected.
+        /// A straight segment that can be connected.
         Connected,
-        /// Straight, and photons alone find it.
+        /// A straight segment that photons alone sample.
         Straight,
-        /// Through other vertices.
+        /// Segments through other vertices.
         Caustic,
     }
 
-    /// A path of diffuse vertices: densities per area from each to the next (camera) and back (light), with all
-    /// that is in between.
+    /// A path of diffuse vertices: densities per area from each vertex to the next (camera) and back (light), which
+    /// include the vertices in between that are not diffuse.
     struct Path {
         camera: Vec<f64>,
         light: Vec<f64>,
@@ -129,7 +130,7 @@ mod tests {
         (6.0 * f64::from(rng.next_1d()) - 3.0).exp()
     }
 
-    /// Densities of all ways to find a path of `m` vertices: merges at the first and the second, connection.
+    /// Densities of all techniques for a path: merges at the first and at the second vertex, and connection.
     fn densities(path: &Path, last: Last, eta: f64, c: [f64; 2], caustic: f64) -> [f64; 3] {
         let m = path.camera.len() + 1;
         let limit = if last == Last::Caustic { m } else { m - 1 };
@@ -150,25 +151,25 @@ mod tests {
         [merge(1), merge(2), connected]
     }
 
-    /// The same weights as the program finds them, step by step.
+    /// Weights of all techniques from partials, step by step as paths are traced.
     fn weights(balance: &Balance, path: &Path, last: Last) -> [Option<f64>; 3] {
         let m = path.camera.len() + 1;
         let [camera, light] = [&path.camera, &path.light]
             .map(|all| all.iter().map(|&p| p as f32).collect::<Vec<_>>());
         let l = (path.emission / path.connection) as f32;
-        // The photon at the first vertex, and at the second.
-        let part = (m >= 2).then(|| {
-            let otherwise = match (m, last) {
+        // The partial of the photon at the first vertex.
+        let partial = (m >= 2).then(|| {
+            let previous = match (m, last) {
                 (2, Last::Connected) => PreviousTechnique::Connected { inverse_l: l.recip() },
                 (2, Last::Straight) => PreviousTechnique::Never,
                 (2, Last::Caustic) => PreviousTechnique::Merged(PhotonClass::Caustic),
                 _ => PreviousTechnique::Merged(PhotonClass::Diffuse),
             };
-            balance.photon(otherwise, light[0])
+            balance.photon(previous, light[0])
         });
         let by = balance.at_first(camera.first().copied().unwrap_or(1.0));
         let first = (m >= 2 || last != Last::Connected)
-            .then(|| f64::from(first_weight(by, part.unwrap_or(0.0))));
+            .then(|| f64::from(first_weight(by, partial.unwrap_or(0.0))));
         let earlier = (m >= 2).then(|| balance.toward_second(camera[0]) * light[0]);
         let class = if m == 2 { PhotonClass::Caustic } else { PhotonClass::Diffuse };
         let second = (m >= 3 || (m == 2 && last == Last::Caustic))
@@ -179,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_the_balance_heuristic_of_all_ways_to_find_a_path() {
+    fn weights_match_the_balance_heuristic_of_all_techniques() {
         let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
         let (mut worst, mut shared) = (0.0, 0);
         for round in 0..3000 {
@@ -210,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_in_one_way_weighs_1_even_where_merges_count_for_nothing() {
+    fn only_technique_of_a_path_weighs_1_even_without_merges() {
         let balance = Balance::with(3.0, [0.0; 2], 1.0);
         let mut rng = StreamKey::new(2, Stream::Test, 0).rng(0);
         let mut path = |m: usize| {
@@ -222,7 +223,7 @@ mod tests {
             assert!(one(&path(1), last).eq([1.0]), "{last:?}");
         }
         assert!(one(&path(2), Last::Straight).eq([1.0]));
-        // Connections then have all that they can find.
+        // Connections then have all of the weight.
         let [first, _, connected] = weights(&balance, &path(2), Last::Connected);
         assert!(first.unwrap() < 1e-6 && connected.unwrap() > 1.0 - 1e-6);
     }

@@ -1,42 +1,51 @@
-//! Sorts photons by bucket on all threads: first within chunks of them by wide ranges of buckets,
-//! the partitions, then each partition by bucket. Few photons are one partition and sorted in one go.
+//! Sorts photons by bucket on all threads. Chunks of photons are sorted by wide ranges of buckets, the partitions.
+//! Then each partition is sorted by bucket. Few photons form one partition and are sorted in one pass.
 //!
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
 //! decide the order of additions, depend on the photons but not on the number of threads.
 
 use super::{Grid, PhotonMap, QUAD, Quad};
 use crate::base::math::Rgb;
-use crate::transport::photon::{Extent, Photon, Side};
+use crate::transport::photon::{Arrival, Extent, Photon};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Photons per chunk, and per partition, about: they stay in the second-level cache.
+/// Approximate number of photons per chunk and per partition: they stay in the second-level cache.
 const CHUNK: usize = 8192;
-/// Most partitions: so many places are written to in turn.
+/// Maximum number of partitions: sorting a chunk writes to as many places in turn.
 const PARTITIONS: usize = 256;
 
-/// Fills places that hold no photon: no look-up finds it.
+/// Fills places without a photon: no query finds it.
 const NOTHING: Photon =
-    Photon { position: Vec3::NAN, path: 0, flux: Rgb::ZERO, side: Side(0), from: 0 };
+    Photon { position: Vec3::NAN, path: 0, flux: Rgb::ZERO, arrival: Arrival(0), from: 0 };
 
-/// Consecutive photons sorted by partition; if there is only one, their buckets alone.
+/// Photons in slices.
+#[derive(Clone, Copy)]
+pub struct PhotonSlices<'a> {
+    /// The photons of each slice.
+    pub photons: &'a [&'a [Photon]],
+    /// Their MIS partials in the same slices; no slices without MIS.
+    pub mis_partials: &'a [&'a [f32]],
+}
+
+/// Consecutive photons sorted by partition. If there is only one partition, `unsorted` alone is used.
 #[derive(Debug, Default)]
-pub struct Chunk {
+pub struct PhotonChunk {
     photons: Vec<Photon>,
-    /// What they carry of their paths' weights, or nothing.
-    parts: Vec<f32>,
-    /// Bucket of each.
+    /// MIS partials of the photons; empty without MIS.
+    mis_partials: Vec<f32>,
+    /// Bucket of each photon.
     buckets: Vec<u32>,
-    /// Where each partition ends.
+    /// End of each partition.
     ends: Vec<u32>,
-    /// Bucket of each photon in the order they came.
+    /// Bucket of each photon in the original order.
     unsorted: Vec<u32>,
 }
 
-impl Chunk {
-    /// Finds the bucket of each photon, in the order they come.
+impl PhotonChunk {
+    /// Finds the bucket of each photon, in the original order.
     fn find_buckets(&mut self, slices: &[&[Photon]], grid: &Grid) {
-        // A position that is not finite, which no look-up finds, has any bucket.
+        // No query finds a position that is not finite: any bucket will do.
         let last = grid.buckets() - 1;
         self.unsorted.clear();
         for photons in slices {
@@ -45,10 +54,9 @@ impl Chunk {
         }
     }
 
-    /// Takes the photons of `slices` and the `parts` of their weights, sorted by `partitions` ranges of
-    /// `2^shift` buckets.
-    fn sort(&mut self, slices: &[&[Photon]], parts: &[&[f32]], shift: u32, partitions: usize) {
-        // Places are handed out from where a partition starts, one ahead of its end.
+    /// Copies the photons of `slices`, sorted by `partitions` ranges of `2^shift` buckets.
+    fn sort(&mut self, slices: PhotonSlices, shift: u32, partitions: usize) {
+        // The next place of each partition; at the end, the start of the following one.
         let mut next = [0u32; PARTITIONS + 1];
         for bucket in &self.unsorted {
             next[(bucket >> shift) as usize + 1] += 1;
@@ -61,9 +69,11 @@ impl Chunk {
         let count = self.unsorted.len();
         self.buckets.resize(count, 0);
         self.photons.resize(count, Photon::default());
-        self.sort_parts(parts, shift, &next);
+        self.sort_partials(slices.mis_partials, shift, &next);
         let (sorted, buckets) = (&mut self.photons[..count], &mut self.buckets[..count]);
-        for Run { photons, buckets: own, .. } in runs(slices, &[], &self.unsorted) {
+        for Run { photons, buckets: own, .. } in
+            runs(PhotonSlices { mis_partials: &[], ..slices }, &self.unsorted)
+        {
             for (photon, &bucket) in photons.iter().zip(own) {
                 let next = &mut next[(bucket >> shift) as usize];
                 let place = *next as usize;
@@ -74,14 +84,14 @@ impl Chunk {
         }
     }
 
-    /// Takes the parts, if there are any, in the same order as the photons, whose partitions start at `next`.
-    fn sort_parts(&mut self, parts: &[&[f32]], shift: u32, next: &[u32; PARTITIONS + 1]) {
+    /// Copies the MIS partials in the order of the photons, whose partitions start at `next`.
+    fn sort_partials(&mut self, partials: &[&[f32]], shift: u32, next: &[u32; PARTITIONS + 1]) {
         let mut next = *next;
-        let count = parts.iter().map(|parts| parts.len()).sum();
-        self.parts.resize(count, 0.0);
-        for (part, bucket) in parts.iter().copied().flatten().zip(&self.unsorted) {
+        let count = partials.iter().map(|partials| partials.len()).sum();
+        self.mis_partials.resize(count, 0.0);
+        for (partial, bucket) in partials.iter().copied().flatten().zip(&self.unsorted) {
             let next = &mut next[(bucket >> shift) as usize];
-            self.parts[*next as usize] = *part;
+            self.mis_partials[*next as usize] = *partial;
             *next += 1;
         }
     }
@@ -93,37 +103,37 @@ impl Chunk {
         Run {
             photons: &self.photons[range.clone()],
             buckets: &self.buckets[range.clone()],
-            parts: self.parts.get(range).unwrap_or(&[]),
+            mis_partials: self.mis_partials.get(range).unwrap_or(&[]),
         }
     }
 }
 
-/// Photons, the bucket of each, and its part of a weight unless there are none.
+/// Photons, their buckets, and their MIS partials, which are empty without MIS.
 #[derive(Clone, Copy)]
 struct Run<'a> {
     photons: &'a [Photon],
     buckets: &'a [u32],
-    parts: &'a [f32],
+    mis_partials: &'a [f32],
 }
 
-/// The photons of slices, with buckets that are in the same order.
-fn runs<'a>(slices: &[&'a [Photon]], parts: &[&'a [f32]], mut buckets: &'a [u32]) -> Vec<Run<'a>> {
-    let mut own = |(index, photons): (usize, &&'a [Photon])| Run {
+/// The photons of slices, with their buckets, which are in the same order.
+fn runs<'a>(slices: PhotonSlices<'a>, mut buckets: &'a [u32]) -> Vec<Run<'a>> {
+    let mut run = |(index, photons): (usize, &&'a [Photon])| Run {
         photons,
         buckets: buckets.split_off(..photons.len()).expect("one for each"),
-        parts: parts.get(index).copied().unwrap_or(&[]),
+        mis_partials: slices.mis_partials.get(index).copied().unwrap_or(&[]),
     };
-    slices.iter().enumerate().map(&mut own).collect()
+    slices.photons.iter().enumerate().map(&mut run).collect()
 }
 
 /// The places of one partition in the map.
 struct Partition<'a> {
-    /// Of its first photon.
+    /// Place of its first photon.
     offset: u32,
     starts: &'a mut [u32],
     quads: &'a mut [Quad],
-    froms: &'a mut [u32],
-    parts: &'a mut [f32],
+    directions: &'a mut [u32],
+    mis_partials: &'a mut [f32],
 }
 
 impl Partition<'_> {
@@ -145,17 +155,17 @@ impl Partition<'_> {
         }
         add_up(rest, &mut end);
         // From the last photon to the first, so that ends turn into starts.
-        for Run { photons, buckets, parts } in runs.iter().rev() {
+        for Run { photons, buckets, mis_partials } in runs.iter().rev() {
             for (index, (photon, bucket)) in photons.iter().zip(*buckets).enumerate().rev() {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
                 let place = (*start - self.offset) as usize;
                 self.quads[place / QUAD].set(place % QUAD, photon);
-                if let Some(from) = self.froms.get_mut(place) {
-                    *from = photon.from;
+                if let Some(direction) = self.directions.get_mut(place) {
+                    *direction = photon.from;
                 }
-                if let Some(part) = self.parts.get_mut(place) {
-                    *part = parts[index];
+                if let Some(partial) = self.mis_partials.get_mut(place) {
+                    *partial = mis_partials[index];
                 }
             }
         }
@@ -165,7 +175,7 @@ impl Partition<'_> {
     }
 }
 
-/// Where each of these counts ends, and all of them.
+/// Replaces counts by the ends of as many places, from `end` on, and advances `end` past all of them.
 fn add_up(counts: &mut [u32], end: &mut u32) {
     for count in counts {
         *end += *count;
@@ -173,38 +183,39 @@ fn add_up(counts: &mut [u32], end: &mut u32) {
     }
 }
 
-/// Takes the first `count` elements off `rest`.
+/// Splits the first `count` elements off `rest`.
 fn take<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     rest.split_off_mut(..count).expect("there are as many")
 }
 
 impl PhotonMap {
-    /// Sorts the photons into the buckets of `self.grid`, with the parts of their weights if there are any.
-    pub(super) fn sort(&mut self, slices: &[&[Photon]], parts: &[&[f32]], extent: &Extent) {
-        let Extent { count, directions, .. } = *extent;
+    /// Sorts the photons into the buckets of `self.grid`.
+    pub(super) fn sort(&mut self, slices: PhotonSlices, extent: &Extent) {
+        let Extent { count, has_directions, .. } = *extent;
+        let PhotonSlices { photons, mis_partials } = slices;
         let buckets = self.grid.buckets() as usize;
         let partitions = (count / CHUNK).next_power_of_two().min(PARTITIONS);
         let shift = buckets.div_ceil(partitions).next_power_of_two().ilog2();
-        let in_one_go = partitions == 1;
-        let per_chunk = slices.len().div_ceil(if in_one_go { 1 } else { count / CHUNK });
-        self.chunks.resize_with(slices.len().div_ceil(per_chunk), Chunk::default);
+        let in_one_pass = partitions == 1;
+        let per_chunk = photons.len().div_ceil(if in_one_pass { 1 } else { count / CHUNK });
+        self.chunks.resize_with(photons.len().div_ceil(per_chunk), PhotonChunk::default);
         let grid = &self.grid;
-        let weighted = !parts.is_empty();
-        let all = self.chunks.par_iter_mut().zip(slices.par_chunks(per_chunk)).enumerate();
-        all.for_each(|(index, (chunk, slices))| {
-            chunk.find_buckets(slices, grid);
-            if !in_one_go {
-                let parts = parts.chunks(per_chunk).nth(index).unwrap_or(&[]);
-                chunk.sort(slices, parts, shift, partitions);
+        let weighted = !mis_partials.is_empty();
+        let all = self.chunks.par_iter_mut().zip(photons.par_chunks(per_chunk)).enumerate();
+        all.for_each(|(index, (chunk, photons))| {
+            chunk.find_buckets(photons, grid);
+            if !in_one_pass {
+                let mis_partials = mis_partials.chunks(per_chunk).nth(index).unwrap_or(&[]);
+                chunk.sort(PhotonSlices { photons, mis_partials }, shift, partitions);
             }
         });
         let chunks = &self.chunks[..];
         let runs = |partition: usize| match chunks {
-            [chunk] if in_one_go => runs(slices, parts, &chunk.unsorted),
+            [chunk] if in_one_pass => runs(slices, &chunk.unsorted),
             _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
         };
 
-        // Partitions begin with a quad of their own: they can be filled at the same time.
+        // Each partition starts with a new quad, so that threads can fill them at the same time.
         let sizes: Vec<usize> = (0..partitions)
             .map(|p| runs(p).iter().map(|run| run.photons.len()).sum::<usize>())
             .map(|photons: usize| photons.next_multiple_of(QUAD))
@@ -212,14 +223,14 @@ impl PhotonMap {
         let places = sizes.iter().sum();
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
         self.quads.resize(places / QUAD, Quad::default());
-        self.froms.resize(if directions { places } else { 0 }, 0);
-        self.parts.resize(if weighted { places } else { 0 }, 0.0);
+        self.directions.resize(if has_directions { places } else { 0 }, 0);
+        self.mis_partials.resize(if weighted { places } else { 0 }, 0.0);
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
         let mut starts = &mut self.starts[..buckets];
-        let (mut quads, mut froms) = (&mut self.quads[..], &mut self.froms[..]);
-        let mut part_of_all = &mut self.parts[..];
+        let (mut quads, mut directions) = (&mut self.quads[..], &mut self.directions[..]);
+        let mut mis_partials = &mut self.mis_partials[..];
         let mut offset = 0;
         let all: Vec<Partition> = sizes
             .iter()
@@ -229,8 +240,8 @@ impl PhotonMap {
                     offset,
                     starts: take(&mut starts, own),
                     quads: take(&mut quads, size / QUAD),
-                    froms: take(&mut froms, if directions { size } else { 0 }),
-                    parts: take(&mut part_of_all, if weighted { size } else { 0 }),
+                    directions: take(&mut directions, if has_directions { size } else { 0 }),
+                    mis_partials: take(&mut mis_partials, if weighted { size } else { 0 }),
                 };
                 offset += size as u32;
                 partition

@@ -1,4 +1,4 @@
-//! The cells of the photon map, and the buckets that they fall into.
+//! The cells of the photon map, and their buckets.
 
 use super::SLACK;
 use crate::base::math::Bounds;
@@ -7,15 +7,13 @@ use glam::Vec3A;
 
 /// Cells relative to a corner outside of the photons' bounding box.
 ///
-/// A cell is wider than a look-up's sphere along y and z, so that a look-up meets at most two rows
-/// of cells per axis. The bucket of cell `(x, y, z)` is `x + y * stride_y + z * stride_z`, modulo
-/// the number of buckets: the cells of a row are neighbors in the sorted array, and a look-up reads
-/// at most four ranges of it. Cells along x are finer, which makes the ranges shorter and costs
-/// nothing but their places.
+/// A cell is wider than a query's sphere along y and z, so that a query meets at most two rows of cells per axis.
+/// The bucket of cell `(x, y, z)` is `x + y * stride_y + z * stride_z`, modulo the number of buckets. The cells of a
+/// row are neighbors in the sorted array, and a query reads at most four ranges of it. Cells along x are finer,
+/// which makes the ranges shorter and costs only their places.
 ///
-/// In an array every cell has its own bucket. For hashed cells strides are chosen so that the four ranges
-/// of a look-up never overlap, and no photon is met twice; photons of other cells in the same bucket fail
-/// the distance test.
+/// In an array every cell has its own bucket. The strides of hashed cells keep the four ranges of a query from
+/// overlapping, so that no photon is met twice. Photons of other cells in the same bucket fail the distance test.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {
     corner: Vec3A,
@@ -27,38 +25,38 @@ pub struct Grid {
     buckets: u32,
 }
 
-/// One row of cells for each of some look-ups.
+/// One row of cells for the query of each lane.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Rows {
-    /// The first bucket that the look-up needs.
+    /// The first bucket that the query needs.
     pub first: [u32; LANES],
-    /// The last one; if it comes first, the row lies at both ends of the table.
+    /// The last bucket. If it is below the first one, the row lies at both ends of the table.
     pub last: [u32; LANES],
-    /// Whether the look-up meets the row.
+    /// The query meets the row.
     pub met: Mask,
 }
 
-/// Width of a cell over the diameter of a look-up: room for the rounding of cell coordinates.
+/// Width of a cell over the diameter of a query: room for the rounding of cell coordinates.
 const CELL_MARGIN: f32 = 1.01;
-/// Smallest width of a cell over the largest coordinate: keeps cell coordinates exact enough for
-/// the margin (their errors add up to 6 half units in the last place, 0.4 % of a cell).
+/// Minimum width of a cell over the largest coordinate. It keeps cell coordinates exact enough for the margin: their
+/// errors add up to 6 half units in the last place, 0.4 % of a cell.
 const MIN_CELL: f32 = 1e-4;
 /// Cells along x for one along y and z.
 const FINE: f32 = 2.0;
-/// Most cells or buckets.
-const MOST: usize = 1 << 30;
+/// Maximum number of cells or buckets.
+const MAX_BUCKETS: usize = 1 << 30;
 /// Buckets per photon of hashed grids.
 const BUCKETS_PER_PHOTON: usize = 4;
-/// Fewest buckets of a hashed grid: the four ranges of a look-up are short beside it.
+/// Minimum number of buckets of a hashed grid: the four ranges of a query are short compared with it.
 const MIN_HASHED: usize = 256;
 
-/// Width of a cell that is just large enough for look-ups.
+/// Minimum width of a cell for queries of this radius.
 fn narrowest(bounds: Bounds, radius: f32) -> f32 {
     let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
     (2.0 * radius * SLACK * CELL_MARGIN).max(largest * MIN_CELL)
 }
 
-/// A look-up reaches up to a diameter beyond the photons on each side.
+/// Corner of the grid: queries reach up to a diameter past the photons on each side.
 fn corner(bounds: Bounds, narrowest: f32) -> Vec3A {
     Vec3A::from(bounds.min) - narrowest
 }
@@ -74,20 +72,20 @@ fn cell_along(position: f32, corner: f32, inverse_cell: f32) -> u32 {
 }
 
 impl Grid {
-    /// An array of at most `most` cells, which must be 64 or more, for photons within `bounds`, with cells up
-    /// to 5 % wider than they need be for that; and how many times as wide as [`narrowest`] they are. `None`
-    /// where bounds or radius are not finite, or too large to count in cells.
-    pub fn array(bounds: Bounds, radius: f32, most: usize) -> Option<(Self, f32)> {
+    /// An array of at most `max_cells` cells, 64 or more, for photons within `bounds`, and the width of the cells
+    /// over the [`narrowest`]. The cells are up to 5 % wider than the bound requires. `None` where bounds or radius
+    /// are not finite, or too large to count in cells.
+    pub fn array(bounds: Bounds, radius: f32, max_cells: usize) -> Option<(Self, f32)> {
         let narrowest = narrowest(bounds, radius);
         let corner = corner(bounds, narrowest);
-        // One more for rounding, and two that look-ups may read.
+        // One more for rounding, and two that queries may read.
         let extent = Vec3A::from(bounds.max) - corner + narrowest;
         let mut width = 1.0;
         while width < f32::MAX {
             let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / (width * narrowest);
             let size = (extent * inverse_cell).floor() + 3.0;
             let buckets = size.as_dvec3().element_product();
-            let excess = buckets / most.min(MOST) as f64;
+            let excess = buckets / max_cells.min(MAX_BUCKETS) as f64;
             if excess <= 1.0 {
                 let stride_y = size.x as u32;
                 let stride_z = stride_y * size.y as u32;
@@ -102,12 +100,13 @@ impl Grid {
         None
     }
 
-    /// The narrowest cells, hashed, for so many photons within `bounds`.
+    /// Hashed cells of the minimum width for a number of photons within `bounds`.
     pub fn hashed(bounds: Bounds, radius: f32, photons: usize) -> Self {
         let narrowest = narrowest(bounds, radius);
         let corner = corner(bounds, narrowest);
         let inverse_cell = Vec3A::new(FINE, 1.0, 1.0) / narrowest;
-        let buckets = (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, MOST);
+        let buckets =
+            (BUCKETS_PER_PHOTON * photons).next_power_of_two().clamp(MIN_HASHED, MAX_BUCKETS);
         // Odd strides at fractions of the table after the plastic number's powers: rows of cells
         // spread evenly, and neighboring rows are at least 12 % of the table apart (tested).
         let stride = |fraction: f64| (buckets as f64 * fraction) as u32 | 1;
@@ -135,7 +134,7 @@ impl Grid {
         x.wrapping_add(self.row([y, z])) & self.mask
     }
 
-    /// The rows of cells that look-ups at these positions meet, which reach `reach` to all sides.
+    /// The rows of cells that queries at these positions meet. The queries reach `reach` to all sides.
     #[inline(always)] // vectorized
     pub fn rows(&self, positions: &Vec3s, reach: f32) -> [Rows; 4] {
         let Self { corner, inverse_cell, mask, .. } = *self;
@@ -168,7 +167,7 @@ impl Grid {
         y.wrapping_mul(self.stride_y).wrapping_add(z.wrapping_mul(self.stride_z))
     }
 
-    /// Whether cells share buckets.
+    /// Tests whether cells share buckets.
     #[cfg(test)]
     pub fn is_hashed(&self) -> bool {
         self.mask != u32::MAX
@@ -181,7 +180,7 @@ mod tests {
     use glam::Vec3;
 
     #[test]
-    fn arrays_have_no_more_cells_than_asked_for_and_end_where_there_are_no_numbers() {
+    fn array_of_any_bounds_keeps_to_the_maximum_number_of_cells() {
         let corners = [1.0, 1e4, 1e30].map(Vec3::splat);
         for max in corners.into_iter().chain([Vec3::ZERO, Vec3::X, Vec3::new(1e5, 1.0, 0.0)]) {
             for radius in [1e-9, 1e-3, 1.0, 1e9] {
@@ -205,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn the_four_ranges_of_a_look_up_never_overlap() {
+    fn four_ranges_of_a_query_never_overlap() {
         for bits in 8..=30 {
             let count = (1usize << bits) / BUCKETS_PER_PHOTON;
             let bounds = Bounds { min: Vec3::ZERO, max: Vec3::splat(1.0) };

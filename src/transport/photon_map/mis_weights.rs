@@ -1,40 +1,40 @@
-//! How photons are weighted against other ways to find their paths.
+//! MIS weights of photons, as the loop over photons applies them.
 
 use super::QUAD;
 use crate::transport::kernel::ByClass;
 use glam::Vec4;
 
-/// Weights of the photons that one look-up finds.
-pub(crate) trait Weighing {
-    /// Whether photons of all classes count at all vertices.
-    const ALL: bool;
+/// MIS weights of the photons that one query finds.
+pub(crate) trait PhotonWeights {
+    /// Photons of all classes count at all vertices.
+    const ALL_CLASSES: bool;
 
-    /// Those of each class; `None` if they are 1.
+    /// One weight for each photon class; `None` if both are 1.
     fn by_class(&self) -> Option<ByClass<f32>>;
 
-    /// Those of a quad's photons besides, given what all photons carry; `None` if they are 1.
-    fn weights(&self, parts: &[f32], quad: usize) -> Option<Vec4>;
+    /// Further weights of the photons of a quad, from their MIS partials; `None` if all are 1.
+    fn of_quad(&self, mis_partials: &[f32], quad: usize) -> Option<Vec4>;
 }
 
-/// All weights are 1.
+/// Weights of 1 for all photons.
 pub(crate) struct Unweighted;
 
-impl Weighing for Unweighted {
-    const ALL: bool = false;
+impl PhotonWeights for Unweighted {
+    const ALL_CLASSES: bool = false;
 
-    #[inline(always)] // as the next: parts of the loop over ranges
+    #[inline(always)] // part of the loop over photons, as the functions below
     fn by_class(&self) -> Option<ByClass<f32>> {
         None
     }
 
     #[inline(always)]
-    fn weights(&self, _: &[f32], _: usize) -> Option<Vec4> {
+    fn of_quad(&self, _: &[f32], _: usize) -> Option<Vec4> {
         None
     }
 }
 
-/// What the photons of a quad carry.
+/// The MIS partials of the photons of a quad.
 #[inline(always)]
-pub(crate) fn of_quad(parts: &[f32], quad: usize) -> Vec4 {
-    Vec4::from_slice(&parts[quad * QUAD..][..QUAD])
+pub(crate) fn quad_partials(mis_partials: &[f32], quad: usize) -> Vec4 {
+    Vec4::from_slice(&mis_partials[quad * QUAD..][..QUAD])
 }

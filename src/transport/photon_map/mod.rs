@@ -1,165 +1,179 @@
-//! The photon map: a counting-sort grid that finds all photons within the merge radius, each once.
+//! The photon map: a grid, sorted by counting, that finds every photon within the merge radius once.
 
 mod build;
-mod grid_choice;
 mod grid;
-mod queries;
-mod quad;
-mod occupancy;
+mod grid_choice;
 mod mis_weights;
+mod occupancy;
+mod quad;
+mod queries;
 
 use super::kernel::{Admission, ByClass, PointKernel};
 use super::light_paths::LightPaths;
-use super::pair_list::PairList;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
-use crate::simd::dispatch::{Simd, paired};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
-use build::Chunk;
-use glam::{BVec4A, Vec3, Vec3A, Vec4};
+use build::{PhotonChunk, PhotonSlices};
+use glam::{BVec4A, Vec3, Vec3A};
 use grid::Grid;
-use occupancy::Vicinity;
-use quad::{Counting, Flux, QUAD, Quad, lanes_from};
+use occupancy::Occupancy;
+use quad::{FluxSum, QUAD, Quad, QuadQuery, lanes_from};
 use std::array::from_fn;
 use std::ops;
 use std::time::{Duration, Instant};
 
-pub(crate) use mis_weights::{Unweighted, Weighing, of_quad};
-pub(crate) use queries::{LookUp, LookUps};
+pub(crate) use mis_weights::{PhotonWeights, Unweighted, quad_partials};
+pub(crate) use quad::{NoPairs, PairSink, PointPairs};
+pub(crate) use queries::{MergeQueries, MergeQuery};
 
-/// Photons sorted by the cell of a uniform grid: an array of cells, or hashed ones where photons crowd.
+/// Photons sorted by the cell of a uniform grid. The cells form an array, or are hashed where photons crowd.
 #[derive(Debug, Default)]
 pub struct PhotonMap {
-    /// Sorted by bucket; positions of places without a photon are NaN.
+    /// Sorted by bucket; places without a photon have the position NaN.
     quads: Vec<Quad>,
-    /// Where they came from; empty if that was not told.
-    froms: Vec<u32>,
-    /// What they carry of their paths' weights; empty if paths are not weighted.
-    parts: Vec<f32>,
-    /// Where each bucket starts, and the end of all in the last place.
+    /// Packed directions of the photons; empty if no BSDF needs them.
+    directions: Vec<u32>,
+    /// MIS partials of the photons; empty without MIS.
+    mis_partials: Vec<f32>,
+    /// Start of each bucket, and the end of the last one.
     starts: Vec<u32>,
-    /// While sorting, kept for their memory.
-    chunks: Vec<Chunk>,
+    /// Buffers for sorting, kept for their memory.
+    chunks: Vec<PhotonChunk>,
     count: usize,
     grid: Grid,
-    /// Whether most look-ups find none, so that it pays to ask `vicinity` first.
+    /// Most queries find no photon, so that it pays to test `occupancy` first.
     is_sparse: bool,
-    vicinity: Vicinity,
-    /// Buckets in a zone, as a power of two.
+    occupancy: Occupancy,
+    /// Buckets of a zone, as a power of two.
     zone_shift: u32,
     radius: f32,
     radius2: f32,
-    /// The radius, widened past rounding.
+    /// The radius, increased by more than the rounding of distances.
     slack_radius: f32,
-    /// Positions outside see no photons.
+    /// Bounding box of the positions that may find photons.
     reach: Option<[Vec3A; 2]>,
     has_caustic_photons: bool,
 }
 
-/// The flux that a look-up finds, W; all in the last class where both count within the same radius.
+/// Flux that a query merges, W. A uniform [`Admission`] adds all of it to the diffuse class.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Found {
-    /// Of all photons that count.
+pub(crate) struct MergedFlux {
+    /// Flux within the merge radii.
     pub all: ByClass<Rgb>,
-    /// Of those within half the merge radius, if that was asked for.
-    pub half: ByClass<Rgb>,
+    /// Flux within half the merge radii, if the annulus is recorded.
+    pub inner: ByClass<Rgb>,
 }
 
-/// Widens a look-up's box past the rounding of distances and coordinates.
+/// A query at one gather point, and the photons to test for it.
+#[derive(Clone, Copy)]
+pub(crate) struct PointSearch<'a> {
+    /// Position, normal and photon classes.
+    pub query: &'a MergeQuery,
+    /// Ranges of photons to test.
+    pub ranges: &'a [Range],
+    /// The kernel at the point, which pairs are multiplied with. Sums without pairs do not use it.
+    pub kernel: PointKernel,
+}
+
+impl PointSearch<'_> {
+    /// Number of photons in all quads to test.
+    #[inline(always)]
+    pub fn places(&self) -> usize {
+        self.ranges.iter().map(|range| range.quads().len() * QUAD).sum()
+    }
+}
+
+/// Widens the box of a query past the rounding of distances and coordinates.
 const SLACK: f32 = 1.0 + 1e-6;
 
-/// Where a number of look-ups have to search, in their order.
+/// Ranges of photons to test for the queries of up to sixteen lanes, lane by lane.
 ///
-/// Finding that of many look-ups before the first of them searches makes their waits for memory
-/// overlap.
+/// Finding the ranges of all lanes before the first photon is read lets the waits for memory overlap.
 #[derive(Clone, Debug)]
 pub struct Ranges {
-    ranges: [Range; LANES * MOST_ROWS],
+    ranges: [Range; LANES * MAX_ROWS],
     count: usize,
 }
 
-/// Consecutive places in the map, one of them at least, that a look-up has to search.
+/// Consecutive photons of the map to test, at least one.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Range {
     start: u32,
     end: u32,
-    /// The lane that looks it up.
-    pub look_up: usize,
+    /// Lane of the query.
+    pub lane: usize,
 }
 
 impl Range {
-    /// The quads that have a part of it.
+    /// The quads that it overlaps.
     fn quads(&self) -> ops::Range<usize> {
         self.start as usize / QUAD..(self.end as usize).div_ceil(QUAD)
     }
 }
 
-/// Ranges of one look-up: two by two rows of cells, one of which may lie at both ends of the table.
-const MOST_ROWS: usize = 5;
+/// Maximum number of ranges of one query: two by two rows of cells, one of which may lie at both ends of the table.
+const MAX_ROWS: usize = 5;
 
 impl Default for Ranges {
     fn default() -> Self {
-        Self { ranges: [Range::default(); LANES * MOST_ROWS], count: 0 }
+        Self { ranges: [Range::default(); LANES * MAX_ROWS], count: 0 }
     }
 }
 
 impl Ranges {
-    /// Whether there is none.
+    /// Tests whether no lane has a range.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Which lanes have any.
+    /// The lanes that have ranges.
     #[inline(always)]
-    pub fn look_ups(&self) -> Mask {
-        let mut look_ups = Mask::default();
+    pub fn lanes(&self) -> Mask {
+        let mut lanes = Mask::default();
         for range in &self.ranges[..self.count] {
-            look_ups[range.look_up] = true;
+            lanes[range.lane] = true;
         }
-        look_ups
+        lanes
     }
 
-    /// Those of each look-up that has any.
+    /// The ranges of each lane that has any.
     #[inline(always)]
-    pub fn by_look_up(&self) -> impl Iterator<Item = &[Range]> {
-        self.ranges[..self.count].chunk_by(|one, next| one.look_up == next.look_up)
+    pub fn by_lane(&self) -> impl Iterator<Item = &[Range]> {
+        self.ranges[..self.count].chunk_by(|one, next| one.lane == next.lane)
     }
 }
 
 impl PhotonMap {
-    /// Bytes of photons from which on it pays to look them up zone by zone (measured with 1 MiB of
-    /// second-level and 32 MiB of shared third-level cache).
+    /// Bytes of photons from which on zone by zone is the faster order of queries, measured with 1 MiB of
+    /// second-level and 32 MiB of shared third-level cache.
     const CACHE: usize = 1 << 22;
 
-    /// Sorts the photons of `paths` for look-ups within `radius` on the threads of the current
-    /// rayon pool, reusing the map's memory. Look-ups find the same in the same order for any number of
-    /// threads. Returns the time that takes of all of them: none has anything else to do meanwhile.
+    /// Sorts the photons of `paths` for queries within `radius` on the threads of the current rayon pool, and
+    /// reuses the map's memory. Queries find the same photons in the same order for any number of threads.
+    /// Returns the time multiplied by the number of threads: none of them does anything else meanwhile.
     ///
     /// # Panics
-    /// If there are 2^32 photons or nearly as many.
+    /// If the photons take 2^32 places.
     pub fn build(&mut self, paths: &LightPaths, radius: f32) -> Duration {
         let start = Instant::now();
-        let mut parts: Vec<_> = paths.parts().collect();
-        if parts.iter().all(|parts| parts.is_empty()) {
-            parts.clear();
+        let mut mis_partials: Vec<_> = paths.mis_partials().collect();
+        if mis_partials.iter().all(|partials| partials.is_empty()) {
+            mis_partials.clear();
         }
-        self.build_within(&paths.photons().collect::<Vec<_>>(), &parts, paths.extent(), radius);
+        let photons = &paths.photons().collect::<Vec<_>>();
+        let slices = PhotonSlices { photons, mis_partials: &mis_partials };
+        self.build_within(slices, paths.extent(), radius);
         start.elapsed() * rayon::current_num_threads() as u32
     }
 
-    /// [`Self::build`] from slices of photons.
-    pub fn build_from(&mut self, slices: &[&[Photon]], radius: f32) {
-        let extents = slices.iter().map(|photons| Extent::of(photons));
-        self.build_within(slices, &[], extents.fold(Extent::default(), Extent::and), radius);
+    /// Builds the map from slices of photons, without MIS.
+    pub fn build_from(&mut self, photons: &[&[Photon]], radius: f32) {
+        let extents = photons.iter().map(|photons| Extent::of(photons));
+        let extent = extents.fold(Extent::default(), Extent::and);
+        self.build_within(PhotonSlices { photons, mis_partials: &[] }, extent, radius);
     }
 
-    fn build_within(
-        &mut self,
-        slices: &[&[Photon]],
-        parts: &[&[f32]],
-        extent: Extent,
-        radius: f32,
-    ) {
+    fn build_within(&mut self, slices: PhotonSlices, extent: Extent, radius: f32) {
         let Extent { bounds, count, .. } = extent;
         self.radius = radius;
         self.radius2 = radius * radius;
@@ -171,22 +185,21 @@ impl PhotonMap {
             let Bounds { min, max } = bounds;
             let reach = Vec3::splat(self.slack_radius);
             self.reach = Some([(min - reach).into(), (max + reach).into()]);
-            self.is_sparse = Vicinity::pays(bounds, radius, count);
+            self.is_sparse = Occupancy::pays(bounds, radius, count);
             if self.is_sparse {
-                self.vicinity.mark(slices, count, radius);
+                self.occupancy.mark(slices.photons, count, radius);
             }
-            self.grid = Grid::choose(slices, bounds, radius, count, self.is_sparse);
+            self.grid = Grid::choose(slices.photons, bounds, radius, count, self.is_sparse);
             let shortest = (self.grid.buckets() as usize).div_ceil(queries::ZONES);
             self.zone_shift = shortest.next_power_of_two().ilog2();
-            self.sort(slices, parts, &extent);
+            self.sort(slices, &extent);
         }
     }
 
-    /// Sets `ranges` to where the photons within the radius of these positions are, as far as the
-    /// lanes look them up.
+    /// Sets `ranges` to the photons to test for queries at the positions of the wanted lanes.
     #[inline(always)] // vectorized
-    pub fn find_ranges(&self, positions: &Vec3s, looks_up: &Mask, ranges: &mut Ranges) {
-        let near = self.near(positions, looks_up);
+    pub fn find_ranges(&self, positions: &Vec3s, wanted: &Mask, ranges: &mut Ranges) {
+        let near = self.near(positions, wanted);
         ranges.count = 0;
         if near == 0 {
             return;
@@ -197,37 +210,37 @@ impl PhotonMap {
             ranges.ranges[count] = range;
             count += usize::from(met & (range.start < range.end));
         };
-        for look_up in lanes_of(near) {
+        for lane in lanes_of(near) {
             for row in &rows {
-                let (first, last) = (row.first[look_up], row.last[look_up]);
+                let (first, last) = (row.first[lane], row.last[lane]);
                 let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
                 if first <= last {
-                    push(Range { start, end, look_up }, row.met[look_up]);
+                    push(Range { start, end, lane }, row.met[lane]);
                 } else {
                     let last_end = self.starts[self.grid.buckets() as usize];
-                    push(Range { start, end: last_end, look_up }, row.met[look_up]);
-                    push(Range { start: 0, end, look_up }, row.met[look_up]);
+                    push(Range { start, end: last_end, lane }, row.met[lane]);
+                    push(Range { start: 0, end, lane }, row.met[lane]);
                 }
             }
         }
         ranges.count = count;
     }
 
-    /// Which lanes may find photons, a bit for each.
+    /// Bits of the wanted lanes that may find photons.
     #[inline(always)] // vectorized
-    fn near(&self, positions: &Vec3s, looks_up: &Mask) -> u32 {
+    fn near(&self, positions: &Vec3s, wanted: &Mask) -> u32 {
         let Some([min, max]) = self.reach else { return 0 };
         let inside: Mask = from_fn(|lane| {
             let [x, y, z] = positions.get(lane).to_array();
             let inside = (x >= min.x) & (x <= max.x) & (y >= min.y) & (y <= max.y);
-            looks_up[lane] & inside & (z >= min.z) & (z <= max.z)
+            wanted[lane] & inside & (z >= min.z) & (z <= max.z)
         });
         let near = bits(&inside);
-        if self.is_sparse { near & bits(&self.vicinity.is_near(positions)) } else { near }
+        if self.is_sparse { near & bits(&self.occupancy.may_find(positions)) } else { near }
     }
 
-    /// Look-ups of one zone search the same memory: a number below [`queries::ZONES`], or `None`
-    /// where there are no photons.
+    /// Zone of a position, below [`queries::ZONES`]; `None` where no photon is near. Queries of one zone read the
+    /// same memory.
     #[inline(always)] // vectorized
     fn zone(&self, position: Vec3) -> Option<u16> {
         let [min, max] = self.reach?;
@@ -236,19 +249,19 @@ impl PhotonMap {
         near.then(|| (self.grid.bucket(self.grid.cell(position)) >> self.zone_shift) as u16)
     }
 
-    /// Calls `visit` once with each photon within the radius of `position` (its edge included) and
-    /// its squared distance, in an order that depends on the photons and the position only.
+    /// Calls `visit` once with each photon within the radius of `position`, its edge included, and with the squared
+    /// distance. The order depends on the photons and the position only.
     pub fn for_each_within(&self, position: Vec3, mut visit: impl FnMut(&Photon, f32)) {
         let mut ranges = Ranges::default();
         let first = from_fn(|lane| lane == 0);
         self.find_ranges(&Vec3s::splat(position), &first, &mut ranges);
-        for ranges in ranges.by_look_up() {
+        for ranges in ranges.by_lane() {
             self.for_each_in(ranges, position, |photon, distance2, _| visit(photon, distance2));
         }
     }
 
-    /// [`Self::for_each_within`] by the ranges of this position, and each photon's part of its path's
-    /// weight, 0 without weights.
+    /// Calls `visit` as [`Self::for_each_within`] does, given the ranges of this position, and with the photon's MIS
+    /// partial, which is 0 without MIS.
     #[inline]
     pub fn for_each_in(
         &self,
@@ -258,7 +271,7 @@ impl PhotonMap {
     ) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
-            // Up to 64 places at a time, a bit for each that is within the radius.
+            // Up to 64 places at a time: bits of those within the radius.
             let mut first = start / QUAD * QUAD;
             while first < end {
                 let quads = first / QUAD..(first + 64).min(end).div_ceil(QUAD);
@@ -272,91 +285,45 @@ impl PhotonMap {
                     let place = first + found.trailing_zeros() as usize;
                     found &= found - 1;
                     let photon = self.photon(place);
-                    let part = self.parts.get(place).copied().unwrap_or(0.0);
-                    visit(&photon, photon.position.distance_squared(position), part);
+                    let partial = self.mis_partials.get(place).copied().unwrap_or(0.0);
+                    visit(&photon, photon.position.distance_squared(position), partial);
                 }
                 first += 64;
             }
         }
     }
 
-    /// The flux of the photons in the ranges of a look-up that it counts, wherever they come from.
+    /// Merges the photons of a search that count: returns their flux, and adds each to `pairs`. `ANNULUS` adds the
+    /// flux within half the merge radii, which costs a test for each photon.
     #[inline(always)] // vectorized
-    pub(crate) fn flux_in<const HALF: bool>(
+    pub(crate) fn merge<const ANNULUS: bool>(
         &self,
-        ranges: &[Range],
-        look_up: &LookUp,
+        search: &PointSearch,
         admission: &Admission,
-        weighing: &impl Weighing,
-    ) -> Found {
-        let counting = Counting::new(look_up, admission, &PointKernel::default(), weighing);
-        let (mut sum, mut half) = (Flux::default(), Flux::default());
-        self.for_each_block(
-            ranges,
+        weights: &impl PhotonWeights,
+        pairs: &mut impl PairSink,
+    ) -> MergedFlux {
+        let query = QuadQuery::new(search.query, admission, &search.kernel, weights);
+        let (mut sum, mut inner) = (FluxSum::default(), FluxSum::default());
+        self.for_each_quad(
+            search.ranges,
             #[inline(always)]
             |index, quad, lanes| {
-                let counts = quad.counting(&counting, lanes);
-                let weights = weighing.weights(&self.parts, index);
-                quad.add_to(&mut sum, &counting, counts, weights);
-                if HALF {
-                    let near = counts & quad.within_half(&counting);
-                    quad.add_to(&mut half, &counting, near, weights);
+                let count = quad.admitted(&query, lanes);
+                let weights = weights.of_quad(&self.mis_partials, index);
+                quad.add_to(&mut sum, &query, count, weights);
+                if ANNULUS {
+                    quad.add_to(&mut inner, &query, count & quad.within_half(&query), weights);
                 }
+                pairs.add(quad, &query, count, weights);
             },
         );
-        Found { all: sum.total(&counting), half: half.total(&counting) }
+        MergedFlux { all: sum.total(&query), inner: inner.total(&query) }
     }
 
-    /// [`Self::flux_in`], and adds to `pairs` those of the same photons with a camera path, for which the
-    /// luminance that they contribute is the scalar product of their flux and a weight.
+    /// Calls `visit` with each quad of the ranges, its index, and its lanes that are in the range.
     #[inline(always)] // vectorized
-    pub(crate) fn pairs_in<const HALF: bool>(
-        &self,
-        simd: Simd,
-        ranges: &[Range],
-        look_up: &LookUp,
-        (admission, kernel): (&Admission, &PointKernel),
-        weighing: &impl Weighing,
-        (camera_path, weight, pairs): (u32, Rgb, &mut PairList),
-    ) -> Found {
-        let counting = Counting::new(look_up, admission, kernel, weighing);
-        let (mut sum, mut half) = (Flux::default(), Flux::default());
-        let mut nested = [Vec4::ZERO; 2];
-        let places: usize = ranges.iter().map(|range| range.quads().len() * QUAD).sum();
-        let (space, mut found) = (pairs.space(places), 0);
-        self.for_each_block(
-            ranges,
-            #[inline(always)]
-            |index, quad, lanes| {
-                let counts = quad.counting(&counting, lanes);
-                let weights = weighing.weights(&self.parts, index);
-                quad.add_to(&mut sum, &counting, counts, weights);
-                if HALF {
-                    let near = counts & quad.within_half(&counting);
-                    quad.add_to(&mut half, &counting, near, weights);
-                }
-                let (light_paths, values) = quad.pairs(&counting, weight);
-                let values = weights.map_or(values, |weights| values * weights);
-                for (sum, nested) in nested.iter_mut().zip(quad.nested(&counting, values)) {
-                    *sum += Vec4::select(counts, nested, Vec4::ZERO);
-                }
-                // All are written, but only those that count are kept: how many nobody foresees.
-                let counts = counts.bitmask();
-                let values = values.to_array().map(f32::to_bits);
-                let together = paired(simd, counts, light_paths, values);
-                space[found..found + QUAD].copy_from_slice(bytemuck::cast_slice(&together));
-                found += counts.count_ones() as usize;
-            },
-        );
-        if found > 0 {
-            pairs.take(found, camera_path, nested.map(Vec4::element_sum));
-        }
-        Found { all: sum.total(&counting), half: half.total(&counting) }
-    }
-
-    /// The quads of some ranges with their numbers, and which of their lanes are in them.
-    #[inline(always)] // vectorized
-    fn for_each_block(&self, ranges: &[Range], mut visit: impl FnMut(usize, &Quad, BVec4A)) {
+    fn for_each_quad(&self, ranges: &[Range], mut visit: impl FnMut(usize, &Quad, BVec4A)) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
             let (first, last) = (start / QUAD, (end - 1) / QUAD);
@@ -373,15 +340,15 @@ impl PhotonMap {
     #[inline]
     fn photon(&self, place: usize) -> Photon {
         let photon = self.quads[place / QUAD].get(place % QUAD);
-        Photon { from: self.froms.get(place).copied().unwrap_or(0), ..photon }
+        Photon { from: self.directions.get(place).copied().unwrap_or(0), ..photon }
     }
 
-    /// Whether look-ups in any order wait for memory.
+    /// Tests whether the photons exceed the caches, so that queries in any order wait for memory.
     pub fn is_large(&self) -> bool {
         size_of_val(&self.quads[..]) > Self::CACHE
     }
 
-    /// The radius of look-ups, scene units.
+    /// The radius of queries, scene units.
     pub fn radius(&self) -> f32 {
         self.radius
     }
@@ -391,12 +358,12 @@ impl PhotonMap {
         self.count
     }
 
-    /// Whether there are no photons.
+    /// Tests whether there are no photons.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Whether look-ups at vertices before the last can find anything.
+    /// Tests whether there are caustic photons: queries at vertices before the last one find no others.
     pub fn has_caustic_photons(&self) -> bool {
         self.has_caustic_photons
     }

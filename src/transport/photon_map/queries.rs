@@ -1,63 +1,62 @@
-//! Many look-ups in an order in which they share what they read.
+//! Merge queries sorted so that neighbors read the same photons.
 
 use super::PhotonMap;
 use crate::simd::LANES;
 use glam::Vec3;
 
-/// Zones of a map, at most: as many places are written to in turn.
+/// Maximum number of zones of a map: sorting writes to as many places in turn.
 pub(super) const ZONES: usize = 4096;
 
-/// Where photons are looked up, and which of those within the radius count.
+/// A search for the photons of one gather point.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))] // half a cache line
-pub struct LookUp {
-    /// Center of the look-up, scene units.
+pub struct MergeQuery {
+    /// Center of the search, scene units.
     pub position: Vec3,
-    /// Number of the gather point's lane among those of all packets.
+    /// Number of the gather point's lane among the lanes of all packets.
     pub point: u32,
-    /// Photons count that arrived on the side of a surface that this normal points to.
+    /// Unit normal on the side that the camera path sees: photons that arrived on that side count.
     pub normal: Vec3,
-    /// Whether photons of all classes count, or those alone that are merged at every vertex.
-    pub last: bool,
-    /// Whether photons count by the direction that they come from.
-    pub view: bool,
-    /// Where it is; set by [`LookUps::sort`].
+    /// Photons of all classes count, not only caustic photons.
+    pub all_classes: bool,
+    /// The BSDF depends on the photons' directions.
+    pub directional: bool,
+    /// Zone of the position; set by [`MergeQueries::sort`].
     pub zone: u16,
 }
 
-/// Look-ups zone by zone; buffers are reused.
+/// Merge queries zone by zone; buffers are reused.
 #[derive(Debug, Default)]
-pub struct LookUps {
-    ordered: Vec<LookUp>,
-    /// As they came.
-    unordered: Vec<LookUp>,
+pub struct MergeQueries {
+    sorted: Vec<MergeQuery>,
+    unsorted: Vec<MergeQuery>,
 }
 
-impl LookUps {
-    /// Takes those that may find photons in `map`.
+impl MergeQueries {
+    /// Replaces the queries by those of `queries` that may find photons in `map`.
     #[inline(always)] // vectorized
-    pub fn sort(&mut self, map: &PhotonMap, look_ups: impl Iterator<Item = LookUp>) {
-        let Self { ordered, unordered } = self;
+    pub fn sort(&mut self, map: &PhotonMap, queries: impl Iterator<Item = MergeQuery>) {
+        let Self { sorted, unsorted } = self;
         let mut starts = [0u32; ZONES + 1];
-        unordered.clear();
-        unordered.extend(look_ups.filter_map(|look_up| {
-            let zone = map.zone(look_up.position)?;
+        unsorted.clear();
+        unsorted.extend(queries.filter_map(|query| {
+            let zone = map.zone(query.position)?;
             starts[usize::from(zone) + 1] += 1;
-            Some(LookUp { zone, ..look_up })
+            Some(MergeQuery { zone, ..query })
         }));
         for zone in 1..ZONES {
             starts[zone] += starts[zone - 1];
         }
-        ordered.resize(unordered.len(), LookUp::default());
-        for look_up in unordered {
-            let next = &mut starts[usize::from(look_up.zone)];
-            ordered[*next as usize] = *look_up;
+        sorted.resize(unsorted.len(), MergeQuery::default());
+        for query in unsorted {
+            let next = &mut starts[usize::from(query.zone)];
+            sorted[*next as usize] = *query;
             *next += 1;
         }
     }
 
-    /// All of them, sixteen at most at a time.
-    pub fn packets(&self) -> impl Iterator<Item = &[LookUp]> {
-        self.ordered.chunks(LANES)
+    /// The queries in batches of up to sixteen.
+    pub fn batches(&self) -> impl Iterator<Item = &[MergeQuery]> {
+        self.sorted.chunks(LANES)
     }
 }

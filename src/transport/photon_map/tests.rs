@@ -1,4 +1,4 @@
-//! Look-ups against a search of all photons.
+//! Queries compared with a search of all photons.
 
 use super::*;
 use crate::base::rng::{Stream, StreamKey};
@@ -8,7 +8,7 @@ fn photon(position: Vec3, path: usize) -> Photon {
     Photon::new(position, path as u32, Vec3::ONE, Vec3::Z, PhotonClass::Diffuse)
 }
 
-/// Looks up every query and compares with a search of all photons by the same distance test.
+/// Compares every query with a search of all photons by the same distance test.
 #[track_caller]
 fn assert_exact(photons: &[Photon], queries: &[Vec3], radius: f32) -> usize {
     let mut map = PhotonMap::default();
@@ -28,7 +28,7 @@ fn assert_exact(photons: &[Photon], queries: &[Vec3], radius: f32) -> usize {
     found_in_all
 }
 
-/// Points in a box, half of them on its floor as on a surface.
+/// Points in a box, half of them on its floor.
 fn points(count: u64, corner: Vec3, size: Vec3, seed: u64) -> Vec<Vec3> {
     let key = StreamKey::new(seed, Stream::Test, 0);
     let point = |index| {
@@ -44,7 +44,7 @@ fn photons(positions: &[Vec3]) -> Vec<Photon> {
 }
 
 #[test]
-fn finds_what_a_search_of_all_photons_finds() {
+fn queries_match_a_search_of_all_photons() {
     let boxes = [
         (Vec3::ZERO, Vec3::splat(556.0)),
         (Vec3::new(-3.0, 20.0, -7e3), Vec3::new(1e3, 1e-3, 5.0)),
@@ -63,7 +63,7 @@ fn finds_what_a_search_of_all_photons_finds() {
     }
 }
 
-/// Photons in a box of the size of 10, and one so far away that an array has wide cells.
+/// Photons in a box of size 10, and one photon so far away that an array has wide cells.
 fn crowd(count: u64) -> Vec<Photon> {
     let mut positions = points(count, Vec3::ZERO, Vec3::splat(10.0), 4);
     positions.push(Vec3::splat(300.0));
@@ -77,22 +77,22 @@ fn is_hashed(photons: &[Photon], radius: f32) -> bool {
 }
 
 #[test]
-fn hashed_grids_find_the_same_once() {
+fn hashed_grid_finds_each_photon_once() {
     let photons = crowd(20_000);
     let queries: Vec<Vec3> = photons.iter().step_by(50).map(|p| p.position).collect();
     for radius in [0.03, 0.1, 0.3] {
-        assert!(is_hashed(&photons, radius), "this test means to hash");
+        assert!(is_hashed(&photons, radius), "the grid is hashed");
         assert!(assert_exact(&photons, &queries, radius) >= queries.len());
     }
     // In a table of 1024 buckets some rows of cells lie at both of its ends.
     let few = crowd(250);
     let queries: Vec<Vec3> = few.iter().map(|p| p.position).collect();
-    assert!(is_hashed(&few, 0.03), "this test means to hash");
+    assert!(is_hashed(&few, 0.03), "the grid is hashed");
     assert!(assert_exact(&few, &queries, 0.03) >= few.len());
 }
 
 #[test]
-fn photons_all_over_space_are_not_hashed_and_crowds_are() {
+fn grid_is_hashed_only_for_crowded_photons() {
     let even = photons(&points(50_000, Vec3::ZERO, Vec3::splat(300.0), 4));
     for radius in [0.03, 0.5] {
         assert!(!is_hashed(&even, radius), "{radius}");
@@ -116,7 +116,7 @@ fn photons_all_over_space_are_not_hashed_and_crowds_are() {
 }
 
 #[test]
-fn sparse_maps_turn_away_most_look_ups_that_find_nothing_and_no_other() {
+fn sparse_map_rejects_most_empty_queries_and_no_other() {
     let size = Vec3::splat(100.0);
     // As far from the origin as coordinates are exact enough, on both sides of it, and around it.
     let radius = 0.4;
@@ -134,22 +134,22 @@ fn sparse_maps_turn_away_most_look_ups_that_find_nothing_and_no_other() {
 
         let mut map = PhotonMap::default();
         map.build_from(&[&photons], radius);
-        assert!(map.is_sparse, "this test means to ask first");
-        let elsewhere = points(4096, corner, size, 8);
+        assert!(map.is_sparse, "the map is sparse");
+        let anywhere = points(4096, corner, size, 8);
         let near = |positions: &[Vec3]| {
             let mut packet = Vec3s::default();
             positions.iter().enumerate().for_each(|(lane, &position)| packet.set(lane, position));
             map.near(&packet, &[true; LANES]).count_ones()
         };
         // Up to eight cubes of each photon in half the box, four on its floor, which has 14,000.
-        let let_through: u32 = elsewhere.chunks_exact(LANES).map(near).sum();
-        assert!(let_through < 4096 / 5, "{let_through}");
-        assert!(let_through > 4096 / 50, "{let_through}");
+        let passed: u32 = anywhere.chunks_exact(LANES).map(near).sum();
+        assert!(passed < 4096 / 5, "{passed}");
+        assert!(passed > 4096 / 50, "{passed}");
     }
 }
 
 #[test]
-fn photons_on_cell_borders_and_on_the_edge_of_the_radius_are_found_once() {
+fn photons_on_borders_of_cells_and_radius_are_found_once() {
     // A lattice at all multiples of half a cell, looked up from all lattice points.
     for radius in [0.5, 1.0 / 3.0] {
         let half = radius * SLACK * 1.01;
@@ -167,7 +167,7 @@ fn photons_on_cell_borders_and_on_the_edge_of_the_radius_are_found_once() {
 }
 
 #[test]
-fn an_empty_map_finds_nothing_also_after_a_full_one() {
+fn empty_map_finds_nothing_after_a_full_one() {
     let mut map = PhotonMap::default();
     map.for_each_within(Vec3::ZERO, |_, _| panic!("there is no photon"));
     map.build_from(&[&[photon(Vec3::ZERO, 0)]], 1.0);
@@ -178,7 +178,7 @@ fn an_empty_map_finds_nothing_also_after_a_full_one() {
 }
 
 #[test]
-fn photons_at_the_same_place_are_all_found() {
+fn photons_at_one_place_are_all_found() {
     let place = Vec3::new(3.0, -2.0, 7.0);
     for count in [1, 2, 63, 64, 65, 300] {
         let positions: Vec<Vec3> =
@@ -192,7 +192,7 @@ fn photons_at_the_same_place_are_all_found() {
 }
 
 #[test]
-fn look_ups_find_the_same_in_the_same_order_for_any_number_of_threads() {
+fn queries_find_photons_in_one_order_on_any_number_of_threads() {
     let even = photons(&points(60_000, Vec3::ZERO, Vec3::splat(10.0), 5));
     let crowd = crowd(60_000);
     let few = &even[..2000];
@@ -222,7 +222,7 @@ fn look_ups_find_the_same_in_the_same_order_for_any_number_of_threads() {
 
 #[test]
 fn photons_of_a_cell_keep_their_order() {
-    // Few are sorted in one go, many by parts of the map.
+    // Few photons are sorted in one pass, many by partitions.
     for count in [100, 50_000] {
         let mut positions = points(count, Vec3::ZERO, Vec3::splat(10.0), 9);
         let place = Vec3::splat(5.0);
@@ -237,7 +237,7 @@ fn photons_of_a_cell_keep_their_order() {
 }
 
 #[test]
-fn a_map_built_anew_keeps_nothing() {
+fn rebuilt_map_keeps_no_photon() {
     let even = photons(&points(30_000, Vec3::ZERO, Vec3::splat(10.0), 5));
     let crowd = crowd(20_000);
     let queries: Vec<Vec3> = even.iter().step_by(60).map(|p| p.position).collect();
@@ -259,30 +259,31 @@ fn a_map_built_anew_keeps_nothing() {
 }
 
 #[test]
-fn photons_keep_their_parts_of_weights() {
-    // Sorted in one go, and in partitions.
+fn photons_keep_their_mis_partials() {
+    // Sorted in one pass, and in partitions.
     for count in [300, 40_000] {
         let photons = photons(&points(count, Vec3::ZERO, Vec3::ONE, 9));
-        let parts: Vec<f32> = photons.iter().map(|photon| 0.5 + photon.path as f32).collect();
+        let partials: Vec<f32> = photons.iter().map(|photon| 0.5 + photon.path as f32).collect();
         let (slices, of_slices): (Vec<_>, Vec<_>) =
-            photons.chunks(500).zip(parts.chunks(500)).unzip();
+            photons.chunks(500).zip(partials.chunks(500)).unzip();
         let extent =
             slices.iter().map(|photons| Extent::of(photons)).fold(Extent::default(), Extent::and);
         let mut map = PhotonMap::default();
-        map.build_within(&slices, &of_slices, extent, 0.05);
+        let sorted = PhotonSlices { photons: &slices, mis_partials: &of_slices };
+        map.build_within(sorted, extent, 0.05);
         let (mut ranges, mut found) = (Ranges::default(), 0);
         for query in points(50, Vec3::ZERO, Vec3::ONE, 10) {
             map.find_ranges(&Vec3s::splat(query), &from_fn(|lane| lane == 0), &mut ranges);
-            for ranges in ranges.by_look_up() {
-                map.for_each_in(ranges, query, |photon, _, part| {
-                    assert_eq!(part, 0.5 + photon.path as f32);
+            for ranges in ranges.by_lane() {
+                map.for_each_in(ranges, query, |photon, _, partial| {
+                    assert_eq!(partial, 0.5 + photon.path as f32);
                     found += 1;
                 });
             }
         }
         assert!(found > 10, "{found}");
-        // A map without weights keeps none of those before.
+        // A map without MIS keeps no partials.
         map.build_from(&slices, 0.05);
-        assert!(map.parts.is_empty());
+        assert!(map.mis_partials.is_empty());
     }
 }

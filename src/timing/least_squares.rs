@@ -1,23 +1,24 @@
 //! Weighted least squares with a handful of unknowns, none of them negative.
 
-use super::sample::Sample;
+use super::measure::TimeSample;
 
-/// Of a column's square, the share that others must leave unexplained for it to count as different.
+/// Share of a column's square that the columns before it must leave unexplained, for the column to
+/// count as independent.
 const INDEPENDENT: f64 = 1e-4;
 
-/// Relative deviation of the model at the least: keeps the weights of exact samples finite.
-const LEAST_DEVIATION: f64 = 1e-6;
+/// Minimum of the model's relative deviation: keeps the weights of exact samples finite.
+const MIN_DEVIATION: f64 = 1e-6;
 
 /// Coefficients of columns.
 pub struct Solution {
     /// At least 0.
     pub values: Vec<f64>,
-    /// As if without that bound, which makes them rather too large; `None` where there are as many
-    /// unknowns as samples and the samples do not tell their errors.
+    /// Variances of a solution without that bound, which are rather too large. `None` if there are as
+    /// many unknowns as samples and the samples have no errors.
     pub variances: Option<Vec<f64>>,
 }
 
-/// The columns that are no combination of those before them, by index.
+/// Indices of the columns that are not a combination of those before them.
 pub fn independent(columns: &[Vec<f64>]) -> Vec<usize> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let (mut kept, mut basis) = (Vec::new(), Vec::<Vec<f64>>::new());
@@ -39,18 +40,18 @@ pub fn independent(columns: &[Vec<f64>]) -> Vec<usize> {
 
 /// Fits the samples' times by combinations of independent columns; deviations of the model are
 /// relative to `scales`, seconds.
-pub fn fit(columns: &[&[f64]], samples: &[Sample], scales: &[f64]) -> Solution {
+pub fn least_squares(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64]) -> Solution {
     let spare = samples.len() - columns.len();
     let errors_known = samples.iter().all(|sample| sample.error.is_some());
     let solve = |deviation: f64| Weighted::new(columns, samples, scales, deviation);
     let deviation = match (spare, errors_known) {
-        (0, true) => LEAST_DEVIATION,
-        // Weights should a bound keep the fit from being exact.
+        (0, true) => MIN_DEVIATION,
+        // The weights matter only if a bound keeps the fit from being exact.
         (0, false) => 1.0,
         (spare, _) => {
-            // theory.md (78)
             // Mandel and Paule: the square sum of weighted residuals falls with the deviation.
-            let (mut low, mut high) = (LEAST_DEVIATION, 10.0);
+            // theory.md (78)
+            let (mut low, mut high) = (MIN_DEVIATION, 10.0);
             let too_small = |deviation| solve(deviation).square_sum > spare as f64;
             if !too_small(low) {
                 low
@@ -76,8 +77,8 @@ struct Weighted {
 }
 
 impl Weighted {
-    fn new(columns: &[&[f64]], samples: &[Sample], scales: &[f64], deviation: f64) -> Self {
-        let weight = |(sample, scale): (&Sample, &f64)| {
+    fn new(columns: &[&[f64]], samples: &[TimeSample], scales: &[f64], deviation: f64) -> Self {
+        let weight = |(sample, scale): (&TimeSample, &f64)| {
             // theory.md (78)
             sample.error.unwrap_or(0.0).hypot(deviation * scale).powi(2).recip()
         };
@@ -96,8 +97,8 @@ impl Weighted {
 }
 
 /// The best values that are not negative, and the weighted square sum of their residuals. The
-/// optimum solves the problem of some subset of the columns without bounds: with at most four,
-/// try all.
+/// optimum solves the problem of some subset of the columns without bounds. There are at most four
+/// columns, so that all subsets can be tried.
 fn not_negative(columns: &[&[f64]], weights: &[f64], seconds: &[f64]) -> (Vec<f64>, f64) {
     let square_sum = |values: &[f64]| {
         let fitted = combine(columns, values, seconds.len());

@@ -1,22 +1,22 @@
-//! What the experiment measures, part by part.
+//! The measurements of the experiment.
 
 use super::published::{CAMERA_PATHS, LIGHT_PATHS, TABLE_1, TABLE_1_CAMERA_PATHS, TABLE_2};
 use crate::noise::Measure;
 use serde::{Deserialize, Serialize};
 
-/// Share of the time that goes to each of the three measurements of the noise in every pixel.
+/// Share of the time for each of the three measurements of the noise in every pixel.
 const NOISE_SHARE: f64 = 0.2;
 
-/// Share of the time that goes to all cells of the tables.
+/// Share of the time for all cells of the tables.
 const CELLS_SHARE: f64 = 0.36;
 
-/// One in so many iterations of a cell is not measured: its time is that of production.
+/// One in this many iterations of a cell does not measure the noise: its time is that of production.
 const TIMED_EVERY: u64 = 3;
 
-/// Iterations at certain counts.
+/// Iterations at one pair of counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Part {
-    /// What for.
+pub struct Measurement {
+    /// Purpose of the iterations.
     pub purpose: Purpose,
     /// `N_F`.
     pub light_paths: u32,
@@ -24,31 +24,32 @@ pub struct Part {
     pub camera_paths: u32,
 }
 
-/// What a part is measured for.
+/// Purpose of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Purpose {
     /// The noise of every pixel from all pairs: Figures 1 to 3, and all predictions.
     Pairs,
-    /// The same by the paper's halves, from the same paths as the first part.
+    /// The noise of every pixel by the paper's halves, from the paths of the first measurement.
     Halves,
     /// A cell of Table 1 or 2: noise of the region, and times.
     Cell,
 }
 
-impl Part {
-    /// All of them, in order.
+impl Measurement {
+    /// All measurements, in order.
     pub fn all() -> Vec<Self> {
-        let part = |purpose, light_paths, camera_paths| Self { purpose, light_paths, camera_paths };
+        let measurement =
+            |purpose, light_paths, camera_paths| Self { purpose, light_paths, camera_paths };
         let [few, many] = CAMERA_PATHS;
         let noise = [(Purpose::Pairs, few), (Purpose::Halves, few), (Purpose::Pairs, many)];
         let mut all: Vec<Self> =
-            noise.into_iter().map(|(purpose, n)| part(purpose, LIGHT_PATHS, n)).collect();
+            noise.into_iter().map(|(purpose, n)| measurement(purpose, LIGHT_PATHS, n)).collect();
         for (n_light, _) in TABLE_1 {
-            all.extend(TABLE_1_CAMERA_PATHS.map(|n| part(Purpose::Cell, n_light, n)));
+            all.extend(TABLE_1_CAMERA_PATHS.map(|n| measurement(Purpose::Cell, n_light, n)));
         }
         for row in TABLE_2 {
-            let cell = part(Purpose::Cell, row.light_paths, few);
+            let cell = measurement(Purpose::Cell, row.light_paths, few);
             if !all.contains(&cell) {
                 all.push(cell);
             }
@@ -56,7 +57,7 @@ impl Part {
         all
     }
 
-    /// Its share of the time.
+    /// Share of the experiment's time.
     pub fn share(&self) -> f64 {
         match self.purpose {
             Purpose::Pairs | Purpose::Halves => NOISE_SHARE,
@@ -67,7 +68,7 @@ impl Part {
         }
     }
 
-    /// How iteration number `iteration` of this part is measured.
+    /// How iteration number `iteration` measures the noise.
     pub fn measure(&self, iteration: u64) -> Measure {
         match self.purpose {
             Purpose::Pairs => Measure::Pairs,
@@ -77,18 +78,18 @@ impl Part {
         }
     }
 
-    /// Seed of its random numbers. Parts are independent, so that a prediction from one is tested by
-    /// another; only the two estimators of the noise get the same paths to work on.
+    /// Seed of the random numbers. Measurements are independent, so that each can test predictions of
+    /// another. Only the two estimators of the noise get the same paths.
     pub fn seed(&self, seed: u64) -> u64 {
         let source = match self.purpose {
             Purpose::Halves => Self { purpose: Purpose::Pairs, ..*self },
             Purpose::Pairs | Purpose::Cell => *self,
         };
-        let index = Self::all().iter().position(|part| *part == source);
-        seed.wrapping_add(index.expect("it is one of them") as u64)
+        let index = Self::all().iter().position(|measurement| *measurement == source);
+        seed.wrapping_add(index.expect("all measurements are listed") as u64)
     }
 
-    /// Its name, for files.
+    /// Name of the measurement in file names.
     pub fn name(&self) -> String {
         let purpose = match self.purpose {
             Purpose::Pairs => "pairs",
@@ -105,21 +106,21 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn every_cell_of_both_tables_is_measured_once_with_a_seed_of_its_own() {
-        let all = Part::all();
+    fn cells_of_both_tables_are_measured_once_with_their_own_seeds() {
+        let all = Measurement::all();
         assert_eq!(all.len(), 3 + 24 + 1);
-        let names: HashSet<_> = all.iter().map(Part::name).collect();
+        let names: HashSet<_> = all.iter().map(Measurement::name).collect();
         assert_eq!(names.len(), all.len());
-        let seeds: HashSet<_> = all.iter().map(|part| part.seed(u64::MAX)).collect();
+        let seeds: HashSet<_> = all.iter().map(|measurement| measurement.seed(u64::MAX)).collect();
         assert_eq!(seeds.len(), all.len() - 1);
         assert_eq!(all[0].seed(7), all[1].seed(7));
-        let share: f64 = all.iter().map(Part::share).sum();
+        let share: f64 = all.iter().map(Measurement::share).sum();
         assert!(share > 0.9 && share < 1.0, "some time is for the report: {share}");
     }
 
     #[test]
-    fn cells_time_a_third_of_their_iterations() {
-        let cell = Part { purpose: Purpose::Cell, light_paths: 100, camera_paths: 5 };
+    fn third_of_the_iterations_of_cells_is_timed() {
+        let cell = Measurement { purpose: Purpose::Cell, light_paths: 100, camera_paths: 5 };
         let off = (0..300).filter(|&i| cell.measure(i) == Measure::Off).count();
         assert_eq!(off, 100);
     }

@@ -1,0 +1,155 @@
+//! Command line options for the settings of an image, and words for the library's enumerations.
+
+use bdpm::scene::backend::Backend;
+use bdpm::settings::{Bias, Direct, Kernel, Length, PartialSettings, Strategy};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use serde::de::DeserializeOwned;
+use serde::de::value::{Error, StrDeserializer};
+
+/// Settings of an image. Those without an option are taken from the scene file, or have a default.
+#[derive(clap::Args)]
+pub struct SettingsArgs {
+    /// Render this many pixels [default: scene file, else 512x512]
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub resolution: Option<[u32; 2]>,
+    /// Trace NF light paths per iteration [default: scene file, else 100000]
+    #[arg(long, value_name = "NF")]
+    pub light_paths: Option<u32>,
+    /// Trace NB camera paths per pixel and iteration [default: scene file, else 4]
+    #[arg(long, value_name = "NB")]
+    pub camera_paths: Option<u32>,
+    /// Merge photons within R, in scene units or % of the scene size [default: 0.5%]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    pub radius: Option<Length>,
+    /// Merge caustic photons within R [default: a quarter of --radius]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    pub caustic_radius: Option<Length>,
+    /// Keep or reduce the merge bias [default: keep, or reduce with chosen radii]
+    #[arg(long, value_parser = word::<Bias>(BIAS))]
+    pub bias: Option<Bias>,
+    /// Divide merged flux by the area of the surface or of a disc [default: area]
+    #[arg(long, value_parser = word::<Kernel>(KERNEL))]
+    pub kernel: Option<Kernel>,
+    /// Cut and merge camera paths at their diffuse vertex K [default: 2]
+    #[arg(long, value_name = "K")]
+    pub merge_vertex: Option<u32>,
+    /// Sample each path by one technique or by several [default: single]
+    #[arg(long, value_parser = word::<Strategy>(STRATEGY))]
+    pub strategy: Option<Strategy>,
+    /// Learn in N iterations where light paths should start [default: 0]
+    #[arg(long, value_name = "N")]
+    pub guide: Option<u32>,
+    /// Connect to lights, or take direct light from photons [default: connect]
+    #[arg(long, value_parser = word::<Direct>(DIRECT))]
+    pub direct: Option<Direct>,
+    /// Seed all random numbers with S [default: 1]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+}
+
+impl From<&SettingsArgs> for PartialSettings {
+    fn from(args: &SettingsArgs) -> Self {
+        Self {
+            resolution: args.resolution,
+            light_paths: args.light_paths,
+            camera_paths: args.camera_paths,
+            radius: args.radius,
+            caustic_radius: args.caustic_radius,
+            bias: args.bias,
+            kernel: args.kernel,
+            merge_vertex: args.merge_vertex,
+            strategy: args.strategy,
+            guide: args.guide,
+            direct: args.direct,
+            seed: args.seed,
+        }
+    }
+}
+
+/// Words of an enumeration, which files have as well, with their meaning.
+type Words = &'static [(&'static str, &'static str)];
+
+const BIAS: Words = &[
+    ("keep", "Keep the bias of the paper's estimator"),
+    ("reduce", "Subtract the bias where it exceeds the noise"),
+];
+const KERNEL: Words = &[
+    ("area", "Surface within the radius that could have sent a photon: no bias at edges"),
+    ("disc", "Disc of the merge radius, as in the paper"),
+];
+const STRATEGY: Words = &[
+    ("single", "Merge at the merge vertex, or connect"),
+    ("mis", "Merge at vertices 1 and 2 and connect from both, weighted"),
+];
+const DIRECT: Words = &[
+    ("connect", "Shadow ray from each diffuse vertex of the camera path"),
+    ("photon-map", "Photon map, as for all other light"),
+];
+pub const OBJECTIVE: Words = &[
+    ("pooled", "Mean variance"),
+    ("relative", "Mean variance relative to the squared luminance"),
+    ("mean-rms", "Mean RMS, as in the paper"),
+    ("max-rms", "RMS that 99.5 % of the pixels stay below"),
+];
+pub const ESTIMATOR: Words = &[
+    ("pairs", "All pairs of light and camera paths"),
+    ("halves", "Halves of the paths, as published"),
+];
+
+/// Parses one of `words` as files spell it.
+pub fn word<T>(words: Words) -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    let values = words.iter().map(|&(word, meaning)| PossibleValue::new(word).help(meaning));
+    PossibleValuesParser::new(values)
+        .map(|word| T::deserialize(StrDeserializer::<Error>::new(&word)).expect("a listed word"))
+}
+
+/// Parses the name of a backend.
+pub fn backend() -> impl TypedValueParser<Value = Backend> {
+    PossibleValuesParser::new(Backend::ALL.map(Backend::name)).map(|name| {
+        let mut all = Backend::ALL.into_iter();
+        all.find(|backend| backend.name() == name).expect("a listed name")
+    })
+}
+
+/// Parses a resolution such as 512x384.
+fn parse_resolution(text: &str) -> Result<[u32; 2], &'static str> {
+    let pixels = text.split_once(['x', 'X']).and_then(|(width, height)| {
+        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
+    });
+    pixels.ok_or("give a width and a height, such as 512x384")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm::adaptive::optimize::Objective;
+    use bdpm::noise::Measure;
+    use serde::Serialize;
+
+    #[test]
+    fn resolution_is_two_numbers() {
+        assert_eq!(parse_resolution("640x480"), Ok([640, 480]));
+        for bad in ["", "640", "x", "640x", "640x-1", "640x480x3", "axb", "99999999999x1"] {
+            assert!(parse_resolution(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn listed_words_are_spelled_as_in_files() {
+        fn check<T: DeserializeOwned + Serialize>(words: Words) {
+            for (word, _) in words {
+                let value = T::deserialize(StrDeserializer::<Error>::new(word)).expect(word);
+                assert_eq!(serde_json::to_value(&value).unwrap(), *word);
+            }
+        }
+        check::<Bias>(BIAS);
+        check::<Kernel>(KERNEL);
+        check::<Strategy>(STRATEGY);
+        check::<Direct>(DIRECT);
+        check::<Objective>(OBJECTIVE);
+        check::<Measure>(ESTIMATOR);
+    }
+}
