@@ -94,7 +94,7 @@ fn made_scenes_load_without_a_note_are_closed_and_no_faces_coincide() {
         let name = folder.name;
         let loaded = load(&scenes().join(name)).unwrap_or_else(|e| panic!("{e}"));
         let scene = &loaded.scene;
-        assert_eq!(loaded.notes_text(), "", "{name}");
+        assert_eq!(loaded.warnings_text(), "", "{name}");
         assert!(scene.triangles().iter().all(|t| t.area() > 0.0), "{name}");
         let accel = backend::build(backend::Backend::default(), scene).unwrap();
         let (mut places, lost) = walk(scene, &*accel, name == "caustic-sphere");

@@ -3,7 +3,7 @@
 use super::{LightArgs, json, say};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
-use bdpm::import::{SceneSummary, Warning, load, load_with, save};
+use bdpm::import::{SceneSummary, Warning, export, load, load_with};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -44,10 +44,10 @@ pub fn run(args: &Args) -> Result<String> {
     let loaded = load_with(&args.scene, &options)?;
     let origin = args.scene.file_name().map(|name| name.to_string_lossy().into_owned());
     let origin = origin.unwrap_or_else(|| loaded.scene.name.clone());
-    let saved = save(&loaded, &origin, &args.out, args.force)?;
+    let exported = export(&loaded, &origin, &args.out, args.force)?;
 
-    let mut notes = loaded.notes;
-    notes.extend(saved.notes);
+    let mut notes = loaded.warnings;
+    notes.extend(exported.warnings);
     if let [name, others @ ..] = &loaded.summary.cameras[..]
         && !others.is_empty()
     {
@@ -66,8 +66,8 @@ pub fn run(args: &Args) -> Result<String> {
     let fingerprints = [fingerprint, again].map(|bits| format!("{bits:016x}"));
     let read = &loaded.summary;
     if args.json {
-        return Ok(json(&Report { folder, files: saved.files, fingerprints, read, notes }));
+        return Ok(json(&Report { folder, files: exported.files, fingerprints, read, notes }));
     }
-    let files = counted(saved.files, "file");
+    let files = counted(exported.files, "file");
     Ok(format!("{folder}: {read}\n{files}, fingerprint {}\n", fingerprints[1]))
 }

@@ -142,7 +142,7 @@ pub fn run(args: &Args) -> Result<String> {
     let start = Instant::now();
     let loaded = args.scene.load()?;
     let loading = start.elapsed();
-    loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    loaded.warnings.iter().for_each(|note| say(&format!("note: {note}")));
     let scene = &loaded.scene;
     let settings = Settings::resolve(&(&args.scene.wishes).into(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
@@ -169,7 +169,7 @@ impl<'a> Report<'a> {
             stored_triangles: scene.stored_triangle_count(),
             materials: scene.materials().len(),
             read: &loaded.summary,
-            notes: &loaded.notes,
+            notes: &loaded.warnings,
             read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
             assembly_seconds: loaded.assembly.as_secs_f64(),
             bounds: [scene.bounds().min.to_array(), scene.bounds().max.to_array()],

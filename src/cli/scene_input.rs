@@ -53,7 +53,7 @@ impl SceneInput {
         let loaded = threads.install(|| args.scene.load())?;
         let load_time = start.elapsed();
         if !args.quiet {
-            loaded.notes.iter().for_each(|warning| say(&format!("note: {warning}")));
+            loaded.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
         }
         Ok(Self { threads, loaded, load_time })
     }

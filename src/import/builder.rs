@@ -1,17 +1,17 @@
-//! A scene as it comes together while files are read.
+//! A scene under construction while files are read.
 
 use super::default_camera;
 use super::fallback;
-use super::instancing::{Part, Uses};
+use super::instancing::{MaterialMesh, MeshGroups};
 use super::load::{Loaded, scene_name};
 use super::mtl;
 use super::obj::{ObjFile, ObjMesh};
 use super::summary::SceneSummary;
-use super::text::list;
+use super::text::{check_memory, list};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
-use crate::base::memory::{GIB, available_memory};
+use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
 use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
 use crate::settings::PartialSettings;
@@ -20,48 +20,47 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Memory that a triangle takes at the least while a scene is read, bytes: corners, a cache line for
-/// shading, and its place in the hierarchy.
+/// Minimum memory of a triangle while a scene is read, bytes: its corners, a cache line for
+/// shading, and its entry in the acceleration structure.
 const TRIANGLE_BYTES: f64 = 200.0;
 
-/// Meshes and materials as they come together.
+/// Meshes, materials and warnings of a scene under construction.
 #[derive(Default)]
 pub(super) struct Builder {
-    uses: Uses,
+    groups: MeshGroups,
     arrangement: Arrangement,
     pub materials: Vec<Material>,
-    /// Index in `materials` by the OBJ file that names it (none for the scene file) and name.
+    /// Index in `materials` by the OBJ file of the material (`None` for the scene file) and its
+    /// name.
     material_index: HashMap<(Option<PathBuf>, String), u32>,
-    /// Names that the OBJ file uses without defining them.
+    /// Names of materials that the OBJ file uses without defining them.
     undefined: BTreeSet<String>,
-    /// Whether meshes of the OBJ file name no material, and it defines none for them.
+    /// Whether meshes of the OBJ file have no material.
     unnamed: bool,
     /// Names of textured materials on meshes without texture coordinates.
     untextured: BTreeSet<String>,
     triangles: u64,
-    /// Triangles without area.
-    dropped: u64,
-    pub notes: Vec<Warning>,
+    pub warnings: Vec<Warning>,
 }
 
-/// What a file says besides its meshes and materials.
+/// Contents of a file besides its meshes, materials, lights and camera.
 #[derive(Default)]
-pub(super) struct Rest {
+pub(super) struct SceneExtras {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
     pub defaults: PartialSettings,
-    /// Whether to give light to a scene that brings none worth the name.
-    pub fallback: bool,
+    /// Whether a scene without a usable light source gets a default one.
+    pub default_light: bool,
 }
 
 impl Builder {
-    /// Begins with what is to be told anyway.
-    pub fn new(notes: Vec<Warning>) -> Self {
-        Self { notes, ..Self::default() }
+    /// Starts with warnings about the file.
+    pub fn new(warnings: Vec<Warning>) -> Self {
+        Self { warnings, ..Self::default() }
     }
 
-    /// Index of a material, which becomes part of the scene with its first use: from the scene
-    /// file, else from the OBJ file's libraries, else grey.
+    /// Index of a material, which is added to the scene with its first use. It is from the scene
+    /// file, else from the libraries of the OBJ file, else gray.
     fn material(
         &mut self,
         name: Option<&str>,
@@ -98,48 +97,54 @@ impl Builder {
         material: Option<&str>,
         own: &BTreeMap<String, Material>,
     ) -> Option<()> {
-        let mut parts = Vec::new();
-        for ObjMesh { mesh, material: named } in &obj.meshes {
+        let part = |ObjMesh { mesh, material: named }: &ObjMesh| {
             let material = self.material(material.or(named.as_deref()), own, path, obj);
-            parts.push(Part { name: &mesh.name, mesh, material });
-        }
-        self.place(&parts, transform)?;
-        let grey = format!("took grey of albedo {}", mtl::DEFAULT_ALBEDO);
+            MaterialMesh { mesh: mesh.clone(), material }
+        };
+        let parts: Vec<MaterialMesh> = obj.meshes.iter().map(part).collect();
+        self.place(None, &parts, transform)?;
+        let gray = format!("used gray of albedo {}", mtl::DEFAULT_ALBEDO);
         let path = path.display();
         if !self.undefined.is_empty() {
             let names = list(self.undefined.iter().map(String::as_str));
-            self.notes.push(Warning::skipped(format!("{path}: {names} undefined; {grey}")));
+            self.warnings.push(Warning::skipped(format!("{path}: {names} undefined; {gray}")));
             self.undefined.clear();
         }
         if std::mem::take(&mut self.unnamed) {
-            self.notes.push(Warning::chosen(format!("{path}: faces without material; {grey}")));
+            self.warnings.push(Warning::chosen(format!("{path}: faces without material; {gray}")));
         }
         Some(())
     }
 
-    /// Whether nothing was placed.
+    /// Whether no mesh was placed.
     pub fn is_empty(&self) -> bool {
-        self.uses.is_empty()
+        self.groups.is_empty()
     }
 
-    /// Adds meshes that belong together at one of their places; `None` if a point moves out of range.
-    pub fn place(&mut self, parts: &[Part<'_>], transform: &Transform) -> Option<()> {
+    /// Places a group of meshes, which get the name `name` if it is given; `None` if a point moves
+    /// out of range.
+    pub fn place(
+        &mut self,
+        name: Option<&str>,
+        parts: &[MaterialMesh],
+        transform: &Transform,
+    ) -> Option<()> {
         for part in parts {
-            let look = &self.materials[part.material as usize];
-            if part.mesh.uvs.is_empty() && look.is_textured() {
-                self.untextured.insert(look.name.clone());
+            let material = &self.materials[part.material as usize];
+            if part.mesh.uvs.is_empty() && material.is_textured() {
+                self.untextured.insert(material.name.clone());
             }
         }
-        self.uses.add(parts, transform)
+        self.groups.add(name, parts, transform)
     }
 
-    /// Refuses more triangles than can be numbered at all places, or `new` ones that cannot be held,
-    /// before memory is taken for them.
+    /// Counts `placed` triangles. Refuses more than can be numbered, or `new` ones that do not fit
+    /// in memory, before they are read.
     pub fn count(&mut self, placed: u64, new: u64, path: &Path) -> Result<()> {
         self.triangles = self.triangles.saturating_add(placed);
         if self.triangles > u64::from(u32::MAX) {
             let problem = format!("the scene has more than {} triangles", u32::MAX);
-            return Err(Error::new(problem, ADVICE).at(path));
+            return Err(Error::new(problem, SIMPLIFY).at(path));
         }
         require_memory(new, path)
     }
@@ -151,13 +156,14 @@ impl Builder {
         placements.iter().fold(Bounds::EMPTY, enclose)
     }
 
-    /// Puts all meshes at their places, if there is anything to render.
+    /// Arranges all meshes. Refuses a scene without triangles.
     pub fn arrange(&mut self, path: &Path) -> Result<()> {
-        let uses = std::mem::take(&mut self.uses);
-        require_memory(uses.stored(), path)?;
-        (self.arrangement, self.dropped) = uses.arrange();
+        let groups = std::mem::take(&mut self.groups);
+        require_memory(groups.stored(), path)?;
+        let dropped;
+        (self.arrangement, dropped) = groups.arrange();
         if self.arrangement.placements.is_empty() {
-            let problem = match self.dropped {
+            let problem = match dropped {
                 0 => "the scene has no triangle".to_owned(),
                 count => format!("all {count} triangles of the scene have no area"),
             };
@@ -166,25 +172,24 @@ impl Builder {
         }
         if !self.untextured.is_empty() {
             let names = list(self.untextured.iter().map(String::as_str));
-            let note =
-                "has a mesh without texture coordinates, and there its texture's corner alone";
-            self.notes.push(Warning::skipped(format!("{}: {names} {note}", path.display())));
+            let text = "a mesh without texture coordinates shows one texel of the material";
+            self.warnings.push(Warning::skipped(format!("{}: {text} {names}", path.display())));
         }
-        if self.dropped > 0 {
-            // Nobody sees them.
-            let note = format!("dropped {} triangles without area", self.dropped);
-            self.notes.push(Warning::chosen(note));
+        if dropped > 0 {
+            // They are invisible.
+            let text = format!("dropped {dropped} triangles without area");
+            self.warnings.push(Warning::chosen(text));
         }
         Ok(())
     }
 
-    /// A camera that sees everything, with a note.
-    pub fn place_camera(&mut self, path: &Path) -> Result<Camera> {
+    /// A camera that sees everything, with a warning.
+    pub fn default_camera(&mut self, path: &Path) -> Result<Camera> {
         let camera = default_camera::camera(&self.bounds())?;
         let (path, position) = (path.display(), camera.position());
         let degrees = default_camera::DEGREES;
-        let note = format!("{path}: no camera; put one at {position}, {degrees} degrees high");
-        self.notes.push(Warning::chosen(note));
+        let text = format!("{path}: no camera; added one at {position}, {degrees} degrees high");
+        self.warnings.push(Warning::chosen(text));
         Ok(camera)
     }
 
@@ -193,49 +198,40 @@ impl Builder {
         path: &Path,
         lights: Vec<Emitter>,
         camera: Camera,
-        rest: Rest,
+        extras: SceneExtras,
     ) -> Result<Loaded> {
-        let Self { arrangement, materials, mut notes, .. } = self;
-        let Rest { regions, environment, defaults, fallback } = rest;
+        let Self { arrangement, materials, mut warnings, .. } = self;
+        let SceneExtras { regions, environment, defaults, default_light } = extras;
         let start = Instant::now();
         let mut scene =
             Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
-        } else if fallback {
+        } else if default_light {
             let resolution = defaults.resolution.unwrap_or([1, 1]);
-            scene = fallback::lit(scene, resolution, path, &mut notes);
+            scene = fallback::with_light(scene, resolution, path, &mut warnings);
         }
         let assembly = start.elapsed();
         if scene.lights().is_empty() {
             let advice = "add a `[[light]]` table to the scene file, give a material an `emission`, or \
-                          give --environment 1";
+                          give an environment of radiance 1";
             return Err(Error::new("the scene has no light", advice).at(path));
         }
         if !scene.lights().power().is_finite() {
-            let problem = "the power of all lights is too large for a number";
+            let problem = "the power of all lights overflows";
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = SceneSummary::new(&scene);
-        Ok(Loaded { scene: Arc::new(scene), defaults, notes, summary, assembly })
+        Ok(Loaded { scene: Arc::new(scene), defaults, warnings, summary, assembly })
     }
 }
 
-const ADVICE: &str = "leave out or simplify some meshes";
+const SIMPLIFY: &str = "leave out or simplify some meshes";
 
-/// Refuses more triangles than can be held.
+/// Refuses more triangles than fit in memory.
 fn require_memory(triangles: u64, path: &Path) -> Result<()> {
-    let needed = triangles as f64 * TRIANGLE_BYTES;
-    match available_memory() {
-        Some(available) if needed > available => {
-            let problem = format!(
-                "the scene has {triangles} triangles or more, for which {:.1} GiB of memory are \
-                 needed, but {:.1} GiB are available",
-                needed / GIB,
-                available / GIB
-            );
-            Err(Error::new(problem, ADVICE).at(path))
-        }
-        _ => Ok(()),
-    }
+    check_memory(triangles as f64 * TRIANGLE_BYTES, available_memory()).map_err(|problem| {
+        let problem = format!("the scene has at least {triangles} triangles, which take {problem}");
+        Error::new(problem, SIMPLIFY).at(path)
+    })
 }

@@ -1,28 +1,28 @@
-//! Light from all around: maps of radiance, and what is given to scenes that bring no light.
+//! Environments: maps of radiance, and the default environment of scenes without light.
 
-use super::text::open;
+use super::text::{open, read_bytes};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image_io::read_exr;
 use crate::scene::Environment;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Light from all around that somebody asks for.
+/// An environment that the user requests.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EnvironmentSource {
-    /// The same radiance from everywhere, W/(m^2 sr).
+    /// A constant radiance from all directions, W/(m^2 sr).
     Radiance(Rgb),
-    /// An `.exr` or `.hdr` file of longitudes and latitudes.
+    /// An `.exr` or `.hdr` file in longitude and latitude.
     File(PathBuf),
 }
 
 impl FromStr for EnvironmentSource {
     type Err = Error;
 
-    /// Reads a number, one for each of red, green and blue with commas in between, or else a file's name.
+    /// Parses one number, three numbers (red, green, blue) separated by commas, or else a file
+    /// name.
     fn from_str(text: &str) -> Result<Self> {
         let numbers: Option<Vec<f32>> =
             text.split(',').map(|word| word.trim().parse().ok()).collect();
@@ -35,67 +35,75 @@ impl FromStr for EnvironmentSource {
         if radiance.is_finite() && radiance.min_element() >= 0.0 {
             return Ok(Self::Radiance(radiance));
         }
-        let problem = format!("`{text}` is no radiance");
+        let problem = format!("`{text}` is not a radiance");
         Err(Error::new(problem, "give a number of at least 0, or three such as 0.8,0.9,1"))
     }
 }
 
 impl EnvironmentSource {
-    /// Reads it; notes tell what was mended.
+    /// Reads the environment. Warnings report corrected pixels.
     ///
     /// # Errors
     /// If its file cannot be read.
-    pub(super) fn environment(&self, notes: &mut Vec<Warning>) -> Result<Environment> {
+    pub(super) fn environment(&self, warnings: &mut Vec<Warning>) -> Result<Environment> {
         match self {
             Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
-            Self::File(path) => from_file(path, Rgb::ONE, 0.0, notes),
+            Self::File(path) => from_file(path, Rgb::ONE, 0.0, warnings),
         }
     }
 }
 
-/// The environment in a file, times `scale` and turned by so many degrees. Radiances that are negative or not
-/// finite become 0, with a note.
+/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Radiances that are
+/// negative or not finite become 0, with a warning.
 ///
 /// # Errors
-/// If it cannot be read, or nothing of it is left.
+/// If the file cannot be read.
 pub(super) fn from_file(
     path: &Path,
     scale: Rgb,
     turn_deg: f32,
-    notes: &mut Vec<Warning>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
     let (width, height, mut pixels) = read(path)?;
-    let mut mended: Vec<usize> = Vec::new();
-    for (index, pixel) in pixels.iter_mut().enumerate() {
-        *pixel *= scale;
-        if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
-            *pixel = Rgb::ZERO;
-            mended.push(index);
-        }
-    }
-    if let Some(first) = mended.first() {
+    let invalid = scale_pixels(&mut pixels, scale);
+    if let Some(first) = invalid.first() {
         let (x, y) = (*first as u32 % width, *first as u32 / width);
-        let (path, count) = (path.display(), mended.len());
-        let note = format!(
+        let (path, count) = (path.display(), invalid.len());
+        let text = format!(
             "{path}: {count} pixels are negative or not finite, the first at ({x}, {y}), and became 0"
         );
-        notes.push(Warning::skipped(note));
+        warnings.push(Warning::skipped(text));
     }
     Ok(Environment::new(width, height, pixels, turn_deg))
 }
 
+/// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their
+/// indices.
+pub(super) fn scale_pixels(pixels: &mut [Rgb], scale: Rgb) -> Vec<usize> {
+    let mut invalid = Vec::new();
+    for (index, pixel) in pixels.iter_mut().enumerate() {
+        *pixel *= scale;
+        if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
+            *pixel = Rgb::ZERO;
+            invalid.push(index);
+        }
+    }
+    invalid
+}
+
 /// Mean radiance of [`soft`], W/(m^2 sr).
 const SOFT_MEAN: f32 = 0.6;
-/// What is added to it toward +y, and taken away toward -y.
+/// Difference between the radiance toward +y and the mean, W/(m^2 sr).
 const SOFT_RISE: f32 = 0.6;
-/// Rows of its map: more than eyes tell apart in a preview.
+/// Rows of its map: more than the eye distinguishes in a preview.
 const SOFT_ROWS: u32 = 256;
 
-/// Its least and greatest radiance, W/(m^2 sr), for a white surface of radiance 1.
+/// Minimum and maximum radiance of [`soft`], W/(m^2 sr), for a white surface of radiance 1.
 pub(super) const SOFT: [f32; 2] = [SOFT_MEAN - SOFT_RISE, SOFT_MEAN + SOFT_RISE];
 
-/// A neutral light from all around, brighter from above (+y): `0.6 (1 + y)` times the radiance of a `white`
-/// surface that faces up, W/(m^2 sr), for the mean of `y` over its cosines is 2/3.
+/// A gray environment that is brighter from above (+y): its radiance is `0.6 (1 + y)` times that of
+/// a `white` surface that faces up, W/(m^2 sr). The cosine-weighted mean of `y` over such a surface
+/// is 2/3.
 pub(super) fn soft(white: f32) -> Environment {
     let row = |row: u32| {
         let latitude = std::f32::consts::PI * (row as f32 + 0.5) / SOFT_ROWS as f32;
@@ -109,7 +117,7 @@ pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
     match &extension[..] {
         "exr" => {
-            open(path)?; // no device that never ends
+            open(path)?; // refuses devices that never end
             let image = read_exr(path)?;
             let pixels = image.layer("").and_then(|layer| layer.to_rgb()).ok_or_else(|| {
                 Error::new("the image has no channels R, G and B", "give a color image").at(path)
@@ -117,11 +125,10 @@ pub(super) fn read(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
             Ok((image.width, image.height, pixels))
         }
         "hdr" => read_hdr(path),
-        _ => Err(Error::new(
-            "the environment is neither an .exr nor an .hdr file",
-            "convert it to one of these",
-        )
-        .at(path)),
+        _ => {
+            let problem = "the environment is neither an .exr nor an .hdr file";
+            Err(Error::new(problem, "convert it to one of these").at(path))
+        }
     }
 }
 
@@ -130,8 +137,7 @@ fn read_hdr(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
         Error::new(format!("cannot read it as an HDR image: {problem}"), "give an .hdr file")
             .at(path)
     };
-    let mut bytes = Vec::new();
-    open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
+    let bytes = read_bytes(path, u64::MAX)?;
     let mut decoder =
         zune_hdr::HdrDecoder::new(zune_hdr::zune_core::bytestream::ZCursor::new(bytes));
     let values = decoder.decode().map_err(|e| broken(format!("{e:?}")))?;
@@ -149,7 +155,7 @@ mod tests {
     use std::f32::consts::PI;
 
     #[test]
-    fn a_radiance_is_numbers_and_all_else_a_file() {
+    fn radiances_parse_as_numbers_and_other_text_as_file_names() {
         let read = |text: &str| text.parse::<EnvironmentSource>();
         assert_eq!(read("0.5").unwrap(), EnvironmentSource::Radiance(Rgb::splat(0.5)));
         let color = Rgb::new(0.8, 0.9, 1.0);
@@ -157,13 +163,14 @@ mod tests {
         assert_eq!(read("sky.exr").unwrap(), EnvironmentSource::File("sky.exr".into()));
         for bad in ["-1", "1,2", "nan", "inf", "1,1,-1"] {
             let problem = read(bad).unwrap_err().to_string();
-            assert!(problem.contains("is no radiance"), "{problem}");
+            assert!(problem.contains("is not a radiance"), "{problem}");
         }
     }
 
     #[test]
-    fn a_white_surface_in_the_soft_light_has_the_radiance_it_should() {
-        // Facing up, sideways and down: mean radiance plus 2/3 of the rise times the normal's height.
+    fn white_surfaces_in_soft_light_have_the_expected_radiance() {
+        // Surfaces facing up, sideways and down: mean radiance plus 2/3 of the rise times the
+        // normal's height.
         let map = soft(1.0);
         let n = 400;
         for (y, expected) in [(1.0, 1.0), (0.0, SOFT_MEAN), (-1.0, 0.2)] {

@@ -1,28 +1,26 @@
-//! Many places of a mesh: matrices in a NumPy file, an array of shape (n, 3, 4).
+//! Many transforms of a mesh: matrices in a NumPy file, an array of shape (n, 3, 4).
 //!
 //! The format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>
 
-use super::text;
+use super::text::read_bytes;
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
-use std::io::Read;
 use std::path::Path;
 
-/// Rows of a place: those of a matrix for column vectors, but for the last, `[0, 0, 0, 1]`.
+/// Numbers of a matrix for column vectors, without its last row, `[0, 0, 0, 1]`.
 const NUMBERS: usize = 12;
 
-/// Reads all places, as `save("places.npy", matrices)` writes them.
+/// Reads all transforms, as `numpy.save("places.npy", matrices)` writes them.
 ///
 /// # Errors
-/// If the file holds something else, or a place cannot be undone: names the file and the place.
+/// If the file holds something else, or a matrix is not invertible: names the file and the matrix.
 pub(super) fn read(path: &Path) -> Result<Vec<Transform>> {
-    let mut bytes = Vec::new();
-    text::open(path)?.read_to_end(&mut bytes).map_err(|e| Error::io("read", path, e))?;
+    let bytes = read_bytes(path, u64::MAX)?;
     let wrong = |problem: &str| {
-        let advice = "save an array of float32 or float64 and of shape (n, 3, 4), by numpy.save";
+        let advice = "save an array of float32 or float64 of shape (n, 3, 4) by numpy.save";
         Error::new(problem, advice).at(path)
     };
-    let (header, data) = parts(&bytes).ok_or_else(|| wrong("this is no NumPy file"))?;
+    let (header, data) = split_header(&bytes).ok_or_else(|| wrong("this is not a NumPy file"))?;
     let has = |text: &str| header.contains(text);
     if !has("'fortran_order': False") || !has(", 3, 4)") {
         return Err(wrong("the array's shape is not (n, 3, 4), row by row"));
@@ -35,22 +33,22 @@ pub(super) fn read(path: &Path) -> Result<Vec<Transform>> {
     } else {
         return Err(wrong("the array's numbers are neither float32 nor float64"));
     };
-    let (places, rest) = numbers.as_chunks::<NUMBERS>();
-    if !rest.is_empty() || !has(&format!("'shape': ({}, 3, 4)", places.len())) {
+    let (matrices, rest) = numbers.as_chunks::<NUMBERS>();
+    if !rest.is_empty() || !has(&format!("'shape': ({}, 3, 4)", matrices.len())) {
         return Err(wrong("the file is cut short"));
     }
-    let place = |(index, rows): (usize, &[f64; NUMBERS])| {
+    let transform = |(index, rows): (usize, &[f64; NUMBERS])| {
         let row = |k: usize| [rows[4 * k], rows[4 * k + 1], rows[4 * k + 2], rows[4 * k + 3]];
         Transform::from_rows([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]).map_err(|error| {
-            let problem = format!("place {index}: {}", error.problem());
-            Error::new(problem, "leave the place out, or mend its matrix").at(path)
+            let problem = format!("matrix {index}: {}", error.problem());
+            Error::new(problem, "remove or correct the matrix").at(path)
         })
     };
-    places.iter().enumerate().map(place).collect()
+    matrices.iter().enumerate().map(transform).collect()
 }
 
 /// Header and data of a NumPy file.
-fn parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
+fn split_header(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let rest = bytes.strip_prefix(b"\x93NUMPY")?;
     let ([version, _], rest) = rest.split_first_chunk()?;
     let (length, rest) = if *version == 1 {
@@ -68,7 +66,7 @@ fn parts(bytes: &[u8]) -> Option<(&str, &[u8])> {
 mod tests {
     use super::*;
 
-    /// What `numpy.save` writes.
+    /// The output of `numpy.save`.
     fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
         let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -76,7 +74,7 @@ mod tests {
         [&bytes[..], header.as_bytes(), data].concat()
     }
 
-    fn read_bytes(bytes: &[u8]) -> Result<Vec<Transform>> {
+    fn read_array(bytes: &[u8]) -> Result<Vec<Transform>> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("places.npy");
         std::fs::write(&path, bytes).unwrap();
@@ -89,24 +87,24 @@ mod tests {
         let single: Vec<u8> = rows.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
         let double: Vec<u8> = rows.iter().flat_map(|x| x.to_le_bytes()).collect();
         for bytes in [npy("<f4", "(2, 3, 4)", &single), npy("<f8", "(2, 3, 4)", &double)] {
-            let places = read_bytes(&bytes).unwrap();
-            assert_eq!(places.len(), 2);
-            assert_eq!(places[0].rows()[0], [1.25, 0.25, 0.25, 0.25]);
-            assert_eq!(places[0].rows()[3], [0.0, 0.0, 0.0, 1.0]);
+            let matrices = read_array(&bytes).unwrap();
+            assert_eq!(matrices.len(), 2);
+            assert_eq!(matrices[0].rows()[0], [1.25, 0.25, 0.25, 0.25]);
+            assert_eq!(matrices[0].rows()[3], [0.0, 0.0, 0.0, 1.0]);
         }
     }
 
     #[test]
-    fn other_files_are_refused_by_name() {
+    fn other_files_are_refused_with_their_name() {
         let flat = [0; 48];
         for (bytes, word) in [
-            (b"PK".to_vec(), "no NumPy file"),
+            (b"PK".to_vec(), "not a NumPy file"),
             (npy("<f4", "(1, 4, 4)", &flat), "shape"),
             (npy("<i4", "(1, 3, 4)", &flat), "neither float32"),
             (npy("<f4", "(2, 3, 4)", &flat), "cut short"),
-            (npy("<f4", "(1, 3, 4)", &flat), "place 0: the transform flattens"),
+            (npy("<f4", "(1, 3, 4)", &flat), "matrix 0: the transform flattens"),
         ] {
-            let error = read_bytes(&bytes).unwrap_err().to_string();
+            let error = read_array(&bytes).unwrap_err().to_string();
             assert!(error.contains(word) && error.contains("places.npy"), "{word}: {error}");
         }
     }

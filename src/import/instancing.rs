@@ -1,4 +1,5 @@
-//! Which meshes a scene holds once for all of their places, and which it copies to each.
+//! Decides for each mesh whether the scene stores it once and instantiates it, or copies it to each
+//! placement.
 
 use crate::accel::TriangleMesh;
 use crate::base::math::Bounds;
@@ -7,103 +8,120 @@ use crate::scene::{Arrangement, Mesh, Placement, triangle_area};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// What has fewer triangles is copied: for entering an instance a ray could as well test some.
-const LEAST: u64 = 100;
+/// Groups with fewer triangles are copied: testing them costs a ray no more than entering an
+/// instance.
+const MIN_TRIANGLES: u64 = 100;
 
-/// So is that of which all copies take fewer triangles: rays are slower where they enter an instance,
-/// and hits there take longer to shade (`docs/performance.md`).
-const WORTHWHILE: u64 = 10_000;
+/// Groups are copied if their copies have fewer triangles in total. Rays are slower where they
+/// enter an instance, and hits there take longer to shade (`docs/performance.md`).
+const MIN_COPIES: u64 = 10_000;
 
-/// Instances must stay within the range of what finds intersections.
-const LARGEST: f64 = TriangleMesh::MAX_COORDINATE as f64 * 0.999;
+/// Instances must stay within the range of the acceleration structures.
+const MAX_REACH: f64 = TriangleMesh::MAX_COORDINATE as f64 * 0.999;
 
-/// A mesh at one of its places.
-pub(super) struct Part<'a> {
-    pub name: &'a str,
-    pub mesh: &'a Arc<Mesh>,
-    /// Index of the material there.
+/// A mesh with the index of its material.
+#[derive(Clone)]
+pub(super) struct MaterialMesh {
+    pub mesh: Arc<Mesh>,
     pub material: u32,
 }
 
-/// Meshes, as they come from files, with all their places.
+/// Groups of meshes, as files define them, with all their placements.
 #[derive(Default)]
-pub(super) struct Uses {
-    things: Vec<Thing>,
-    /// Of each thing by the address of its first mesh, which stays there.
-    thing_index: HashMap<*const Mesh, usize>,
-    uses: Vec<Use>,
+pub(super) struct MeshGroups {
+    groups: Vec<MeshGroup>,
+    /// Index of each group by the address of its first mesh, which the group keeps alive.
+    group_index: HashMap<*const Mesh, usize>,
+    uses: Vec<GroupUse>,
 }
 
-/// Meshes that are always moved together.
-struct Thing {
+/// Meshes that are always placed together.
+struct MeshGroup {
     meshes: Vec<Arc<Mesh>>,
     bounds: Bounds,
     triangles: u64,
-    /// Number of places that instances can have.
+    /// Number of placements that an instance can have.
     instances: u64,
 }
 
-struct Use {
-    thing: usize,
-    /// Of each mesh, its name and material.
-    looks: Vec<(String, u32)>,
+struct GroupUse {
+    group: usize,
+    /// Name of all meshes, in place of their own.
+    name: Option<String>,
+    /// Material of each mesh.
+    materials: Vec<u32>,
     transform: Transform,
     is_instance: bool,
 }
 
-impl Uses {
-    /// Adds meshes at a place: of those that belong together, always the same ones in the same order.
-    /// `None` if a point moves out of range.
-    pub fn add(&mut self, parts: &[Part<'_>], transform: &Transform) -> Option<()> {
+impl MeshGroups {
+    /// Places a group of meshes, which are always the same in the same order. Their names are
+    /// `name`, if it is given. `None` if a point moves out of range.
+    pub fn add(
+        &mut self,
+        name: Option<&str>,
+        parts: &[MaterialMesh],
+        transform: &Transform,
+    ) -> Option<()> {
         let Some(first) = parts.first() else { return Some(()) };
-        let thing = *self.thing_index.entry(Arc::as_ptr(first.mesh)).or_insert_with(|| {
-            self.things.push(Thing::new(parts));
-            self.things.len() - 1
+        let index = *self.group_index.entry(Arc::as_ptr(&first.mesh)).or_insert_with(|| {
+            self.groups.push(MeshGroup::new(parts));
+            self.groups.len() - 1
         });
-        let known = &mut self.things[thing];
-        let is_instance = transform.suits_instances() && transform.reach(&known.bounds) < LARGEST;
+        let group = &mut self.groups[index];
+        let is_instance = transform.suits_instances() && transform.reach(&group.bounds) < MAX_REACH;
         if is_instance {
-            known.instances += 1;
+            group.instances += 1;
         } else {
-            let mut points = known.meshes.iter().flat_map(|mesh| &mesh.positions);
+            let mut points = group.meshes.iter().flat_map(|mesh| &mesh.positions);
             points.try_for_each(|point| transform.point(*point).map(|_| ()))?;
         }
-        let looks = parts.iter().map(|part| (part.name.to_owned(), part.material)).collect();
-        self.uses.push(Use { thing, looks, transform: *transform, is_instance });
+        self.uses.push(GroupUse {
+            group: index,
+            name: name.map(str::to_owned),
+            materials: parts.iter().map(|part| part.material).collect(),
+            transform: *transform,
+            is_instance,
+        });
         Some(())
     }
 
-    /// Whether nothing was added.
     pub fn is_empty(&self) -> bool {
         self.uses.is_empty()
     }
 
-    /// Number of triangles that the scene will hold, those without area included.
+    /// Number of triangles that the scene will store, including those without area.
     pub fn stored(&self) -> u64 {
-        let shared = self.things.iter().filter(|thing| thing.is_shared());
+        let shared = self.groups.iter().filter(|group| group.is_shared());
         let copied = self.uses.iter().filter(|one| !self.is_shared(one));
-        let copied = copied.map(|one| &self.things[one.thing]);
-        shared.chain(copied).fold(0, |sum, thing| sum.saturating_add(thing.triangles))
+        let copied = copied.map(|one| &self.groups[one.group]);
+        shared.chain(copied).fold(0, |sum, group| sum.saturating_add(group.triangles))
     }
 
-    /// Puts all at their places, without triangles of no area, of which it tells the number.
+    /// Places all meshes without their triangles of no area, and returns the number of these
+    /// triangles as well.
     pub fn arrange(self) -> (Arrangement, u64) {
         let Arrangement { mut meshes, mut placements } = Arrangement::default();
         let mut dropped = 0;
-        // Of the first mesh of each shared thing.
-        let mut held: HashMap<usize, u32> = HashMap::new();
+        // Index of the first mesh of each shared group.
+        let mut stored: HashMap<usize, u32> = HashMap::new();
         for one in &self.uses {
-            let sources = self.things[one.thing].meshes.iter();
+            let sources = self.groups[one.group].meshes.iter();
             let next = meshes.len() as u32;
             let transform = self.is_shared(one).then_some(one.transform);
             let first = match transform {
-                Some(_) => *held.entry(one.thing).or_insert(next),
+                Some(_) => *stored.entry(one.group).or_insert(next),
                 None => next,
             };
-            for ((source, (name, material)), mesh) in sources.zip(&one.looks).zip(first..) {
+            for ((source, material), mesh) in sources.zip(&one.materials).zip(first..) {
                 if first == next {
                     let moved = if transform.is_some() { None } else { Some(&one.transform) };
-                    meshes.push(placed(source, name, moved, *material));
+                    let name = one.name.as_ref().unwrap_or(&source.name).clone();
+                    meshes.push(with_area(Mesh {
+                        name,
+                        material: *material,
+                        ..moved.map_or_else(|| (**source).clone(), |map| source.moved(map))
+                    }));
                 }
                 let mesh = if transform.is_some() { mesh } else { meshes.len() as u32 - 1 };
                 let count = meshes[mesh as usize].triangles.len();
@@ -118,13 +136,13 @@ impl Uses {
         (Arrangement { meshes, placements }, dropped)
     }
 
-    fn is_shared(&self, one: &Use) -> bool {
-        one.is_instance && self.things[one.thing].is_shared()
+    fn is_shared(&self, one: &GroupUse) -> bool {
+        one.is_instance && self.groups[one.group].is_shared()
     }
 }
 
-impl Thing {
-    fn new(parts: &[Part<'_>]) -> Self {
+impl MeshGroup {
+    fn new(parts: &[MaterialMesh]) -> Self {
         let meshes: Vec<_> = parts.iter().map(|part| part.mesh.clone()).collect();
         let points = meshes.iter().flat_map(|mesh| &mesh.positions).copied();
         let bounds = points.fold(Bounds::EMPTY, Bounds::with);
@@ -134,19 +152,17 @@ impl Thing {
 
     fn is_shared(&self) -> bool {
         let copies = self.instances.saturating_sub(1).saturating_mul(self.triangles);
-        self.instances > 1 && self.triangles >= LEAST && copies >= WORTHWHILE
+        self.instances > 1 && self.triangles >= MIN_TRIANGLES && copies >= MIN_COPIES
     }
 }
 
-/// A mesh, moved if it is, without its triangles of no area.
-fn placed(mesh: &Mesh, name: &str, transform: Option<&Transform>, material: u32) -> Mesh {
-    let moved = transform.map_or_else(|| mesh.clone(), |transform| mesh.moved(transform));
-    let mut own = Mesh { name: name.to_owned(), material, ..moved };
-    let Mesh { positions, triangles, .. } = &mut own;
+/// The mesh without its triangles of no area.
+fn with_area(mut mesh: Mesh) -> Mesh {
+    let Mesh { positions, triangles, .. } = &mut mesh;
     let count = triangles.len();
     triangles.retain(|corners| triangle_area(corners.map(|i| positions[i as usize])) > 0.0);
     if triangles.len() < count {
-        own.renumber();
+        mesh.renumber();
     }
-    own
+    mesh
 }

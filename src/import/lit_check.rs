@@ -66,7 +66,7 @@ impl LitCheck {
     }
 
     /// Share of the pixels with a surface that are not black in a preview; 1 if no pixel shows a surface.
-    pub fn lit(&self) -> f64 {
+    pub fn lit_share(&self) -> f64 {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let least = BLACK / auto_exposure(&radiances);
         let seen = self.pixels.iter().filter(|pixel| pixel.met > 0);
@@ -78,7 +78,7 @@ impl LitCheck {
     }
 
     /// Geometric mean of the radiance of lit pixels, W/(m^2 sr); `None` if none is lit.
-    pub fn typical(&self) -> Option<f32> {
+    pub fn typical_radiance(&self) -> Option<f32> {
         let radiances: Vec<Rgb> = self.pixels.iter().map(|pixel| pixel.radiance).collect();
         let is_lit = radiances.iter().any(|radiance| luminance(*radiance) > 0.0);
         // Within what leaves room for the power of an environment.
@@ -86,7 +86,7 @@ impl LitCheck {
     }
 
     /// Mean square of the distances of the surfaces, scene units squared; 0 without surfaces.
-    pub fn distance2(&self) -> f32 {
+    pub fn mean_distance2(&self) -> f32 {
         let met: u32 = self.pixels.iter().map(|pixel| pixel.met).sum();
         let sum: f32 = self.pixels.iter().map(|pixel| pixel.distance2).sum();
         sum / met.max(1) as f32

@@ -1,24 +1,20 @@
-//! From a scene file (TOML), a folder with `scene.toml`, or an OBJ file to a [`Scene`].
+//! Loading of scene files (TOML), folders with `scene.toml`, and OBJ files as a [`Scene`].
 //!
-//! The format is described in `docs/scene-format.md`. Nothing in a file makes these functions
-//! panic, and whatever was chosen or left out for the user is told in [`Loaded::notes`].
+//! The format is described in `docs/scene-format.md`. No content of a file makes these functions
+//! panic. [`Loaded::warnings`] reports all defaults and omissions.
 
-use super::builder::{Builder, Rest};
+use super::builder::{Builder, SceneExtras};
 use super::environment::EnvironmentSource;
 use super::gltf;
 use super::instances;
 use super::mitsuba;
-use super::obj;
-use super::obj::ObjFile;
-use super::ply;
-use super::scene_file;
-use super::scene_file::SceneFile;
-use super::scene_file::texture::Pictures;
+use super::obj::{self, ObjFile};
+use super::ply::{self, VDirection};
+use super::scene_file::texture::TomlTextures;
+use super::scene_file::{self, MeshFileKind, SceneFile};
 use super::summary::SceneSummary;
-use super::text;
-use super::text::list;
-use super::warnings;
-use super::warnings::Warning;
+use super::text::{self, RELATIVE_NAME, list};
+use super::warnings::{self, Warning};
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Region, Scene};
@@ -28,52 +24,54 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A scene with what its file says about rendering it.
+/// A scene with the render settings of its file.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The scene.
     pub scene: Arc<Scene>,
     /// The file's `[render]` table.
     pub defaults: PartialSettings,
-    /// What was skipped or chosen for the user.
-    pub notes: Vec<Warning>,
-    /// What was read.
+    /// Omissions and defaults.
+    pub warnings: Vec<Warning>,
+    /// Contents of the file.
     pub summary: SceneSummary,
-    /// How much of the time of loading went into [`Scene::new`]: triangles and lights.
+    /// Time of building triangles and lights, a part of the loading time.
     pub assembly: Duration,
 }
 
 impl Loaded {
-    /// All notes, a line each.
-    pub fn notes_text(&self) -> String {
-        self.notes.iter().map(Warning::to_string).collect::<Vec<_>>().join("\n")
+    /// All warnings, one per line.
+    pub fn warnings_text(&self) -> String {
+        self.warnings.iter().map(Warning::to_string).collect::<Vec<_>>().join("\n")
     }
 }
 
-/// What the user says about reading a scene.
+/// Options for loading a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// Name of the camera, of those in a glTF file or one of Mitsuba.
+    /// Name of a camera in a glTF or Mitsuba file.
     pub camera: Option<&'a str>,
-    /// Whether it is an error if anything is skipped.
+    /// Whether skipped contents are an error.
     pub strict: bool,
-    /// Light from all around, in place of the file's.
+    /// Environment that replaces that of the file.
     pub environment: Option<&'a EnvironmentSource>,
-    /// Whether a glTF or OBJ file that brings no light worth the name gets none.
+    /// Whether a glTF or OBJ file without a usable light source gets no default light.
     pub no_fallback_light: bool,
 }
 
 impl LoadOptions<'_> {
-    /// What is asked for besides a file's own content; notes tell what was mended.
-    pub(super) fn rest(&self, notes: &mut Vec<Warning>) -> Result<Rest> {
-        let environment = self.environment.map(|source| source.environment(notes)).transpose()?;
-        let fallback = environment.is_none() && !self.no_fallback_light;
-        Ok(Rest { environment, fallback, ..Rest::default() })
+    /// The requested environment and default light. Warnings report corrected pixels.
+    pub(super) fn extras(&self, warnings: &mut Vec<Warning>) -> Result<SceneExtras> {
+        let environment =
+            self.environment.map(|source| source.environment(warnings)).transpose()?;
+        let default_light = environment.is_none() && !self.no_fallback_light;
+        Ok(SceneExtras { environment, default_light, ..SceneExtras::default() })
     }
 }
 
 /// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
-/// which gets a camera and a light if it has none, or an `.xml` file of Mitsuba.
+/// or an `.xml` file of Mitsuba. Files in the glTF and OBJ formats get a camera and a light if they
+/// have none.
 ///
 /// # Errors
 /// Names the file and, where there is one, the line or the JSON element that cannot be read or
@@ -82,14 +80,15 @@ pub fn load(path: impl AsRef<Path>) -> Result<Loaded> {
     load_with(path.as_ref(), &LoadOptions::default())
 }
 
-/// The same with options.
+/// Loads a scene as [`load`] does, with options.
 ///
 /// # Errors
-/// As [`load`]; also if there is no such camera, or something was skipped that must not be.
+/// In the cases of [`load`], if the file has no camera of the requested name, or if anything was
+/// skipped and [`LoadOptions::strict`] is set.
 pub fn load_with(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let loaded = load_any(path, options)?;
     if options.strict {
-        warnings::require_complete(&loaded.notes).map_err(|error| error.at(path))?;
+        warnings::require_complete(&loaded.warnings).map_err(|error| error.at(path))?;
     }
     Ok(loaded)
 }
@@ -98,41 +97,41 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if path.is_dir() {
         let inside = path.join("scene.toml");
         if !inside.exists() {
-            let advice =
-                "name a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml";
-            return Err(Error::new("the folder holds no scene.toml", advice).at(path));
+            return Err(Error::new("the folder holds no scene.toml", KNOWN_TYPES).at(path));
         }
         return load_any(&inside, options);
     }
-    // A missing file is worth more words than its extension.
+    // A missing file is the more important problem than its extension.
     std::fs::metadata(path).map_err(|e| Error::io("read the scene", path, e))?;
     let extension = extension(path);
     let is_gltf = matches!(&extension[..], "gltf" | "glb");
     let has_cameras = is_gltf || extension == "xml";
     if let (Some(name), false) = (options.camera, has_cameras) {
-        let problem = format!(
-            "there is no camera `{name}`: only glTF and Mitsuba's files have cameras by name"
-        );
-        return Err(Error::new(problem, "leave --camera out").at(path));
+        let problem =
+            format!("there is no camera `{name}`: only glTF and Mitsuba files have named cameras");
+        return Err(Error::new(problem, "name no camera").at(path));
     }
     match &extension[..] {
         _ if is_gltf => gltf::load(path, options),
         "toml" => load_toml(path, options),
         "obj" => load_obj(path, options),
         "xml" => mitsuba::load(path, options),
-        other => Err(Error::new(
-            format!("scenes of type `.{other}` cannot be read"),
-            "give a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml",
-        )
-        .at(path)),
+        other => {
+            let problem = format!("scenes of type `.{other}` cannot be read");
+            Err(Error::new(problem, KNOWN_TYPES).at(path))
+        }
     }
 }
 
-fn extension(path: &Path) -> String {
+const KNOWN_TYPES: &str =
+    "give a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml";
+
+/// The extension of a file name in lower case.
+pub(super) fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// The file's name, or its folder's where the file has the name that all have.
+/// The name of the file, or that of its folder for the usual file name `scene.toml`.
 pub(super) fn scene_name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default();
     let folder = path.canonicalize().ok().and_then(|full| Some(full.parent()?.to_owned()));
@@ -145,13 +144,13 @@ pub(super) fn scene_name(path: &Path) -> String {
 fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let text = text::read(path)?;
     let file = scene_file::parse(path, &text)?;
-    let place = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
-    let camera = file.camera.get_ref().camera().map_err(|e| place(e, file.camera.span().start))?;
+    let at = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
+    let camera = file.camera.get_ref().camera().map_err(|e| at(e, file.camera.span().start))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut pictures = Pictures::new(folder);
+    let mut textures = TomlTextures::new(folder);
     let own = file.materials.iter().map(|(name, table)| {
         let material =
-            table.material(name, &mut pictures).map_err(|(error, offset)| place(error, offset))?;
+            table.material(name, &mut textures).map_err(|(error, offset)| at(error, offset))?;
         Ok((name.clone(), material))
     });
     let own: BTreeMap<String, Material> = own.collect::<Result<_>>()?;
@@ -160,59 +159,45 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut files: HashMap<PathBuf, ObjFile> = HashMap::new();
     for table in &file.mesh {
         let mesh = table.get_ref();
-        let transform = mesh.transform().map_err(|e| place(e, table.span().start))?;
-        let name = mesh.file.get_ref();
-        let obj_path = folder.join(name);
-        let here = |problem, advice| place(Error::new(problem, advice), mesh.file.span().start);
-        let kind = extension(&obj_path);
-        if !matches!(&kind[..], "obj" | "ply") {
-            let problem = format!("`{name}` is neither an OBJ nor a PLY file");
-            return Err(here(problem, "give a file ending in .obj or .ply"));
-        }
-        if kind == "ply" && mesh.material.is_none() {
-            let problem = format!("the mesh `{name}` has no material: PLY files name none");
-            return Err(here(problem, "add a line such as `material = \"chalk\"`"));
-        }
-        if let Err(error) = std::fs::metadata(&obj_path) {
-            let advice = "check the name; it is relative to the folder of the scene file";
-            return Err(here(format!("cannot read the mesh file `{name}`: {error}"), advice));
-        }
-        let is_new = !files.contains_key(&obj_path);
+        let transform = mesh.transform().map_err(|e| at(e, table.span().start))?;
+        let mesh_path = folder.join(mesh.file.get_ref());
+        let kind = mesh.kind(folder).map_err(|e| at(e, mesh.file.span().start))?;
+        let is_new = !files.contains_key(&mesh_path);
         if is_new {
-            let read = match &kind[..] {
-                "ply" => ObjFile::of(ply::read(&obj_path, ply::Rows::Up)?, &obj_path),
-                _ => obj::load(&obj_path)?,
+            let read = match kind {
+                MeshFileKind::Ply => {
+                    ObjFile::of(ply::read(&mesh_path, VDirection::Up)?, &mesh_path)
+                }
+                MeshFileKind::Obj => obj::load(&mesh_path)?,
             };
-            builder.notes.extend(read.notes.iter().cloned());
-            files.insert(obj_path.clone(), read);
+            builder.warnings.extend(read.notes.iter().cloned());
+            files.insert(mesh_path.clone(), read);
         }
-        let obj = &files[&obj_path];
-        let count = obj.triangle_count();
-        let places = match &mesh.places {
+        let obj = &files[&mesh_path];
+        let transforms = match &mesh.places {
             None => vec![transform],
-            Some(file) if folder.join(file.get_ref()).is_file() => {
-                instances::read(&folder.join(file.get_ref()))?
-                    .into_iter()
-                    .map(|place| place.flipped(mesh.flip))
-                    .collect()
-            }
-            Some(file) => {
-                let problem = format!("there is no file `{}`", file.get_ref());
-                let advice = "check the name; it is relative to the folder of the scene file";
-                return Err(place(Error::new(problem, advice), file.span().start));
+            Some(name) => {
+                let array = folder.join(name.get_ref());
+                if !array.is_file() {
+                    let problem = format!("there is no file `{}`", name.get_ref());
+                    return Err(at(Error::new(problem, RELATIVE_NAME), name.span().start));
+                }
+                let transforms = instances::read(&array)?.into_iter();
+                transforms.map(|transform| transform.flipped(mesh.flip)).collect()
             }
         };
-        let placed = count.saturating_mul(places.len() as u64);
+        let count = obj.triangle_count();
+        let placed = count.saturating_mul(transforms.len() as u64);
         builder.count(placed, if is_new { count } else { 0 }, path)?;
-        if let Some(wanted) = &mesh.material {
-            check_material(wanted.get_ref(), &file, obj)
-                .map_err(|e| place(e, wanted.span().start))?;
+        if let Some(name) = &mesh.material {
+            check_material(name.get_ref(), &file, obj).map_err(|e| at(e, name.span().start))?;
         }
         let material = mesh.material.as_ref().map(|name| name.get_ref().as_str());
-        for transform in &places {
-            builder.add(&obj_path, obj, transform, material, &own).ok_or_else(|| {
+        for transform in &transforms {
+            builder.add(&mesh_path, obj, transform, material, &own).ok_or_else(|| {
                 let problem = "the transform moves the mesh out of the range of coordinates";
-                place(Error::new(problem, "scale or move it less"), table.span().start)
+                let error = Error::new(problem, "reduce its scale or translation");
+                at(error, table.span().start)
             })?;
         }
     }
@@ -222,38 +207,39 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let unused = file.materials.keys().map(String::as_str).filter(|name| !used.contains(name));
     let unused: Vec<&str> = unused.collect();
     if !unused.is_empty() {
-        let note = format!("{}: no mesh uses the material {}", path.display(), list(unused));
-        builder.notes.push(Warning::chosen(note));
+        let text = format!("{}: no mesh uses the material {}", path.display(), list(unused));
+        builder.warnings.push(Warning::chosen(text));
     }
     let lights = file
         .light
         .iter()
-        .map(|table| table.get_ref().emitter().map_err(|error| place(error, table.span().start)));
+        .map(|table| table.get_ref().emitter().map_err(|error| at(error, table.span().start)));
     let lights = lights.collect::<Result<_>>()?;
     let regions = file
         .regions
         .iter()
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
+    let mut environment = options.extras(&mut builder.warnings)?.environment;
+    if let Some(table) = &file.environment {
+        if environment.is_some() {
+            builder.warnings.push(warnings::replaced_environment(path));
+        } else {
+            let own = table.get_ref().environment(folder, &mut builder.warnings);
+            // Problems of the map are about its own file.
+            let place = |error: Error| match error.is_placed() {
+                true => error,
+                false => at(error, table.span().start),
+            };
+            environment = Some(own.map_err(place)?);
+        }
+    }
     let regions = regions.collect();
-    let asked = options.rest(&mut builder.notes)?.environment;
-    let environment = match (&file.environment, asked) {
-        (None, asked) => asked,
-        (Some(_), Some(asked)) => {
-            let note = "--environment takes the place of its own";
-            builder.notes.push(Warning::chosen(format!("{}: {note}", path.display())));
-            Some(asked)
-        }
-        (Some(table), None) => {
-            let (own, start) = (table.get_ref(), table.span().start);
-            // What is wrong with the map is about its own file.
-            let read = own.environment(folder, &mut builder.notes);
-            Some(read.map_err(|error| if error.is_placed() { error } else { place(error, start) })?)
-        }
-    };
-    let rest = Rest { regions, environment, defaults: file.render.clone(), fallback: false };
-    builder.finish(path, lights, camera, rest)
+    let defaults = file.render.clone();
+    let extras = SceneExtras { regions, environment, defaults, default_light: false };
+    builder.finish(path, lights, camera, extras)
 }
 
+/// Refuses names of materials that neither the scene file nor the OBJ file defines.
 fn check_material(name: &str, file: &SceneFile, obj: &ObjFile) -> Result<()> {
     if file.materials.contains_key(name) || obj.materials.contains_key(name) {
         return Ok(());
@@ -275,7 +261,7 @@ fn load_obj(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let _ = builder.add(path, &obj, &Transform::IDENTITY, None, &BTreeMap::new());
     builder.arrange(path)?;
 
-    let camera = builder.place_camera(path)?;
-    let rest = options.rest(&mut builder.notes)?;
-    builder.finish(path, Vec::new(), camera, rest)
+    let camera = builder.default_camera(path)?;
+    let extras = options.extras(&mut builder.warnings)?;
+    builder.finish(path, Vec::new(), camera, extras)
 }

@@ -1,7 +1,8 @@
-//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear colors.
+//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear
+//! colors.
 
+use super::text;
 use crate::base::error::{Error, Result};
-use crate::import::text;
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use ply_rs_bw::parser::{Parser, Reader};
@@ -9,31 +10,31 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::io::BufReader;
 use std::path::Path;
 
-/// What to do about a malformed file.
-const AGAIN: &str = "export the mesh again";
+/// Advice for a malformed file.
+const EXPORT_AGAIN: &str = "export the mesh again";
 
-/// Which way texture coordinates `v` grow in the picture.
+/// Direction in which texture coordinates `v` grow in the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rows {
-    /// As most programs have it.
+pub(super) enum VDirection {
+    /// In most programs.
     Up,
-    /// As Mitsuba has it.
+    /// In Mitsuba.
     Down,
 }
 
-/// A vertex, a face, or whatever else there is.
+/// A vertex, a face, or any other element.
 #[derive(Default)]
-struct Item {
+struct PlyItem {
     position: [f32; 3],
     normal: [f32; 3],
     uv: [f32; 2],
     color: [f32; 3],
     corners: Vec<u32>,
-    /// Whether the list is none of indices.
+    /// Whether the list holds anything but indices.
     is_bad: bool,
 }
 
-impl Item {
+impl PlyItem {
     fn slot(&mut self, name: &str) -> Option<&mut f32> {
         Some(match name {
             "x" => &mut self.position[0],
@@ -52,7 +53,7 @@ impl Item {
     }
 }
 
-impl PropertyAccess for Item {
+impl PropertyAccess for PlyItem {
     fn new() -> Self {
         Self::default()
     }
@@ -74,22 +75,23 @@ impl PropertyAccess for Item {
     }
 }
 
-/// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0, 1].
+/// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0,
+/// 1].
 ///
 /// # Errors
-/// Names the file, and what is malformed.
-pub(super) fn read(path: &Path, rows: Rows) -> Result<Mesh> {
+/// Names the file and its problem.
+pub(super) fn read(path: &Path, v_direction: VDirection) -> Result<Mesh> {
     let broken = |problem: String| {
         let problem = problem.split_whitespace().collect::<Vec<_>>().join(" ");
         let problem: String = problem.chars().take(300).collect();
-        Error::new(format!("cannot read it as a PLY file: {problem}"), AGAIN).at(path)
+        Error::new(format!("cannot read it as a PLY file: {problem}"), EXPORT_AGAIN).at(path)
     };
     let mut reader = Reader::new(BufReader::new(text::open(path)?));
-    let parser = Parser::<Item>::new();
+    let parser = Parser::<PlyItem>::new();
     let header = parser.read_header(&mut reader).map_err(|e| broken(e.to_string()))?;
     let mut mesh = Mesh::default();
     for (name, element) in &header.elements {
-        // What has no properties takes no bytes, however often it is there.
+        // Elements without properties take no bytes, so that the file does not limit their number.
         if element.properties.is_empty() && element.count > 0 {
             return Err(broken(format!("the element `{name}` has no properties")));
         }
@@ -107,7 +109,10 @@ pub(super) fn read(path: &Path, rows: Rows) -> Result<Mesh> {
                     }
                     if has_uvs {
                         let [u, v] = item.uv;
-                        mesh.uvs.push(Vec2::new(u, if rows == Rows::Down { 1.0 - v } else { v }));
+                        mesh.uvs.push(Vec2::new(
+                            u,
+                            if v_direction == VDirection::Down { 1.0 - v } else { v },
+                        ));
                     }
                     if has_colors {
                         mesh.colors.push(Vec3::from(item.color).clamp(Vec3::ZERO, Vec3::ONE));
@@ -115,11 +120,9 @@ pub(super) fn read(path: &Path, rows: Rows) -> Result<Mesh> {
                 }
             }
             "face" => {
-                for (index, Item { corners, is_bad, .. }) in items.into_iter().enumerate() {
+                for (index, PlyItem { corners, is_bad, .. }) in items.into_iter().enumerate() {
                     if is_bad {
-                        return Err(broken(format!(
-                            "face {index} has corners that are no indices"
-                        )));
+                        return Err(broken(format!("face {index} has invalid vertex indices")));
                     }
                     let count = mesh.positions.len();
                     if let Some(bad) = corners.iter().find(|corner| **corner as usize >= count) {

@@ -1,4 +1,4 @@
-//! Colors of vertices in OBJ files, by the transfer curve of sRGB (IEC 61966-2-1).
+//! Encoding and decoding of colors by the transfer curve of sRGB (IEC 61966-2-1).
 
 use crate::base::math::Rgb;
 
@@ -7,12 +7,12 @@ fn linear(code: f64) -> f64 {
     if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The code of a linear value, in so many digits that it leads back.
+/// The code of a linear value, with enough digits to decode to the same value.
 fn code(linear: f64) -> f64 {
     if linear <= 0.04045 / 12.92 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// The linear color of these codes; what is beyond 0 and 1, or no number, is moved there.
+/// The linear color of these codes. They are clamped to [0, 1], and NaN becomes 0.
 pub(super) fn decode(codes: [f64; 3]) -> Rgb {
     let share = |code: f64| if code.is_nan() { 0.0 } else { code.clamp(0.0, 1.0) };
     Rgb::from_array(codes.map(|code| linear(share(code)) as f32))
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colors_come_back_as_they_were() {
+    fn encoded_colors_decode_to_the_same_values() {
         for i in 0..100_000_u32 {
             let bits = i.wrapping_mul(2_654_435_761);
             let value = f32::from_bits(bits % 1.0_f32.to_bits());

@@ -1,36 +1,37 @@
-//! What a scene file was found to hold, in short.
+//! A short summary of a scene file.
 
 use crate::scene::{Material, Scene};
 use serde::Serialize;
 use std::fmt;
-use std::sync::Arc;
 
-/// What was read.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+/// Contents of a scene file.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SceneSummary {
-    /// Meshes, one for each place, material and part of a mesh in the file.
+    /// Number of meshes, one for each placement, material and part of a mesh in the file.
     pub meshes: usize,
-    /// Triangles that have an area.
+    /// Number of triangles that have an area.
     pub triangles: usize,
     /// Names of the materials in use.
     pub materials: Vec<String>,
-    /// Number of pictures that they use.
+    /// Number of pictures that they use, however they are sampled.
     pub textures: usize,
-    /// Number of light sources, each emissive triangle one.
+    /// Number of light sources. Each emissive triangle is one.
     pub lights: usize,
-    /// Names of the lights, where the format has names for them.
+    /// Names of the lights, if the format has names for them.
     pub light_names: Vec<String>,
     /// Names of all cameras to choose from.
     pub cameras: Vec<String>,
-    /// The one that was chosen of them.
+    /// Name of the chosen camera.
     pub camera: Option<String>,
 }
 
 impl SceneSummary {
     pub(super) fn new(scene: &Scene) -> Self {
         let materials = scene.materials().iter();
-        let mut pictures: Vec<_> =
-            materials.flat_map(Material::textures).map(Arc::as_ptr).collect();
+        let mut pictures: Vec<_> = materials
+            .flat_map(Material::textures)
+            .map(|texture| texture.texels().as_ptr())
+            .collect();
         pictures.sort_unstable();
         pictures.dedup();
         let environment = usize::from(scene.lights().environment().is_some());
@@ -40,14 +41,13 @@ impl SceneSummary {
             materials: scene.materials().iter().map(|material| material.name.clone()).collect(),
             textures: pictures.len(),
             lights: scene.lights().emitters().len() + environment,
-            light_names: Vec::new(),
-            cameras: Vec::new(),
-            camera: None,
+            ..Self::default()
         }
     }
 }
 
-/// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of 3)`.
+/// One line, such as `2 meshes of 24 triangles, 1 material, 0 textures, 1 light, camera Front (of
+/// 3)`.
 impl fmt::Display for SceneSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

@@ -1,4 +1,4 @@
-//! Reading text files, and words for messages.
+//! Reading files, and lists for messages.
 
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
@@ -8,26 +8,36 @@ use std::path::{Path, PathBuf};
 
 pub(super) use crate::base::input::open;
 
-/// Largest accepted scene file, bytes. Geometry belongs into OBJ files, which have no limit.
+/// Largest accepted scene file, bytes. Geometry belongs in OBJ files, which have no limit.
 const MAX_SCENE_FILE: u64 = 16 << 20;
+
+/// Reads a file, cut off at `limit` bytes.
+pub(super) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = open(path)?.take(limit).read_to_end(&mut bytes);
+    read.map_err(|e| Error::io("read the file", path, e))?;
+    Ok(bytes)
+}
+
+/// Names the file, unless the error names one already.
+pub(super) fn placed_at(error: Error, path: &Path) -> Error {
+    if error.is_placed() { error } else { error.at(path) }
+}
+
+/// The advice for a file whose name is wrong in a scene file.
+pub(super) const RELATIVE_NAME: &str =
+    "check the name; it is relative to the folder of the scene file";
 
 /// Reads a small text file as a whole, without its byte order mark.
 pub(super) fn read(path: &Path) -> Result<String> {
-    let mut bytes = Vec::new();
-    open(path)?
-        .take(MAX_SCENE_FILE + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|e| Error::io("read the file", path, e))?;
+    let bytes = read_bytes(path, MAX_SCENE_FILE + 1)?;
     if bytes.len() as u64 > MAX_SCENE_FILE {
-        return Err(Error::new(
-            format!("the scene file is larger than {} MiB", MAX_SCENE_FILE >> 20),
-            "keep geometry in OBJ files",
-        )
-        .at(path));
+        let problem = format!("the scene file is larger than {} MiB", MAX_SCENE_FILE >> 20);
+        return Err(Error::new(problem, "keep geometry in OBJ files").at(path));
     }
     let text = String::from_utf8(bytes).map_err(|e| {
         let offset = e.utf8_error().valid_up_to();
-        // Valid up to the offset, so the lossy text has the same length up to there.
+        // The lossy text is the same up to the offset, where the bytes are valid.
         let text = String::from_utf8_lossy(e.as_bytes());
         Error::new("this is not UTF-8 text", "save the scene file as UTF-8")
             .at(path)
@@ -39,22 +49,27 @@ pub(super) fn read(path: &Path) -> Result<String> {
 /// Peak memory of reading a model over the size of its text: 3.4 to 5.5 for a million triangles.
 const TIMES_IN_MEMORY: f64 = 6.0;
 
-/// Reads an OBJ or MTL file of any size that memory has room for, without its byte order mark. Where
-/// all line ends are those of old Macs, they become new ones.
+/// Checks that `needed` bytes of memory are available; else the error has the rest of a sentence
+/// about them.
+pub(super) fn check_memory(needed: f64, available: Option<f64>) -> std::result::Result<(), String> {
+    match available {
+        Some(available) if needed > available => {
+            let [needed, available] = [needed, available].map(|bytes| bytes / GIB);
+            Err(format!("about {needed:.1} GiB of memory, but {available:.1} GiB are available"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Reads an OBJ or MTL file of any size that fits in memory, without its byte order mark. If all
+/// line ends are those of old Macs, they become line feeds.
 pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     let mut file = open(path)?;
     let needed = TIMES_IN_MEMORY * file.metadata().map_or(0, |metadata| metadata.len()) as f64;
-    match available_memory() {
-        Some(available) if needed > available => {
-            let (needed, available) = (needed / GIB, available / GIB);
-            let problem = format!(
-                "reading the file takes about {needed:.1} GiB of memory, but {available:.1} GiB are \
-                 available"
-            );
-            return Err(Error::new(problem, "split or simplify the model").at(path));
-        }
-        _ => {}
-    }
+    check_memory(needed, available_memory()).map_err(|problem| {
+        let problem = format!("reading the file takes {problem}");
+        Error::new(problem, "split or simplify the model").at(path)
+    })?;
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(|e| Error::io("read the file", path, e))?;
     if bytes.starts_with(b"\xef\xbb\xbf") {
@@ -66,7 +81,8 @@ pub(super) fn read_lines(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and no two names become one.
+/// Bytes as text: UTF-8, else Latin-1, in which each byte is a character and different names stay
+/// different.
 pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     match std::str::from_utf8(bytes) {
         Ok(text) => Cow::Borrowed(text),
@@ -74,8 +90,8 @@ pub(super) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The file that a model calls so, as text that was [`decoded`]: perhaps with the separators of another system,
-/// and perhaps by bytes that are no UTF-8.
+/// Finds the file of a [`decoded`] name. The name may have the separators of another system, or
+/// come from bytes that are not UTF-8.
 pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let names = [name.to_owned(), name.replace('\\', "/")];
     let as_text = names.iter().map(PathBuf::from);
@@ -83,7 +99,7 @@ pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     as_text.chain(as_bytes).map(|name| folder.join(name)).find(|path| path.exists())
 }
 
-/// The name as the bytes of Latin-1, if it has characters that UTF-8 would write otherwise.
+/// The name as bytes of Latin-1, if they differ from its UTF-8.
 #[cfg(unix)]
 fn latin1_path(name: &str) -> Option<PathBuf> {
     use std::os::unix::ffi::OsStringExt;
@@ -105,31 +121,27 @@ pub(super) fn split_keyword(line: &str) -> (&str, &str) {
 
 /// A few names for a message, in quotes.
 pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    const SHOWN: usize = 12;
     let mut names = names.into_iter();
-    let mut text = String::new();
-    for name in names.by_ref().take(SHOWN) {
-        let short: String = name.chars().take(60).collect();
-        text.push_str(if text.is_empty() { "`" } else { ", `" });
-        text.push_str(&short);
-        text.push('`');
-    }
+    let quoted = |name: &str| format!("`{}`", shortened(name, 60));
+    let shown: Vec<String> = names.by_ref().take(12).map(quoted).collect();
     match names.count() {
-        0 => text,
-        more => format!("{text} and {more} more"),
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
     }
 }
 
 /// A few problems for a message, one after the other.
 pub(super) fn problems<'a>(all: impl IntoIterator<Item = &'a str>) -> String {
-    const SHOWN: usize = 4;
     let mut all = all.into_iter();
-    let short = |text: &str| text.chars().take(200).collect::<String>();
-    let shown: Vec<String> = all.by_ref().take(SHOWN).map(short).collect();
+    let shown: Vec<String> = all.by_ref().take(4).map(|text| shortened(text, 200)).collect();
     match all.count() {
         0 => shown.join("; "),
         more => format!("{}; and {more} more", shown.join("; ")),
     }
+}
+
+fn shortened(text: &str, limit: usize) -> String {
+    text.chars().take(limit).collect()
 }
 
 #[cfg(test)]
@@ -137,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_lists_are_cut() {
+    fn long_lists_are_shortened() {
         assert_eq!(list(["a", "b"]), "`a`, `b`");
         assert!(list(["x"; 20]).ends_with("and 8 more"));
         assert_eq!(problems(["no a", "no b"]), "no a; no b");

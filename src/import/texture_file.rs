@@ -1,82 +1,96 @@
 //! Picture files as textures: PNG, JPEG, WebP, TIFF, BMP and TGA.
 
-use super::text;
+use super::srgb;
+use super::text::{check_memory, read_bytes};
 use crate::base::error::{Error, Result};
-use crate::base::memory::{GIB, available_memory};
-use crate::scene::Texture;
+use crate::base::math::Rgb;
+use crate::base::memory::available_memory;
+use crate::scene::{Texture, Wrap};
 use image::{ImageFormat, ImageReader, Limits};
-use std::io::{Cursor, Read};
+use std::io::Cursor;
 use std::path::Path;
 
-/// Most texels across and down.
+/// Maximum number of texels across and down.
 const MAX_SIZE: u32 = 16_384;
 /// Largest accepted file, bytes.
 const MAX_FILE: u64 = 1 << 30;
-/// Bytes of memory that a texel takes while it is read: as decoded, and twice as kept.
+/// Bytes of memory per texel while a picture is read: as decoded, and twice as stored.
 const TEXEL: f64 = 16.0;
-/// Most memory for decoding one, bytes: as much as the largest takes with 8 bits per channel.
+/// Maximum memory for decoding a picture, bytes: that of the largest one with 8 bits per channel.
 const MAX_MEMORY: u64 = 1 << 30;
 
 impl Texture {
-    /// Reads a picture file of whatever kind its content is. TGA files, which do not tell, are known by their
-    /// name.
+    /// Reads a picture file of the format that its content has. TGA files, whose content has no
+    /// signature, are recognized by their name.
     ///
     /// # Errors
-    /// If it cannot be read, or is of no known kind.
+    /// If the file cannot be read, or its format is unknown.
     pub(super) fn load(path: &Path) -> Result<Self> {
-        let mut bytes = Vec::new();
-        text::open(path)?
-            .take(MAX_FILE)
-            .read_to_end(&mut bytes)
-            .map_err(|e| Error::io("read the texture", path, e))?;
+        let bytes = read_bytes(path, MAX_FILE)?;
         let extension = path.extension().and_then(|extension| extension.to_str());
         let is_tga = extension.is_some_and(|extension| extension.eq_ignore_ascii_case("tga"));
-        let unsaid = is_tga.then_some(ImageFormat::Tga);
-        Self::decode_as(&bytes, unsaid).map_err(|error| error.at(path))
+        Self::decode_as(&bytes, is_tga.then_some(ImageFormat::Tga)).map_err(|error| error.at(path))
     }
 
-    /// From the content of a picture file, whichever kind that is.
+    /// Decodes the content of a picture file of any format that has a signature.
     ///
     /// # Errors
-    /// If it is of no known kind, or broken.
+    /// If the format is unknown, or the content is malformed.
     pub(super) fn decode(bytes: &[u8]) -> Result<Self> {
         Self::decode_as(bytes, None)
     }
 
-    /// The same; `unsaid` is the kind of what does not tell its own.
-    fn decode_as(bytes: &[u8], unsaid: Option<ImageFormat>) -> Result<Self> {
-        decoded(bytes, unsaid).map_err(|problem| {
+    /// Decodes a picture. `default` is the format of content without a signature.
+    fn decode_as(bytes: &[u8], default: Option<ImageFormat>) -> Result<Self> {
+        decoded(bytes, default).map_err(|problem| {
             let problem = format!("the texture cannot be read: {problem}");
             Error::new(problem, "save it again as PNG or JPEG of 8 bits per channel")
         })
     }
+
+    /// The texture with each texel changed, and the same sampling.
+    pub(super) fn map_texels(&self, change: impl Fn([u8; 4]) -> [u8; 4]) -> Self {
+        let [width, height] = self.size();
+        let texels = self.texels().iter().map(|texel| change(*texel)).collect();
+        Self::new(width, height, texels).sampled(self.sampling())
+    }
 }
 
-/// What decoders say: the problem alone, in words.
+/// The linear color of a texel, without its opacity.
+pub(super) fn linear_color([r, g, b, _]: [u8; 4]) -> Rgb {
+    srgb::decode([r, g, b].map(|code| f64::from(code) / 255.0))
+}
+
+impl Wrap {
+    /// Names in scene files.
+    pub(super) const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
+
+    /// The name in scene files.
+    pub(super) fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+
+    pub(super) fn from_name(name: &str) -> Option<Self> {
+        [Self::Repeat, Self::Mirror, Self::Clamp].into_iter().find(|wrap| wrap.name() == name)
+    }
+}
+
+/// Results of decoders, whose error is the problem in words.
 type Decoded<T> = std::result::Result<T, String>;
 
 /// Refuses pictures without texels and those that memory might not hold, before they are decoded.
 fn check_size(width: u32, height: u32, available: Option<f64>) -> Decoded<()> {
     let size = format!("it has {width}x{height} texels");
     if !((1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height)) {
-        return Err(format!("{size}; at most {MAX_SIZE} across and down are taken"));
+        return Err(format!("{size}; at most {MAX_SIZE} across and down are supported"));
     }
-    let needed = TEXEL * f64::from(width) * f64::from(height);
-    match available {
-        Some(available) if needed > available => Err(format!(
-            "{size}, which take about {:.1} GiB of memory, but {:.1} GiB are available; scale it \
-             down",
-            needed / GIB,
-            available / GIB
-        )),
-        _ => Ok(()),
-    }
+    check_memory(TEXEL * f64::from(width) * f64::from(height), available)
+        .map_err(|problem| format!("{size}, which take {problem}; scale it down"))
 }
 
-/// The texture, or the problem alone in words.
-fn decoded(bytes: &[u8], unsaid: Option<ImageFormat>) -> Decoded<Texture> {
+fn decoded(bytes: &[u8], default: Option<ImageFormat>) -> Decoded<Texture> {
     let known = image::guess_format(bytes).ok().filter(ImageFormat::reading_enabled);
-    let format = known.or(unsaid).ok_or("it is no PNG, JPEG, WebP, TIFF, BMP or TGA file")?;
+    let format = known.or(default).ok_or("it is not a PNG, JPEG, WebP, TIFF, BMP or TGA file")?;
     let reader = || ImageReader::with_format(Cursor::new(bytes), format);
     let (width, height) = reader().into_dimensions().map_err(|e| e.to_string())?;
     check_size(width, height, available_memory())?;
@@ -93,9 +107,10 @@ fn decoded(bytes: &[u8], unsaid: Option<ImageFormat>) -> Decoded<Texture> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::memory::GIB;
 
     #[test]
-    fn sizes_that_memory_cannot_hold_are_refused() {
+    fn pictures_beyond_memory_or_maximum_size_are_refused() {
         check_size(16_384, 16_384, None).unwrap();
         check_size(16_384, 16_384, Some(4.1 * GIB)).unwrap();
         let shown = check_size(16_384, 16_384, Some(3.9 * GIB)).unwrap_err();

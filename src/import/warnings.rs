@@ -1,10 +1,13 @@
-//! What the user should know about how a scene was read.
+//! Warnings about how a scene was read.
 
+use super::text::{list, problems};
 use crate::base::error::{Error, Result, visible};
 use serde::Serialize;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::{self, Write};
+use std::path::Path;
 
-/// What was left out or chosen for the user.
+/// Something that was left out of the scene, or chosen for the user.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Warning {
     /// Whether anything is missing.
@@ -14,25 +17,31 @@ pub struct Warning {
 }
 
 /// Kinds of [`Warning`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum WarningKind {
-    /// The file says it, and the image lacks it.
+    /// The image lacks something that the file contains.
     Skipped,
-    /// The file leaves it open, or it makes no difference.
+    /// The file leaves something open, or the change has no visible effect.
     Chosen,
 }
 
 impl Warning {
-    /// Of something that the image lacks.
+    /// A warning about something that the image lacks.
     pub fn skipped(text: impl Into<String>) -> Self {
         Self { kind: WarningKind::Skipped, text: text.into() }
     }
 
-    /// Of something that the file leaves open.
+    /// A warning about something that the file leaves open.
     pub fn chosen(text: impl Into<String>) -> Self {
         Self { kind: WarningKind::Chosen, text: text.into() }
     }
+}
+
+/// A warning that the requested environment replaces that of the file.
+pub(super) fn replaced_environment(path: &Path) -> Warning {
+    let text = "the given environment replaces that of the file";
+    Warning::chosen(format!("{}: {text}", path.display()))
 }
 
 impl fmt::Display for Warning {
@@ -41,17 +50,47 @@ impl fmt::Display for Warning {
     }
 }
 
-/// Refuses a scene of which anything was skipped.
-pub(super) fn require_complete(notes: &[Warning]) -> Result<()> {
-    const SHOWN: usize = 5;
-    let mut skipped = notes.iter().filter(|note| note.kind == WarningKind::Skipped);
-    let shown: Vec<&str> = skipped.by_ref().take(SHOWN).map(|note| &note.text[..]).collect();
-    let mut text = shown.join("; ");
-    match skipped.count() {
-        _ if shown.is_empty() => return Ok(()),
-        0 => {}
-        more => text += &format!("; and {more} more"),
+/// Refuses a scene if anything was skipped.
+pub(super) fn require_complete(warnings: &[Warning]) -> Result<()> {
+    let skipped = warnings.iter().filter(|warning| warning.kind == WarningKind::Skipped);
+    let text = problems(skipped.map(|warning| &warning.text[..]));
+    if text.is_empty() {
+        return Ok(());
     }
-    let advice = "change the files, or leave --strict out to render without it";
+    let advice = "change the files, or load the scene without strict checking";
     Err(Error::new(format!("not all of the scene can be rendered: {text}"), advice))
+}
+
+/// Warnings that many elements of a file share: the names of the elements by kind and phrase.
+#[derive(Default)]
+pub(super) struct GroupedWarnings(BTreeMap<(WarningKind, String), BTreeSet<String>>);
+
+impl GroupedWarnings {
+    /// The image lacks something of the element `name`, or shows it differently.
+    pub fn skipped(&mut self, phrase: impl Into<String>, name: &str) {
+        self.add(WarningKind::Skipped, phrase.into(), name);
+    }
+
+    /// Each phrase whose condition is met describes something that the image lacks of `name`.
+    pub fn skipped_if<const N: usize>(&mut self, phrases: [(bool, &str); N], name: &str) {
+        let met = phrases.into_iter().filter(|(condition, _)| *condition);
+        met.for_each(|(_, phrase)| self.skipped(phrase, name));
+    }
+
+    /// Something was chosen for the element `name`.
+    pub fn chosen(&mut self, phrase: impl Into<String>, name: &str) {
+        self.add(WarningKind::Chosen, phrase.into(), name);
+    }
+
+    fn add(&mut self, kind: WarningKind, phrase: String, name: &str) {
+        self.0.entry((kind, phrase)).or_default().insert(name.to_owned());
+    }
+
+    /// One warning for each phrase, about the file of this name.
+    pub fn into_warnings(self, file: &str) -> impl Iterator<Item = Warning> {
+        self.0.into_iter().map(move |((kind, phrase), names)| {
+            let names = list(names.iter().map(String::as_str));
+            Warning { kind, text: format!("{file}: {phrase} {names}") }
+        })
+    }
 }

@@ -88,7 +88,7 @@ impl Model {
         self.text_with(json!(format!("data:application/octet-stream;base64,{data}")))
     }
 
-    /// The same with another URI, or none.
+    /// The JSON text with another URI of the buffer, or none.
     pub fn text_with(&self, uri: Value) -> String {
         let mut json = self.json.clone();
         if json["buffers"].is_null() && !self.bin.is_empty() {
@@ -158,7 +158,7 @@ pub fn grey() -> Value {
     json!({ "pbrMetallicRoughness": pbr, "doubleSided": true, "extensions": diffuse() })
 }
 
-/// What leaves a material without highlights.
+/// Extensions that leave a material without highlights.
 pub fn diffuse() -> Value {
     json!({ "KHR_materials_ior": { "ior": 1 } })
 }

@@ -68,13 +68,13 @@ fn changed(from: &str, to: &str) -> Files {
 }
 
 #[test]
-fn the_scene_that_is_broken_below_is_good() {
+fn base_scene_of_the_other_tests_loads() {
     assert_eq!(toml(SCENE).load().scene.triangle_count(), 1);
     assert_eq!(obj(TRIANGLE).load().scene.triangle_count(), 1);
 }
 
 #[test]
-fn missing_files() {
+fn missing_files_are_refused() {
     let folder = TempDir::new().unwrap();
     for name in ["no.toml", "no.obj", "no"] {
         let error = load(&folder.path().join(name)).unwrap_err().to_string();
@@ -85,7 +85,7 @@ fn missing_files() {
 }
 
 #[test]
-fn folders_and_other_types() {
+fn folders_and_unknown_types_are_refused() {
     let empty = TempDir::new().unwrap();
     let error = load(empty.path()).unwrap_err().to_string();
     assert!(error.contains("holds no scene.toml"), "{error}");
@@ -111,7 +111,7 @@ fn endless_devices_are_not_read() {
 }
 
 #[test]
-fn malformed_obj() {
+fn malformed_obj_records_are_refused() {
     let vertex = "such as `v 0.5 1 -2`";
     obj("v 1 2 x\n").refused(&["a.obj:1: `x` is not a number", "1 | v 1 2 x", vertex]);
     obj("\nv 1 2\n").refused(&["a.obj:2: the vertex has 2 coordinates", vertex]);
@@ -125,7 +125,7 @@ fn malformed_obj() {
 }
 
 #[test]
-fn coordinates_that_are_not_finite_or_too_large() {
+fn coordinates_that_are_not_finite_or_too_large_are_refused() {
     for (word, problem) in [
         ("nan", "not finite"),
         ("-inf", "not finite"),
@@ -140,7 +140,7 @@ fn coordinates_that_are_not_finite_or_too_large() {
 }
 
 #[test]
-fn indices_out_of_range() {
+fn indices_out_of_range_are_refused() {
     for index in ["4", "0", "-4", "9223372036854775807", "-9223372036854775808"] {
         let content = TRIANGLE.replace("f 1 2 3", &format!("f 1 2 {index}"));
         let problem = format!("a.obj:4: the face refers to vertex {index}, but 3 are defined");
@@ -151,7 +151,7 @@ fn indices_out_of_range() {
 }
 
 #[test]
-fn empty_meshes_and_triangles_without_area() {
+fn scenes_without_triangles_of_any_area_are_refused() {
     for content in ["", "# nothing\n", "v 0 0 0\n", "v 0 0 0\nf 1 1\n"] {
         obj(content).refused(&["a.obj: the scene has no triangle", "add a mesh"]);
     }
@@ -161,11 +161,11 @@ fn empty_meshes_and_triangles_without_area() {
     obj(&format!("{flat}f 1 2 3\nf 1 1 2\n")).refused(&["all 2 triangles", "no area"]);
     let loaded = obj(&format!("{flat}v 0 1 0\nf 1 2 3\nf 1 2 4\nf 1 1 4\n")).load();
     assert_eq!(loaded.scene.triangle_count(), 1);
-    assert!(loaded.notes.iter().any(|n| n.text == "dropped 2 triangles without area"));
+    assert!(loaded.warnings.iter().any(|n| n.text == "dropped 2 triangles without area"));
 }
 
 #[test]
-fn malformed_mtl() {
+fn malformed_mtl_records_are_refused() {
     mtl("newmtl m\nKd 1 0\n").refused(&["a.mtl:2: `Kd` needs three numbers", "`Kd 0.5 0.5 0.5`"]);
     mtl("newmtl m\nKe 1 x 0\n").refused(&["a.mtl:2: `Ke` needs three numbers", "2 | Ke 1 x 0"]);
     mtl("newmtl m\nKe 1 -1 0\n").refused(&["a.mtl:2: `Ke` is negative", "at least 0"]);
@@ -175,22 +175,25 @@ fn malformed_mtl() {
 }
 
 #[test]
-fn a_missing_library_or_material_is_noted() {
+fn missing_libraries_and_materials_are_warnings() {
     let loaded = obj(&format!("mtllib no.mtl\nusemtl m\n{TRIANGLE}")).load();
-    let notes = loaded.notes_text();
-    assert!(notes.contains("a.obj:1: the material library `no.mtl` does not exist"), "{notes}");
-    assert!(notes.contains("`m` undefined; took grey of albedo 0.5"), "{notes}");
+    let warnings = loaded.warnings_text();
+    assert!(
+        warnings.contains("a.obj:1: the material library `no.mtl` does not exist"),
+        "{warnings}"
+    );
+    assert!(warnings.contains("`m` undefined; used gray of albedo 0.5"), "{warnings}");
 }
 
 #[test]
-fn duplicate_names() {
+fn duplicate_names_are_refused() {
     toml(&format!("{SCENE}[materials.m]\n[materials.m]\n")).refused(&["s.toml:14: duplicate key"]);
     changed("fov_y_deg = 40", "fov_y_deg = 40\nfov_y_deg = 41")
         .refused(&["s.toml:5: duplicate key"]);
 }
 
 #[test]
-fn malformed_toml() {
+fn malformed_toml_is_refused() {
     changed("= [0, 0, 0]", "= [0, 0").refused(&["s.toml:", "help: "]);
     changed("[camera]", "[camera").refused(&["s.toml:1: ", "1 | [camera"]);
     changed("40", "4o").refused(&["s.toml:4: ", "4 | fov_y_deg = 4o"]);
@@ -199,7 +202,7 @@ fn malformed_toml() {
 }
 
 #[test]
-fn unknown_keys_and_values() {
+fn unknown_keys_and_values_are_refused() {
     toml(&format!("{SCENE}\n[materials.m]\nalbdo = 0.5\n")).refused(&[
         "s.toml:15: unknown key `albdo`",
         "15 | albdo = 0.5",
@@ -221,7 +224,7 @@ fn unknown_keys_and_values() {
 }
 
 #[test]
-fn missing_keys() {
+fn missing_keys_are_refused() {
     toml("").refused(&["s.toml", "the key `camera` is missing", "docs/scene-format.md"]);
     changed("position = [0, 0, 5]\nt", "t").refused(&["s.toml:1: the key `position` is missing"]);
     changed("file = \"a.obj\"\n", "").refused(&["s.toml:6: the key `file` is missing"]);
@@ -229,7 +232,7 @@ fn missing_keys() {
 }
 
 #[test]
-fn wrong_types() {
+fn values_of_wrong_types_are_refused() {
     changed("= [0, 0, 5]", "= \"here\"")
         .refused(&["s.toml:2: wrong type: string \"here\"", "3 numbers"]);
     changed("= [0, 0, 5]", "= [0, 5]").refused(&["s.toml:2: the list has 2 numbers", "give 3"]);
@@ -249,7 +252,7 @@ fn wrong_types() {
 }
 
 #[test]
-fn values_out_of_range() {
+fn values_out_of_range_are_refused() {
     for (line, problem, advice) in [
         ("resolution = [0, 512]", "the resolution is 0x512 pixels", "such as 512x512"),
         ("resolution = [512, 70000]", "the resolution is 512x70000", "65536"),
@@ -279,7 +282,7 @@ fn values_out_of_range() {
 }
 
 #[test]
-fn impossible_materials() {
+fn contradictory_materials_are_refused() {
     let with = |lines: &str| toml(&format!("{SCENE}[materials.m]\n{lines}\n"));
     with("type = \"mirror\"\nalbedo = 0.5")
         .refused(&["s.toml:15: a material of type `mirror` has no `albedo`", "`reflectance`"]);
@@ -289,11 +292,11 @@ fn impossible_materials() {
     with("type = \"metal\"\nmetal = \"gold\"\nreflectance = 1")
         .refused(&["s.toml:15: the metal is described twice", "one of `metal`"]);
     with("type = \"metal\"\neta = 1\nk = 1\nreflectance = 1").refused(&["s.toml:17: the metal is"]);
-    with("type = \"metal\"\neta = 1").refused(&["s.toml:15: `eta` comes without `k`"]);
-    with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` comes without `eta`"]);
+    with("type = \"metal\"\neta = 1").refused(&["s.toml:15: `eta` has no `k`"]);
+    with("type = \"metal\"\nk = 1").refused(&["s.toml:15: `k` has no `eta`"]);
     with("type = \"glossy\"\nmetallic = 2").refused(&["s.toml:15: the metallic share is out"]);
     with("metallic_roughness_texture = \"a.png\"").refused(&["s.toml:14: a material of type"]);
-    with("normal_scale = 2").refused(&["s.toml:14: `normal_scale` comes without"]);
+    with("normal_scale = 2").refused(&["s.toml:14: `normal_scale` has no `normal_texture`"]);
     for key in ["normal_texture", "emission_texture", "opacity_texture"] {
         with(&format!("{key} = \"a.png\"")).refused(&["s.toml:14: there is no texture `a.png`"]);
     }
@@ -310,7 +313,7 @@ fn impossible_materials() {
         .refused(&["s.toml:14: unknown key `flip`", "use one of `file`, `wrap`, `filter`"]);
     with("normal_texture = 3")
         .refused(&["s.toml:14: wrong type", "the name of a file, or a table"]);
-    with("type = \"glossy\"\nalpha = 0.3\nroughness = 0.5").refused(&["`alpha` comes besides"]);
+    with("type = \"glossy\"\nalpha = 0.3\nroughness = 0.5").refused(&["`alpha` and `roughness`"]);
     with("texture_filter = 3").refused(&["s.toml:14: ", "help: "]);
     with("type = \"coated\"\nroughness = 0.1").refused(&["s.toml:15: a material of type `coated`"]);
     for (line, part) in [
@@ -325,7 +328,7 @@ fn impossible_materials() {
 }
 
 #[test]
-fn malformed_numbers_of_mtl_materials() {
+fn malformed_numbers_of_mtl_materials_are_refused() {
     for (line, part) in [
         ("Ks 1", ""),
         ("d -halo 1", ""),
@@ -349,7 +352,7 @@ fn malformed_numbers_of_mtl_materials() {
 }
 
 #[test]
-fn impossible_cameras() {
+fn impossible_cameras_are_refused() {
     changed("target = [0, 0, 0]\n", "")
         .refused(&["s.toml:1: the camera needs exactly one of `target`"]);
     changed("fov_y_deg = 40", "fov_y_deg = 40\nfov_x_deg = 40")
@@ -386,7 +389,7 @@ fn impossible_cameras() {
 }
 
 #[test]
-fn impossible_transforms_and_materials() {
+fn impossible_transforms_and_unknown_materials_are_refused() {
     let with = |line: &str| changed("\"a.obj\"", &format!("\"a.obj\"\n{line}"));
     with("scale = 0").refused(&["s.toml:6: the transform flattens the mesh"]);
     with("translate = 5").refused(&["s.toml:6: `translate` is a single number"]);
@@ -404,7 +407,7 @@ fn impossible_transforms_and_materials() {
 }
 
 #[test]
-fn impossible_lights() {
+fn impossible_lights_are_refused() {
     let light = |text: &str| {
         let [before, _] = SCENE.split("[[light]]").collect::<Vec<_>>()[..] else { unreachable!() };
         toml(&format!("{before}[[light]]\n{text}"))
@@ -431,7 +434,7 @@ fn impossible_lights() {
 }
 
 #[test]
-fn no_light() {
+fn scenes_without_light_are_refused() {
     let dark = SCENE.split("[[light]]").next().unwrap();
     toml(dark).refused(&["s.toml: the scene has no light", "`[[light]]`", "`emission`"]);
     changed("intensity = 10", "intensity = 0").refused(&["s.toml: the scene has no light"]);
@@ -439,7 +442,7 @@ fn no_light() {
 }
 
 #[test]
-fn binary_garbage() {
+fn binary_files_are_refused() {
     let bytes: Vec<u8> =
         (0..4096_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
     files(&[("a.obj", &bytes)]).refused(&["a.obj:", "not a text file"]);
@@ -450,21 +453,25 @@ fn binary_garbage() {
 }
 
 #[test]
-fn absurd_counts() {
+fn absurd_counts_are_refused_or_summarized() {
     let libraries: String = (0..2000).map(|i| format!("mtllib {i}.mtl\n")).collect();
     obj(&libraries).refused(&["a.obj:1001: more than 1000 material libraries", "fewer MTL files"]);
-    // Of many objects and materials each is held once, and of many records of no meaning few.
+    // Objects and materials are stored once each. Few of many unknown records are reported.
     let many: String =
         (0..200_000).map(|i| format!("o {i}\nusemtl {i}\nf 1 2 3\nx{i} 1\n")).collect();
     let loaded = obj(&format!("{TRIANGLE}{many}{many}")).load();
     assert_eq!(loaded.scene.meshes().len(), 200_001);
     assert_eq!(loaded.scene.materials().len(), 200_001);
     assert_eq!(loaded.scene.triangle_count(), 400_001);
-    assert!(loaded.notes.len() < 10 && loaded.notes_text().len() < 5000, "{:?}", loaded.notes);
+    assert!(
+        loaded.warnings.len() < 10 && loaded.warnings_text().len() < 5000,
+        "{:?}",
+        loaded.warnings
+    );
 }
 
 #[test]
-fn endless_lines() {
+fn endless_lines_are_refused() {
     let line = "v ".to_owned() + &"1".repeat(2 << 20);
     obj(&line).refused(&["a.obj:1: the line is longer than 1048576 bytes", "split it"]);
     let comment = format!("{SCENE}# {}", "x".repeat(17 << 20));
@@ -472,7 +479,7 @@ fn endless_lines() {
 }
 
 #[test]
-fn spaces_byte_order_marks_and_windows_line_ends_just_work() {
+fn files_with_spaces_byte_order_marks_and_windows_line_ends_load() {
     let folder = TempDir::new().unwrap();
     let inner = folder.path().join("my scene é");
     std::fs::create_dir(&inner).unwrap();

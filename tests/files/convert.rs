@@ -3,7 +3,7 @@
 use crate::model::*;
 use crate::program::{assert_refused, json, text};
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
-use bdpm::import::{Loaded, load, save};
+use bdpm::import::{Loaded, export, load};
 use bdpm::scene::Material;
 use glam::Vec3;
 use serde_json::json;
@@ -25,11 +25,11 @@ fn bits(normals: &[Vec3]) -> Vec<u32> {
 #[track_caller]
 fn assert_kept(loaded: &Loaded) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let saved = save(loaded, "a b", folder.path(), false).unwrap_or_else(|e| panic!("{e}"));
-    assert!(saved.notes.is_empty(), "{:?}", saved.notes);
+    let exported = export(loaded, "a b", folder.path(), false).unwrap_or_else(|e| panic!("{e}"));
+    assert!(exported.warnings.is_empty(), "{:?}", exported.warnings);
     let text = fs::read_to_string(folder.path().join("scene.toml")).unwrap();
     let again = load(folder.path()).unwrap_or_else(|e| panic!("{e}\n{text}"));
-    assert_eq!(again.notes_text(), "", "{text}");
+    assert_eq!(again.warnings_text(), "", "{text}");
     let (a, b) = (&loaded.scene, &again.scene);
     assert_eq!(a.camera, b.camera, "{text}");
     // Copies of a mesh that was held once have other rounding errors.
@@ -57,7 +57,7 @@ fn assert_files_kept(list: &[(&str, &[u8])]) -> TempDir {
 }
 
 #[test]
-fn the_scenes_that_come_with_the_program() {
+fn committed_scenes_are_exported_without_loss() {
     let mut count = 0;
     for entry in fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes")).unwrap() {
         let folder = entry.unwrap().path();
@@ -142,7 +142,7 @@ fn textured() -> Model {
 }
 
 #[test]
-fn gltf_with_textures_lights_and_names_twice() {
+fn gltf_scenes_with_repeated_names_are_exported_without_loss() {
     let model = textured();
     let loaded = model.load();
     let folder = assert_kept(&loaded);
@@ -159,7 +159,7 @@ fn gltf_with_textures_lights_and_names_twice() {
 }
 
 #[test]
-fn obj_files_with_their_materials() {
+fn obj_models_are_exported_without_loss() {
     let mtl = "newmtl shiny\nKd .3 .2 .1\nKs .5\nillum 2\nNs 37\nNi 1.4\nnewmtl steel\nKd 0\nKs .7\n\
                Ns 12\nillum 3\nnewmtl glass\nillum 7\nNi 1.5\nNs 900\nnewmtl lamp\nKd 0\nKe 3 2 1\n";
     let mut obj = "mtllib a.mtl\nvn 0.1 0.2 0.7\nvn 0 0.5 1\nvn 0.3 0.3 0.3\n".to_owned();
@@ -171,7 +171,7 @@ fn obj_files_with_their_materials() {
 }
 
 #[test]
-fn scene_files_with_everything() {
+fn scene_files_with_all_tables_are_exported_without_loss() {
     let folder = TempDir::new().unwrap();
     let radiance: Vec<Vec3> = (0..8).map(|i| Vec3::new(0.1, 1.7, 1e-3) * i as f32).collect();
     let layers = vec![Layer::rgb("", &radiance)];
@@ -232,7 +232,7 @@ fn scene_files_with_everything() {
     // The grey of faces without material is a choice of the original.
     let folder = TempDir::new().unwrap();
     let loaded = files(&list).load();
-    save(&loaded, "a", folder.path(), false).unwrap();
+    export(&loaded, "a", folder.path(), false).unwrap();
     assert_eq!(load(folder.path()).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
 }
 
@@ -256,11 +256,11 @@ fn fan(triangles: usize) -> Model {
 }
 
 #[test]
-fn mirrored_meshes_and_those_that_lose_triangles() {
+fn mirrored_and_partly_dropped_meshes_are_exported_without_loss() {
     let mut model = fan(5);
     model.node(json!({ "mesh": 0, "scale": [-1, 2, 1], "rotation": [0, 0.6, 0, 0.8] }));
     assert_kept(&model.load());
-    // Of the four corners one is of a triangle without area alone.
+    // One of the four corners is only used by a triangle without area.
     let mut model = Model::new();
     let corners = [[5.0, 0.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let part = json!({
@@ -276,8 +276,8 @@ fn mirrored_meshes_and_those_that_lose_triangles() {
 }
 
 #[test]
-fn meshes_at_many_places_keep_their_normals() {
-    // Once as instances, and once as parts of which none is worth it alone: both are there together.
+fn instanced_meshes_keep_their_normals_when_exported() {
+    // One group becomes instances. The other has parts that are too small alone, but not together.
     let mut model = fan(150);
     let part = model.json["meshes"][0]["primitives"][0].clone();
     model.json["meshes"][0]["primitives"] = json!([part, part]);
@@ -294,18 +294,18 @@ fn meshes_at_many_places_keep_their_normals() {
 }
 
 #[test]
-fn tangents_are_missed() {
+fn lost_tangents_are_warnings() {
     let mut model = textured();
     let tangents = bytes([[0.0, 2.0, 0.0, 1.0]; 4].as_flattened());
     let accessor = model.accessor(&tangents, F32, "VEC4", 4);
     model.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] = json!(accessor);
     let folder = TempDir::new().unwrap();
-    let saved = save(&model.load(), "a", folder.path(), false).unwrap();
-    assert!(saved.notes[0].text.contains("no tangents"), "{:?}", saved.notes);
+    let exported = export(&model.load(), "a", folder.path(), false).unwrap();
+    assert!(exported.warnings[0].text.contains("no tangents"), "{:?}", exported.warnings);
 }
 
 #[test]
-fn the_program_converts_and_replaces_nothing() {
+fn conversion_without_force_replaces_no_file() {
     let files = textured().files();
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("new/folder");
@@ -313,7 +313,11 @@ fn the_program_converts_and_replaces_nothing() {
     assert_eq!(report["fingerprints"][0], report["fingerprints"][1]);
     assert_eq!(report["files"], 6);
     let before = fs::read(out.join("scene.toml")).unwrap();
-    assert_refused(&convert(&[&files.1, &out], &[]), "already holds `scene.toml`", "--force");
+    assert_refused(
+        &convert(&[&files.1, &out], &[]),
+        "already holds `scene.toml`",
+        "allow its files",
+    );
     assert_eq!(fs::read(out.join("scene.toml")).unwrap(), before);
     let again = convert(&[&files.1, &out], &["--force"]);
     let shown = text(&again.stdout);

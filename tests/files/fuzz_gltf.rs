@@ -1,6 +1,6 @@
-//! No glTF file makes the loader panic or hold more than its size warrants: a good one with values of its
-//! JSON replaced, with pieces of its text or bytes deleted, doubled or replaced. `PROPTEST_CASES=100000`
-//! tries far more.
+//! No glTF file makes the loader panic or hold more than its size warrants: a good one with values
+//! of its JSON replaced, with pieces of its text or bytes deleted, doubled or replaced.
+//! `PROPTEST_CASES=100000` tries far more.
 
 use crate::model::*;
 use crate::mutate::{apply, change, load_and_check};
@@ -271,12 +271,12 @@ proptest! {
 
 /// The mutations above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     for (name, content) in
         [("a.gltf", rich_text()), ("a.glb", RICH.glb()), ("b.glb", as_glb(&RICH))]
     {
         let loaded = files(&[(name, &content)]).load();
-        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.notes_text());
+        assert_eq!(loaded.scene.meshes().len(), 7, "{}", loaded.warnings_text());
         assert_eq!(loaded.scene.materials().len(), 3);
         assert_eq!(loaded.scene.lights().emitters().len(), 3 + 2);
     }

@@ -1,5 +1,5 @@
-//! No file of Mitsuba's, and no mesh that it names, makes the loader panic: good ones with pieces deleted, doubled or
-//! replaced. `PROPTEST_CASES=100000` tries far more.
+//! No file of Mitsuba's, and no mesh that it names, makes the loader panic: good ones with pieces
+//! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
 use crate::mutate::{apply, change};
 use bdpm::import::load;
@@ -96,7 +96,7 @@ proptest! {
 
 /// The mutations above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     for scene in SCENES {
         let folder = tempfile::tempdir().unwrap();
         let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mitsuba");

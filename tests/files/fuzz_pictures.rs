@@ -1,6 +1,6 @@
-//! No picture makes the loader panic or take much memory: textures (PNG, JPEG and other kinds) and maps of the
-//! environment (EXR, HDR) with bytes replaced, deleted and doubled. `PROPTEST_CASES=100000` tries far
-//! more.
+//! No picture makes the loader panic or take much memory: textures (PNG, JPEG and other kinds) and
+//! maps of the environment (EXR, HDR) with bytes replaced, deleted and doubled.
+//! `PROPTEST_CASES=100000` tries far more.
 
 use crate::mutate::{apply, change, load_and_check};
 use bdpm::image_io::{Image, Layer, write_exr};
@@ -87,7 +87,7 @@ fn check(name: &str, picture: &[u8]) {
     assert!(peak_memory().is_none_or(|peak| peak < 2 << 30), "took {:?} bytes", peak_memory());
 }
 
-/// Most memory that was held so far, bytes, where the system tells (Linux).
+/// Peak memory of the process, bytes, if the system reports it (Linux).
 fn peak_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -155,7 +155,7 @@ proptest! {
 
 /// Found by the changes above: memory was taken for what the head says.
 #[test]
-fn sizes_that_no_such_file_has_are_refused() {
+fn impossible_picture_sizes_are_refused() {
     let mut picture = EXR.clone();
     let name = b"dataWindow\0box2i\0";
     let window = picture.windows(name.len()).position(|bytes| bytes == name).unwrap();
@@ -172,12 +172,12 @@ fn sizes_that_no_such_file_has_are_refused() {
 
 /// The changes above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     let named = [("a.png", &PNG[..]), ("a.jpg", JPEG), ("a.exr", &EXR[..]), ("a.hdr", &HDR[..])];
     let others = OTHERS.iter().map(|(name, picture)| (*name, &picture[..]));
     for (name, picture) in named.into_iter().chain(others) {
         let folder = scene(name, picture);
         let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(loaded.notes_text(), "", "{name}");
+        assert_eq!(loaded.warnings_text(), "", "{name}");
     }
 }

@@ -72,7 +72,7 @@ proptest! {
 
 /// The mutations above start from files that load; otherwise they would test nothing but refusal.
 #[test]
-fn the_untouched_files_load() {
+fn unmodified_files_load() {
     let folder = tempfile::tempdir().unwrap();
     for (file, content) in [
         ("scene.toml", example()),

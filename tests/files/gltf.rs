@@ -1,5 +1,5 @@
-//! glTF: every way to store a shape is the same shape, and nodes put it where they say. What the same
-//! scene is as OBJ or TOML, it is bit for bit; materials, lights and cameras are in
+//! glTF: every way to store a shape is the same shape, and nodes put it where they say. What the
+//! same scene is as OBJ or TOML, it is bit for bit; materials, lights and cameras are in
 //! `gltf_looks.rs`.
 
 use crate::model::*;
@@ -14,7 +14,7 @@ fn as_obj(content: &str) -> Loaded {
 }
 
 #[test]
-fn all_forms_of_a_file_are_the_same_as_obj() {
+fn all_forms_of_a_gltf_file_load_like_obj() {
     let model = square();
     let obj = as_obj(SQUARE_OBJ);
     let uri = |uri: &str| model.text_with(json!(uri));
@@ -33,8 +33,8 @@ fn all_forms_of_a_file_are_the_same_as_obj() {
     ] {
         let loaded = files(list).load();
         assert_same(&loaded.scene, &obj.scene);
-        assert_eq!(loaded.notes.len(), 2, "camera and light: {}", loaded.notes_text());
-        assert!(loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen));
+        assert_eq!(loaded.warnings.len(), 2, "camera and light: {}", loaded.warnings_text());
+        assert!(loaded.warnings.iter().all(|warning| warning.kind == WarningKind::Chosen));
     }
 }
 
@@ -49,7 +49,7 @@ fn square_of(make: impl Fn(&mut Model) -> Value) -> Arc<Scene> {
 }
 
 #[test]
-fn indices_of_all_sizes_and_none() {
+fn indices_of_all_sizes_and_without_indices_load() {
     let obj = as_obj(SQUARE_OBJ).scene;
     let all = |kind: u64, bytes: &[u8]| {
         square_of(|model| {
@@ -68,7 +68,7 @@ fn indices_of_all_sizes_and_none() {
 }
 
 #[test]
-fn strips_and_fans() {
+fn strips_and_fans_load() {
     let strip = square_of(|model| {
         let points = model.points(&[SQUARE[0], SQUARE[1], SQUARE[3], SQUARE[2]]);
         json!({ "attributes": { "POSITION": points }, "mode": 5 })
@@ -91,7 +91,7 @@ fn strips_and_fans() {
 }
 
 #[test]
-fn bytes_lie_interleaved_sparse_quantized_or_far_apart() {
+fn interleaved_sparse_quantized_and_strided_accessors_load() {
     let obj = as_obj(SQUARE_OBJ).scene;
     // Positions 20 bytes apart, texture coordinates of two bytes each between them.
     let interleaved = square_of(|model| {
@@ -125,7 +125,7 @@ fn bytes_lie_interleaved_sparse_quantized_or_far_apart() {
         });
         assert_same(&sparse, &obj);
     }
-    // Signed bytes of which 127 is 1.
+    // Signed bytes, where 127 stands for 1.
     let quantized = square_of(|model| {
         model.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
         let data = SQUARE.map(|p| p.map(|x| (127.0 * x) as i8 as u8));
@@ -148,7 +148,7 @@ fn bytes_lie_interleaved_sparse_quantized_or_far_apart() {
 }
 
 #[test]
-fn normals_and_texture_coordinates_of_all_types() {
+fn normals_and_texture_coordinates_of_all_types_load() {
     let picture = || {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
@@ -194,11 +194,11 @@ fn normals_and_texture_coordinates_of_all_types() {
     let mesh = &plain.scene.meshes()[0];
     assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y], "v points up");
     assert_eq!(mesh.normals, [Vec3::Z, Vec3::new(0.0, 0.6, 0.8), Vec3::Z, Vec3::ZERO]);
-    assert_eq!((plain.summary.textures, plain.notes.len()), (1, 2), "{}", plain.notes_text());
+    assert_eq!((plain.summary.textures, plain.warnings.len()), (1, 2), "{}", plain.warnings_text());
     for code in [U8, U16] {
         assert_same(&scene(code, None).scene, &plain.scene);
     }
-    // The same as OBJ and MTL.
+    // An equal model as OBJ and MTL.
     let obj = "mtllib a.mtl\nusemtl m\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 2\nvn 0 .6 .8\nvn 0 0 1\n\
                vn 0 0 0\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1/1/1 2/2/2 3/3/3 4/4/4\n";
     let mtl = "newmtl m\nKd .5\nmap_Kd p.png\n";
@@ -281,7 +281,7 @@ fn nodes_place_meshes_as_transforms_of_a_scene_file_do() {
 }
 
 #[test]
-fn a_mesh_may_be_in_several_places_and_the_scene_chooses() {
+fn meshes_are_placed_by_each_node_of_the_default_scene() {
     let mut model = square();
     model.json["nodes"] = json!([
         { "mesh": 0, "name": "left", "translation": [-5, 0, 0] },
@@ -306,7 +306,7 @@ fn a_mesh_may_be_in_several_places_and_the_scene_chooses() {
 }
 
 #[test]
-fn deep_trees_are_walked() {
+fn deep_node_trees_load() {
     let mut model = square();
     let depth = 100_000;
     let chain = (1..=depth).map(|i| json!({ "children": [i], "translation": [0, 0, 0.5] }));
@@ -318,7 +318,7 @@ fn deep_trees_are_walked() {
 }
 
 #[test]
-fn what_is_skipped_is_told_and_strictly_refused() {
+fn skipped_contents_are_warnings_or_strictly_refused() {
     let mut model = square();
     let part = model.json["meshes"][0]["primitives"][0].clone();
     let with = |key: &str, value: Value| {
@@ -342,8 +342,8 @@ fn what_is_skipped_is_told_and_strictly_refused() {
     let loaded = files.load();
     assert_eq!(loaded.scene.triangle_count(), 6);
     let kind_of = |part: &str| {
-        let note = loaded.notes.iter().find(|note| note.text.contains(part));
-        note.unwrap_or_else(|| panic!("no {part:?} in {}", loaded.notes_text())).kind
+        let warning = loaded.warnings.iter().find(|warning| warning.text.contains(part));
+        warning.unwrap_or_else(|| panic!("no {part:?} in {}", loaded.warnings_text())).kind
     };
     for part in [
         "a.gltf: ignored the extensions `KHR_materials_sheen`",
@@ -356,7 +356,9 @@ fn what_is_skipped_is_told_and_strictly_refused() {
     }
     let strict = LoadOptions { strict: true, ..LoadOptions::default() };
     let error = load_with(&files.1, &strict).unwrap_err().to_string();
-    for part in ["a.gltf: not all of the scene can be rendered", "points or lines", "--strict"] {
+    for part in
+        ["a.gltf: not all of the scene can be rendered", "points or lines", "strict checking"]
+    {
         assert!(error.contains(part), "{error}");
     }
     assert!(!error.contains("no camera"), "{error}");
@@ -364,7 +366,7 @@ fn what_is_skipped_is_told_and_strictly_refused() {
 }
 
 #[test]
-fn strictness_and_cameras_by_name_are_for_other_formats_as_well() {
+fn strictness_and_camera_names_apply_to_obj_files() {
     let strict = LoadOptions { strict: true, ..LoadOptions::default() };
     let good = files(&[("a.obj", SQUARE_OBJ.as_bytes())]);
     load_with(&good.1, &strict).unwrap_or_else(|e| panic!("{e}"));
@@ -373,12 +375,12 @@ fn strictness_and_cameras_by_name_are_for_other_formats_as_well() {
     assert!(error.contains("ignored 1 points, lines or curves"), "{error}");
     let camera = LoadOptions { camera: Some("Front"), ..LoadOptions::default() };
     let error = load_with(&good.1, &camera).unwrap_err().to_string();
-    assert!(error.contains("only glTF and Mitsuba's files have cameras by name"), "{error}");
+    assert!(error.contains("only glTF and Mitsuba files have named cameras"), "{error}");
     assert!(load(&lines.1).is_ok());
 }
 
 #[test]
-fn the_program_tells_what_it_read() {
+fn info_command_reports_cameras_lights_and_warnings() {
     let mut model = square();
     let lens = json!({ "type": "perspective", "perspective": { "yfov": 0.5 } });
     model.push("cameras", lens);

@@ -12,7 +12,7 @@ fn refused(change: impl FnOnce(&mut Model), parts: &[&str]) {
     model.files().refused(&name_and_parts);
 }
 
-/// The same with one value of the JSON replaced.
+/// Checks a model with one replaced value of its JSON.
 #[track_caller]
 fn with(pointer: &str, value: Value, parts: &[&str]) {
     refused(
@@ -28,34 +28,37 @@ fn with(pointer: &str, value: Value, parts: &[&str]) {
 }
 
 #[test]
-fn text_that_is_no_gltf() {
+fn text_that_is_not_gltf_is_refused() {
     for (text, parts) in [
-        ("", &["a.gltf:1: no valid glTF: EOF"][..]),
-        ("hello", &["a.gltf:1: no valid glTF: expected value"]),
+        ("", &["a.gltf:1: this is not valid glTF: EOF"][..]),
+        ("hello", &["a.gltf:1: this is not valid glTF: expected value"]),
         ("{}", &["asset.version is missing"]),
-        ("{\"asset\":\n{\"version\":2}}", &["a.gltf:2: no valid glTF: invalid type", "2 | {\"ver"]),
+        (
+            "{\"asset\":\n{\"version\":2}}",
+            &["a.gltf:2: this is not valid glTF: invalid type", "2 | {\"ver"],
+        ),
         ("{\"asset\":{\"version\":\"1.0\"}}", &["asset.version: the file is glTF 1.0", "glTF 2.0"]),
         (
             "{\"asset\":{\"version\":\"1.0\"},\"nodes\":{}}",
             &["the file is glTF 1.0", "gltf-pipeline"],
         ),
-        ("{\"meshes\":{\"a\":{}}}", &["the file is glTF 1.0, and 2.0 is supported"]),
+        ("{\"meshes\":{\"a\":{}}}", &["the file is glTF 1.0, but only 2.0 is supported"]),
         ("{\"asset\":{\"version\":\"2.0\",\"minVersion\":\"3.0\"}}", &["the file is glTF 3.0"]),
         ("{\"asset\":{\"version\":\"2.0\"}}", &["the scene has no triangle"]),
-        ("{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}", &["no valid glTF", "-1"]),
-        ("{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":1e400}]}", &["no valid glTF"]),
+        ("{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":-1}]}", &["not valid glTF", "-1"]),
+        ("{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":1e400}]}", &["not valid glTF"]),
         ("{\"asset\":{\"version\":\"2.0\"}}x", &["trailing characters"]),
     ] {
         files(&[("a.gltf", text.as_bytes())]).refused(parts);
     }
     let deep = format!("{{\"asset\":{}1{}}}", "[".repeat(100_000), "]".repeat(100_000));
-    files(&[("a.gltf", deep.as_bytes())]).refused(&["a.gltf:1: no valid glTF"]);
+    files(&[("a.gltf", deep.as_bytes())]).refused(&["a.gltf:1: this is not valid glTF"]);
     let many = format!("{{\"nodes\":[{}]}}", "{},".repeat(2_000_001));
     files(&[("a.gltf", many.as_bytes())]).refused(&["more than 2000000 JSON objects"]);
 }
 
 #[test]
-fn containers_that_are_cut_off() {
+fn truncated_glb_files_are_refused() {
     let good = square().glb();
     // Without its last bytes the file has fewer than its header says.
     for length in (4..good.len()).filter(|length| *length < 40 || length % 7 == 0) {
@@ -66,18 +69,18 @@ fn containers_that_are_cut_off() {
         glb[at..at + bytes.len()].copy_from_slice(bytes);
         files(&[("a.glb", &glb)])
     };
-    changed(4, &[1]).refused(&["GLB version 1, and 2 is supported"]);
+    changed(4, &[1]).refused(&["GLB version 1, but only 2 is supported"]);
     changed(8, &[0xff; 4]).refused(&["cut off"]);
     changed(12, &[0xff; 4]).refused(&["cut off"]);
     changed(16, b"JSOM").refused(&["does not begin with JSON"]);
-    changed(20, b"x").refused(&["a.glb:1: no valid glTF"]);
+    changed(20, b"x").refused(&["a.glb:1: this is not valid glTF"]);
     let end = 20 + u32::from_le_bytes(good[12..16].try_into().unwrap()) as usize;
     changed(end + 4, b"BIM\0").refused(&["buffers[0]: it has no uri"]);
     changed(end, &[0xff; 4]).refused(&["cut off"]);
 }
 
 #[test]
-fn indices_out_of_range() {
+fn indices_out_of_range_are_refused() {
     with("/nodes/0/mesh", json!(7), &["nodes[0].mesh: there is no meshes[7]; the file has 1"]);
     with("/nodes/0/camera", json!(0), &["nodes[0].camera: there is no cameras[0]"]);
     with("/nodes/0/children", json!([4]), &["nodes[0].children: there is no nodes[4]"]);
@@ -130,7 +133,7 @@ fn indices_out_of_range() {
 }
 
 #[test]
-fn accessors_that_reach_too_far() {
+fn accessors_beyond_their_buffers_are_refused() {
     with(
         "/accessors/0/count",
         json!(5),
@@ -146,7 +149,7 @@ fn accessors_that_reach_too_far() {
         with("/bufferViews/0/byteStride", json!(huge), &["accessors[0]: 4 elements of 12 bytes"]);
     }
     // Less than can be numbered, and more than memory holds.
-    with("/accessors/1/count", json!(12_000_000_000_u64), &["GiB of memory are needed, but"]);
+    with("/accessors/1/count", json!(12_000_000_000_u64), &["GiB of memory, but"]);
     with("/bufferViews/0/byteStride", json!(8), &["accessors[0]: byteStride is 8, less than"]);
     with(
         "/accessors/0/type",
@@ -178,7 +181,7 @@ fn accessors_that_reach_too_far() {
 }
 
 #[test]
-fn sparse_accessors_that_are_wrong() {
+fn invalid_sparse_accessors_are_refused() {
     let sparse = |indices: &[u8], count: u64, parts: &[&str]| {
         refused(
             |model| {
@@ -203,7 +206,7 @@ fn sparse_accessors_that_are_wrong() {
 }
 
 #[test]
-fn buffers_that_are_not_there() {
+fn missing_buffers_are_refused() {
     let uri = |uri: &str, parts: &[&str]| {
         let text = square().text_with(json!(uri));
         files(&[("short.bin", &[0; 59]), ("a.gltf", text.as_bytes())]).refused(parts);
@@ -218,14 +221,14 @@ fn buffers_that_are_not_there() {
         &["buffers[0].uri: `https://example.org/a.bin` is not a file"],
     );
     uri("data:text/plain,hello", &["buffers[0].uri: the data URI is not in base64"]);
-    uri("data:;base64,A=B", &["buffers[0].uri: the data URI is no valid base64"]);
+    uri("data:;base64,A=B", &["buffers[0].uri: the data URI is not valid base64"]);
     uri(".", &["this is a folder"]);
     let none = square().text_with(Value::Null);
     files(&[("a.gltf", none.as_bytes())]).refused(&["buffers[0]: it has no uri"]);
 }
 
 #[test]
-fn nodes_that_are_no_tree() {
+fn nodes_that_are_not_a_tree_are_refused() {
     let nodes = |nodes: Value, parts: &[&str]| with("/nodes", nodes, parts);
     nodes(
         json!([{ "mesh": 0, "children": [0] }]),
@@ -240,7 +243,7 @@ fn nodes_that_are_no_tree() {
 }
 
 #[test]
-fn transforms_that_are_none() {
+fn impossible_node_transforms_are_refused() {
     with(
         "/nodes/0/rotation",
         json!([0, 0, 0, 0]),
@@ -248,7 +251,7 @@ fn transforms_that_are_none() {
     );
     let projective = json!([1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
     with("/nodes/0/matrix", projective, &["nodes[0].matrix: its last row is not 0, 0, 0, 1"]);
-    with("/nodes/0/matrix", json!([1, 2, 3]), &["no valid glTF: invalid length 3"]);
+    with("/nodes/0/matrix", json!([1, 2, 3]), &["not valid glTF: invalid length 3"]);
     with(
         "/nodes/0/translation",
         json!([1e30, 0, 0]),
@@ -266,7 +269,7 @@ fn transforms_that_are_none() {
 }
 
 #[test]
-fn materials_lights_and_cameras_out_of_range() {
+fn materials_lights_and_cameras_out_of_range_are_refused() {
     let material = "/materials/0";
     let at = |key: &str| format!("{material}/{key}");
     with(
@@ -277,7 +280,7 @@ fn materials_lights_and_cameras_out_of_range() {
     with(&at("pbrMetallicRoughness/baseColorFactor"), json!([1, -1, 1, 1]), &["-1 is not between"]);
     with(&at("alphaMode"), json!("HALF"), &["materials[0].alphaMode: it is none of OPAQUE"]);
     with(&at("emissiveFactor"), json!([-1, 0, 0]), &["materials[0].emissiveFactor: the emission"]);
-    with(&at("emissiveFactor"), json!([1e39, 0, 0]), &["no valid glTF: number out of range"]);
+    with(&at("emissiveFactor"), json!([1e39, 0, 0]), &["not valid glTF: number out of range"]);
     refused(
         |model| {
             let strong = json!({ "emissiveStrength": 1e38 });
@@ -339,11 +342,11 @@ fn materials_lights_and_cameras_out_of_range() {
     camera(json!({ "type": "fisheye" }), json!({}), &["cameras[0]: its type is neither"]);
     let wide = json!({ "yfov": 1, "aspectRatio": 0 });
     let wide = json!({ "type": "perspective", "perspective": wide });
-    camera(wide, json!({}), &["nodes[1].camera: aspectRatio is no positive number"]);
+    camera(wide, json!({}), &["nodes[1].camera: aspectRatio is not a positive number"]);
 }
 
 #[test]
-fn extensions_that_are_required() {
+fn unsupported_required_extensions_are_refused() {
     let required = |name: &str, parts: &[&str]| with("/extensionsRequired", json!([name]), parts);
     let draco = "KHR_draco_mesh_compression";
     required(draco, &["extensionsRequired: the file needs `KHR_draco", "without compression"]);
@@ -357,9 +360,9 @@ fn extensions_that_are_required() {
 
 /// Few bytes that would take much memory or time.
 #[test]
-fn bombs() {
+fn files_with_exploding_triangle_counts_are_refused() {
     let doubled = |model: &mut Model| {
-        // Zeros alone, of which no bytes are in the file.
+        // An accessor without a view: zeros that take no bytes of the file.
         let zeros = json!({ "componentType": F32, "type": "VEC3", "count": 3_000_000_000_u64 });
         let accessor = model.push("accessors", zeros);
         let part = json!({ "attributes": { "POSITION": accessor } });

@@ -31,12 +31,12 @@ fn with_material(material: Value, texels: [[u8; 4]; 2]) -> Model {
     model
 }
 
-/// What the material becomes, and the notes on what is skipped.
+/// The converted material, and the warnings about omissions.
 #[track_caller]
 fn looks(material: Value, texels: [[u8; 4]; 2]) -> (Material, String) {
     let loaded = with_material(material, texels).load();
-    let skipped = loaded.notes.iter().filter(|note| note.kind == WarningKind::Skipped);
-    let skipped: Vec<_> = skipped.map(|note| &note.text[..]).collect();
+    let skipped = loaded.warnings.iter().filter(|warning| warning.kind == WarningKind::Skipped);
+    let skipped: Vec<_> = skipped.map(|warning| &warning.text[..]).collect();
     (loaded.scene.materials()[0].clone(), skipped.join("\n"))
 }
 
@@ -62,7 +62,7 @@ fn with(mut material: Value, key: &str, value: Value) -> Value {
 }
 
 #[test]
-fn materials_become_the_documented_ones() {
+fn materials_convert_as_documented() {
     let color = Vec3::new(0.8, 0.4, 0.2);
     let glossy = |metallic, ior, alpha| Bsdf::Glossy(Glossy::new(color, metallic, ior, alpha));
     let coat = |material, factor: f32| {
@@ -79,7 +79,7 @@ fn materials_become_the_documented_ones() {
     let thick = |roughness: f32| {
         with(glass(roughness), "KHR_materials_volume", json!({ "thicknessFactor": 0.5 }))
     };
-    for (material, expected, note) in [
+    for (material, expected, warning) in [
         (pbr(0.0, 0.5), glossy(0.0, 1.5, 0.25), ""),
         (with(pbr(0.0, 1.0), "doubleSided", json!(false)), glossy(0.0, 1.5, 1.0), ""),
         (index(pbr(0.0, 0.0), 1.75), glossy(0.0, 1.75, 0.0), ""),
@@ -106,16 +106,23 @@ fn materials_become_the_documented_ones() {
             Bsdf::Dielectric(Dielectric { eta: 1.25, transmittance: Vec3::X }),
             "",
         ),
-        (with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})), Bsdf::diffuse(color), "no shading"),
+        (
+            with(pbr(1.0, 0.0), "KHR_materials_unlit", json!({})),
+            Bsdf::diffuse(color),
+            "unlit material",
+        ),
         (
             with(pbr(0.0, 0.5), "occlusionTexture", json!({ "index": 0 })),
             glossy(0.0, 1.5, 0.25),
             "",
         ),
     ] {
-        let (read, notes) = looks(material.clone(), WHITE);
+        let (read, warnings) = looks(material.clone(), WHITE);
         assert_eq!(read.bsdf, expected, "{material}");
-        assert!(if note.is_empty() { notes.is_empty() } else { notes.contains(note) }, "{notes}");
+        assert!(
+            if warning.is_empty() { warnings.is_empty() } else { warnings.contains(warning) },
+            "{warnings}"
+        );
     }
     // The standard's default is a rough white metal.
     let mut model = square();
@@ -138,7 +145,7 @@ fn of_scene_file(keys: &str, texels: [[u8; 4]; 2]) -> Material {
 }
 
 #[test]
-fn textures_do_the_same_as_in_scene_files() {
+fn textures_equal_those_of_scene_files() {
     let texels = [[255, 200, 128, 255], [10, 60, 250, 255]];
     let info = json!({ "index": 0 });
     let textured = |key: &str, mut material: Value| {
@@ -176,13 +183,13 @@ fn textures_do_the_same_as_in_scene_files() {
                 .into(),
         ),
     ] {
-        let (read, notes) = looks(with(material, "name", json!("m")), texels);
-        assert_eq!((&read, &notes[..]), (&of_scene_file(&keys, texels), ""), "{keys}");
+        let (read, warnings) = looks(with(material, "name", json!("m")), texels);
+        assert_eq!((&read, &warnings[..]), (&of_scene_file(&keys, texels), ""), "{keys}");
     }
 }
 
 #[test]
-fn samplers_wrap_and_filter() {
+fn samplers_select_wrap_and_filter() {
     let mut material = pbr(0.0, 0.5);
     material["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
     let sampled = |sampler: Value| {
@@ -205,7 +212,7 @@ fn samplers_wrap_and_filter() {
 }
 
 #[test]
-fn tangents_are_read_where_they_count() {
+fn tangents_are_read_only_for_normal_maps() {
     let bent = json!({ "index": 0, "texCoord": 0 });
     let tangent = |material: Value| {
         let mut model = with_material(material, WHITE);
@@ -223,27 +230,27 @@ fn tangents_are_read_where_they_count() {
 }
 
 #[test]
-fn one_set_of_texture_coordinates_serves_all() {
+fn all_textures_use_the_coordinates_of_the_first() {
     let mut material = with(pbr(0.0, 0.5), "normalTexture", json!({ "index": 0 }));
     let moved = json!({ "KHR_texture_transform": { "offset": [0.5, 0] } });
     material["pbrMetallicRoughness"]["baseColorTexture"] =
         json!({ "index": 0, "extensions": moved });
-    let (_, notes) = looks(material, WHITE);
-    assert!(notes.contains("laid all textures like the first of"), "{notes}");
+    let (_, warnings) = looks(material, WHITE);
+    assert!(warnings.contains("used the texture coordinates of the first texture"), "{warnings}");
 }
 
 #[test]
 fn emission_is_the_factor_times_strength() {
     let lamp = with(pbr(0.0, 1.0), "emissiveFactor", json!([1, 0.5, 0]));
     let strong = with(lamp, "KHR_materials_emissive_strength", json!({ "emissiveStrength": 10 }));
-    let (read, notes) = looks(with(strong.clone(), "doubleSided", json!(false)), WHITE);
-    assert_eq!((read.emission, &notes[..]), (Vec3::new(10.0, 5.0, 0.0), ""));
-    let (_, notes) = looks(strong, WHITE);
-    assert!(notes.contains("only front sides"), "{notes}");
+    let (read, warnings) = looks(with(strong.clone(), "doubleSided", json!(false)), WHITE);
+    assert_eq!((read.emission, &warnings[..]), (Vec3::new(10.0, 5.0, 0.0), ""));
+    let (_, warnings) = looks(strong, WHITE);
+    assert!(warnings.contains("only front sides"), "{warnings}");
 }
 
 #[test]
-fn opacity_cuts_at_the_cutoff() {
+fn alpha_masks_cut_at_the_cutoff() {
     let texels = [[255, 255, 255, 60], [255, 255, 255, 200]];
     let material = |mode: &str, cutoff: Option<f32>| {
         let mut material = with(pbr(0.0, 1.0), "alphaMode", json!(mode));
@@ -254,20 +261,20 @@ fn opacity_cuts_at_the_cutoff() {
         material
     };
     let holes = |mode: &str, cutoff: Option<f32>| {
-        let (material, notes) = looks(material(mode, cutoff), texels);
+        let (material, warnings) = looks(material(mode, cutoff), texels);
         let at = |u: f32| {
             let picture = material.opacity_texture.as_ref();
             picture.is_none_or(|picture| picture.opacity(Vec2::new(u, 0.5)) >= 0.5)
         };
-        ([at(0.25), at(0.75)], notes)
+        ([at(0.25), at(0.75)], warnings)
     };
     assert_eq!(holes("OPAQUE", None), ([true, true], String::new()));
     assert_eq!(holes("MASK", None), ([false, true], String::new()));
     assert_eq!(holes("MASK", Some(0.2)), ([true, true], String::new()));
     assert_eq!(holes("MASK", Some(0.24)), ([false, true], String::new()));
     assert_eq!(holes("MASK", Some(0.78)), ([false, true], String::new()));
-    let (blended, notes) = looks(material("BLEND", None), texels);
-    assert_eq!((blended.opacity, &notes[..]), (Some(1.0), ""));
+    let (blended, warnings) = looks(material("BLEND", None), texels);
+    assert_eq!((blended.opacity, &warnings[..]), (Some(1.0), ""));
     let shares =
         [0.25, 0.75].map(|u| blended.opacity_texture.as_ref().unwrap().opacity(Vec2::new(u, 0.5)));
     assert_eq!(shares, [60.0, 200.0].map(|alpha| alpha / 255.0));
@@ -277,7 +284,7 @@ fn opacity_cuts_at_the_cutoff() {
     assert!(half.opacity == Some(0.5) && half.opacity_texture.is_none());
     let (whole, _) = looks(material("BLEND", None), WHITE);
     assert!(whole.opacity.is_none() && whole.opacity_texture.is_none());
-    // What is cut away as a whole is not there.
+    // Surfaces that are cut away as a whole are omitted.
     for cutoff in [0.9, 1.5] {
         let model = with_material(material("MASK", Some(cutoff)), texels);
         model
@@ -316,7 +323,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     };
     assert!(*position == Vec3::new(1.0, 2.0, 3.0) && close(*read, intensity), "{read}");
     assert_eq!(loaded.summary.light_names, ["Lamp"]);
-    assert!(!loaded.notes_text().contains("nothing emits"));
+    assert!(!loaded.warnings_text().contains("nothing emits"));
     // A quarter about x turns -z down.
     let (sin, cos) = FRAC_PI_4.sin_cos();
     let down =
@@ -341,7 +348,7 @@ fn lights_are_divided_by_the_efficacy_and_turned_by_their_node() {
     let [Emitter::Spot(spot)] = default.lights().emitters() else { panic!("no spot") };
     assert_eq!((spot.cos_inner, spot.cos_outer), (1.0, FRAC_PI_4.cos()));
     let dark = lit(json!({ "type": "point", "intensity": 0 }), json!({})).load();
-    assert!(dark.notes_text().contains("nothing emits"));
+    assert!(dark.warnings_text().contains("nothing emits"));
 }
 
 #[test]
@@ -373,7 +380,7 @@ fn cameras_are_chosen_by_name() {
     assert_eq!(first.summary.cameras, ["Plan", "Front", "nodes[3]"]);
     assert_eq!(first.summary.camera.as_deref(), Some("Front"));
     assert!(first.summary.to_string().ends_with(", camera Front (of 3)"), "{}", first.summary);
-    assert!(first.notes_text().contains("orthographic cameras are not supported: `Plan`"));
+    assert!(first.warnings_text().contains("orthographic cameras are not supported: `Plan`"));
     let third = choose(Some("nodes[3]"));
     // By the camera's own name, which nodes may share, the first of them is meant.
     let lens = choose(Some("lens")).unwrap_or_else(|e| panic!("{e}"));
@@ -391,7 +398,7 @@ fn cameras_are_chosen_by_name() {
 }
 
 #[test]
-fn lamps_holes_and_mirrors_look_as_those_of_mtl() {
+fn lamps_holes_and_mirrors_render_like_those_of_mtl() {
     let texels = [[255, 128, 0, 255], [0, 0, 0, 0]];
     let material = json!({
         "pbrMetallicRoughness": {

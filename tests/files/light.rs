@@ -1,4 +1,4 @@
-//! Light for scenes that bring none worth the name, and environments of all kinds.
+//! Default light of scenes without a usable light source, and environments of all kinds.
 
 use crate::model::*;
 use crate::program::{json as output, succeed};
@@ -49,36 +49,40 @@ fn with_lamp(mut model: Model, radiance: f32, z: f32, up: bool) -> Model {
 }
 
 #[test]
-fn a_lamp_that_lights_nothing_is_no_light() {
+fn lamps_that_light_nothing_get_a_default_environment() {
     // Behind a wall that the camera sees the other side of, or in front of it with its back to all.
     for (z, up) in [(-0.5, false), (0.5, true)] {
         let loaded = with_lamp(square(), 1.0, z, up).load();
-        let notes = loaded.notes_text();
+        let warnings = loaded.warnings_text();
         let environment = loaded.scene.lights().environment().is_some();
         assert!(
-            environment && notes.contains("of what is seen black; put soft gray light"),
-            "{notes}"
+            environment
+                && warnings.contains("of the visible surfaces black; added soft gray light"),
+            "{warnings}"
         );
         assert_eq!(loaded.scene.lights().emitters().len(), 1, "its own light stays");
     }
     // One that shines at the wall is light, however weak.
     for radiance in [1.0, 1e-6] {
         let loaded = with_lamp(square(), radiance, 0.5, false).load();
-        assert!(loaded.scene.lights().environment().is_none(), "{}", loaded.notes_text());
+        assert!(loaded.scene.lights().environment().is_none(), "{}", loaded.warnings_text());
     }
 }
 
 #[test]
-fn a_dark_room_gets_a_lamp_and_a_lit_one_keeps_its_own() {
+fn dark_rooms_get_a_lamp_and_lit_rooms_keep_their_light() {
     let loaded = room(grey()).load();
-    let notes = loaded.notes_text();
-    assert!(notes.contains("nothing emits light") && notes.contains("a point light of"), "{notes}");
+    let warnings = loaded.warnings_text();
+    assert!(
+        warnings.contains("nothing emits light") && warnings.contains("a point light of"),
+        "{warnings}"
+    );
     let [Emitter::Point { position, .. }] = loaded.scene.lights().emitters() else {
-        panic!("{notes}")
+        panic!("{warnings}")
     };
     assert!(position.x == 0.1 && position.y > 0.2 && position.y < 1.0, "{position}");
     let lit = with_lamp(room(grey()), 1.0, 0.9, false).load();
-    assert!(lit.scene.lights().environment().is_none(), "{}", lit.notes_text());
+    assert!(lit.scene.lights().environment().is_none(), "{}", lit.warnings_text());
     assert_eq!(lit.scene.lights().emitters().len(), 1);
     // A lamp beyond its walls does not light it.
     let unlit = with_lamp(room(grey()), 1.0, 1.5, true).load();
@@ -91,7 +95,7 @@ fn a_dark_room_gets_a_lamp_and_a_lit_one_keeps_its_own() {
 }
 
 #[test]
-fn placed_lights_count_where_they_light_a_fifth_and_set_the_measure() {
+fn placed_lights_suffice_if_they_light_a_fifth() {
     let spot = |outer: f32| {
         let mut model = square();
         let cones = json!({ "innerConeAngle": 0.9 * outer, "outerConeAngle": outer });
@@ -102,30 +106,33 @@ fn placed_lights_count_where_they_light_a_fifth_and_set_the_measure() {
         model.load()
     };
     let wide = spot(0.8);
-    assert!(wide.scene.lights().environment().is_none(), "{}", wide.notes_text());
+    assert!(wide.scene.lights().environment().is_none(), "{}", wide.warnings_text());
     // It lights 0.03 of an area of 4, with a radiance of 0.5/pi/683 in the middle.
     let narrow = spot(0.1);
     let above = narrow.scene.lights().beyond(Vec3::Y).x;
     let typical = 0.5 / std::f32::consts::PI / 683.0;
-    assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.notes_text());
+    assert!(above > 0.1 * typical && above < 3.0 * typical, "{above} {}", narrow.warnings_text());
 }
 
 #[test]
-fn a_metal_in_a_void_has_something_to_mirror() {
+fn metals_without_surroundings_get_an_environment() {
     let metal = json!({ "pbrMetallicRoughness": { "roughnessFactor": 0.0 } });
     let mut model = square();
     model.json["materials"][0] = metal;
-    let (scene, notes) = {
+    let (scene, warnings) = {
         let loaded = model.load();
-        (loaded.scene.clone(), loaded.notes_text())
+        (loaded.scene.clone(), loaded.warnings_text())
     };
-    assert!(notes.contains("nothing emits light; put soft gray light around it"), "{notes}");
+    assert!(
+        warnings.contains("nothing emits light; added soft gray light around it"),
+        "{warnings}"
+    );
     let [below, above] = [-1.0, 1.0].map(|y| scene.lights().beyond(Vec3::new(0.0, y, 0.0)).x);
     assert!(below < 0.01 && above > 1.19, "{below} {above}");
 }
 
 #[test]
-fn environments_on_the_command_line_are_for_every_format() {
+fn requested_environments_apply_to_every_format() {
     let bare = square().files();
     let obj = files(&[("a.obj", SQUARE_OBJ.as_bytes())]);
     let toml = "camera = { position = [0, 0, 5], target = [0, 0, 0], fov_x_deg = 40 }\n\
@@ -139,14 +146,14 @@ fn environments_on_the_command_line_are_for_every_format() {
         let loaded = load_with(&files.1, &given).unwrap();
         assert_eq!(loaded.scene.lights().beyond(Vec3::X), Vec3::new(0.5, 1.0, 2.0));
         assert_ne!(loaded.scene.fingerprint(), own.fingerprint());
-        assert!(!loaded.notes_text().contains("nothing emits"));
+        assert!(!loaded.warnings_text().contains("nothing emits"));
     }
-    let notes = load_with(&toml.1, &given).unwrap().notes_text();
-    assert!(notes.contains("--environment takes the place of its own"), "{notes}");
+    let warnings = load_with(&toml.1, &given).unwrap().warnings_text();
+    assert!(warnings.contains("the given environment replaces that of the file"), "{warnings}");
     for files in [&bare, &obj] {
         let error = load_with(&files.1, &none).err().unwrap().to_string();
         assert!(
-            error.contains("the scene has no light") && error.contains("--environment"),
+            error.contains("the scene has no light") && error.contains("give an environment"),
             "{error}"
         );
     }
@@ -156,7 +163,7 @@ fn environments_on_the_command_line_are_for_every_format() {
 }
 
 #[test]
-fn pixels_that_are_no_radiance_become_black() {
+fn invalid_environment_pixels_become_black() {
     let folder = tempfile::TempDir::new().unwrap();
     let path = folder.path().join("sky.exr");
     let bad = [Vec3::NAN, Vec3::new(1.0, -1.0, 1.0), Vec3::new(0.0, f32::INFINITY, 0.0)];
@@ -167,11 +174,11 @@ fn pixels_that_are_no_radiance_become_black() {
     let source = EnvironmentSource::File(path.clone());
     let given = LoadOptions { environment: Some(&source), ..LoadOptions::default() };
     let loaded = load_with(&square().files().1, &given).unwrap();
-    let note = loaded.notes.iter().find(|note| note.text.contains("sky.exr")).unwrap();
-    assert_eq!(note.kind, WarningKind::Skipped);
+    let warning = loaded.warnings.iter().find(|warning| warning.text.contains("sky.exr")).unwrap();
+    assert_eq!(warning.kind, WarningKind::Skipped);
     assert!(
-        note.text.contains("3 pixels are negative or not finite, the first at (1, 1)"),
-        "{note}"
+        warning.text.contains("3 pixels are negative or not finite, the first at (1, 1)"),
+        "{warning}"
     );
     // In the middle of each pixel of 4 longitudes and 2 latitudes.
     for (index, expected) in [[1.0; 5].to_vec(), vec![0.0; 3]].concat().into_iter().enumerate() {
@@ -184,7 +191,7 @@ fn pixels_that_are_no_radiance_become_black() {
 }
 
 #[test]
-fn the_program_gives_light_and_tells_of_black_images() {
+fn render_command_adds_light_or_reports_black_images() {
     let folder = tempfile::TempDir::new().unwrap();
     let out = folder.path().join("out.exr");
     let lamp = with_lamp(square(), 1.0, -0.5, false).files();
@@ -203,7 +210,7 @@ fn the_program_gives_light_and_tells_of_black_images() {
     let told = render(&["--no-fallback-light"]);
     assert!(told.contains("is black\nhelp: give light from all around by --environment"), "{told}");
     let told = render(&[]);
-    assert!(told.contains("put soft gray light") && !told.contains("warning"), "{told}");
+    assert!(told.contains("added soft gray light") && !told.contains("warning"), "{told}");
     let fingerprint = |more: &[&str]| {
         let arguments: Vec<&str> = ["info", "--json"].iter().chain(more).copied().collect();
         output(&run(&arguments))["fingerprint"].clone()

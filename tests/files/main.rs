@@ -1,4 +1,4 @@
-//! What is read and written: scenes, meshes, textures, and what is wrong with them.
+//! Reading and writing of scenes, meshes and textures, and errors about them.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -18,10 +18,10 @@ mod fuzz_toml_obj;
 mod gltf;
 mod gltf_bad;
 mod gltf_looks;
+mod instances;
 mod light;
 mod mitsuba;
 mod obj;
-mod places;
 mod shapes;
 mod tolerant;
 mod toml;

@@ -1,6 +1,6 @@
-//! Mitsuba's scenes: what its elements become, and what is wrong with a file is told with its place.
+//! Mitsuba's scenes: conversion of elements, and errors with their position.
 
-use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with, save};
+use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
 use bdpm::scene::bsdf::{Bsdf, FacetModel};
 use bdpm::scene::{Emitter, FieldOfView, Optics};
 use glam::Vec3;
@@ -56,7 +56,7 @@ fn refused(text: &str, parts: &[&str]) {
 }
 
 #[test]
-fn every_committed_file_loads_and_converts() {
+fn committed_mitsuba_files_load_and_export() {
     let mut count = 0;
     for entry in std::fs::read_dir(data()).unwrap() {
         let path = entry.unwrap().path();
@@ -68,7 +68,7 @@ fn every_committed_file_loads_and_converts() {
         let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(loaded.defaults.resolution.unwrap()[0], 64, "{name}");
         let folder = TempDir::new().unwrap();
-        save(&loaded, &name, folder.path(), false).unwrap_or_else(|e| panic!("{name}: {e}"));
+        export(&loaded, &name, folder.path(), false).unwrap_or_else(|e| panic!("{name}: {e}"));
         let again = load(folder.path()).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(loaded.scene.materials().len(), again.scene.materials().len(), "{name}");
         for (a, b) in loaded.scene.materials().iter().zip(again.scene.materials()) {
@@ -81,7 +81,7 @@ fn every_committed_file_loads_and_converts() {
 }
 
 #[test]
-fn the_camera_looks_along_z_with_x_to_the_left() {
+fn mitsuba_camera_looks_along_z_with_x_to_the_left() {
     let camera = with(SQUARE).scene.camera;
     assert_eq!(camera.position(), Vec3::new(0.0, 0.0, 5.0));
     assert!((camera.direction() - Vec3::NEG_Z).length() < 1e-6);
@@ -110,7 +110,7 @@ fn the_camera_looks_along_z_with_x_to_the_left() {
 }
 
 #[test]
-fn a_part_of_a_film_and_a_moved_middle_see_what_the_whole_does() {
+fn cropped_and_shifted_films_match_the_whole_film() {
     let film = |what: &str, of: &str| {
         let text = format!(
             "<sensor type='perspective'><float name='fov' value='50'/>{what}<film type='hdrfilm'>\
@@ -151,23 +151,23 @@ fn sensors_are_chosen_by_their_id() {
     assert_eq!(chosen(Some("two")).unwrap().scene.camera.position(), Vec3::ZERO);
     let first = chosen(None).unwrap();
     assert_eq!(first.summary.camera.as_deref(), Some("one"));
-    assert!(first.notes_text().contains("the first of several cameras"));
+    assert!(first.warnings_text().contains("the first of several cameras"));
     let error = chosen(Some("three")).unwrap_err().to_string();
     assert!(error.contains("`three`") && error.contains("`one`, `two`"), "{error}");
 }
 
 #[test]
-fn a_mirrored_camera_mirrors_the_scene() {
+fn mirrored_cameras_mirror_the_scene() {
     let mirrored = CAMERA.replace("<lookat", "<scale x='-1'/><lookat");
     let square =
         "<shape type='rectangle'><transform name='to_world'><translate x='2'/></transform></shape>";
     let loaded = read(&scene(&[&mirrored, LIGHT, square].concat()));
     assert!((loaded.scene.bounds().center() - Vec3::new(-2.0, 0.0, 0.0)).length() < 1e-5);
-    assert!(loaded.notes_text().contains("mirrored"), "{}", loaded.notes_text());
+    assert!(loaded.warnings_text().contains("mirrored"), "{}", loaded.warnings_text());
 }
 
 #[test]
-fn parameters_aliases_references_and_included_files() {
+fn parameters_aliases_references_and_includes_are_resolved() {
     let folder = folder(&scene(
         "<default name='grey' value='0.25'/><default name='greyer' value='0.125'/>\n\
          <include filename='b.xml'/>\n<alias id='look' as='other'/>\n\
@@ -215,8 +215,9 @@ fn transforms_are_applied_in_their_order() {
 }
 
 #[test]
-fn mirrored_meshes_face_where_they_do_in_mitsuba() {
-    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of the corners.
+fn mirrored_meshes_face_as_in_mitsuba() {
+    // As `si.n` of mitsuba 3.9.1 says, where its normals do not say the other: the front is that of
+    // the corners.
     let up = |kind: &str, file: &str, more: &str| {
         let text = format!(
             "<shape type='{kind}'>{file}{more}<transform name='to_world'><scale x='-1'/></transform></shape>"
@@ -238,7 +239,7 @@ fn mirrored_meshes_face_where_they_do_in_mitsuba() {
 }
 
 #[test]
-fn materials_become_ours() {
+fn mitsuba_materials_are_converted() {
     let Bsdf::Conductor(metal) = look(
         "<bsdf type='twosided'><bsdf type='roughconductor'><string name='material' value='Cu'/>\
          <float name='alpha' value='0.2'/><rgb name='specular_reflectance' value='0.5'/></bsdf></bsdf>",
@@ -287,7 +288,7 @@ fn materials_become_ours() {
 }
 
 #[test]
-fn lights_become_ours() {
+fn mitsuba_lights_are_converted() {
     let loaded = read(&scene(&[
         CAMERA,
         SQUARE,
@@ -320,11 +321,11 @@ fn lights_become_ours() {
 }
 
 #[test]
-fn what_is_approximated_or_left_out_is_told() {
-    for (inside, kind, note) in [
+fn approximations_and_omissions_are_warnings() {
+    for (inside, kind, warning) in [
         ("<bsdf type='roughplastic'/>", WarningKind::Skipped, "glossy surfaces"),
         ("<bsdf type='principled'/>", WarningKind::Skipped, "nearest to principled"),
-        ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows from behind"),
+        ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows both sides"),
         ("<bsdf type='velvet'/>", WarningKind::Skipped, "`velvet`"),
         (
             "<bsdf type='diffuse'><float name='shine' value='1'/></bsdf>",
@@ -334,28 +335,31 @@ fn what_is_approximated_or_left_out_is_told() {
         (
             "<bsdf type='diffuse'><spectrum name='reflectance' value='400:0.1, 700:0.9'/></bsdf>",
             WarningKind::Chosen,
-            "linear sRGB of the spectra",
+            "linear sRGB the spectra",
         ),
     ] {
         let loaded = with(&format!("<shape type='rectangle'>{inside}</shape>"));
-        let found = loaded.notes.iter().any(|n| n.kind == kind && n.text.contains(note));
-        assert!(found, "{inside}: {}", loaded.notes_text());
+        let found = loaded.warnings.iter().any(|n| n.kind == kind && n.text.contains(warning));
+        assert!(found, "{inside}: {}", loaded.warnings_text());
     }
-    for (inside, note) in [
+    for (inside, warning) in [
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
         ("<emitter type='sunsky'/>", "left out lights of type `sunsky`"),
         ("<emitter type='spot'/>", "falloff"),
-        ("<integrator type='path'><integer name='max_depth' value='7'/></integrator>", "after 7"),
+        (
+            "<integrator type='path'><integer name='max_depth' value='7'/></integrator>",
+            "limit of 7 segments",
+        ),
     ] {
         let loaded = with(&[SQUARE, inside].concat());
-        assert!(loaded.notes_text().contains(note), "{}", loaded.notes_text());
+        assert!(loaded.warnings_text().contains(warning), "{}", loaded.warnings_text());
     }
-    // Nothing else is told of a plain scene.
-    assert_eq!(with(SQUARE).notes_text(), "");
+    // A plain scene has no other warnings.
+    assert_eq!(with(SQUARE).warnings_text(), "");
 }
 
 #[test]
-fn what_mitsuba_alone_does_with_normals_is_told_where_it_does() {
+fn differences_in_the_use_of_normals_are_warnings() {
     let file =
         |name: &str| format!("<string name='filename' value='{}'/>", data().join(name).display());
     let bent = |said: &str| {
@@ -370,12 +374,12 @@ fn what_mitsuba_alone_does_with_normals_is_told_where_it_does() {
     };
     let shadowing = "<boolean name='use_shadowing_function' value='false'/>";
     let flat = "<boolean name='face_normals' value='true'/>";
-    for (told, silent, phrase) in [
-        (bent(""), bent(shadowing), "bumps shadow themselves"),
+    for (warned, silent, phrase) in [
+        (bent(""), bent(shadowing), "shadowing by bumps"),
         (lamp(""), lamp(flat), "fronts and cosines"),
     ] {
-        assert!(told.notes_text().contains(phrase), "{}", told.notes_text());
-        assert_eq!(silent.notes_text(), "");
+        assert!(warned.warnings_text().contains(phrase), "{}", warned.warnings_text());
+        assert_eq!(silent.warnings_text(), "");
     }
 }
 
@@ -384,12 +388,12 @@ fn errors_name_file_line_and_element() {
     let shape =
         |inside: &str| scene(&format!("{CAMERA}{LIGHT}<shape type='rectangle'>\n{inside}</shape>"));
     for (text, parts) in [
-        ("<scene>", &["a.xml:1: it is no XML"][..]),
+        ("<scene>", &["a.xml:1: it is not valid XML"][..]),
         ("<bsdf type='diffuse'/>", &["a.xml:1: its root is <bsdf>"]),
         (&shape("<ref id='x'/>"), &["a.xml:5: <ref id=\"x\">: nothing has the id `x`", "5 | <ref"]),
         (
             &shape("<bsdf type='diffuse'>\n<rgb name='reflectance' value='a'/></bsdf>"),
-            &["a.xml:6:", "`a` is no"],
+            &["a.xml:6:", "`a` is not"],
         ),
         (
             &shape("<bsdf type='diffuse'><rgb name='reflectance' value='1 2'/></bsdf>"),
@@ -403,7 +407,10 @@ fn errors_name_file_line_and_element() {
             &shape("<transform name='to_world'><scale value='0'/></transform>"),
             &["<shape type=\"rectangle\">", "flattens"],
         ),
-        (&shape("<transform name='to_world'><shear/></transform>"), &["<shear>", "no such step"]),
+        (
+            &shape("<transform name='to_world'><shear/></transform>"),
+            &["<shear>", "step of a transform is unknown"],
+        ),
         (
             &shape("<transform name='to_world'><matrix value='1 2 3'/></transform>"),
             &["neither 16 nor 9"],
@@ -442,7 +449,7 @@ fn hostile_files_are_refused() {
         let deep = "<bsdf type='twosided'>".repeat(depth) + &"</bsdf>".repeat(depth);
         refused(&scene(&deep), &["a.xml"]);
     }
-    // What refers to itself.
+    // References to themselves.
     let cycle = "<bsdf type='twosided' id='a'><ref id='a'/></bsdf><shape type='rectangle'><ref id='a'/></shape>";
     refused(&scene(&[CAMERA, LIGHT, cycle].concat()), &["refers to itself"]);
     let group = "<shape type='shapegroup' id='g'><shape type='instance'><ref id='g'/></shape></shape>\
@@ -450,12 +457,12 @@ fn hostile_files_are_refused() {
     refused(&scene(&[CAMERA, LIGHT, group].concat()), &["no triangle"]);
     let texture = "<texture type='checkerboard' id='t'><ref name='color0' id='t'/></texture>\
                    <shape type='rectangle'><bsdf type='diffuse'><ref name='reflectance' id='t'/></bsdf></shape>";
-    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).notes_text().contains("took grey"));
+    assert!(read(&scene(&[CAMERA, LIGHT, texture].concat())).warnings_text().contains("used gray"));
     let spectrum = "<spectrum type='d65' id='t'><ref name='value' id='t'/></spectrum>\
                     <emitter type='point'><ref name='intensity' id='t'/></emitter>";
     refused(&scene(&[CAMERA, SQUARE, spectrum].concat()), &["D65 of D65"]);
     refused(&scene("<include filename='a.xml'/>"), &["`a.xml` includes itself"]);
-    // What doubles: parameters, and references.
+    // Parameters and references that grow exponentially.
     let mut text = "<default name='a0' value='xxxxxxxx'/>".to_owned();
     for i in 0..40 {
         text += &format!("<default name='b{}' value='$b{i}$b{i}'/>", i + 1).replace("$b0", "$a0");
@@ -474,7 +481,7 @@ fn hostile_files_are_refused() {
 }
 
 #[test]
-fn meshes_that_are_broken_are_refused() {
+fn broken_mesh_files_are_refused() {
     let shape = |kind: &str| {
         scene(&format!(
             "{CAMERA}{LIGHT}<shape type='{kind}'><string name='filename' value='m.{kind}'/></shape>"
@@ -490,7 +497,7 @@ fn meshes_that_are_broken_are_refused() {
         ("ply\n".to_owned(), "cannot read it as a PLY file"),
         (header("99999999999", "0 0 0\n"), "end of file"),
         (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"), "face 0 uses vertex 7 of 3"),
-        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "no indices"),
+        (header("3", "0 0 0\n1 0 0\n0 1 0\n3 0 1 -1\n"), "invalid vertex indices"),
         (header("3", "0 0 1e39\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 of its file is not finite"),
     ] {
         let folder = folder(&shape("ply"));
@@ -506,15 +513,16 @@ fn meshes_that_are_broken_are_refused() {
 
 /// Public scenes, where they are at hand.
 #[test]
-fn public_scenes_load() {
+fn public_mitsuba_scenes_load() {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes");
     for (name, triangles) in [("cornell-box", 36), ("veach-mis", 100), ("veach-bidir", 1000)] {
         let path = shared.join(name).join("scene.xml");
         if path.exists() {
             let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.scene.triangle_count() >= triangles, "{name}");
-            let complete = loaded.notes.iter().all(|note| note.kind == WarningKind::Chosen);
-            assert!(complete, "{name}: {}", loaded.notes_text());
+            let complete =
+                loaded.warnings.iter().all(|warning| warning.kind == WarningKind::Chosen);
+            assert!(complete, "{name}: {}", loaded.warnings_text());
         }
     }
 }

@@ -184,7 +184,7 @@ fn degenerate_faces_go_and_the_rest_stays() {
     let odd = "f 1 1 2\nf 1 2 2 3\nf 4 4 4 4 4\nf 2 3 4\nf 1 2\n";
     let loaded = obj(format!("{}{odd}", SQUARE.replace("f 1 2 3 4\n", "")));
     assert_eq!(corners(&loaded.scene).len(), 3 * 2);
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert!(notes.contains("dropped 5 triangles without area"), "{notes}");
     assert!(notes.contains("a.obj: ignored 1 points, lines or curves"), "{notes}");
     for image in images(&loaded.scene) {
@@ -197,16 +197,16 @@ fn what_is_missing_is_noted_once_by_name() {
     let content =
         format!("usemtl early\nmtllib no.mtl\n{SQUARE}mtllib no.mtl\nusemtl m\nf 1 2 4\n");
     let loaded = obj(content);
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert_eq!(notes.matches("a.obj:2: the material library `no.mtl` does not exist").count(), 1);
     assert_eq!(notes.matches("no.mtl").count(), 1, "{notes}");
-    assert_eq!(notes.matches("`early`, `m` undefined; took grey of albedo 0.5").count(), 1);
+    assert_eq!(notes.matches("`early`, `m` undefined; used gray of albedo 0.5").count(), 1);
     assert_eq!(loaded.scene.triangle_count(), 3);
 
     // Of several libraries in one line those that exist are read.
     let content = format!("mtllib no.mtl a.mtl gone.mtl\nusemtl m\n{SQUARE}");
     let loaded = load_files(&[("a.mtl", b"newmtl m\n"), ("a.obj", content.as_bytes())]).unwrap();
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     assert!(notes.contains("a.obj:1: the material library `no.mtl` does not exist"), "{notes}");
     assert!(notes.contains("a.obj:1: the material library `gone.mtl` does not exist"), "{notes}");
     assert!(!notes.contains("undefined"), "{notes}");
@@ -215,7 +215,7 @@ fn what_is_missing_is_noted_once_by_name() {
         "newmtl a\nmap_Kd gone.png\nmap_Ks other.png\nnewmtl b\nmap_Kd gone.png\nnorm my map.png\n";
     let content = format!("usemtl a\n{SQUARE}usemtl b\nf 1 2 4\nmtllib a.mtl\n");
     let loaded = load_files(&[("a.mtl", mtl.as_bytes()), ("a.obj", content.as_bytes())]).unwrap();
-    let notes = loaded.notes_text();
+    let notes = loaded.warnings_text();
     let missing = "a.mtl: ignored some textures, for there are no files `gone.png`, `my map.png`";
     assert_eq!(notes.matches(missing).count(), 1, "{notes}");
     assert_eq!(notes.matches("gone.png").count(), 1, "{notes}");

@@ -1,7 +1,7 @@
 //! Colors of vertices, instances, morph targets and skins.
 
 use crate::model::*;
-use bdpm::import::{load, save};
+use bdpm::import::{export, load};
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;
 use serde_json::json;
@@ -34,19 +34,23 @@ fn colors_of_vertices_are_read_and_survive_conversion() {
         assert_eq!(found, expected);
         let folder = tempfile::TempDir::new().unwrap();
         let copy = folder.path().join("copy");
-        save(&loaded, "a.gltf", &copy, false).unwrap();
+        export(&loaded, "a.gltf", &copy, false).unwrap();
         assert_eq!(load(&copy).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
     }
-    // Their opacity is told to be ignored where it would count.
-    for (mode, is_told) in [("OPAQUE", false), ("BLEND", true), ("MASK", true)] {
+    // A warning reports that their opacity is ignored where it would have an effect.
+    for (mode, is_reported) in [("OPAQUE", false), ("BLEND", true), ("MASK", true)] {
         let mut model = colored("VEC4", &rgba);
         model.json["materials"][0]["alphaMode"] = json!(mode);
-        let notes = model.load().notes_text();
-        assert_eq!(notes.contains("ignored the opacity of the vertex colors"), is_told, "{notes}");
+        let warnings = model.load().warnings_text();
+        assert_eq!(
+            warnings.contains("ignored the opacity of the vertex colors"),
+            is_reported,
+            "{warnings}"
+        );
     }
     let mut opaque = colored("VEC4", &[1.0; 16]);
     opaque.json["materials"][0]["alphaMode"] = json!("BLEND");
-    assert!(!opaque.load().notes_text().contains("vertex colors"));
+    assert!(!opaque.load().warnings_text().contains("vertex colors"));
     // White ones take no room, and bytes are shares.
     assert!(colored("VEC3", &[1.0; 12]).load().scene.meshes()[0].colors.is_empty());
     let mut model = square();
@@ -68,20 +72,20 @@ fn specular_scales_the_reflectance() {
         });
         model.json["extensionsRequired"] = json!(["KHR_materials_specular"]);
         let loaded = model.load();
-        (loaded.scene.materials()[0].bsdf, loaded.notes_text())
+        (loaded.scene.materials()[0].bsdf, loaded.warnings_text())
     };
     let glossy = Glossy::new(Vec3::ONE, 0.0, 1.5, 0.25);
     assert_eq!(with(json!({})).0, Bsdf::Glossy(glossy));
     assert_eq!(with(json!({ "specularFactor": 0 })).0, Bsdf::diffuse(Vec3::ONE));
     assert_eq!(with(json!({ "specularFactor": 0.5 })).0, Bsdf::Glossy(glossy.reflecting(0.5)));
-    let (doubled, notes) = with(json!({ "specularColorFactor": [2, 2, 2] }));
+    let (doubled, warnings) = with(json!({ "specularColorFactor": [2, 2, 2] }));
     let Bsdf::Glossy(doubled) = doubled else { panic!("{doubled:?}") };
     assert!(
-        (doubled.normal_reflectance() - 0.08).abs() < 1e-6 && !notes.contains("specular"),
-        "{notes}"
+        (doubled.normal_reflectance() - 0.08).abs() < 1e-6 && !warnings.contains("specular"),
+        "{warnings}"
     );
-    let (_, notes) = with(json!({ "specularColorFactor": [1, 0, 0] }));
-    assert!(notes.contains("took the luminance of the specular color of"), "{notes}");
+    let (_, warnings) = with(json!({ "specularColorFactor": [1, 0, 0] }));
+    assert!(warnings.contains("used the luminance of the specular color of"), "{warnings}");
 }
 
 /// Heights of the first vertices of all meshes.
@@ -90,7 +94,7 @@ fn heights(model: &Model) -> Vec<f32> {
 }
 
 #[test]
-fn instances_are_at_all_their_places() {
+fn gpu_instances_are_placed_by_their_attributes() {
     let mut model = square();
     let places = model.points(&[[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [0.0, 0.0, 3.0]]);
     let turns = model.accessor(&bytes(&[0.0, 0.0, 0.0, 1.0].repeat(3)), F32, "VEC4", 3);
@@ -105,7 +109,7 @@ fn instances_are_at_all_their_places() {
     let scene = model.load().scene;
     assert_eq!((scene.triangle_count(), scene.bounds().max.x), (6, 3.0));
     model.json["accessors"][sizes]["count"] = json!(2);
-    model.files().refused(&["attributes.SCALE: its count is not that of the others"]);
+    model.files().refused(&["attributes.SCALE: its count differs from that of the other"]);
     model.json["accessors"][sizes]["count"] = json!(3);
     let none = model.accessor(&bytes(&[0.0; 12]), F32, "VEC4", 3);
     model.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["ROTATION"] =
@@ -114,7 +118,7 @@ fn instances_are_at_all_their_places() {
 }
 
 #[test]
-fn morph_targets_have_the_weights_of_the_node_else_of_the_mesh() {
+fn morph_target_weights_of_the_node_precede_those_of_the_mesh() {
     let mut model = square();
     let [up, over] = [[0.0, 0.0, 1.0], [0.0, 0.0, 10.0]].map(|move_by| model.points(&[move_by; 4]));
     model.json["meshes"][0]["primitives"][0]["targets"] =
@@ -129,7 +133,7 @@ fn morph_targets_have_the_weights_of_the_node_else_of_the_mesh() {
 }
 
 #[test]
-fn skins_are_where_their_joints_are() {
+fn skinned_meshes_follow_their_joints() {
     let mut model = square();
     let normals = model.points(&[[0.0, 0.0, 1.0]; 4]);
     let joints = model.accessor(&[0, 1, 0, 0].repeat(4), U8, "VEC4", 4);

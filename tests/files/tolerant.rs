@@ -1,4 +1,4 @@
-//! What other programs open opens here as well, with a note.
+//! Files with small errors that other programs open load here as well, with a warning.
 
 use crate::model::*;
 use bdpm::import::{Loaded, WarningKind};
@@ -11,15 +11,15 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 /// Loads the last file, which must tell this.
 #[track_caller]
-fn told(list: &[(&str, &[u8])], kind: WarningKind, part: &str) -> Loaded {
+fn loaded_with_warning(list: &[(&str, &[u8])], kind: WarningKind, part: &str) -> Loaded {
     let loaded = files(list).load();
-    let note = loaded.notes.iter().find(|note| note.text.contains(part));
-    assert_eq!(note.map(|note| note.kind), Some(kind), "{}", loaded.notes_text());
+    let warning = loaded.warnings.iter().find(|warning| warning.text.contains(part));
+    assert_eq!(warning.map(|warning| warning.kind), Some(kind), "{}", loaded.warnings_text());
     loaded
 }
 
 #[test]
-fn nodes_may_be_listed_with_their_children() {
+fn repeatedly_listed_nodes_are_shown_once() {
     let mut model = square();
     model.json["nodes"] = json!([
         { "children": [1], "translation": [0, 0, 1] },
@@ -36,18 +36,21 @@ fn nodes_may_be_listed_with_their_children() {
     ] {
         model.json["scenes"] = json!([{ "nodes": listed }]);
         let files = [("a.gltf", model.text())];
-        let loaded =
-            told(&[("a.gltf", files[0].1.as_bytes())], WarningKind::Chosen, "each is shown once");
+        let loaded = loaded_with_warning(
+            &[("a.gltf", files[0].1.as_bytes())],
+            WarningKind::Chosen,
+            "each is shown once",
+        );
         let meshes = loaded.scene.meshes().iter();
         let found: Vec<f32> = meshes.map(|mesh| mesh.positions[0].z).collect();
         assert_eq!(found, heights, "{listed}");
     }
     model.json["scenes"] = json!([{ "nodes": [0, 3] }]);
-    assert!(!model.load().notes_text().contains("shown once"));
+    assert!(!model.load().warnings_text().contains("shown once"));
 }
 
 #[test]
-fn references_to_nothing_are_left_out() {
+fn invalid_references_are_ignored() {
     for (rest, uvs, normals) in [
         ("vt 0 0\nf 1/1 2/2 3/1", false, false),
         ("vn 0 0 1\nf 1//1 2//-2 3//1", false, false),
@@ -55,7 +58,7 @@ fn references_to_nothing_are_left_out() {
         ("vt 0 0\nvn 0 0 1\nf 1/1/0 2/1/1 3/1/1", true, false),
     ] {
         let text = format!("{TRIANGLE}{rest}\n");
-        let loaded = told(
+        let loaded = loaded_with_warning(
             &[("a.obj", text.as_bytes())],
             WarningKind::Skipped,
             "ignored 1 references to texture",
@@ -64,7 +67,7 @@ fn references_to_nothing_are_left_out() {
         assert_eq!((!mesh.uvs.is_empty(), !mesh.normals.is_empty()), (uvs, normals), "{rest}");
     }
     let text = format!("{TRIANGLE}vt nan -nan(ind)\nvn 0 0 inf\nf 1/1/1 2/1/1 3/1/1\n");
-    let loaded = told(
+    let loaded = loaded_with_warning(
         &[("a.obj", text.as_bytes())],
         WarningKind::Skipped,
         "ignored 3 coordinates of textures",
@@ -73,16 +76,21 @@ fn references_to_nothing_are_left_out() {
 }
 
 #[test]
-fn materials_without_name_or_defined_again() {
+fn unnamed_and_redefined_materials_are_warnings() {
     let mtl = "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\nnewmtl a\nKd 0 0 1\n";
     let text = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\nusemtl\nf 1 3 2\n");
     let list = [("a.mtl", mtl.as_bytes()), ("a.obj", text.as_bytes())];
-    let loaded = told(&list, WarningKind::Skipped, "all but the last definition of `a`");
+    let loaded =
+        loaded_with_warning(&list, WarningKind::Skipped, "all but the last definition of `a`");
     let colors: Vec<Vec3> = loaded.scene.materials().iter().map(|m| m.bsdf.albedo()).collect();
     assert_eq!(colors, [Vec3::Z, Vec3::splat(0.5)]);
-    told(&list, WarningKind::Chosen, "faces without material");
+    loaded_with_warning(&list, WarningKind::Chosen, "faces without material");
     let text = format!("mtllib\n{TRIANGLE}f 1 2 3\n");
-    told(&[("a.obj", text.as_bytes())], WarningKind::Skipped, "`mtllib without a name (line 1)`");
+    loaded_with_warning(
+        &[("a.obj", text.as_bytes())],
+        WarningKind::Skipped,
+        "`mtllib without a name (line 1)`",
+    );
 }
 
 /// Two texels, black and white.
@@ -94,7 +102,7 @@ fn picture(format: image::ImageFormat) -> Vec<u8> {
 }
 
 #[test]
-fn pictures_of_many_kinds() {
+fn pictures_of_all_supported_formats_load() {
     use image::ImageFormat::{Bmp, Tga, Tiff, WebP};
     for (name, format) in [("p.TGA", Tga), ("p.bmp", Bmp), ("p.tif", Tiff), ("p.png", WebP)] {
         let mtl = format!("newmtl m\nmap_Kd {name}\n");
@@ -103,7 +111,8 @@ fn pictures_of_many_kinds() {
             [(name, &picture(format)[..]), ("a.mtl", mtl.as_bytes()), ("a.obj", text.as_bytes())];
         let loaded = files(&list).load();
         let Material { albedo_texture, .. } = &loaded.scene.materials()[0];
-        let texture = albedo_texture.as_ref().unwrap_or_else(|| panic!("{}", loaded.notes_text()));
+        let texture =
+            albedo_texture.as_ref().unwrap_or_else(|| panic!("{}", loaded.warnings_text()));
         let at = [0.25, 0.75].map(|u| texture.color(Vec2::new(u, 0.5)));
         assert_eq!(at, [Vec3::ZERO, Vec3::ONE], "{name}");
     }
@@ -118,7 +127,7 @@ fn pictures_of_many_kinds() {
 }
 
 #[test]
-fn a_gltf_file_goes_without_pictures_that_cannot_be_read() {
+fn unreadable_gltf_pictures_are_ignored() {
     for (image, part) in [
         (json!({ "uri": "no.png" }), "images[0].uri: there is no file `no.png`"),
         (json!({ "bufferView": 0 }), "images[0]: the texture cannot be read"),
@@ -129,19 +138,24 @@ fn a_gltf_file_goes_without_pictures_that_cannot_be_read() {
         model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] =
             json!({ "index": 0 });
         let text = model.text();
-        let loaded = told(&[("a.gltf", text.as_bytes())], WarningKind::Skipped, part);
+        let loaded =
+            loaded_with_warning(&[("a.gltf", text.as_bytes())], WarningKind::Skipped, part);
         assert!(loaded.scene.materials()[0].albedo_texture.is_none());
     }
     let mut model = square();
     model.push("textures", json!({ "extensions": { "KHR_texture_basisu": { "source": 0 } } }));
     model.json["materials"][0]["normalTexture"] = json!({ "index": 0 });
     let text = model.text();
-    told(&[("a.gltf", text.as_bytes())], WarningKind::Skipped, "textures[0] of no known kind");
+    loaded_with_warning(
+        &[("a.gltf", text.as_bytes())],
+        WarningKind::Skipped,
+        "textures[0] of an unknown format",
+    );
 }
 
 #[cfg(unix)]
 #[test]
-fn names_that_are_no_utf8() {
+fn names_that_are_not_utf8_are_found() {
     use std::ffi::OsStr;
     use std::os::unix::ffi::OsStrExt;
     let folder = tempfile::TempDir::new().unwrap();
@@ -159,13 +173,13 @@ fn names_that_are_no_utf8() {
     let loaded = bdpm::import::load(&at(b"a.obj")).unwrap();
     let materials = loaded.scene.materials();
     let names: Vec<&str> = materials.iter().map(|material| &material.name[..]).collect();
-    assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.notes_text());
+    assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.warnings_text());
     assert_eq!([0, 1].map(|i| materials[i].bsdf.albedo()), [Vec3::X, Vec3::Y]);
-    assert!(materials[0].albedo_texture.is_some(), "{}", loaded.notes_text());
+    assert!(materials[0].albedo_texture.is_some(), "{}", loaded.warnings_text());
 }
 
 #[test]
-fn compressed_meshes_are_named_with_what_decompresses_them() {
+fn compressed_meshes_are_refused_with_the_command_to_decompress() {
     let command = "npx @gltf-transform/cli cp OLD NEW.glb";
     for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
         let mut model = square();

@@ -82,10 +82,10 @@ fn check_box(scene: &Arc<Scene>) {
 }
 
 #[test]
-fn the_cornell_box_is_the_paper_s() {
+fn cornell_box_has_the_dimensions_of_the_paper() {
     let loaded = load(&root("scenes/cornell-box")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box", 30));
     check_box(scene);
     assert!(scene.materials().iter().all(|m| m.bsdf.albedo() == Vec3::splat(0.5)));
@@ -123,10 +123,10 @@ fn the_cornell_box_is_the_paper_s() {
 }
 
 #[test]
-fn the_classic_cornell_box_has_its_lamp_and_colors() {
+fn classic_cornell_box_has_its_lamp_and_colors() {
     let loaded = load(&root("scenes/cornell-box-classic")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box-classic", 32));
     check_box(scene);
     assert_eq!(scene.lights().emitters().len(), 2);
@@ -143,9 +143,9 @@ fn the_classic_cornell_box_has_its_lamp_and_colors() {
 }
 
 #[test]
-fn the_scene_of_materials_has_them_all() {
+fn materials_scene_has_every_material() {
     let loaded = load(&root("scenes/materials")).unwrap();
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     let materials = &loaded.scene.materials();
     let has = |wanted: fn(&Bsdf) -> bool| materials.iter().any(|m| wanted(&m.bsdf));
     assert!(
@@ -169,10 +169,10 @@ fn the_scene_of_materials_has_them_all() {
 }
 
 #[test]
-fn no_lamp_light_shines_straight_through_the_keyhole() {
+fn keyhole_scene_has_no_direct_light_behind_the_keyhole() {
     let loaded = load(&root("scenes/keyhole")).unwrap();
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("keyhole", 64));
     let [Emitter::Point { position, .. }] = scene.lights().emitters() else { panic!("one lamp") };
     let accel = build(Backend::Bvh, scene).unwrap();
@@ -190,7 +190,7 @@ fn no_lamp_light_shines_straight_through_the_keyhole() {
 }
 
 #[test]
-fn the_documented_example_loads() {
+fn documented_example_loads() {
     let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
     let example = text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
     let square = "v -1 0 -1\nv -1 0 1\nv 1 0 1\nv 1 0 -1\n";
@@ -201,7 +201,7 @@ fn the_documented_example_loads() {
     ]);
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
-    assert_eq!(loaded.notes_text(), "");
+    assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.triangle_count(), scene.lights().emitters().len()), (4, 3));
     let names: Vec<_> = scene.materials().iter().map(|m| m.name.as_str()).collect();
     assert_eq!(names, ["chalk", "lamp"]);
@@ -219,7 +219,7 @@ fn the_documented_example_loads() {
 }
 
 #[test]
-fn the_documented_defaults_are_the_built_in_ones() {
+fn documented_defaults_equal_the_built_in_ones() {
     let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
     let none = PartialSettings::default();
     let settings = Settings::resolve(&none, &none, 100.0).unwrap();
@@ -238,7 +238,7 @@ fn the_documented_defaults_are_the_built_in_ones() {
 }
 
 #[test]
-fn polygons_negative_indices_and_continued_lines() {
+fn obj_polygons_negative_indices_and_continued_lines_load() {
     let pentagon = "v 0 0 0 # a corner\nv 2 0 0\nv 2 1 0 0.1 0.2 0.3\nv 1 2 0\nv 0 4 0 4\n";
     let scene = obj(&format!("{pentagon}vt 0 0\nvn 0 0 1\nf 1/1 2/-1/1 \\\n 3//1 -2 -1\n"));
     assert_eq!(scene.triangle_count(), 3);
@@ -263,7 +263,7 @@ fn meshes_are_objects_times_materials_in_file_order() {
 }
 
 #[test]
-fn materials_of_the_scene_file_win() {
+fn materials_of_the_scene_file_precede_those_of_libraries() {
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let scene = r#"
         camera = { position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }
@@ -293,15 +293,15 @@ fn materials_of_the_scene_file_win() {
             ("n", [0.25; 3], [0.0; 3]),
         ]
     );
-    let notes = loaded.notes_text();
+    let warnings = loaded.warnings_text();
     for part in
         ["a.mtl:4: the diffuse color", "ignored some textures", "no mesh uses the material `spare`"]
     {
-        assert!(notes.contains(part), "{notes}");
+        assert!(warnings.contains(part), "{warnings}");
     }
 }
 
-/// The BSDF of the material `name` of a scene of one triangle, with the notes of loading it.
+/// The BSDF of the material `name` of a scene of one triangle, with the warnings of loading it.
 fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let scene = "camera = { position = [0, 0, 5], direction = [0, 0, -1], fov_x_deg = 40 }\n\
@@ -313,7 +313,7 @@ fn bsdf(mtl: &str, toml: &str, name: &str) -> (Bsdf, String) {
         ("scene.toml", &format!("{scene}{toml}")),
     ]);
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-    (loaded.scene.materials()[0].bsdf, loaded.notes_text())
+    (loaded.scene.materials()[0].bsdf, loaded.warnings_text())
 }
 
 fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
@@ -321,7 +321,7 @@ fn artist_metal(normal: [f32; 3], alpha: f32) -> Bsdf {
 }
 
 #[test]
-fn every_type_of_material_can_be_written() {
+fn every_type_of_material_is_parsed() {
     let gold = Reflectance::named("gold").unwrap();
     let (eta, k) = (Vec3::splat(0.5), Vec3::new(1.0, 2.0, 3.0));
     for (text, expected) in [
@@ -358,17 +358,17 @@ fn every_type_of_material_can_be_written() {
         ),
         ("type = 'glossy'", Bsdf::Glossy(Glossy::new(Vec3::splat(0.5), 0.0, 1.5, 0.0))),
     ] {
-        let (read, notes) = bsdf("", &format!("[materials.m]\n{text}\n"), "m");
-        assert_eq!((read, notes), (expected, String::new()), "{text}");
+        let (read, warnings) = bsdf("", &format!("[materials.m]\n{text}\n"), "m");
+        assert_eq!((read, warnings), (expected, String::new()), "{text}");
     }
 }
 
 #[test]
-fn mtl_records_become_the_documented_materials() {
+fn mtl_records_convert_as_documented() {
     let half = Vec3::splat(0.5);
     let coat = |ior| Bsdf::Coated(Coated::new(half, ior));
     let glossy = |metallic, ior, alpha| Bsdf::Glossy(Glossy::new(half, metallic, ior, alpha));
-    for (records, expected, note) in [
+    for (records, expected, warning) in [
         ("illum 2\nKd .5\nKs 0\nNs 10", Bsdf::diffuse(half), ""),
         ("illum 2\nKd .5\nKs .5\nNs 198", glossy(0.0, 1.5, 0.1), ""),
         ("illum 2\nKd .5\nKs .5\nNs 198\nNi 1", Bsdf::diffuse(half), "ignored the highlights"),
@@ -385,14 +385,17 @@ fn mtl_records_become_the_documented_materials() {
         ("illum 7\nd 0.1\nNi 1.3", Bsdf::Dielectric(Dielectric::new(1.3)), ""),
         ("illum 4\nNi 1.3\nPr .5", Bsdf::RoughDielectric(RoughDielectric::new(1.3, 0.25)), ""),
     ] {
-        let (read, notes) = bsdf(&format!("newmtl m\n{records}\n"), "", "m");
+        let (read, warnings) = bsdf(&format!("newmtl m\n{records}\n"), "", "m");
         assert_eq!(read, expected, "{records}");
-        assert!(if note.is_empty() { notes.is_empty() } else { notes.contains(note) }, "{notes}");
+        assert!(
+            if warning.is_empty() { warnings.is_empty() } else { warnings.contains(warning) },
+            "{warnings}"
+        );
     }
 }
 
 #[test]
-fn an_obj_file_alone_is_framed_and_lit() {
+fn obj_files_get_a_camera_and_light() {
     let offset = 1000.0;
     let content = format!("v {offset} 0 0\nv {} 0 0\nv {offset} 3 0\nf 1 2 3\n", offset + 2.0);
     let folder = write(&[("a.obj", content.as_str())]);
@@ -410,8 +413,8 @@ fn an_obj_file_alone_is_framed_and_lit() {
     let light = scene.lights();
     assert!(light.emitters().is_empty());
     assert!(light.beyond(Vec3::Y).x > 1.19 && light.beyond(-Vec3::Y).x < 0.01);
-    let notes = loaded.notes_text();
-    assert!(notes.contains("no camera") && notes.contains("nothing emits"), "{notes}");
+    let warnings = loaded.warnings_text();
+    assert!(warnings.contains("no camera") && warnings.contains("nothing emits"), "{warnings}");
 
     let lamp = format!("mtllib a.mtl\nusemtl m\n{content}");
     let folder = write(&[("a.mtl", "newmtl m\nKe 1 1 1\n"), ("a.obj", lamp.as_str())]);

@@ -251,7 +251,7 @@ fn files_that_are_used_often_are_held_once() {
     std::fs::write(folder.path().join("scene.toml"), toml).unwrap();
     let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
-    assert!(loaded.notes_text().contains("dropped"), "{}", loaded.notes_text());
+    assert!(loaded.warnings_text().contains("dropped"), "{}", loaded.warnings_text());
     // The tiny one is no instance, and vanishes in rounding.
     assert_eq!(scene.placements().len(), count as usize - 1);
     assert_eq!(scene.triangle_count(), (count as usize - 1) * 320);

@@ -223,9 +223,9 @@ fn pictures_of_all_kinds_are_read() {
         assert_eq!(bsdf.albedo(), Vec3::ONE, "without Kd the picture tells all");
         assert!(opacity_texture.is_some());
         assert!(
-            loaded.notes.iter().all(|note| !note.text.contains("texture")),
+            loaded.warnings.iter().all(|note| !note.text.contains("texture")),
             "{:?}",
-            loaded.notes
+            loaded.warnings
         );
     }
 }
@@ -235,7 +235,7 @@ fn broken_and_missing_pictures_are_told() {
     let told = |mtl: &str, picture: &[u8], parts: &[&str]| {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, picture);
         let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
-        let notes = loaded.notes_text();
+        let notes = loaded.warnings_text();
         for part in parts.iter().chain(&["ignored some textures: p.png: the texture"]) {
             assert!(notes.contains(part), "no {part:?} in {notes}");
         }
@@ -258,11 +258,11 @@ fn broken_and_missing_pictures_are_told() {
     told("map_Kd p.png", &huge, &["cannot be read"]);
     for mtl in ["map_Kd none.png", "map_Kd -s 2 2 2 p.png", "map_Ks p.png", "norm none.png"] {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, &good);
-        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
+        let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).warnings_text();
         assert!(notes.contains("ignored some textures"), "{notes}");
     }
     let (_folder, path) = model("f 1 2 3", "map_Kd p.png", &good);
-    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).notes_text();
+    let notes = load(&path).unwrap_or_else(|e| panic!("{e}")).warnings_text();
     assert!(notes.contains("without texture coordinates"), "{notes}");
 }
 
@@ -310,7 +310,7 @@ fn every_texture_of_a_scene_file_is_read() {
         );
         write("scene.toml", scene.as_bytes());
         let loaded = load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-        assert!(loaded.notes.is_empty(), "{:?}", loaded.notes);
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
         loaded.scene.materials()[0].clone()
     };
     let glossy = load(

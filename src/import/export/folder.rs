@@ -1,4 +1,4 @@
-//! The folder that is written, which must not hurt what is there.
+//! The folder that is written. Existing files are protected.
 
 use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
@@ -8,19 +8,20 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-pub(super) struct Folder<'a> {
+pub(super) struct ExportFolder<'a> {
     root: &'a Path,
+    /// Whether existing files are replaced.
     replace: bool,
-    /// Names within, with `/`.
+    /// Names in the folder, with `/`.
     planned: Vec<String>,
 }
 
-impl<'a> Folder<'a> {
+impl<'a> ExportFolder<'a> {
     pub fn new(root: &'a Path, replace: bool) -> Self {
         Self { root, replace, planned: Vec::new() }
     }
 
-    /// A file that is going to be written.
+    /// Announces a file that will be written.
     pub fn plan(&mut self, name: &str) {
         self.planned.push(name.to_owned());
     }
@@ -29,20 +30,17 @@ impl<'a> Folder<'a> {
         self.root.join(name)
     }
 
-    /// Makes the folders; returns the number of files.
+    /// Creates the folders, and returns the number of files.
     ///
     /// # Errors
-    /// If one is there, unless it is to be replaced; in any case if it was read.
+    /// If a file exists and must not be replaced, or if this process has read it.
     pub fn begin(&self) -> Result<usize> {
-        let there = |name: &&String| self.path(name).symlink_metadata().is_ok();
-        let there: Vec<&str> = self.planned.iter().filter(there).map(String::as_str).collect();
-        if !(there.is_empty() || self.replace) {
-            let problem = format!("the folder already holds {}", list(there));
-            return Err(Error::new(
-                problem,
-                "name another folder, or give --force to replace them",
-            )
-            .at(self.root));
+        let exists = |name: &&String| self.path(name).symlink_metadata().is_ok();
+        let existing: Vec<&str> = self.planned.iter().filter(exists).map(String::as_str).collect();
+        if !(existing.is_empty() || self.replace) {
+            let problem = format!("the folder already holds {}", list(existing));
+            let advice = "name another folder, or allow its files to be replaced";
+            return Err(Error::new(problem, advice).at(self.root));
         }
         let paths = self.planned.iter().map(|name| self.path(name));
         paths.clone().try_for_each(|path| check_not_read(&path, "the copy"))?;
@@ -53,8 +51,8 @@ impl<'a> Folder<'a> {
         Ok(self.planned.len())
     }
 
-    /// Writes a part, quickly rather than all or nothing: there may be thousands, and the scene file,
-    /// which comes last, makes them count.
+    /// Writes a part of the scene without the cost of atomic replacement. There may be thousands of
+    /// parts, and only the scene file, which is written last, refers to them.
     pub fn write_part(
         &self,
         name: &str,
@@ -62,7 +60,7 @@ impl<'a> Folder<'a> {
     ) -> Result<()> {
         let path = self.path(name);
         let all = || {
-            // What others link to stays as it is.
+            // Removing the file keeps the content of hard links.
             let _ = std::fs::remove_file(&path);
             let mut file = BufWriter::with_capacity(1 << 18, File::create_new(&path)?);
             write(&mut file)?;
@@ -71,7 +69,7 @@ impl<'a> Folder<'a> {
         all().map_err(|e| Error::io("write", &path, e))
     }
 
-    /// Writes a file that appears complete or not at all.
+    /// Writes a file atomically.
     pub fn write(
         &self,
         name: &str,

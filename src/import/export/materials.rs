@@ -2,20 +2,20 @@
 
 use super::names::{Names, for_line};
 use super::numbers::{color, inverse, number, roughness};
-use super::textures::Pictures;
+use super::textures::TextureFiles;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::Material;
 use crate::scene::bsdf::{Bsdf, FacetModel, Glossy, Reflectance};
 use std::fmt::Write;
 
-/// All materials, with names of their own.
-pub(super) struct Materials<'a> {
+/// All materials, with unique names.
+pub(super) struct MaterialTables<'a> {
     materials: &'a [Material],
     names: Vec<String>,
 }
 
-impl<'a> Materials<'a> {
+impl<'a> MaterialTables<'a> {
     pub fn new(materials: &'a [Material]) -> Self {
         let mut names = Names::default();
         let name = |material: &Material| names.unique(for_line(&material.name, "material"));
@@ -28,7 +28,7 @@ impl<'a> Materials<'a> {
     }
 
     /// All tables.
-    pub fn tables(&self, pictures: &mut Pictures<'a>) -> Result<String> {
+    pub fn tables(&self, textures: &mut TextureFiles<'a>) -> Result<String> {
         let mut text = String::new();
         for (material, name) in self.materials.iter().zip(&self.names) {
             let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -38,13 +38,14 @@ impl<'a> Materials<'a> {
                 let problem = format!("the material `{name}` cannot be written: {problem}");
                 Error::new(problem, "change it in the original scene")
             })?;
-            text += &textures(material, name, pictures);
+            text += &self::textures(material, name, textures);
         }
         Ok(text)
     }
 }
 
-/// What is the same all over the material; `Err` tells what no scene file can say.
+/// The keys of a material without textures. The error is a property that scene files cannot
+/// represent.
 fn keys(material: &Material) -> std::result::Result<String, String> {
     let mut text = match material.bsdf {
         Bsdf::Lambertian { albedo, two_sided } => {
@@ -105,7 +106,7 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
     Ok(text)
 }
 
-/// Of facets that scatter once.
+/// The key of facets that scatter once.
 fn facets(model: FacetModel) -> &'static str {
     match model {
         FacetModel::Correlated => "",
@@ -114,13 +115,13 @@ fn facets(model: FacetModel) -> &'static str {
     }
 }
 
-/// Of glass that is not clear.
+/// The key of glass that is not clear.
 fn transmittance(share: Rgb) -> String {
     if share == Rgb::ONE { String::new() } else { format!("transmittance = {}\n", color(share)) }
 }
 
-/// Its textures, so far as they have an effect.
-fn textures<'a>(material: &'a Material, name: &str, pictures: &mut Pictures<'a>) -> String {
+/// The textures that have an effect.
+fn textures<'a>(material: &'a Material, name: &str, textures: &mut TextureFiles<'a>) -> String {
     let glossy = matches!(material.bsdf, Bsdf::Glossy(_));
     let tinted = glossy || matches!(material.bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_));
     let normals = material.normal_map.as_ref();
@@ -135,7 +136,7 @@ fn textures<'a>(material: &'a Material, name: &str, pictures: &mut Pictures<'a>)
         ("emission", "emission_texture", material.emission_texture.as_ref()),
     ] {
         if let Some(texture) = texture {
-            let _ = writeln!(text, "{key} = {}", pictures.value(texture, name, part));
+            let _ = writeln!(text, "{key} = {}", textures.value(texture, name, part));
         }
     }
     if let Some(map) = normals.filter(|map| map.scale != 1.0) {
@@ -144,7 +145,7 @@ fn textures<'a>(material: &'a Material, name: &str, pictures: &mut Pictures<'a>)
     text
 }
 
-/// `ior`, and `outside_ior` where the quotient of both is beyond the bounds of one.
+/// `ior`, and `outside_ior` if the quotient of both exceeds the bounds of one key.
 fn indices(eta: f32) -> std::result::Result<String, String> {
     if (0.1..=10.0).contains(&eta) {
         return Ok(format!("ior = {}\n", number(eta)));
@@ -156,7 +157,7 @@ fn indices(eta: f32) -> std::result::Result<String, String> {
     Ok(format!("ior = {}\noutside_ior = {}\n", number(ior), number(outside)))
 }
 
-/// The index that gives the reflectance at normal incidence.
+/// The refractive index with the reflectance at normal incidence of `glossy`.
 fn glossy_ior(glossy: &Glossy) -> Option<f32> {
     let normal = glossy.normal_reflectance();
     let root = normal.sqrt();

@@ -1,7 +1,7 @@
-//! Meshes: an OBJ file each, and a table for each of their places.
+//! Meshes: an OBJ file for each, and a table for each placement.
 
-use super::folder::Folder;
-use super::materials::Materials;
+use super::folder::ExportFolder;
+use super::materials::MaterialTables;
 use super::names::{Names, for_file, for_line};
 use super::numbers::unnormalized;
 use crate::base::error::Result;
@@ -14,13 +14,13 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
-pub(super) struct Meshes<'a> {
+pub(super) struct MeshFiles<'a> {
     scene: &'a Scene,
-    /// Of each mesh.
+    /// File of each mesh.
     files: Vec<String>,
 }
 
-impl<'a> Meshes<'a> {
+impl<'a> MeshFiles<'a> {
     pub fn new(scene: &'a Scene) -> Self {
         let mut names = Names::default();
         let file =
@@ -33,11 +33,11 @@ impl<'a> Meshes<'a> {
     }
 
     /// All `[[mesh]]`.
-    pub fn tables(&self, materials: &Materials, notes: &mut Vec<Warning>) -> String {
+    pub fn tables(&self, materials: &MaterialTables, warnings: &mut Vec<Warning>) -> String {
         let mut text = String::new();
         for Placement { mesh, material, transform } in self.scene.placements() {
             let (file, material) = (&self.files[*mesh as usize], materials.quoted(*material));
-            // Strings take everything, here and elsewhere.
+            // Writing to strings cannot fail.
             let _ = write!(text, "\n[[mesh]]\nfile = \"{file}\"\nmaterial = {material}\n");
             if let Some(transform) = transform {
                 let _ = writeln!(text, "matrix = {:?}", transform.rows());
@@ -50,15 +50,15 @@ impl<'a> Meshes<'a> {
         let names: BTreeSet<&str> = with_tangents.map(|mesh| &mesh.name[..]).collect();
         if !names.is_empty() {
             let names = list(names);
-            let note = "OBJ files have no tangents; texture coordinates give those of";
-            notes.push(Warning::skipped(format!("{note} {names}")));
+            let text = "OBJ files have no tangents; texture coordinates replace those of";
+            warnings.push(Warning::skipped(format!("{text} {names}")));
         }
         text
     }
 
-    pub fn write(&self, out: &Folder) -> Result<()> {
+    pub fn write(&self, out: &ExportFolder) -> Result<()> {
         let all = self.scene.meshes().par_iter().zip(&self.files);
-        // What is moved when it is read is moved as it is; all else is normalized alone.
+        // Reading transforms the normals of instances as they are. It normalizes all other normals.
         let mut moved = vec![false; self.files.len()];
         for Placement { mesh, transform, .. } in self.scene.placements() {
             moved[*mesh as usize] |= transform.is_some();

@@ -1,45 +1,46 @@
 //! Scenes as folders that can be edited: `scene.toml`, a mesh per OBJ file, and textures as PNG.
 //!
-//! What is read again is the same bit by bit, so far as the formats can say it: numbers are written as
-//! briefly as leads back to them.
+//! The folder loads as an identical scene, as far as the formats allow: numbers are written with
+//! the shortest text that parses to the same bits.
 
 mod folder;
 mod materials;
 mod meshes;
 mod names;
 mod numbers;
-mod textures;
 mod tables;
+mod textures;
 
 use super::Loaded;
 use super::warnings::Warning;
 use crate::base::error::Result;
-use folder::Folder;
-use materials::Materials;
-use meshes::Meshes;
+use folder::ExportFolder;
+use materials::MaterialTables;
+use meshes::MeshFiles;
 use std::path::Path;
-use textures::Pictures;
+use textures::TextureFiles;
 
-/// What [`save`] did.
+/// The result of [`export`].
 #[derive(Clone, Debug)]
-pub struct Saved {
+pub struct Exported {
     /// Number of files.
     pub files: usize,
-    /// What the folder cannot say.
-    pub notes: Vec<Warning>,
+    /// Properties of the scene that the formats cannot represent.
+    pub warnings: Vec<Warning>,
 }
 
-/// Writes `loaded`, which came from a file called `origin`, as `folder`.
+/// Writes `loaded`, which was read from the file `origin`, as `folder`. Files that exist are
+/// replaced if `replace` is set.
 ///
 /// # Errors
-/// If a file is there already and not to be replaced or this process has read it, or one cannot be written; then files that were
-/// not there before may be.
-pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Saved> {
+/// If a file exists and must not be replaced, if this process has read it, or if a file cannot be
+/// written. In the last case some files may have been written.
+pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Result<Exported> {
     let Loaded { scene, defaults, .. } = loaded;
-    let mut notes = Vec::new();
-    let materials = Materials::new(scene.materials());
-    let mut pictures = Pictures::default();
-    let meshes = Meshes::new(scene);
+    let mut warnings = Vec::new();
+    let materials = MaterialTables::new(scene.materials());
+    let mut textures = TextureFiles::default();
+    let meshes = MeshFiles::new(scene);
 
     let mut text = tables::head(origin);
     text += &tables::camera(&scene.camera);
@@ -47,24 +48,24 @@ pub fn save(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Resu
     text += &tables::regions(&scene.regions);
     let environment = scene.lights().environment();
     text += &environment.map(tables::environment).unwrap_or_default();
-    text += &tables::lights(scene.lights().emitters(), &mut notes);
-    text += &materials.tables(&mut pictures)?;
-    text += &meshes.tables(&materials, &mut notes);
+    text += &tables::lights(scene.lights().emitters(), &mut warnings);
+    text += &materials.tables(&mut textures)?;
+    text += &meshes.tables(&materials, &mut warnings);
 
-    let mut out = Folder::new(folder, replace);
+    let mut out = ExportFolder::new(folder, replace);
     out.plan("scene.toml");
-    meshes.files().chain(pictures.files()).for_each(|file| out.plan(file));
+    meshes.files().chain(textures.files()).for_each(|file| out.plan(file));
     let environment = environment.filter(|own| !tables::is_plain(own));
     if environment.is_some() {
         out.plan(tables::ENVIRONMENT);
     }
     let files = out.begin()?;
     meshes.write(&out)?;
-    pictures.write(&out)?;
+    textures.write(&out)?;
     if let Some(environment) = environment {
-        textures::write_environment(environment, &out.path(tables::ENVIRONMENT))?;
+        self::textures::write_environment(environment, &out.path(tables::ENVIRONMENT))?;
     }
-    // Last, so that there is no scene without its parts.
+    // The scene file is last, so that no scene lacks its parts.
     out.write("scene.toml", |to| to.write_all(text.as_bytes()))?;
-    Ok(Saved { files, notes })
+    Ok(Exported { files, warnings })
 }

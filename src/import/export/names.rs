@@ -1,21 +1,21 @@
-//! Names that files, OBJ records and TOML keys can have, each once.
+//! Unique names that are valid for files, OBJ records and TOML keys.
 
 use std::collections::{HashMap, HashSet};
 
-/// Longest name, characters: file systems take 255 bytes.
+/// Maximum length of a name, characters. File systems allow 255 bytes.
 const MAX_LENGTH: usize = 60;
 
-/// Hands out names.
+/// Creates unique names.
 #[derive(Default)]
 pub(super) struct Names {
-    /// In lower case, for file systems that do not tell cases apart.
+    /// In lower case, because some file systems ignore case.
     taken: HashSet<String>,
-    /// The number to try next for a name that is taken.
+    /// Next number to try for a name that is taken.
     next: HashMap<String, u32>,
 }
 
 impl Names {
-    /// A name like `name` that nothing else has.
+    /// A unique name similar to `name`.
     pub fn unique(&mut self, name: String) -> String {
         let key = name.to_lowercase();
         if self.taken.insert(key.clone()) {
@@ -33,20 +33,20 @@ impl Names {
 }
 
 /// `name` as part of a file name: letters, digits, `-` and `_`.
-pub(super) fn for_file(name: &str, otherwise: &str) -> String {
+pub(super) fn for_file(name: &str, default: &str) -> String {
     let kept = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
     let words: String = name.chars().map(kept).collect();
     let words: Vec<&str> = words.split('-').filter(|word| !word.is_empty()).collect();
     let name: String = words.join("-").chars().take(MAX_LENGTH).collect();
-    if name.is_empty() { otherwise.to_owned() } else { name }
+    if name.is_empty() { default.to_owned() } else { name }
 }
 
-/// `name` as it can be in a line of an OBJ file and in quotes.
-pub(super) fn for_line(name: &str, otherwise: &str) -> String {
+/// `name` as it is valid in a line of an OBJ file and in quotes.
+pub(super) fn for_line(name: &str, default: &str) -> String {
     let kept = |c: char| if c.is_control() || "\\\"'\u{feff}".contains(c) { '_' } else { c };
     let name: String = name.trim().chars().map(kept).take(MAX_LENGTH).collect();
     let name = name.trim();
-    if name.is_empty() { otherwise.to_owned() } else { name.to_owned() }
+    if name.is_empty() { default.to_owned() } else { name.to_owned() }
 }
 
 #[cfg(test)]
@@ -54,14 +54,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_told_apart() {
+    fn repeated_names_are_numbered() {
         let mut names = Names::default();
         let all = ["a", "A", "a-2", "a", "b"].map(|name| names.unique(name.to_owned()));
         assert_eq!(all, ["a", "A-2", "a-2-2", "a-3", "b"]);
     }
 
     #[test]
-    fn names_are_harmless() {
+    fn unsafe_characters_are_replaced() {
         for (name, file, line) in [
             ("Red wall", "Red-wall", "Red wall"),
             ("../../etc/passwd", "etc-passwd", "../../etc/passwd"),

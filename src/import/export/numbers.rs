@@ -1,13 +1,13 @@
-//! Numbers as text that leads back to their bits, and what leads to a number by way of a function.
+//! Numbers as text that parses to the same bits, and inverses of functions in floating point.
 
 use crate::base::math::Rgb;
 use crate::scene::transform::normalized;
 use glam::Vec3;
 
-/// Neighbors that are tried, on either side.
+/// Number of neighbors to try on either side.
 const NEAR: i64 = 256;
 
-/// As short as leads back to it.
+/// The shortest text that parses to the same bits.
 pub(super) fn number(x: f32) -> String {
     let text = format!("{x:?}");
     match text.strip_suffix(".0") {
@@ -27,19 +27,19 @@ pub(super) fn color(c: Rgb) -> String {
     if c == Rgb::splat(c.x) { number(c.x) } else { point(c) }
 }
 
-/// The shortest number near `guess` that `map` leads to `value`.
+/// The number with the shortest text near `guess` that `map` maps to `value`.
 pub(super) fn inverse(value: f32, guess: f32, map: impl Fn(f32) -> f32) -> Option<f32> {
     let near = (-NEAR..=NEAR).filter_map(|step| {
         let bits = u32::try_from(i64::from(guess.to_bits()) + step).ok()?;
         Some(f32::from_bits(bits)).filter(|x| x.is_finite())
     });
     let exact = near.filter(|x| map(*x).to_bits() == value.to_bits());
-    // Of equally short ones the nearest.
+    // The nearest number among those of equal length.
     exact.min_by_key(|x| (number(*x).len(), x.to_bits().abs_diff(guess.to_bits())))
 }
 
-/// A vector that leads to `unit` when it is normalized; where it is sought in vain, that itself. Unit
-/// vectors are rounded, so that they are not always their own.
+/// A vector that normalizes to `unit`, or `unit` if none is found. Unit vectors are rounded, so
+/// that normalizing may change them.
 pub(super) fn unnormalized(unit: Vec3) -> Vec3 {
     let mut lengths = (0..u16::MAX).map(|i| unit * (1.0 + f32::from(i) / 65_536.0));
     lengths.find(|v| normalized(*v) == unit).unwrap_or(unit)
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_lead_back() {
+    fn numbers_are_short_and_exact() {
         for (x, text) in [(0.1, "0.1"), (2.0, "2"), (-0.0, "-0.0"), (1e-9, "1e-9"), (1e20, "1e20")]
         {
             assert_eq!(number(x), text);
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn roughness_is_found_where_there_is_one() {
+    fn roughness_is_the_exact_root_if_one_exists() {
         for text in ["0", "0.1", "0.3", "0.8", "1"] {
             let roughness: f32 = text.parse().unwrap();
             assert_eq!(super::roughness(roughness * roughness), format!("roughness = {text}\n"));
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn unit_vectors_have_a_source() {
+    fn unit_vectors_are_the_normalization_of_a_vector() {
         for i in 0..10_000_u16 {
             let angle = f32::from(i);
             let unit = normalized(Vec3::new(angle.sin(), (1.7 * angle).cos(), 0.3 * angle.cos()));

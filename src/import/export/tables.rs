@@ -13,7 +13,7 @@ use std::fmt::Write;
 /// File of the environment.
 pub(super) const ENVIRONMENT: &str = "environment.exr";
 
-/// Where the scene came from.
+/// A comment about the source of the scene.
 pub(super) fn head(origin: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     format!("# Converted from `{}` by bdpm {version}.\n", for_line(origin, "a scene"))
@@ -39,12 +39,9 @@ pub(super) fn camera(camera: &Camera) -> String {
             ("sensor", sensor)
         }
     };
-    let [right, up_by] = camera.shift();
-    let shifted = camera.shift() != [0.0; 2];
-    let shift = if shifted {
-        format!("shift = [{}, {}]\n", number(right), number(up_by))
-    } else {
-        String::new()
+    let shift = match camera.shift() {
+        [0.0, 0.0] => String::new(),
+        [right, up] => format!("shift = [{}, {}]\n", number(right), number(up)),
     };
     format!(
         "\n[camera]\ntype = \"{kind}\"\nposition = {}\ndirection = {}\nup = {}\n{optics}{shift}",
@@ -61,7 +58,7 @@ fn field_of_view(angle: FieldOfView) -> String {
     }
 }
 
-/// The vector, or one along it that a file may have; halving is exact.
+/// The vector, halved until its coordinates are valid in a file. Halving is exact.
 fn within_bounds(mut vector: Vec3) -> Vec3 {
     while vector.abs().max_element() > MAX_COORDINATE {
         vector *= 0.5;
@@ -72,7 +69,7 @@ fn within_bounds(mut vector: Vec3) -> Vec3 {
 pub(super) fn render(defaults: &PartialSettings) -> Result<String> {
     let text = toml::to_string(defaults).map_err(|e| {
         let problem = format!("the settings of rendering cannot be written: {e}");
-        Error::new(problem, "take a seed below 2^63")
+        Error::new(problem, "use a seed below 2^63")
     })?;
     Ok(if text.is_empty() { text } else { format!("\n[render]\n{text}") })
 }
@@ -88,7 +85,7 @@ pub(super) fn regions(regions: &[Region]) -> String {
     if text.is_empty() { text } else { format!("\n[regions]\n{text}") }
 }
 
-/// Whether it is the same from everywhere, and needs no file.
+/// Whether the environment is constant, so that it needs no file.
 pub(super) fn is_plain(environment: &Environment) -> bool {
     matches!(environment.parts(), ([1, 1], _, 0.0))
 }
@@ -102,8 +99,8 @@ pub(super) fn environment(environment: &Environment) -> String {
     format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees))
 }
 
-/// All `[[light]]`. Triangles that emit are meshes.
-pub(super) fn lights(emitters: &[Emitter], notes: &mut Vec<Warning>) -> String {
+/// All `[[light]]` tables. Emissive triangles are meshes.
+pub(super) fn lights(emitters: &[Emitter], warnings: &mut Vec<Warning>) -> String {
     let mut text = String::new();
     let mut rounded = 0;
     let along = |unit| point(unnormalized(unit));
@@ -130,20 +127,19 @@ pub(super) fn lights(emitters: &[Emitter], notes: &mut Vec<Warning>) -> String {
         Emitter::Triangle { .. } | Emitter::Textured(_) => Ok(()),
     });
     if rounded > 0 {
-        notes.push(Warning::chosen(format!(
-            "rounded the angles of {rounded} spots in the last place"
-        )));
+        let text = format!("rounded the angles of {rounded} spots in the last digit");
+        warnings.push(Warning::chosen(text));
     }
     text
 }
 
-/// The angles of a spot's cones, degrees, and whether they lead to the same bits.
+/// The angles of a spot's cones, degrees, and whether they reproduce the cosines exactly.
 fn cones(spot: &Spot) -> ([f32; 2], bool) {
     let cos = |degrees: f32| degrees.to_radians().cos();
     let cosines = [spot.cos_inner, spot.cos_outer];
     let exact = cosines.map(|cosine| inverse(cosine, cosine.acos().to_degrees(), cos));
     let nearest = |i: usize| exact[i].unwrap_or(cosines[i].acos().to_degrees());
-    // What a rounded right angle is beyond it.
+    // A rounded right angle may exceed 90 degrees.
     ([nearest(0), nearest(1).min(90.0)], exact.iter().all(Option::is_some))
 }
 
@@ -152,7 +148,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_empty_table_is_left_out() {
+    fn empty_tables_are_omitted() {
         assert_eq!(render(&PartialSettings::default()).unwrap(), "");
         assert_eq!(regions(&[]), "");
     }

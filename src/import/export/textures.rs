@@ -1,6 +1,6 @@
-//! Pictures: textures as PNG, each once, and the environment as EXR.
+//! TextureFiles: textures as PNG, each once, and the environment as EXR.
 
-use super::folder::Folder;
+use super::folder::ExportFolder;
 use super::names::{Names, for_file};
 use crate::base::error::Result;
 use crate::image_io::{Image, Layer, Metadata, write_exr};
@@ -9,24 +9,24 @@ use std::collections::HashMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The textures that were asked for.
+/// The textures in use.
 #[derive(Default)]
-pub(super) struct Pictures<'a> {
+pub(super) struct TextureFiles<'a> {
     names: Names,
-    pictures: Vec<(&'a Texture, String)>,
-    /// Index of each, by where its texels are, which textures share.
+    textures: Vec<(&'a Texture, String)>,
+    /// Index of each texture by the address of its texels, which textures share.
     known: HashMap<*const [u8; 4], usize>,
 }
 
-impl<'a> Pictures<'a> {
-    /// A texture as the value of a key; its file is named after the first use.
+impl<'a> TextureFiles<'a> {
+    /// A texture as the value of a key. The name of its file is that of its first use.
     pub fn value(&mut self, texture: &'a Texture, material: &str, part: &str) -> String {
         let index = *self.known.entry(texture.texels().as_ptr()).or_insert_with(|| {
             let name = self.names.unique(for_file(&format!("{material}-{part}"), part));
-            self.pictures.push((texture, format!("textures/{name}.png")));
-            self.pictures.len() - 1
+            self.textures.push((texture, format!("textures/{name}.png")));
+            self.textures.len() - 1
         });
-        let file = &self.pictures[index].1;
+        let file = &self.textures[index].1;
         let Sampling { wrap, nearest } = texture.sampling();
         if texture.sampling() == Sampling::default() {
             return format!("\"{file}\"");
@@ -44,11 +44,11 @@ impl<'a> Pictures<'a> {
     }
 
     pub fn files(&self) -> impl Iterator<Item = &str> {
-        self.pictures.iter().map(|(_, file)| file.as_str())
+        self.textures.iter().map(|(_, file)| file.as_str())
     }
 
-    pub fn write(&self, out: &Folder) -> Result<()> {
-        for (texture, file) in &self.pictures {
+    pub fn write(&self, out: &ExportFolder) -> Result<()> {
+        for (texture, file) in &self.textures {
             out.write_part(file, |to| write_png(texture, to))?;
         }
         Ok(())

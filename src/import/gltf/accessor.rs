@@ -1,15 +1,15 @@
-//! Accessors: typed elements in the bytes of buffers. All offsets and counts are checked when one is
-//! opened, so that reading an element cannot fail.
+//! Accessors: typed items in the bytes of buffers. All offsets and counts are checked when an
+//! accessor is opened, so that reading an item cannot fail.
 
-use super::buffers::{Buffers, View};
-use super::fault;
-use super::json::{Accessor, Document, Sparse, get};
-use crate::base::error::Result;
+use super::buffers::{Buffers, ViewBytes};
+use super::json::{Accessor, Sparse, get};
+use super::malformed;
+use crate::base::error::{Error, Result};
 use std::fmt::Display;
 
 /// A number's type, by the code that OpenGL has for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
+enum ComponentType {
     I8,
     U8,
     I16,
@@ -18,8 +18,8 @@ enum Component {
     F32,
 }
 
-impl Component {
-    fn from_code(code: u64, place: impl Display) -> Result<Self> {
+impl ComponentType {
+    fn from_code(code: u64, element: impl Display) -> Result<Self> {
         Ok(match code {
             5120 => Self::I8,
             5121 => Self::U8,
@@ -27,7 +27,7 @@ impl Component {
             5123 => Self::U16,
             5125 => Self::U32,
             5126 => Self::F32,
-            _ => return Err(fault(place, format!("unknown componentType {code}"))),
+            _ => return Err(malformed(element, format!("unknown componentType {code}"))),
         })
     }
 
@@ -40,15 +40,18 @@ impl Component {
         }
     }
 
-    /// Whether indices may have this type.
-    fn counts(self) -> bool {
-        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    /// Refuses types that indices may not have.
+    fn check_index(self, element: impl Display) -> Result<()> {
+        match self {
+            Self::U8 | Self::U16 | Self::U32 => Ok(()),
+            _ => Err(malformed(element, "indices must be unsigned integers")),
+        }
     }
 
     /// The number in the first bytes.
     fn number(self, bytes: &[u8], normalized: bool) -> f32 {
         // Integers of up to 16 bits fit.
-        let (value, most) = match self {
+        let (value, largest) = match self {
             Self::I8 => (f32::from(bytes[0] as i8), 127.0),
             Self::U8 => (f32::from(bytes[0]), 255.0),
             Self::I16 => (f32::from(i16::from_le_bytes([bytes[0], bytes[1]])), 32_767.0),
@@ -56,7 +59,7 @@ impl Component {
             Self::U32 => (u32_at(bytes) as f32, u32::MAX as f32),
             Self::F32 => return f32::from_bits(u32_at(bytes)),
         };
-        if normalized { (value / most).max(-1.0) } else { value }
+        if normalized { (value / largest).max(-1.0) } else { value }
     }
 
     /// The index in the first bytes.
@@ -73,42 +76,48 @@ fn u32_at(bytes: &[u8]) -> u32 {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }
 
-/// Elements at equal distances in a slice that holds them all.
+/// Number of items and bytes of one item.
 #[derive(Clone, Copy)]
-struct Elements<'a> {
+struct ItemLayout {
+    count: u64,
+    size: usize,
+}
+
+/// Items at equal distances in a slice that holds them all.
+#[derive(Clone, Copy)]
+struct Items<'a> {
     bytes: &'a [u8],
     stride: usize,
 }
 
-impl<'a> Elements<'a> {
-    /// `count` elements of `size` bytes, the first `offset` bytes into the view.
+impl<'a> Items<'a> {
+    /// Items from byte `offset` of the view on.
     fn new(
-        view: View<'a>,
+        view: ViewBytes<'a>,
         offset: u64,
-        count: u64,
-        size: usize,
-        place: impl Display,
+        ItemLayout { count, size }: ItemLayout,
+        element: impl Display,
     ) -> Result<Self> {
         let stride = view.stride.unwrap_or(size as u64);
         if stride < size as u64 {
             let problem = format!("byteStride is {stride}, less than an element's {size} bytes");
-            return Err(fault(place, problem));
+            return Err(malformed(element, problem));
         }
         let length = match count {
             0 => Some(0),
             _ => (count - 1).checked_mul(stride).and_then(|bytes| bytes.checked_add(size as u64)),
         };
+        let held = view.bytes.len();
         let end = length.and_then(|length| length.checked_add(offset));
-        if end.is_none_or(|end| end > view.bytes.len() as u64) {
-            let held = view.bytes.len();
+        if end.is_none_or(|end| end > held as u64) {
             let problem = format!(
-                "{count} elements of {size} bytes, {stride} apart, from byte {offset} on reach beyond \
-                 the {held} bytes of the view"
+                "{count} elements of {size} bytes, {stride} apart, from byte {offset} on exceed the \
+                 {held} bytes of the view"
             );
-            return Err(fault(place, problem));
+            return Err(malformed(element, problem));
         }
-        // Both fit the slice, unless there is a single element at most.
-        let bytes = &view.bytes[(offset as usize).min(view.bytes.len())..];
+        // Offset and stride fit the slice, unless there is a single item at most.
+        let bytes = &view.bytes[(offset as usize).min(held)..];
         Ok(Self { bytes, stride: usize::try_from(stride).unwrap_or(usize::MAX) })
     }
 
@@ -118,62 +127,80 @@ impl<'a> Elements<'a> {
 }
 
 /// An open accessor.
-pub(super) struct Reader<'a> {
-    component: Component,
+pub(super) struct AccessorReader<'a> {
+    component: ComponentType,
     normalized: bool,
-    /// Number of elements.
+    /// Number of items.
     pub count: u64,
-    /// Without these all numbers are 0.
-    base: Option<Elements<'a>>,
-    replaced: Option<Replaced<'a>>,
+    /// The JSON element that refers to it, for error messages.
+    element: String,
+    /// All numbers are 0 if there is no base.
+    base: Option<Items<'a>>,
+    sparse: Option<SparseItems<'a>>,
 }
 
-/// Elements of a sparse accessor that differ from the base.
-struct Replaced<'a> {
-    count: usize,
+/// Items of a sparse accessor that differ from the base.
+struct SparseItems<'a> {
     /// In ascending order.
-    indices: Elements<'a>,
-    index_type: Component,
-    values: Elements<'a>,
+    indices: Vec<u64>,
+    values: Items<'a>,
 }
 
-impl<'a> Replaced<'a> {
-    fn index(&self, place: usize) -> u64 {
-        self.index_type.index(self.indices.at(place)).into()
-    }
-
-    /// The element of this index, if it is replaced.
-    fn find(&self, index: u64) -> Option<&'a [u8]> {
-        let (mut low, mut high) = (0, self.count);
-        while low < high {
-            let middle = low + (high - low) / 2;
-            match self.index(middle).cmp(&index) {
-                std::cmp::Ordering::Equal => return Some(self.values.at(middle)),
-                std::cmp::Ordering::Less => low = middle + 1,
-                std::cmp::Ordering::Greater => high = middle,
-            }
+impl<'a> SparseItems<'a> {
+    fn new(
+        buffers: &'a Buffers,
+        sparse: &Sparse,
+        ItemLayout { count, size }: ItemLayout,
+        element: &str,
+    ) -> Result<Self> {
+        if sparse.count > count {
+            let problem = format!("count is {}, more than the {count} elements", sparse.count);
+            return Err(malformed(element, problem));
         }
-        None
+        let own = format!("{element}.indices");
+        let index_type = ComponentType::from_code(sparse.indices.component_type, &own)?;
+        index_type.check_index(&own)?;
+        let view = buffers.view(sparse.indices.buffer_view, format!("{own}.bufferView"))?;
+        let layout = ItemLayout { count: sparse.count, size: index_type.size() };
+        let indices = Items::new(view, sparse.indices.byte_offset, layout, &own)?;
+        let own = format!("{element}.values");
+        let view = buffers.view(sparse.values.buffer_view, format!("{own}.bufferView"))?;
+        let layout = ItemLayout { count: sparse.count, size };
+        let values = Items::new(view, sparse.values.byte_offset, layout, own)?;
+        // A slice holds the items, so that their number fits.
+        let index = |rank| index_type.index(indices.at(rank)).into();
+        let indices: Vec<u64> = (0..sparse.count as usize).map(index).collect();
+        if !indices.is_sorted_by(|a, b| a < b) || indices.last().is_some_and(|last| *last >= count)
+        {
+            let problem = format!("indices must ascend and be less than {count}");
+            return Err(malformed(format!("{element}.indices"), problem));
+        }
+        Ok(Self { indices, values })
+    }
+
+    /// The item of this index, if it is replaced.
+    fn find(&self, index: u64) -> Option<&'a [u8]> {
+        self.indices.binary_search(&index).ok().map(|rank| self.values.at(rank))
     }
 }
 
-impl<'a> Reader<'a> {
-    /// Opens the accessor that `place` refers to; its elements must be of the type `kind`, such as
-    /// `VEC3`.
+impl<'a> AccessorReader<'a> {
+    /// Opens the accessor of this index, to which `element` refers. Its items must be of the type
+    /// `kind`, such as `VEC3`.
     pub fn open(
-        document: &Document,
         buffers: &'a Buffers,
         index: usize,
         kind: &str,
-        place: impl Display,
+        element: impl Into<String>,
     ) -> Result<Self> {
-        let accessor = get(&document.accessors, "accessors", index, &place)?;
+        let element = element.into();
+        let accessor = get(&buffers.document.accessors, "accessors", index, &element)?;
         let own = format!("accessors[{index}]");
         if accessor.kind != kind {
-            let problem = format!("accessors[{index}] holds {}, not {kind}", short(&accessor.kind));
-            return Err(fault(place, problem));
+            let found: String = accessor.kind.chars().take(20).collect();
+            return Err(malformed(element, format!("{own} holds {found}, not {kind}")));
         }
-        let component = Component::from_code(accessor.component_type, &own)?;
+        let component = ComponentType::from_code(accessor.component_type, &own)?;
         let width = match kind {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -181,81 +208,45 @@ impl<'a> Reader<'a> {
             "MAT4" => 16,
             _ => 3,
         };
-        let size = width * component.size();
         let Accessor { count, byte_offset, normalized, .. } = *accessor;
+        let layout = ItemLayout { count, size: width * component.size() };
         let base = accessor.buffer_view.map(|view| {
             let view = buffers.view(view, format!("{own}.bufferView"))?;
-            Elements::new(view, byte_offset, count, size, &own)
+            Items::new(view, byte_offset, layout, &own)
         });
-        let replaced = accessor.sparse.as_ref().map(|sparse| {
-            let own = format!("{own}.sparse");
-            Self::replaced(buffers, sparse, count, size, &own)
-        });
-        Ok(Self {
-            component,
-            normalized,
-            count,
-            base: base.transpose()?,
-            replaced: replaced.transpose()?,
-        })
+        let base = base.transpose()?;
+        let sparse = accessor.sparse.as_ref();
+        let sparse = sparse
+            .map(|sparse| SparseItems::new(buffers, sparse, layout, &format!("{own}.sparse")));
+        Ok(Self { component, normalized, count, element, base, sparse: sparse.transpose()? })
     }
 
-    fn replaced(
-        buffers: &'a Buffers,
-        sparse: &Sparse,
-        count: u64,
-        size: usize,
-        place: &str,
-    ) -> Result<Replaced<'a>> {
-        if sparse.count > count {
-            let problem = format!("count is {}, more than the {count} elements", sparse.count);
-            return Err(fault(place, problem));
-        }
-        let own = format!("{place}.indices");
-        let index_type = Component::from_code(sparse.indices.component_type, &own)?;
-        if !index_type.counts() {
-            return Err(fault(own, "indices must be unsigned integers"));
-        }
-        let view = buffers.view(sparse.indices.buffer_view, format!("{own}.bufferView"))?;
-        let offset = sparse.indices.byte_offset;
-        let indices = Elements::new(view, offset, sparse.count, index_type.size(), &own)?;
-        let own = format!("{place}.values");
-        let view = buffers.view(sparse.values.buffer_view, format!("{own}.bufferView"))?;
-        let values = Elements::new(view, sparse.values.byte_offset, sparse.count, size, own)?;
-        // As many as there are elements in a slice.
-        let replaced = Replaced { count: sparse.count as usize, indices, index_type, values };
-        let ascends = (1..replaced.count).all(|i| replaced.index(i - 1) < replaced.index(i));
-        if !ascends || (replaced.count > 0 && replaced.index(replaced.count - 1) >= count) {
-            let problem = format!("indices must ascend and be less than {count}");
-            return Err(fault(format!("{place}.indices"), problem));
-        }
-        Ok(replaced)
+    /// A problem with the items, named after the element that refers to the accessor.
+    pub fn error(&self, problem: impl Display) -> Error {
+        malformed(&self.element, problem)
     }
 
-    /// Whether its elements can be vertex indices.
-    pub fn counts(&self) -> bool {
-        self.component.counts()
+    /// Refuses types that vertex indices may not have.
+    pub fn check_index(&self) -> Result<()> {
+        self.component.check_index(&self.element)
     }
 
-    /// The element's bytes; `None` if they are all zero.
-    fn element(&self, index: u64) -> Option<&'a [u8]> {
-        let replaced = self.replaced.as_ref().and_then(|replaced| replaced.find(index));
+    /// The bytes of an item; `None` if they are all zero.
+    fn item(&self, index: u64) -> Option<&'a [u8]> {
+        let replaced = self.sparse.as_ref().and_then(|sparse| sparse.find(index));
         replaced.or_else(|| Some(self.base.as_ref()?.at(index as usize)))
     }
 
     /// The vertex index at `index`, which is less than the count.
     pub fn index(&self, index: u64) -> u32 {
-        self.element(index).map_or(0, |bytes| self.component.index(bytes))
+        self.item(index).map_or(0, |bytes| self.component.index(bytes))
     }
 
-    /// The numbers at `index`, which is less than the count; `N` as many as its type has.
-    pub fn numbers<const N: usize>(&self, index: u64) -> [f32; N] {
-        let Some(bytes) = self.element(index) else { return [0.0; N] };
+    /// The numbers at `index`, which is less than the count. `N` is their number in the accessor's
+    /// type.
+    pub fn numbers<const N: usize>(&self, index: impl Into<u64>) -> [f32; N] {
+        let Some(bytes) = self.item(index.into()) else { return [0.0; N] };
         let size = self.component.size();
         std::array::from_fn(|i| self.component.number(&bytes[i * size..], self.normalized))
     }
-}
-
-fn short(name: &str) -> String {
-    name.chars().take(20).collect()
 }

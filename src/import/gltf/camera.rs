@@ -1,8 +1,8 @@
 //! Cameras: perspective ones, looking along -z of their node with +y up.
 
-use super::json::{Document, Perspective, get};
-use super::nodes::Placed;
-use super::{fault, first_name};
+use super::json::{GltfDocument, Perspective, get};
+use super::nodes::SceneNode;
+use super::{first_name, malformed};
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
 use crate::import::warnings::Warning;
@@ -10,64 +10,63 @@ use crate::scene::{Camera, FieldOfView};
 use glam::DVec3;
 use std::f32::consts::PI;
 
-/// Pixels of the longer side of an image of a camera with an aspect ratio, unless something else is
-/// said.
+/// Default number of pixels of the longer side of an image of a camera with an aspect ratio.
 const LONGER_SIDE: f32 = 512.0;
 
 /// A camera of the scene.
 #[derive(Clone, Debug)]
-pub(super) struct Candidate<'a> {
-    /// The node's name, else the camera's, else its place in the file.
+pub(super) struct SceneCamera<'a> {
+    /// The node's name, else the camera's, else the node's element in the file.
     pub name: String,
     /// Name of the camera itself, which nodes may share.
     shared_name: &'a str,
-    /// `None` if it is of another kind.
+    /// `None` if the camera is orthographic.
     perspective: Option<&'a Perspective>,
-    placed: &'a Placed<'a>,
+    node: &'a SceneNode<'a>,
 }
 
 /// All cameras of the scene, in its order.
-pub(super) fn candidates<'a>(
-    document: &'a Document,
-    nodes: &'a [Placed<'a>],
-) -> Result<Vec<Candidate<'a>>> {
+pub(super) fn cameras<'a>(
+    document: &'a GltfDocument,
+    nodes: &'a [SceneNode<'a>],
+) -> Result<Vec<SceneCamera<'a>>> {
     let mut all = Vec::new();
-    for placed in nodes {
-        let Some(index) = placed.node.camera else { continue };
-        let place = format!("nodes[{}].camera", placed.index);
-        let camera = get(&document.cameras, "cameras", index, place)?;
+    for node in nodes {
+        let Some(index) = node.json.camera else { continue };
+        let element = format!("nodes[{}].camera", node.index);
+        let camera = get(&document.cameras, "cameras", index, element)?;
         let own = format!("cameras[{index}]");
         let perspective = match (&camera.kind[..], &camera.perspective) {
             ("perspective", Some(perspective)) => Some(perspective),
-            ("perspective", None) => return Err(fault(own, "perspective is missing")),
+            ("perspective", None) => return Err(malformed(own, "perspective is missing")),
             ("orthographic", _) => None,
-            _ => return Err(fault(own, "its type is neither perspective nor orthographic")),
+            _ => return Err(malformed(own, "its type is neither perspective nor orthographic")),
         };
         let shared_name = &camera.name[..];
-        let names = [&placed.node.name[..], shared_name];
-        let name = first_name(names, || format!("nodes[{}]", placed.index));
-        all.push(Candidate { name, shared_name, perspective, placed });
+        let names = [&node.json.name[..], shared_name];
+        let name = first_name(names, || format!("nodes[{}]", node.index));
+        all.push(SceneCamera { name, shared_name, perspective, node });
     }
     Ok(all)
 }
 
-/// The one of this name, by node or camera; without a name the first perspective one, if there is
-/// any.
+/// The camera of this name (of its node or its own); without a name the first perspective camera,
+/// if there is any.
 ///
 /// # Errors
-/// If there is none of this name, or it is not supported.
+/// If no camera has this name, or the camera is not supported.
 pub(super) fn choose<'c, 'a>(
-    all: &'c [Candidate<'a>],
+    all: &'c [SceneCamera<'a>],
     wanted: Option<&str>,
-    notes: &mut Vec<Warning>,
-) -> Result<Option<&'c Candidate<'a>>> {
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<&'c SceneCamera<'a>>> {
     let Some(wanted) = wanted else {
         let first = all.iter().position(|camera| camera.perspective.is_some());
         let before = &all[..first.unwrap_or(all.len())];
         if !before.is_empty() {
             let names = list(before.iter().map(|camera| &camera.name[..]));
-            notes
-                .push(Warning::skipped(format!("orthographic cameras are not supported: {names}")));
+            let text = format!("orthographic cameras are not supported: {names}");
+            warnings.push(Warning::skipped(text));
         }
         return Ok(first.map(|first| &all[first]));
     };
@@ -76,40 +75,41 @@ pub(super) fn choose<'c, 'a>(
     match found {
         Some(camera) if camera.perspective.is_none() => Err(Error::new(
             format!("the camera `{wanted}` is orthographic, which is not supported"),
-            "choose a perspective camera",
+            "use a perspective camera",
         )),
         Some(camera) => Ok(Some(camera)),
-        None if all.is_empty() => {
-            let advice = "leave --camera out for one that sees everything";
-            Err(Error::new(format!("there is no camera `{wanted}`, nor any other"), advice))
-        }
         None => {
-            let names = list(all.iter().map(|camera| &camera.name[..]));
-            let advice = format!("choose one of {names}");
+            let advice = match all.is_empty() {
+                true => "name no camera: the default camera sees everything".to_owned(),
+                false => format!("use one of {}", list(all.iter().map(|camera| &camera.name[..]))),
+            };
             Err(Error::new(format!("there is no camera `{wanted}`"), advice))
         }
     }
 }
 
-impl Candidate<'_> {
+impl SceneCamera<'_> {
     /// The camera, and the size of its image if it has an aspect ratio.
     pub fn camera(&self) -> Result<(Camera, Option<[u32; 2]>)> {
-        let place = format!("nodes[{}].camera", self.placed.index);
+        let element = format!("nodes[{}].camera", self.node.index);
         let Some(&Perspective { aspect_ratio, yfov }) = self.perspective else {
-            return Err(fault(place, "it is not perspective"));
+            return Err(malformed(element, "it is not perspective"));
         };
         if !(yfov > 0.0 && yfov < PI) {
-            return Err(fault(place, format!("yfov is {yfov}, not between 0 and pi radians")));
+            return Err(malformed(
+                element,
+                format!("yfov is {yfov}, not between 0 and pi radians"),
+            ));
         }
         if aspect_ratio.is_some_and(|ratio| !(ratio > 0.0 && ratio.is_finite())) {
-            return Err(fault(place, "aspectRatio is no positive number"));
+            return Err(malformed(element, "aspectRatio is not a positive number"));
         }
-        let map = &self.placed.map;
+        let map = &self.node.map;
         let direction = map.transform_vector3(DVec3::NEG_Z).normalize_or_zero().as_vec3();
         let up = map.transform_vector3(DVec3::Y).normalize_or_zero().as_vec3();
         let field_of_view = FieldOfView::Y(yfov.to_degrees());
         let camera = Camera::look(map.translation.as_vec3(), direction, up, field_of_view)
-            .map_err(|e| Error::new(format!("{place}: {}", e.problem()), e.advice()))?;
+            .map_err(|e| Error::new(format!("{element}: {}", e.problem()), e.advice()))?;
         let resolution = aspect_ratio.map(|ratio| {
             let [width, height] = [ratio.min(1.0), ratio.recip().min(1.0)];
             [width, height].map(|share| (LONGER_SIDE * share).round().max(1.0) as u32)

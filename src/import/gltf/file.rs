@@ -1,32 +1,32 @@
 //! The file itself: JSON text, or the binary container (GLB) that holds it with a buffer.
 
-use super::AGAIN;
-use super::json::{Asset, Document};
+use super::EXPORT_AGAIN;
+use super::json::{Asset, GltfDocument};
 use crate::base::error::{Error, Result};
-use crate::import::text;
+use crate::import::text::{list, read_bytes};
 use serde::Deserialize;
-use std::io::Read;
 use std::path::Path;
 
-/// Largest accepted file, bytes: what a GLB header can tell.
+/// Largest accepted file, bytes: the limit of a GLB header.
 const MAX_FILE: u64 = 1 << 32;
 
-/// Most JSON objects: each takes hundreds of bytes of memory for as little as 3 of text.
+/// Maximum number of JSON objects. Each takes hundreds of bytes of memory for as little as 3 of
+/// text.
 const MAX_OBJECTS: usize = 2_000_000;
 
-/// What to do about older versions.
+/// Advice for older versions.
 const UPGRADE: &str =
     "export the model as glTF 2.0, or convert it: `npx gltf-pipeline -i OLD -o NEW.gltf`";
 
-/// What to do about compressed meshes.
+/// Advice for compressed meshes.
 const DECOMPRESS: &str = "decompress the model: `npx @gltf-transform/cli cp OLD NEW.glb`; or export it \
                           without compression";
 
-/// What to do about the older kind of glossy materials.
+/// Advice for the older kind of glossy materials.
 const METAL_ROUGH: &str = "convert its materials: `npx @gltf-transform/cli metalrough OLD NEW.glb`; or export it \
                            with metallic-roughness materials";
 
-/// What `extensionsRequired` may name.
+/// The extensions that `extensionsRequired` may name.
 const SUPPORTED: [&str; 12] = [
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
@@ -45,17 +45,13 @@ const SUPPORTED: [&str; 12] = [
 /// Reads the document, and the buffer that comes with it in a GLB file.
 ///
 /// # Errors
-/// If it is no glTF 2 file, or needs what is not supported.
-pub(super) fn read(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
-    let mut bytes = Vec::new();
-    text::open(path)?
-        .take(MAX_FILE)
-        .read_to_end(&mut bytes)
-        .map_err(|e| Error::io("read the scene", path, e))?;
+/// If it is not a glTF 2 file, or requires an extension that is not supported.
+pub(super) fn read(path: &Path) -> Result<(GltfDocument, Option<Vec<u8>>)> {
+    let mut bytes = read_bytes(path, MAX_FILE)?;
     let (document, bin) = if bytes.starts_with(b"glTF") {
         let (json, bin) = chunks(&bytes)?;
         let document = parse(&bytes[json], path)?;
-        // The buffer may be large: keep its place in memory.
+        // The buffer may be large: keep it where it is in memory.
         let bin = bin.map(|bin| {
             bytes.truncate(bin.end);
             bytes.drain(..bin.start);
@@ -75,21 +71,21 @@ type Range = std::ops::Range<usize>;
 
 /// Where a GLB file has its JSON and its buffer.
 fn chunks(bytes: &[u8]) -> Result<(Range, Option<Range>)> {
-    let cut_off = || Error::new("the GLB file is cut off", AGAIN);
+    let cut_off = || Error::new("the GLB file is cut off", EXPORT_AGAIN);
     let number = |at: usize| {
         let four = bytes.get(at..at + 4).ok_or_else(cut_off)?;
         Ok::<_, Error>(u32::from_le_bytes([four[0], four[1], four[2], four[3]]))
     };
     let version = number(4)?;
     if version != 2 {
-        let problem = format!("this is GLB version {version}, and 2 is supported");
+        let problem = format!("this is GLB version {version}, but only 2 is supported");
         return Err(Error::new(problem, UPGRADE));
     }
     let end = number(8)? as usize;
     if end > bytes.len() {
         return Err(cut_off());
     }
-    // Length and type before the content.
+    // Length and type precede the content.
     let chunk = |begin: usize, kind: &[u8; 4]| {
         let length = number(begin)? as usize;
         let content = begin + 8..begin + 8 + length;
@@ -99,15 +95,15 @@ fn chunks(bytes: &[u8]) -> Result<(Range, Option<Range>)> {
         Ok((bytes[begin + 4..begin + 8] == *kind).then_some(content))
     };
     let json = chunk(12, b"JSON")?
-        .ok_or_else(|| Error::new("the GLB file does not begin with JSON", AGAIN))?;
-    // A file may end here, or go on with chunks of other kinds.
+        .ok_or_else(|| Error::new("the GLB file does not begin with JSON", EXPORT_AGAIN))?;
+    // The file may end here, or continue with chunks of other kinds.
     let bin = if json.end + 8 <= end { chunk(json.end, b"BIN\0")? } else { None };
     Ok((json, bin))
 }
 
-fn parse(bytes: &[u8], path: &Path) -> Result<Document> {
+fn parse(bytes: &[u8], path: &Path) -> Result<GltfDocument> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    // GLB files are filled up to multiples of four, by some exporters with zeros.
+    // GLB files are padded to multiples of four, by some exporters with zeros.
     let end = bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let bytes = &bytes[..end];
     if bytes.iter().filter(|byte| **byte == b'{').count() > MAX_OBJECTS {
@@ -115,51 +111,53 @@ fn parse(bytes: &[u8], path: &Path) -> Result<Document> {
         return Err(Error::new(problem, "join meshes and nodes, or split the scene"));
     }
     serde_json::from_slice(bytes).map_err(|e| {
-        // Its lists are maps in glTF 1.0, of which some files do not tell their version.
-        let head = serde_json::from_slice::<Head>(bytes);
+        // Lists are maps in glTF 1.0, where some files omit their version.
+        let head = serde_json::from_slice::<VersionHead>(bytes);
         if let (true, Ok(head)) = (e.is_data(), head)
             && (head.asset.version.starts_with("1.") || head.meshes.is_object())
         {
-            return Error::new("the file is glTF 1.0, and 2.0 is supported", UPGRADE).at(path);
+            return Error::new("the file is glTF 1.0, but only 2.0 is supported", UPGRADE).at(path);
         }
         let line = bytes.split(|byte| *byte == b'\n').nth(e.line().saturating_sub(1));
         let line = line.unwrap_or_default();
-        // Where all is on one line, the part around the problem.
+        // A minified file has one line: show the part around the problem.
         let begin = e.column().saturating_sub(60).min(line.len());
         let shown = String::from_utf8_lossy(&line[begin..line.len().min(begin + 120)]);
-        Error::new(format!("no valid glTF: {e}"), AGAIN).at(path).line(e.line(), shown.trim())
+        Error::new(format!("this is not valid glTF: {e}"), EXPORT_AGAIN)
+            .at(path)
+            .line(e.line(), shown.trim())
     })
 }
 
-/// What tells older files.
+/// The members that identify older files.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Head {
+struct VersionHead {
     asset: Asset,
     meshes: serde_json::Value,
 }
 
-fn check_version(document: &Document) -> Result<()> {
+fn check_version(document: &GltfDocument) -> Result<()> {
     let asset = &document.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     if needed.is_empty() {
-        return Err(Error::new("asset.version is missing, so this is no glTF", AGAIN));
+        return Err(Error::new("asset.version is missing, so this is not glTF", EXPORT_AGAIN));
     }
     if needed.starts_with("2.") {
         return Ok(());
     }
     let shown: String = needed.chars().take(20).collect();
-    let problem = format!("asset.version: the file is glTF {shown}, and 2.0 is supported");
+    let problem = format!("asset.version: the file is glTF {shown}, but only 2.0 is supported");
     Err(Error::new(problem, UPGRADE))
 }
 
-fn check_extensions(document: &Document) -> Result<()> {
+fn check_extensions(document: &GltfDocument) -> Result<()> {
     let unknown: Vec<&str> = unsupported(&document.extensions_required).collect();
     if unknown.is_empty() {
         return Ok(());
     }
     let are = if unknown.len() == 1 { "is" } else { "are" };
-    let names = text::list(unknown);
+    let names = list(unknown);
     let problem = format!("extensionsRequired: the file needs {names}, which {are} not supported");
     let advice = match &names {
         names if names.contains("draco") || names.contains("meshopt") => DECOMPRESS,
@@ -169,24 +167,25 @@ fn check_extensions(document: &Document) -> Result<()> {
     Err(Error::new(problem, advice))
 }
 
-/// Refuses meshes that are there compressed alone: without saying that this is required, they would look empty.
-fn check_compression(document: &Document) -> Result<()> {
-    let unplaced = |accessor: &usize| {
+/// Refuses meshes that the file holds only in compressed form. They would look empty if the file
+/// does not require the extension.
+fn check_compression(document: &GltfDocument) -> Result<()> {
+    let has_no_view = |accessor: &usize| {
         document.accessors.get(*accessor).is_some_and(|accessor| accessor.buffer_view.is_none())
     };
     for (index, mesh) in document.meshes.iter().enumerate() {
         for (part, primitive) in mesh.primitives.iter().enumerate() {
             let position = primitive.attributes.get("POSITION");
-            if primitive.extensions.draco.is_some() && position.is_some_and(unplaced) {
-                let place = format!("meshes[{index}].primitives[{part}]");
+            if primitive.extensions.draco.is_some() && position.is_some_and(has_no_view) {
+                let element = format!("meshes[{index}].primitives[{part}]");
                 let problem =
                     "it is compressed by KHR_draco_mesh_compression, which is not supported";
-                return Err(Error::new(format!("{place}: {problem}"), DECOMPRESS));
+                return Err(Error::new(format!("{element}: {problem}"), DECOMPRESS));
             }
         }
     }
-    // A file may hold the same without compression, in a buffer for those who do not know it; the first may be
-    // that of a GLB file.
+    // A file may hold an uncompressed copy in another buffer, for readers without the extension.
+    // The first buffer may be that of a GLB file.
     let compressed = document.buffer_views.iter().position(|view| {
         let buffer = document.buffers.get(view.buffer).filter(|_| view.buffer > 0);
         view.extensions.meshopt.is_some() && buffer.is_some_and(|buffer| buffer.uri.is_none())
@@ -197,7 +196,7 @@ fn check_compression(document: &Document) -> Result<()> {
     })
 }
 
-/// Those of the extensions that are not read.
+/// The names of extensions that are not read.
 pub(super) fn unsupported(names: &[String]) -> impl Iterator<Item = &str> {
     names.iter().map(String::as_str).filter(|name| !SUPPORTED.contains(name))
 }

@@ -1,50 +1,44 @@
-//! Many places of a node's mesh (`EXT_mesh_gpu_instancing`).
+//! Many placements of a node's mesh (`EXT_mesh_gpu_instancing`).
 
-use super::accessor::Reader;
+use super::accessor::AccessorReader;
 use super::buffers::Buffers;
-use super::fault;
-use super::json::{Document, Instancing, get};
-use super::nodes::Placed;
+use super::json::{GltfDocument, GpuInstancing, get};
+use super::malformed;
+use super::nodes::SceneNode;
 use crate::base::error::Result;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// How many places the node's mesh has.
-pub(super) fn count(document: &Document, placed: &Placed) -> Result<u64> {
-    let Some(Instancing { attributes }) = &placed.node.extensions.instancing else { return Ok(1) };
+/// Number of placements of the node's mesh.
+pub(super) fn count(document: &GltfDocument, node: &SceneNode) -> Result<u64> {
+    let Some(GpuInstancing { attributes }) = &node.json.extensions.instancing else { return Ok(1) };
     let mut count = None;
     for (name, accessor) in attributes {
-        let place = place(placed, name);
-        let own = get(&document.accessors, "accessors", *accessor, &place)?.count;
+        let element = element(node, name);
+        let own = get(&document.accessors, "accessors", *accessor, &element)?.count;
         if count.is_some_and(|count| count != own) {
-            return Err(fault(place, "its count is not that of the others"));
+            return Err(malformed(element, "its count differs from that of the other attributes"));
         }
         count = Some(own);
     }
     Ok(count.unwrap_or(1))
 }
 
-/// All places of the node's mesh: from its coordinates to those of the scene.
-pub(super) fn maps(
-    document: &Document,
-    buffers: &Buffers,
-    placed: &Placed,
-) -> Result<Vec<DAffine3>> {
-    let Some(Instancing { attributes }) = &placed.node.extensions.instancing else {
-        return Ok(vec![placed.map]);
+/// All placements of the node's mesh: maps from the mesh's coordinates to those of the scene.
+pub(super) fn maps(buffers: &Buffers, node: &SceneNode) -> Result<Vec<DAffine3>> {
+    let Some(GpuInstancing { attributes }) = &node.json.extensions.instancing else {
+        return Ok(vec![node.map]);
     };
     let open = |name: &str, kind| {
-        let accessor = attributes.get(name);
-        let open = |accessor: &usize| {
-            Reader::open(document, buffers, *accessor, kind, place(placed, name))
-        };
-        accessor.map(open).transpose()
+        let open =
+            |accessor: &usize| AccessorReader::open(buffers, *accessor, kind, element(node, name));
+        attributes.get(name).map(open).transpose()
     };
     let translations = open("TRANSLATION", "VEC3")?;
     let rotations = open("ROTATION", "VEC4")?;
     let scales = open("SCALE", "VEC3")?;
-    let vector = |reader: &Option<Reader>, index: u64, otherwise: DVec3| {
-        let numbers = |reader: &Reader| DVec3::from_array(reader.numbers(index).map(f64::from));
-        reader.as_ref().map_or(otherwise, numbers)
+    let vector = |reader: &Option<AccessorReader>, index: u64, default: DVec3| {
+        let numbers = |reader: &AccessorReader| reader.numbers(index).map(f64::from).into();
+        reader.as_ref().map_or(default, numbers)
     };
     let map = |index: u64| {
         let rotation = rotations.as_ref().map_or(DQuat::IDENTITY, |rotations| {
@@ -54,13 +48,13 @@ pub(super) fn maps(
         let scale = vector(&scales, index, DVec3::ONE);
         let translation = vector(&translations, index, DVec3::ZERO);
         let own = DAffine3::from_scale_rotation_translation(scale, rotation / length, translation);
-        let map = placed.map * own;
-        let problem = || fault(place(placed, ""), format!("instance {index} is not finite"));
-        if map.is_finite() { Ok(map) } else { Err(problem()) }
+        let map = node.map * own;
+        let error = || malformed(element(node, ""), format!("instance {index} is not finite"));
+        if map.is_finite() { Ok(map) } else { Err(error()) }
     };
-    (0..count(document, placed)?).map(map).collect()
+    (0..count(buffers.document, node)?).map(map).collect()
 }
 
-fn place(placed: &Placed, name: &str) -> String {
-    format!("nodes[{}].extensions.EXT_mesh_gpu_instancing.attributes.{name}", placed.index)
+fn element(node: &SceneNode, attribute: &str) -> String {
+    format!("nodes[{}].extensions.EXT_mesh_gpu_instancing.attributes.{attribute}", node.index)
 }

@@ -1,284 +1,252 @@
-//! The JSON of a glTF file: what of it is read, but for materials. Indices and values are checked where they are used.
+//! The JSON of a glTF file, without materials: the members that are read. Indices and values are
+//! checked where they are used.
 //!
-//! The crate `gltf` is not used for it: its validation panics on some indices out of range and refuses
-//! files that the standard allows (accessors without data, attributes of the application's own).
+//! The crate `gltf` is not used for it. Its validation panics on some indices out of range, and
+//! refuses files that the standard allows (accessors without data, attributes of the application's
+//! own).
 
-use super::fault;
-use super::json_material::{Image, Material, Sampler, Texture};
-use crate::base::error::{Error, Result};
+use super::json_material::{ImageJson, MaterialJson, Sampler, TextureJson};
+use super::malformed;
+use crate::base::error::Result;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::f32::consts::FRAC_PI_4;
 use std::fmt::Display;
 
-/// The top level.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Document {
-    pub asset: Asset,
-    pub extensions_used: Vec<String>,
-    pub extensions_required: Vec<String>,
-    pub scene: Option<usize>,
-    pub scenes: Vec<Scene>,
-    pub nodes: Vec<Node>,
-    pub meshes: Vec<Mesh>,
-    pub skins: Vec<Skin>,
-    pub accessors: Vec<Accessor>,
-    pub buffer_views: Vec<BufferView>,
-    pub buffers: Vec<Buffer>,
-    pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
-    pub samplers: Vec<Sampler>,
-    pub images: Vec<Image>,
-    pub cameras: Vec<Camera>,
-    pub animations: Vec<Unread>,
-    pub extensions: DocumentExtensions,
+/// Defines JSON objects whose members are all optional. A member without a default value gets that
+/// of its type.
+macro_rules! json_objects {
+    (@default) => { Default::default() };
+    (@default $default:expr) => { $default };
+    ($($(#[$doc:meta])* struct $name:ident {
+        $($(#[$attribute:meta])* $member:ident: $type:ty $(= $default:expr)?,)*
+    })*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(default, rename_all = "camelCase")]
+        pub(super) struct $name { $($(#[$attribute])* pub $member: $type,)* }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $($member: json_objects!(@default $($default)?),)* }
+            }
+        }
+    )*};
 }
 
-/// An object of which nothing is read.
-#[derive(Debug, Deserialize)]
-pub(super) struct Unread {}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Asset {
-    pub version: String,
-    pub min_version: Option<String>,
+/// Defines JSON objects with required members.
+macro_rules! json_records {
+    ($($(#[$doc:meta])* struct $name:ident {
+        $($(#[$attribute:meta])* $member:ident: $type:ty,)*
+    })*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Debug, Deserialize)]
+        #[serde(rename_all = "camelCase")]
+        pub(super) struct $name { $($(#[$attribute])* pub $member: $type,)* }
+    )*};
 }
+pub(super) use {json_objects, json_records};
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Scene {
-    pub nodes: Vec<usize>,
-}
+json_objects! {
+    /// The top level.
+    struct GltfDocument {
+        asset: Asset,
+        extensions_used: Vec<String>,
+        extensions_required: Vec<String>,
+        scene: Option<usize>,
+        scenes: Vec<SceneJson>,
+        nodes: Vec<Node>,
+        meshes: Vec<MeshJson>,
+        skins: Vec<Skin>,
+        accessors: Vec<Accessor>,
+        buffer_views: Vec<BufferView>,
+        buffers: Vec<Buffer>,
+        materials: Vec<MaterialJson>,
+        textures: Vec<TextureJson>,
+        samplers: Vec<Sampler>,
+        images: Vec<ImageJson>,
+        cameras: Vec<CameraJson>,
+        animations: Vec<Unread>,
+        extensions: DocumentExtensions,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Node {
-    pub name: String,
-    pub children: Vec<usize>,
-    /// Column by column.
-    pub matrix: Option<Box<[f64; 16]>>,
-    pub translation: Option<[f64; 3]>,
-    /// A quaternion, its real part last.
-    pub rotation: Option<[f64; 4]>,
-    pub scale: Option<[f64; 3]>,
-    pub mesh: Option<usize>,
-    pub skin: Option<usize>,
-    /// Of the mesh's targets, in place of its own.
-    pub weights: Option<Vec<f32>>,
-    pub camera: Option<usize>,
-    pub extensions: NodeExtensions,
-}
+    struct Asset {
+        version: String,
+        min_version: Option<String>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct NodeExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub light: Option<NodeLight>,
-    #[serde(rename = "EXT_mesh_gpu_instancing")]
-    pub instancing: Option<Instancing>,
-}
+    struct SceneJson {
+        nodes: Vec<usize>,
+    }
 
-/// Many places of one mesh: accessors by `TRANSLATION`, `ROTATION` and `SCALE`.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Instancing {
-    pub attributes: BTreeMap<String, usize>,
-}
+    struct Node {
+        name: String,
+        children: Vec<usize>,
+        /// Column by column.
+        matrix: Option<Box<[f64; 16]>>,
+        translation: Option<[f64; 3]>,
+        /// A quaternion, its real part last.
+        rotation: Option<[f64; 4]>,
+        scale: Option<[f64; 3]>,
+        mesh: Option<usize>,
+        skin: Option<usize>,
+        /// Weights of the mesh's morph targets, in place of the mesh's own.
+        weights: Option<Vec<f32>>,
+        camera: Option<usize>,
+        extensions: NodeExtensions,
+    }
 
-#[derive(Debug, Deserialize)]
-pub(super) struct NodeLight {
-    pub light: usize,
-}
+    struct NodeExtensions {
+        #[serde(rename = "KHR_lights_punctual")]
+        light: Option<NodeLight>,
+        #[serde(rename = "EXT_mesh_gpu_instancing")]
+        instancing: Option<GpuInstancing>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct DocumentExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub punctual: Lights,
-}
+    /// Many placements of one mesh: accessors by `TRANSLATION`, `ROTATION` and `SCALE`.
+    struct GpuInstancing {
+        attributes: BTreeMap<String, usize>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Lights {
-    pub lights: Vec<Light>,
-}
+    struct DocumentExtensions {
+        #[serde(rename = "KHR_lights_punctual")]
+        punctual: PunctualLights,
+    }
 
-#[derive(Debug, Deserialize)]
-pub(super) struct Light {
-    #[serde(default)]
-    pub name: String,
-    #[serde(rename = "type")]
-    pub kind: String,
-    #[serde(default = "white")]
-    pub color: [f32; 3],
-    /// Candela, or lux if directional.
-    #[serde(default = "one")]
-    pub intensity: f32,
-    #[serde(default)]
-    pub spot: Spot,
-}
+    struct PunctualLights {
+        lights: Vec<PunctualLight>,
+    }
 
-#[derive(Debug, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Spot {
-    /// Radians from the axis.
-    pub inner_cone_angle: f32,
-    pub outer_cone_angle: f32,
-}
+    struct PunctualLight {
+        name: String,
+        #[serde(rename = "type")]
+        kind: String,
+        color: [f32; 3] = [1.0; 3],
+        /// Candela, or lux if directional.
+        intensity: f32 = 1.0,
+        spot: SpotCone,
+    }
 
-impl Default for Spot {
-    fn default() -> Self {
-        Self { inner_cone_angle: 0.0, outer_cone_angle: std::f32::consts::FRAC_PI_4 }
+    struct SpotCone {
+        /// Radians from the axis.
+        inner_cone_angle: f32,
+        outer_cone_angle: f32 = FRAC_PI_4,
+    }
+
+    struct CameraJson {
+        name: String,
+        #[serde(rename = "type")]
+        kind: String,
+        perspective: Option<Perspective>,
+    }
+
+    struct Perspective {
+        /// Width over height.
+        aspect_ratio: Option<f32>,
+        /// Radians across the height. It is required: NaN is refused.
+        yfov: f32 = f32::NAN,
+    }
+
+    struct MeshJson {
+        name: String,
+        primitives: Vec<Primitive>,
+        /// Weights of the morph targets of each primitive.
+        weights: Vec<f32>,
+    }
+
+    /// Joints that move a mesh.
+    struct Skin {
+        inverse_bind_matrices: Option<usize>,
+        /// Nodes.
+        joints: Vec<usize>,
+    }
+
+    struct Primitive {
+        /// Accessors by semantic.
+        attributes: BTreeMap<String, usize>,
+        indices: Option<usize>,
+        material: Option<usize>,
+        mode: u64 = 4,
+        /// Morph targets: accessors by semantic, added to the attributes times a weight.
+        targets: Vec<BTreeMap<String, usize>>,
+        extensions: PrimitiveExtensions,
+    }
+
+    struct PrimitiveExtensions {
+        #[serde(rename = "KHR_draco_mesh_compression")]
+        draco: Option<Unread>,
+    }
+
+    struct ViewExtensions {
+        #[serde(rename = "EXT_meshopt_compression")]
+        meshopt: Option<Unread>,
     }
 }
 
-#[derive(Debug, Deserialize)]
-pub(super) struct Camera {
-    #[serde(default)]
-    pub name: String,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub perspective: Option<Perspective>,
+json_records! {
+    /// An object without members that are read.
+    struct Unread {}
+
+    struct NodeLight {
+        light: usize,
+    }
+
+    struct Accessor {
+        buffer_view: Option<usize>,
+        #[serde(default)]
+        byte_offset: u64,
+        component_type: u64,
+        #[serde(default)]
+        normalized: bool,
+        count: u64,
+        #[serde(rename = "type")]
+        kind: String,
+        sparse: Option<Sparse>,
+    }
+
+    struct Sparse {
+        count: u64,
+        indices: SparseIndices,
+        values: SparseValues,
+    }
+
+    struct SparseIndices {
+        buffer_view: usize,
+        #[serde(default)]
+        byte_offset: u64,
+        component_type: u64,
+    }
+
+    struct SparseValues {
+        buffer_view: usize,
+        #[serde(default)]
+        byte_offset: u64,
+    }
+
+    struct BufferView {
+        buffer: usize,
+        #[serde(default)]
+        byte_offset: u64,
+        byte_length: u64,
+        byte_stride: Option<u64>,
+        #[serde(default)]
+        extensions: ViewExtensions,
+    }
+
+    struct Buffer {
+        uri: Option<String>,
+        byte_length: u64,
+    }
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Perspective {
-    /// Width over height.
-    pub aspect_ratio: Option<f32>,
-    /// Radians across the height.
-    pub yfov: f32,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Mesh {
-    pub name: String,
-    pub primitives: Vec<Primitive>,
-    /// Of the targets of each primitive.
-    pub weights: Vec<f32>,
-}
-
-/// Joints that move a mesh.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Skin {
-    pub inverse_bind_matrices: Option<usize>,
-    /// Nodes.
-    pub joints: Vec<usize>,
-}
-
-#[derive(Debug, Deserialize)]
-pub(super) struct Primitive {
-    /// Accessors by semantic.
-    #[serde(default)]
-    pub attributes: BTreeMap<String, usize>,
-    pub indices: Option<usize>,
-    pub material: Option<usize>,
-    #[serde(default = "triangles")]
-    pub mode: u64,
-    /// What is added to attributes, times weights: accessors by semantic.
-    #[serde(default)]
-    pub targets: Vec<BTreeMap<String, usize>>,
-    #[serde(default)]
-    pub extensions: PrimitiveExtensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct PrimitiveExtensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    pub draco: Option<Unread>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Accessor {
-    pub buffer_view: Option<usize>,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u64,
-    #[serde(default)]
-    pub normalized: bool,
-    pub count: u64,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub sparse: Option<Sparse>,
-}
-
-#[derive(Debug, Deserialize)]
-pub(super) struct Sparse {
-    pub count: u64,
-    pub indices: SparseIndices,
-    pub values: SparseValues,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseIndices {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub component_type: u64,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseValues {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct BufferView {
-    pub buffer: usize,
-    #[serde(default)]
-    pub byte_offset: u64,
-    pub byte_length: u64,
-    pub byte_stride: Option<u64>,
-    #[serde(default)]
-    pub extensions: ViewExtensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct ViewExtensions {
-    #[serde(rename = "EXT_meshopt_compression")]
-    pub meshopt: Option<Unread>,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct Buffer {
-    pub uri: Option<String>,
-    pub byte_length: u64,
-}
-
-fn white() -> [f32; 3] {
-    [1.0; 3]
-}
-
-fn one() -> f32 {
-    1.0
-}
-
-fn triangles() -> u64 {
-    4
-}
-
-/// The element `name[index]` of a list, which `place` refers to.
+/// The item `name[index]` of a list, which `element` refers to.
 pub(super) fn get<'a, T>(
     list: &'a [T],
     name: &str,
     index: usize,
-    place: impl Display,
+    element: impl Display,
 ) -> Result<&'a T> {
-    list.get(index).ok_or_else(|| missing(list.len(), name, index, place))
-}
-
-fn missing(count: usize, name: &str, index: usize, place: impl Display) -> Error {
-    fault(place, format!("there is no {name}[{index}]; the file has {count}"))
+    list.get(index).ok_or_else(|| {
+        malformed(element, format!("there is no {name}[{index}]; the file has {}", list.len()))
+    })
 }

@@ -1,9 +1,9 @@
-//! Punctual lights (`KHR_lights_punctual`): they shine along -z of their node, whose scale does not
-//! count. Their range is a hint for other renderers.
+//! Punctual lights (`KHR_lights_punctual`): they shine along -z of their node, whose scale has no
+//! effect. Their range is a hint for other renderers.
 
-use super::json::{Document, get};
-use super::nodes::Placed;
-use super::{fault, first_name};
+use super::json::{GltfDocument, get};
+use super::nodes::SceneNode;
+use super::{first_name, malformed};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::scene_file::light::{LEAST_FALLOFF, LUMENS_PER_WATT};
@@ -13,34 +13,34 @@ use glam::DVec3;
 use std::f32::consts::FRAC_PI_2;
 
 /// A light of the scene.
-pub(super) struct Light {
-    /// The node's name, else the light's, else the node's place in the file.
+pub(super) struct NamedLight {
+    /// The node's name, else the light's, else the node's element in the file.
     pub name: String,
     pub emitter: Emitter,
 }
 
 /// The light of a node, if it has one that is not dark.
-pub(super) fn light(document: &Document, placed: &Placed) -> Result<Option<Light>> {
-    let Some(light) = &placed.node.extensions.light else { return Ok(None) };
-    let node = format!("nodes[{}].extensions.KHR_lights_punctual.light", placed.index);
-    let place = format!("extensions.KHR_lights_punctual.lights[{}]", light.light);
-    let light = get(&document.extensions.punctual.lights, "lights", light.light, &node)?;
+pub(super) fn light(document: &GltfDocument, node: &SceneNode) -> Result<Option<NamedLight>> {
+    let Some(light) = &node.json.extensions.light else { return Ok(None) };
+    let own = format!("nodes[{}].extensions.KHR_lights_punctual.light", node.index);
+    let element = format!("extensions.KHR_lights_punctual.lights[{}]", light.light);
+    let light = get(&document.extensions.punctual.lights, "lights", light.light, &own)?;
 
     let intensity = Rgb::from_array(light.color) * light.intensity * (1.0 / LUMENS_PER_WATT);
     if !(intensity.is_finite() && intensity.min_element() >= 0.0) {
-        return Err(fault(place, "its intensity times its color is negative or not finite"));
+        return Err(malformed(element, "its intensity times its color is negative or not finite"));
     }
     if intensity == Rgb::ZERO {
         return Ok(None);
     }
-    let position = placed.map.translation.as_vec3();
+    let position = node.map.translation.as_vec3();
     if position.abs().max_element() > MAX_COORDINATE {
-        return Err(fault(node, format!("the light's position is beyond {MAX_COORDINATE:e}")));
+        return Err(malformed(own, format!("the light's position is beyond {MAX_COORDINATE:e}")));
     }
     let direction = || {
-        let along = placed.map.transform_vector3(DVec3::NEG_Z).normalize_or_zero().as_vec3();
+        let along = node.map.transform_vector3(DVec3::NEG_Z).normalize_or_zero().as_vec3();
         if along == glam::Vec3::ZERO {
-            return Err(fault(&node, "the node's transform leaves the light no direction"));
+            return Err(malformed(&own, "the node's transform leaves the light no direction"));
         }
         Ok(along)
     };
@@ -53,16 +53,16 @@ pub(super) fn light(document: &Document, placed: &Placed) -> Result<Option<Light
             // angles for sharp edges.
             if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= FRAC_PI_2 + 1e-4) {
                 let problem = format!("innerConeAngle is {inner}, outerConeAngle {outer} radians");
-                return Err(fault(format!("{place}.spot"), problem));
+                return Err(malformed(format!("{element}.spot"), problem));
             }
             let cos_inner = inner.cos();
             let cos_outer = outer.cos().min(cos_inner - LEAST_FALLOFF);
             let direction = direction()?;
             Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
         }
-        _ => return Err(fault(place, "its type is none of point, spot and directional")),
+        _ => return Err(malformed(element, "its type is none of point, spot and directional")),
     };
-    let names = [&placed.node.name[..], &light.name];
-    let name = first_name(names, || format!("nodes[{}]", placed.index));
-    Ok(Some(Light { name, emitter }))
+    let names = [&node.json.name[..], &light.name];
+    let name = first_name(names, || format!("nodes[{}]", node.index));
+    Ok(Some(NamedLight { name, emitter }))
 }

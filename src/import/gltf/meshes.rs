@@ -1,179 +1,194 @@
 //! The meshes of a file, each read once however often it is placed, and the materials in use.
 
 use super::buffers::Buffers;
-use super::geometry::Wanted;
-use super::json::{Document, Primitive, get};
-use super::nodes::Placed;
+use super::geometry::{self, MeshRequest, PrimitiveReader};
+use super::json::{GltfDocument, Primitive, get};
+use super::nodes::SceneNode;
 use super::pose::Pose;
-use super::texture::{Pictures, UvSource};
-use super::warnings::Remarks;
-use super::{factors, fault, first_name, geometry, instances, material};
+use super::texture::{GltfTextures, UvSource};
+use super::{factors, first_name, instances, malformed, material};
 use crate::base::error::Result;
-use crate::scene::{Material, Mesh};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use crate::import::instancing::MaterialMesh;
+use crate::import::warnings::GroupedWarnings;
+use crate::scene::Material;
+use std::collections::hash_map::{Entry, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// The parts of a mesh, with the indices of their materials in the scene.
-type Parts = Vec<(Arc<Mesh>, u32)>;
-
-/// What is read of meshes and materials.
-pub(super) struct Meshes<'a> {
-    document: &'a Document,
-    /// By index, and by the node for a pose of its own: the parts of a mesh, with the indices of their materials
-    /// in the scene.
-    read: HashMap<(usize, Option<usize>), Parts>,
-    /// By index, or none for the standard's default; none for those that are nowhere to be seen.
-    looks: HashMap<Option<usize>, Option<Look>>,
-    /// Names of materials that are nowhere to be seen.
-    pub hidden: BTreeSet<String>,
-    pub remarks: Remarks,
+/// Reads meshes and their materials.
+pub(super) struct MeshReader<'a> {
+    buffers: &'a Buffers<'a>,
+    pub textures: GltfTextures<'a>,
+    /// Meshes by their index, and by the node if that has a pose of its own.
+    read: HashMap<(usize, Option<usize>), Vec<MaterialMesh>>,
+    /// By index, or `None` for the standard's default material. Invisible materials have no use.
+    material_uses: HashMap<Option<usize>, Option<MaterialUse>>,
+    /// Names of materials without any opacity.
+    pub invisible: BTreeSet<String>,
+    pub warnings: GroupedWarnings,
 }
 
-/// What a mesh needs to know of its material.
+/// The properties of a material that its meshes need.
 #[derive(Clone, Copy)]
-struct Look {
+struct MaterialUse {
     /// Index of the material in the scene.
     material: u32,
-    /// Of its textures.
+    /// Source of the coordinates of its textures.
     uv_source: Option<UvSource>,
-    /// Whether it bends normals.
-    bends: bool,
+    has_normal_map: bool,
     /// Whether colors of vertices tint it.
-    tints: bool,
+    is_tinted: bool,
 }
 
-impl<'a> Meshes<'a> {
-    pub fn new(document: &'a Document) -> Self {
-        let remarks = Remarks::default();
-        let (read, looks) = (HashMap::new(), HashMap::new());
-        Self { document, read, looks, hidden: BTreeSet::new(), remarks }
-    }
+/// Number of triangles of all meshes.
+pub(super) struct TriangleCounts {
+    /// Counted at each placement.
+    pub placed: u64,
+    /// Each mesh counted once.
+    pub stored: u64,
+}
 
-    /// Number of triangles of all meshes: at all their places, and each counted once. Nothing is read
-    /// for it.
-    pub fn triangle_counts(&self, nodes: &[Placed]) -> Result<[u64; 2]> {
-        let mut counts: HashMap<usize, u64> = HashMap::new();
-        // Elements of sparse accessors are looked at with each use.
-        let (mut all, mut replaced): (u64, u64) = (0, 0);
-        for placed in nodes {
-            let Some(index) = placed.node.mesh else { continue };
-            let count = match counts.get(&index) {
-                Some(count) => *count,
-                None => {
-                    let place = format!("nodes[{}].mesh", placed.index);
-                    let mesh = get(&self.document.meshes, "meshes", index, place)?;
-                    let mut count: u64 = 0;
-                    for (part, primitive) in mesh.primitives.iter().enumerate() {
-                        let place = format!("meshes[{index}].primitives[{part}]");
-                        let own = geometry::triangle_count(self.document, primitive, &place)?;
-                        count = count.saturating_add(own.unwrap_or(0));
-                        replaced = replaced.saturating_add(self.replaced(primitive));
-                    }
-                    if replaced > u64::from(u32::MAX) {
-                        let problem =
-                            "sparse accessors replace more elements than can be looked at";
-                        return Err(fault(format!("meshes[{index}]"), problem));
-                    }
-                    counts.insert(index, count);
-                    count
-                }
-            };
-            let places = instances::count(self.document, placed)?;
-            all = all.saturating_add(count.saturating_mul(places));
+/// Counts the triangles of all meshes without reading them.
+pub(super) fn triangle_counts(
+    document: &GltfDocument,
+    nodes: &[SceneNode],
+) -> Result<TriangleCounts> {
+    let mut counts: HashMap<usize, u64> = HashMap::new();
+    // Each use of a sparse accessor reads all its items.
+    let (mut placed, mut replaced): (u64, u64) = (0, 0);
+    for node in nodes {
+        let Some(index) = node.json.mesh else { continue };
+        if let Entry::Vacant(entry) = counts.entry(index) {
+            let element = format!("nodes[{}].mesh", node.index);
+            let mesh = get(&document.meshes, "meshes", index, element)?;
+            let mut count: u64 = 0;
+            for (part, primitive) in mesh.primitives.iter().enumerate() {
+                let element = format!("meshes[{index}].primitives[{part}]");
+                let own = geometry::triangle_count(document, primitive, &element)?;
+                count = count.saturating_add(own.unwrap_or(0));
+                replaced = replaced.saturating_add(sparse_items(document, primitive));
+            }
+            if replaced > u64::from(u32::MAX) {
+                let problem = "sparse accessors replace more elements than can be read";
+                return Err(malformed(format!("meshes[{index}]"), problem));
+            }
+            entry.insert(count);
         }
-        Ok([all, counts.into_values().fold(0, u64::saturating_add)])
+        let placements = instances::count(document, node)?;
+        placed = placed.saturating_add(counts[&index].saturating_mul(placements));
+    }
+    Ok(TriangleCounts { placed, stored: counts.into_values().fold(0, u64::saturating_add) })
+}
+
+/// Number of items that the sparse accessors of a primitive replace.
+fn sparse_items(document: &GltfDocument, primitive: &Primitive) -> u64 {
+    let targets = primitive.targets.iter().flat_map(BTreeMap::values);
+    let used = primitive.attributes.values().chain(&primitive.indices).chain(targets);
+    let accessors = used.filter_map(|index| document.accessors.get(*index));
+    let sparse = accessors.filter_map(|accessor| accessor.sparse.as_ref());
+    sparse.fold(0, |sum, sparse| sum.saturating_add(sparse.count))
+}
+
+impl<'a> MeshReader<'a> {
+    pub fn new(buffers: &'a Buffers<'a>, textures: GltfTextures<'a>) -> Self {
+        Self {
+            buffers,
+            textures,
+            read: HashMap::new(),
+            material_uses: HashMap::new(),
+            invisible: BTreeSet::new(),
+            warnings: GroupedWarnings::default(),
+        }
     }
 
-    /// Number of elements that the sparse accessors of a primitive replace.
-    fn replaced(&self, primitive: &Primitive) -> u64 {
-        let targets = primitive.targets.iter().flat_map(BTreeMap::values);
-        let used = primitive.attributes.values().chain(&primitive.indices).chain(targets);
-        let accessors = used.filter_map(|index| self.document.accessors.get(*index));
-        let sparse = accessors.filter_map(|accessor| accessor.sparse.as_ref());
-        sparse.fold(0, |sum, sparse| sum.saturating_add(sparse.count))
-    }
-
-    /// The parts of the mesh of this index, which exists, in a pose. Materials become part of the scene with
-    /// their first use.
+    /// The mesh of this index, which exists, in the pose of a node: one mesh per primitive.
+    /// Materials are added to the scene with their first use.
     pub fn get(
         &mut self,
-        (index, placed): (usize, &Placed),
+        index: usize,
+        node: &SceneNode,
         pose: &Pose,
-        buffers: &Buffers,
-        pictures: &mut Pictures,
         materials: &mut Vec<Material>,
-    ) -> Result<&[(Arc<Mesh>, u32)]> {
-        let is_own = placed.node.weights.is_some() || placed.node.skin.is_some();
-        let key = (index, is_own.then_some(placed.index));
+    ) -> Result<&[MaterialMesh]> {
+        let has_own_pose = node.json.weights.is_some() || node.json.skin.is_some();
+        let key = (index, has_own_pose.then_some(node.index));
         if !self.read.contains_key(&key) {
-            let parts = self.parts((index, pose), buffers, pictures, materials)?;
-            self.read.insert(key, parts);
+            let meshes = self.read(index, pose, materials)?;
+            self.read.insert(key, meshes);
         }
         Ok(&self.read[&key])
     }
 
-    fn parts(
+    fn read(
         &mut self,
-        (index, pose): (usize, &Pose),
-        buffers: &Buffers,
-        pictures: &mut Pictures,
+        index: usize,
+        pose: &Pose,
         materials: &mut Vec<Material>,
-    ) -> Result<Parts> {
-        let document = self.document;
+    ) -> Result<Vec<MaterialMesh>> {
+        let document = self.buffers.document;
         let mesh = get(&document.meshes, "meshes", index, "nodes")?;
         let name = first_name([&mesh.name], || format!("meshes[{index}]"));
-        let mut parts = Vec::new();
+        let mut meshes = Vec::new();
         for (part, primitive) in mesh.primitives.iter().enumerate() {
-            let place = format!("meshes[{index}].primitives[{part}]");
-            if geometry::triangle_count(document, primitive, &place)?.is_none() {
-                self.remarks.skipped("ignored the points or lines of", &name);
+            let element = format!("meshes[{index}].primitives[{part}]");
+            if geometry::triangle_count(document, primitive, &element)?.is_none() {
+                self.warnings.skipped("ignored the points or lines of", &name);
                 continue;
             }
-            let look = self.look(primitive.material, &place, pictures, materials)?;
-            let Some(Look { material, uv_source, bends, tints }) = look else { continue };
-            if !tints && primitive.attributes.contains_key("COLOR_0") {
-                self.remarks.skipped("ignored the vertex colors of glass in", &name);
+            let material_use = self.material_use(primitive.material, &element, materials)?;
+            let Some(MaterialUse { material, uv_source, has_normal_map, is_tinted }) = material_use
+            else {
+                continue;
+            };
+            if !is_tinted && primitive.attributes.contains_key("COLOR_0") {
+                self.warnings.skipped("ignored the vertex colors of glass in", &name);
             }
             let own = primitive.material.and_then(|index| document.materials.get(index));
-            let blends = own
+            let is_blended = own
                 .and_then(|material| material.alpha_mode.as_deref())
                 .is_some_and(|mode| mode != "OPAQUE");
-            if blends && geometry::has_translucent_colors(document, buffers, primitive, &place)? {
-                self.remarks.skipped("ignored the opacity of the vertex colors of", &name);
+            let reader = PrimitiveReader { buffers: self.buffers, primitive, element: &element };
+            if is_blended && reader.has_translucent_colors()? {
+                self.warnings.skipped("ignored the opacity of the vertex colors of", &name);
             }
-            let wanted =
-                Wanted { uv_source: uv_source.as_ref(), tangents: bends, colors: tints, pose };
-            let mesh = geometry::read(document, buffers, primitive, &wanted, &place)?;
+            let uv_source = uv_source.as_ref();
+            let mesh = reader.mesh(&MeshRequest {
+                uv_source,
+                tangents: has_normal_map,
+                colors: is_tinted,
+                pose,
+            })?;
             if !mesh.triangles.is_empty() {
-                parts.push((Arc::new(mesh), material));
+                meshes.push(MaterialMesh { mesh: Arc::new(mesh), material });
             }
         }
-        Ok(parts)
+        Ok(meshes)
     }
 
-    fn look(
+    fn material_use(
         &mut self,
         index: Option<usize>,
-        place: &str,
-        pictures: &mut Pictures,
+        element: &str,
         materials: &mut Vec<Material>,
-    ) -> Result<Option<Look>> {
-        if let Some(look) = self.looks.get(&index) {
-            return Ok(*look);
+    ) -> Result<Option<MaterialUse>> {
+        if let Some(known) = self.material_uses.get(&index) {
+            return Ok(*known);
         }
-        let place = format!("{place}.material");
-        let factors = factors::factors(self.document, pictures, index, &place)?;
-        let look = material::material(&factors, &mut self.remarks).map(|material| {
+        let element = format!("{element}.material");
+        let factors = factors::factors(self.buffers.document, &mut self.textures, index, &element)?;
+        let material = material::material(&factors, &mut self.warnings);
+        let material_use = material.map(|material| {
             let uv_source = factors.uv_source.filter(|_| material.is_textured());
-            let bends = material.normal_map.is_some();
-            let tints = !material.bsdf.transmits();
+            let has_normal_map = material.normal_map.is_some();
+            let is_tinted = !material.bsdf.transmits();
             materials.push(material);
-            Look { material: materials.len() as u32 - 1, uv_source, bends, tints }
+            let material = materials.len() as u32 - 1;
+            MaterialUse { material, uv_source, has_normal_map, is_tinted }
         });
-        if look.is_none() {
-            self.hidden.insert(factors.name);
+        if material_use.is_none() {
+            self.invisible.insert(factors.name);
         }
-        self.looks.insert(index, look);
-        Ok(look)
+        self.material_uses.insert(index, material_use);
+        Ok(material_use)
     }
 }

@@ -16,150 +16,135 @@ mod material;
 mod meshes;
 mod nodes;
 mod pose;
-mod warnings;
 mod texture;
 
-use super::builder::{Builder, Rest};
-use super::instancing::Part;
+use super::builder::{Builder, SceneExtras};
 use super::load::{LoadOptions, Loaded};
-use super::text::list;
+use super::text::{list, placed_at};
 use super::warnings::Warning;
 use crate::base::error::{Error, Result, visible};
 use crate::scene::transform::Transform;
 use crate::settings::PartialSettings;
 use buffers::Buffers;
 use glam::DAffine3;
-use json::Document;
-use meshes::Meshes;
-use nodes::Placed;
+use json::GltfDocument;
+use meshes::{MeshReader, triangle_counts};
 use pose::Pose;
 use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::path::Path;
-use texture::Pictures;
+use texture::GltfTextures;
 
-/// What to do about a malformed file.
-const AGAIN: &str = "export the model again; a glTF validator may tell more";
+/// Advice for a malformed file.
+const EXPORT_AGAIN: &str = "export the model again; a glTF validator may report details";
 
 /// A malformed element of the file.
-fn fault(place: impl Display, problem: impl Display) -> Error {
-    Error::new(format!("{place}: {problem}"), AGAIN)
+fn malformed(element: impl Display, problem: impl Display) -> Error {
+    Error::new(format!("{element}: {problem}"), EXPORT_AGAIN)
 }
 
-/// Loads a glTF file as seen by the camera of the name that is asked for, else its first, else one that sees
-/// everything.
+/// Loads a glTF file as seen by the camera of the requested name, else by its first camera, else by
+/// one that sees everything.
 ///
 /// # Errors
 /// Names the file, and the element that is malformed or not supported.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    read(path, options).map_err(|error| if error.is_placed() { error } else { error.at(path) })
+    read(path, options).map_err(|error| placed_at(error, path))
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (document, bin) = file::read(path)?;
     let shown = path.display().to_string();
-    let mut builder = Builder::new(notes(&document, &shown));
-    let (nodes, is_odd) = nodes::placed(&document)?;
-    if is_odd {
-        let note = "the scene lists nodes below others, or twice; each is shown once";
-        builder.notes.push(Warning::chosen(format!("{shown}: {note}")));
+    let mut builder = Builder::new(document_warnings(&document, &shown));
+    let (nodes, has_repeats) = nodes::scene_nodes(&document)?;
+    if has_repeats {
+        let problem = "the scene lists nodes below others, or twice; each is shown once";
+        builder.warnings.push(Warning::chosen(format!("{shown}: {problem}")));
     }
-    let cameras = camera::candidates(&document, &nodes)?;
-    let chosen = camera::choose(&cameras, options.camera, &mut builder.notes)?;
+    let cameras = camera::cameras(&document, &nodes)?;
+    let chosen = camera::choose(&cameras, options.camera, &mut builder.warnings)?;
     let view = chosen.map(|chosen| chosen.camera()).transpose()?;
     let mut lights = Vec::new();
     let mut light_names = Vec::new();
-    for placed in &nodes {
-        if let Some(light) = light::light(&document, placed)? {
+    for node in &nodes {
+        if let Some(light) = light::light(&document, node)? {
             light_names.push(light.name);
             lights.push(light.emitter);
         }
     }
 
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut meshes = Meshes::new(&document);
-    let [placed, new] = meshes.triangle_counts(&nodes)?;
-    builder.count(placed, new, path)?;
+    let counts = triangle_counts(&document, &nodes)?;
+    builder.count(counts.placed, counts.stored, path)?;
     let buffers = Buffers::load(&document, bin, folder)?;
-    let mut pictures = Pictures::new(&document, &buffers, folder);
-    let all_maps = nodes.iter().map(|placed| (placed.index, placed.map)).collect();
-    // Each mesh with each of its places.
-    for placed in &nodes {
-        let Some(index) = placed.node.mesh else { continue };
-        let name = mesh_name(&document, placed, index);
-        let pose = Pose::new(&document, &buffers, placed, index, &all_maps)?;
-        // A skin's joints say where its mesh is, whatever its node does.
+    let mut meshes = MeshReader::new(&buffers, GltfTextures::new(&buffers, folder));
+    let all_maps = nodes.iter().map(|node| (node.index, node.map)).collect();
+    // Place each mesh.
+    for node in &nodes {
+        let Some(index) = node.json.mesh else { continue };
+        let name = document.meshes.get(index).map_or("", |mesh| &mesh.name);
+        let name = first_name([&node.json.name, name], || format!("nodes[{}]", node.index));
+        let pose = Pose::new(&buffers, node, index, &all_maps)?;
+        // The joints of a skin place its mesh, whatever the transform of its node is.
         let maps = match pose.is_placed() {
             true => vec![DAffine3::IDENTITY],
-            false => instances::maps(&document, &buffers, placed)?,
+            false => instances::maps(&buffers, node)?,
         };
-        let materials = &mut builder.materials;
-        let parts = meshes.get((index, placed), &pose, &buffers, &mut pictures, materials)?;
-        let parts: Vec<_> = parts.to_vec();
-        let parts: Vec<_> = parts
-            .iter()
-            .map(|(mesh, material)| Part { name: &name, mesh, material: *material })
-            .collect();
+        let parts = meshes.get(index, node, &pose, &mut builder.materials)?.to_vec();
         for map in maps {
             let Ok(transform) = Transform::new(map) else {
                 // The map is finite.
-                meshes.remarks.chosen("left out what its transform flattens:", &name);
+                meshes.warnings.chosen("left out meshes that their transform flattens:", &name);
                 continue;
             };
-            builder.place(&parts, &transform).ok_or_else(|| {
+            builder.place(Some(&name), &parts, &transform).ok_or_else(|| {
                 let problem = "its transform moves the mesh out of the range of coordinates";
-                let place = format!("nodes[{}]", placed.index);
-                Error::new(format!("{place}: {problem}"), "scale or move it less")
+                let problem = format!("nodes[{}]: {problem}", node.index);
+                Error::new(problem, "reduce its scale or translation")
             })?;
         }
     }
-    if builder.is_empty() && !meshes.hidden.is_empty() {
-        let names = list(meshes.hidden.iter().map(String::as_str));
+    if builder.is_empty() && !meshes.invisible.is_empty() {
+        let names = list(meshes.invisible.iter().map(String::as_str));
         let problem =
-            format!("nothing is to be seen: the opacity is below the cutoff all over {names}");
+            format!("nothing is visible: the opacity is below the cutoff all over {names}");
         let advice = "lower their alphaCutoff, raise the alpha of their base color, or set alphaMode to OPAQUE";
         return Err(Error::new(problem, advice));
     }
-    builder.notes.extend(meshes.remarks.notes(&shown));
-    builder.notes.extend(pictures.notes(&shown));
+    builder.warnings.extend(meshes.warnings.into_warnings(&shown));
+    builder.warnings.extend(meshes.textures.warning(&shown));
     builder.arrange(path)?;
 
     let (camera, resolution) = match view {
         Some(view) => view,
-        None => (builder.place_camera(path)?, None),
+        None => (builder.default_camera(path)?, None),
     };
     let defaults = PartialSettings { resolution, ..PartialSettings::default() };
-    let rest = Rest { defaults, ..options.rest(&mut builder.notes)? };
-    let mut loaded = builder.finish(path, lights, camera, rest)?;
+    let extras = SceneExtras { defaults, ..options.extras(&mut builder.warnings)? };
+    let mut loaded = builder.finish(path, lights, camera, extras)?;
     loaded.summary.light_names = light_names;
     loaded.summary.cameras = cameras.iter().map(|camera| camera.name.clone()).collect();
     loaded.summary.camera = chosen.map(|camera| camera.name.clone());
     Ok(loaded)
 }
 
-/// What the file holds and no image shows.
-fn notes(document: &Document, shown: &str) -> Vec<Warning> {
-    let mut notes = Vec::new();
+/// Warnings about the contents of the file that no image shows.
+fn document_warnings(document: &GltfDocument, shown: &str) -> Vec<Warning> {
+    let mut warnings = Vec::new();
     let unsupported: BTreeSet<&str> = file::unsupported(&document.extensions_used).collect();
     if !unsupported.is_empty() {
         let names = list(unsupported);
-        notes.push(Warning::skipped(format!("{shown}: ignored the extensions {names}")));
+        warnings.push(Warning::skipped(format!("{shown}: ignored the extensions {names}")));
     }
     if !document.animations.is_empty() {
-        let note = "animations are not played: all is where the nodes have it";
-        notes.push(Warning::chosen(format!("{shown}: {note}")));
+        let text = "animations are not played; the nodes keep their own transforms";
+        warnings.push(Warning::chosen(format!("{shown}: {text}")));
     }
-    notes
+    warnings
 }
 
-/// The node's name, else the mesh's, else the node's place in the file.
-fn mesh_name(document: &Document, placed: &Placed, mesh: usize) -> String {
-    let own = document.meshes.get(mesh).map_or("", |mesh| &mesh.name);
-    first_name([&placed.node.name, own], || format!("nodes[{}]", placed.index))
-}
-
-/// The first name that is not empty, without characters that would do something to a terminal.
-fn first_name<const N: usize>(names: [&str; N], otherwise: impl Fn() -> String) -> String {
+/// The first name that is not empty, without characters that would control a terminal.
+fn first_name<const N: usize>(names: [&str; N], default: impl Fn() -> String) -> String {
     let named = names.into_iter().find(|name| !name.is_empty());
-    named.map_or_else(otherwise, |name| name.chars().map(visible).collect())
+    named.map_or_else(default, |name| name.chars().map(visible).collect())
 }

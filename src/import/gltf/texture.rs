@@ -1,10 +1,9 @@
-//! Pictures, and how they lie on surfaces.
+//! Pictures, their texture coordinates and the coverage of their alpha channels.
 
-use super::buffers;
-use super::buffers::Buffers;
-use super::fault;
-use super::json::{Document, get};
+use super::buffers::{self, Buffers};
+use super::json::get;
 use super::json_material::{TextureInfo, TextureTransform};
+use super::malformed;
 use crate::base::error::Result;
 use crate::import::text::problems;
 use crate::import::warnings::Warning;
@@ -18,110 +17,105 @@ use std::sync::Arc;
 const MAX_FILE: u64 = 1 << 30;
 
 /// The pictures of a file, each read with its first use.
-pub(super) struct Pictures<'a> {
-    document: &'a Document,
+pub(super) struct GltfTextures<'a> {
     buffers: &'a Buffers<'a>,
     folder: &'a Path,
-    /// None for those that cannot be read.
-    read: HashMap<Source<'a>, Option<Texture>>,
-    /// Shared by all materials that sample it so.
-    sampled: HashMap<(Source<'a>, Sampling), Arc<Texture>>,
-    /// What cannot be read, and why.
+    /// `None` for pictures that cannot be read.
+    read: HashMap<ImageSource<'a>, Option<Texture>>,
+    /// The pictures that cannot be read, with the reason.
     unreadable: BTreeSet<String>,
 }
 
-/// Where a picture comes from; images may share it.
+/// Source of a picture, which images may share.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Source<'a> {
+enum ImageSource<'a> {
     Uri(&'a str),
     View(usize),
 }
 
-impl<'a> Pictures<'a> {
-    pub fn new(document: &'a Document, buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
-        let (read, sampled) = (HashMap::new(), HashMap::new());
-        Self { document, buffers, folder, read, sampled, unreadable: BTreeSet::new() }
+impl<'a> GltfTextures<'a> {
+    pub fn new(buffers: &'a Buffers<'a>, folder: &'a Path) -> Self {
+        Self { buffers, folder, read: HashMap::new(), unreadable: BTreeSet::new() }
     }
 
-    /// The picture of the texture that `place` refers to; `None` if there is none that can be read, of which
-    /// [`Self::notes`] tells.
+    /// The picture of the texture to which `element` refers; `None` if there is none that can be
+    /// read, which [`Self::warning`] reports.
     ///
     /// # Errors
-    /// If an index leads nowhere.
-    pub fn get(&mut self, info: &TextureInfo, place: &str) -> Result<Option<Arc<Texture>>> {
-        let texture = get(&self.document.textures, "textures", info.index, place)?;
-        let place = format!("textures[{}].source", info.index);
+    /// If an index is out of range.
+    pub fn get(&mut self, info: &TextureInfo, element: &str) -> Result<Option<Arc<Texture>>> {
+        let document = self.buffers.document;
+        let texture = get(&document.textures, "textures", info.index, element)?;
+        let element = format!("textures[{}].source", info.index);
         let Some(index) = texture.extensions.webp.source.or(texture.source) else {
-            self.unreadable.insert(format!("textures[{}] of no known kind", info.index));
+            self.unreadable.insert(format!("textures[{}] of an unknown format", info.index));
             return Ok(None);
         };
-        let image = get(&self.document.images, "images", index, place)?;
-        let place = format!("images[{index}]");
+        let image = get(&document.images, "images", index, element)?;
+        let element = format!("images[{index}]");
         let source = match (&image.uri, image.buffer_view) {
-            (Some(uri), _) => Source::Uri(uri),
-            (None, Some(view)) => Source::View(view),
-            (None, None) => return Err(fault(place, "it has neither uri nor bufferView")),
+            (Some(uri), _) => ImageSource::Uri(uri),
+            (None, Some(view)) => ImageSource::View(view),
+            (None, None) => return Err(malformed(element, "it has neither uri nor bufferView")),
         };
         let sampling = self.sampling(info.index, texture.sampler)?;
-        if let Some(texture) = self.sampled.get(&(source, sampling)) {
-            return Ok(Some(texture.clone()));
-        }
-        let Some(read) = self.read(source, &place)? else { return Ok(None) };
-        let texture = Arc::new(read.sampled(sampling));
-        self.sampled.insert((source, sampling), texture.clone());
-        Ok(Some(texture))
+        let picture = self.read(source, &element)?;
+        Ok(picture.map(|picture| Arc::new(picture.sampled(sampling))))
     }
 
-    /// The picture from there; of clones the texels are there once.
-    fn read(&mut self, source: Source<'a>, place: &str) -> Result<Option<Texture>> {
+    /// Reads a picture. Clones share its texels.
+    fn read(&mut self, source: ImageSource<'a>, element: &str) -> Result<Option<Texture>> {
         if let Some(read) = self.read.get(&source) {
             return Ok(read.clone());
         }
         let bytes = match source {
-            Source::Uri(uri) => buffers::read(uri, self.folder, MAX_FILE, &format!("{place}.uri")),
-            Source::View(view) => {
-                Ok(self.buffers.view(view, format!("{place}.bufferView"))?.bytes.to_vec())
+            ImageSource::Uri(uri) => {
+                buffers::read(uri, self.folder, MAX_FILE, &format!("{element}.uri"))
+            }
+            ImageSource::View(view) => {
+                Ok(self.buffers.view(view, format!("{element}.bufferView"))?.bytes.to_vec())
             }
         };
         let read = bytes.and_then(|bytes| Texture::decode(&bytes));
         let read = read.map_err(|e| match e.problem() {
-            placed if placed.starts_with(place) => self.unreadable.insert(placed.to_owned()),
-            problem => self.unreadable.insert(format!("{place}: {problem}")),
+            node if node.starts_with(element) => self.unreadable.insert(node.to_owned()),
+            problem => self.unreadable.insert(format!("{element}: {problem}")),
         });
         let read = read.ok();
         self.read.insert(source, read.clone());
         Ok(read)
     }
 
-    /// What cannot be read.
-    pub fn notes(&self, file: &str) -> Option<Warning> {
+    /// A warning about the pictures that cannot be read.
+    pub fn warning(&self, file: &str) -> Option<Warning> {
         let all = problems(self.unreadable.iter().map(String::as_str));
-        let note =
-            || Warning::skipped(format!("{file}: ignored textures that cannot be read: {all}"));
-        (!self.unreadable.is_empty()).then(note)
+        let text = format!("{file}: ignored textures that cannot be read: {all}");
+        (!self.unreadable.is_empty()).then(|| Warning::skipped(text))
     }
 
     /// How the texture of this index is sampled.
     fn sampling(&self, texture: usize, sampler: Option<usize>) -> Result<Sampling> {
         let Some(index) = sampler else { return Ok(Sampling::default()) };
-        let place = format!("textures[{texture}].sampler");
-        let sampler = get(&self.document.samplers, "samplers", index, place)?;
+        let element = format!("textures[{texture}].sampler");
+        let sampler = get(&self.buffers.document.samplers, "samplers", index, element)?;
         let wrap = |code: Option<u32>, key: &str| match code {
             None | Some(10_497) => Ok(Wrap::Repeat),
             Some(33_648) => Ok(Wrap::Mirror),
             Some(33_071) => Ok(Wrap::Clamp),
-            Some(code) => Err(fault(format!("samplers[{index}].{key}"), format!("unknown {code}"))),
+            Some(code) => {
+                Err(malformed(format!("samplers[{index}].{key}"), format!("unknown {code}")))
+            }
         };
         let wrap = [wrap(sampler.wrap_s, "wrapS")?, wrap(sampler.wrap_t, "wrapT")?];
-        // Pictures are seen from nearby or with many samples: how they would shrink is of no interest.
+        // Minification filters are ignored: many samples per pixel average the texels.
         Ok(Sampling { wrap, nearest: sampler.mag_filter == Some(9728) })
     }
 }
 
-/// Which texture coordinates a material takes, and how.
+/// The set of texture coordinates that a material uses, and their transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct UvSource {
-    /// Of several sets.
+    /// Index of the set.
     pub set: u32,
     map: Option<Affine2>,
 }
@@ -132,7 +126,7 @@ impl UvSource {
         let set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
         let map = transform.map(|TextureTransform { offset, rotation, scale, .. }| {
             let (sin, cos) = rotation.sin_cos();
-            // Counterclockwise, as v points down.
+            // Counterclockwise, because v points down.
             let turn = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
             let stretch = Mat2::from_diagonal(Vec2::from_array(*scale));
             Affine2::from_mat2_translation(turn * stretch, Vec2::from_array(*offset))
@@ -140,12 +134,12 @@ impl UvSource {
         Self { set, map }
     }
 
-    /// Whether it leads from numbers to numbers.
+    /// Whether the transform is finite.
     pub fn is_finite(&self) -> bool {
         self.map.is_none_or(|map| map.is_finite())
     }
 
-    /// Whether growing `u` leads the same way as in the coordinates of the file.
+    /// Whether the directions of growing `u` and `v` are those of the coordinates in the file.
     pub fn keeps_tangents(&self) -> bool {
         self.map.is_none_or(|map| {
             let [along_u, along_v] = [map.matrix2.x_axis, map.matrix2.y_axis];
@@ -153,27 +147,27 @@ impl UvSource {
         })
     }
 
-    /// From coordinates of the file, whose v points down, to those of [`Texture`].
+    /// Maps coordinates of the file, whose v points down, to those of [`Texture`].
     pub fn apply(&self, uv: Vec2) -> Vec2 {
         let uv = self.map.map_or(uv, |map| map.transform_point2(uv));
-        // What is beyond all numbers repeats like any other.
+        // Coordinates may overflow. Textures repeat, so that any value serves.
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
         Vec2::new(uv.x, 1.0 - uv.y)
     }
 }
 
-/// Where a surface is.
+/// The part of a surface that exists.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Coverage {
     Everywhere,
     Nowhere,
-    /// Where this opacity is at least a half.
+    /// The part where this opacity is at least a half.
     Partly(Arc<Texture>),
-    /// For this share of the rays, times this opacity.
+    /// A share of the rays, times this opacity.
     Share(Option<Arc<Texture>>, f32),
 }
 
-/// For the share of the rays that the alpha channel times `factor` tells.
+/// Coverage by a share of the rays: the alpha channel times `factor`.
 pub(super) fn blended(picture: Option<&Arc<Texture>>, factor: f32) -> Coverage {
     let has = |holds: fn(u8) -> bool| {
         picture.is_some_and(|picture| picture.texels().iter().any(|texel| holds(texel[3])))
@@ -188,8 +182,8 @@ pub(super) fn blended(picture: Option<&Arc<Texture>>, factor: f32) -> Coverage {
     }
 }
 
-/// Where the alpha channel times `factor` is at least `cutoff`. Opacities are moved to where a half is
-/// the cutoff, linearly, so that the borders between texels stay where they are.
+/// Coverage of the part where the alpha channel times `factor` is at least `cutoff`. Opacities are
+/// mapped linearly so that the cutoff becomes a half, which keeps the borders between texels.
 pub(super) fn coverage(picture: Option<&Arc<Texture>>, factor: f32, cutoff: f32) -> Coverage {
     if cutoff <= 0.0 {
         return Coverage::Everywhere;
@@ -213,9 +207,7 @@ pub(super) fn coverage(picture: Option<&Arc<Texture>>, factor: f32, cutoff: f32)
     if (0..=255).all(|code: u8| moved[usize::from(code)] == code) {
         return Coverage::Partly(picture.clone());
     }
-    let texels = picture.texels().iter().map(|[r, g, b, a]| [*r, *g, *b, moved[usize::from(*a)]]);
-    let [width, height] = picture.size();
-    let moved = Texture::new(width, height, texels.collect()).sampled(picture.sampling());
+    let moved = picture.map_texels(|[r, g, b, a]| [r, g, b, moved[usize::from(a)]]);
     Coverage::Partly(Arc::new(moved))
 }
 
@@ -229,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cutoff_moves_to_a_half() {
+    fn cutoffs_are_mapped_to_a_half() {
         let picture = alphas(&[0, 50, 51, 127, 128, 255]);
         assert_eq!(coverage(Some(&picture), 1.0, 0.5), Coverage::Partly(picture.clone()));
         for (factor, cutoff, from) in [(1.0, 0.2, 51), (1.0, 0.9, 230), (0.4, 0.2, 128)] {

@@ -1,13 +1,14 @@
-//! Shapes that Mitsuba has by formulas, as triangles.
+//! Triangle meshes of Mitsuba's analytic shapes.
 //!
-//! Round ones get a size at which their area is that of the formula. So is then the power of a lamp of that
-//! shape, and, as the mean shadow of a convex body is a quarter of its area (Cauchy), what it sends far away.
+//! Round meshes are scaled to the area of their shape, which preserves the power of lamps. The mean
+//! shadow of a convex body is a quarter of its area (Cauchy), so that the light at large distances
+//! is preserved as well.
 
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Steps around a round shape; of lamps, of which each triangle is a light, fewer.
+/// Steps around a round shape. Lamps have fewer, because each of their triangles is a light.
 const AROUND: [u32; 2] = [128, 32];
 
 /// A shape in its own space.
@@ -17,16 +18,16 @@ pub(super) enum Analytic {
     Rectangle,
     /// From -1 to 1.
     Cube,
-    /// Of radius 1.
+    /// Radius 1.
     Sphere,
-    /// Of radius 1, facing +z.
+    /// Radius 1, facing +z.
     Disk,
-    /// Of radius 1, along z from 0 to 1, open.
+    /// Radius 1, along z from 0 to 1, open.
     Cylinder,
 }
 
 impl Analytic {
-    /// The shape that Mitsuba calls so.
+    /// The shape of this type in Mitsuba.
     pub fn named(kind: &str) -> Option<Self> {
         Some(match kind {
             "rectangle" => Self::Rectangle,
@@ -38,19 +39,18 @@ impl Analytic {
         })
     }
 
-    /// Whether nobody sees its back from outside.
+    /// Whether its back is invisible from outside.
     pub fn is_closed(self) -> bool {
         matches!(self, Self::Cube | Self::Sphere)
     }
 
-    /// Its triangles, with texture coordinates of which v points up in the picture.
+    /// The triangles, with texture coordinates whose v points up in the picture.
     pub fn mesh(self, is_lamp: bool) -> Mesh {
         let around = AROUND[usize::from(is_lamp)];
         match self {
             Self::Rectangle => {
-                let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
                 let mut mesh = Mesh::default();
-                for [u, v] in corners {
+                for [u, v] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
                     mesh.positions.push(Vec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0));
                     mesh.uvs.push(Vec2::new(u, 1.0 - v));
                 }
@@ -97,7 +97,8 @@ impl Analytic {
     }
 }
 
-/// Points over u and v from 0 to 1 in so many steps, facing where growing v turns to growing u.
+/// A grid of points over u and v from 0 to 1. It faces the side from which growing v turns to
+/// growing u.
 fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
     let mut mesh = Mesh::default();
     for row in 0..=rows {
@@ -114,7 +115,7 @@ fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
             mesh.triangles.extend([[a, d, c], [a, c, b]]);
         }
     }
-    // What meets at a pole or the center.
+    // Remove triangles that degenerate at a pole or the center.
     let positions = &mesh.positions;
     mesh.triangles.retain(|corners| {
         let [a, b, c] = corners.map(|i| positions[i as usize]);
@@ -171,7 +172,7 @@ mod tests {
     ];
 
     #[test]
-    fn areas_are_those_of_the_formulas_and_fronts_face_outward() {
+    fn meshes_have_the_area_of_their_shape_and_face_outward() {
         for (shape, expected) in ALL {
             for is_lamp in [false, true] {
                 let mesh = shape.mesh(is_lamp);
@@ -192,7 +193,7 @@ mod tests {
 
     #[test]
     fn texture_coordinates_are_those_of_mitsuba() {
-        // What `si.uv` of mitsuba 3.9.1 is at these points; its v points down.
+        // Values of `si.uv` in mitsuba 3.9.1 at these points. Its v points down.
         for (shape, point, uv) in [
             (Analytic::Rectangle, [0.5, -0.2, 0.0], [0.75, 0.4]),
             (Analytic::Disk, [0.5, 0.2, 0.0], [0.539, 0.061]),

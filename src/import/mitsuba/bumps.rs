@@ -1,12 +1,12 @@
-//! Heights as maps of normals.
+//! Conversion of height maps to normal maps.
 
 use crate::scene::{Mesh, NormalMap, Texture, Wrap};
 use glam::{DMat3, Mat3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// The map of normals that heights, `scale` scene units at white, make on a mesh that `to_world` brings to its place:
-/// the slopes are those where texture coordinates grow as fast as they do in the mean over its area. `None` if it has
-/// no such.
+/// The normal map of heights, which are `scale` scene units at white, on a mesh that `to_world`
+/// transforms. The slopes assume that texture coordinates grow everywhere as fast as in the mean
+/// over the area of the mesh. `None` if the mesh has no usable texture coordinates.
 pub(super) fn normal_map(
     heights: &Arc<Texture>,
     scale: f32,
@@ -43,7 +43,7 @@ pub(super) fn normal_map(
     Some(NormalMap { texture: Arc::new(map.sampled(heights.sampling())), scale: 1.0 })
 }
 
-/// Mean lengths on the surface, scene units, of what the texture coordinates span from 0 to 1.
+/// Mean lengths on the surface of a unit of the texture coordinates, scene units.
 fn lengths(mesh: &Mesh, to_world: Mat3) -> Option<Vec2> {
     let (mut sum, mut area) = (Vec2::ZERO, 0.0);
     for corners in &mesh.triangles {
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slopes_are_those_of_the_surface_at_its_place() {
+    fn slopes_are_those_of_the_transformed_surface() {
         let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
         let mesh = Mesh {
             positions: corners.map(|(x, y)| Vec3::new(x, y, 0.0)).into(),

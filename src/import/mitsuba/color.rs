@@ -1,43 +1,45 @@
-//! Colors: RGB as it is, and spectra as linear sRGB.
+//! Colors: RGB, and spectra converted to linear sRGB.
 
-use super::object::Object;
-use crate::base::error::Result;
+use super::object::{Object, words};
+use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::import::srgb;
+use crate::import::{srgb, text};
 use glam::{DMat3, DVec3};
 use std::sync::LazyLock;
 
-/// What a color is for.
+/// Uses of a color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Meaning {
-    /// A share of light, in [0, 1]: white is what reflects all light, and the light is that of D65.
+pub(super) enum ColorUse {
+    /// A share of light, in [0, 1], under the light of D65: white reflects all light.
     Share,
-    /// Light: white is D65, as 1 1 1.
+    /// Light: white is that of D65, and equals 1 1 1.
     Light,
-    /// A refractive index, in which there is no white.
+    /// A refractive index, which has no white.
     Index,
 }
 
-/// A color, and whether it was made of a spectrum that has no plain RGB meaning.
-pub(super) struct Color {
+/// A color that was read, and whether it was converted from a spectrum.
+pub(super) struct ReadColor {
     pub rgb: Rgb,
-    pub is_measured: bool,
+    pub is_spectral: bool,
 }
 
-impl Color {
+impl ReadColor {
     fn plain(rgb: Rgb) -> Self {
-        Self { rgb, is_measured: false }
+        Self { rgb, is_spectral: false }
     }
 }
 
-/// What an element of a color's tag says.
+/// Reads an element with the tag of a color.
 ///
 /// # Errors
 /// If its numbers are malformed, or negative.
-pub(super) fn read(object: &Object, meaning: Meaning) -> Result<Color> {
+pub(super) fn read(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
     let color = match (&object.element().tag[..], object.kind()) {
-        ("float" | "rgb" | "color", _) | ("spectrum", "rgb" | "srgb") => Color::plain(rgb(object)?),
-        ("srgb", _) => Color::plain(encoded(object)?),
+        ("float" | "rgb" | "color", _) | ("spectrum", "rgb" | "srgb") => {
+            ReadColor::plain(rgb(object)?)
+        }
+        ("srgb", _) => ReadColor::plain(encoded(object)?),
         ("blackbody", _) => {
             let text = object.attribute("temperature")?;
             let kelvin = object.parse(text.trim_end_matches(['K', 'k']))?;
@@ -49,24 +51,24 @@ pub(super) fn read(object: &Object, meaning: Meaning) -> Result<Color> {
             blackbody(object, kelvin, object.float("scale")?.unwrap_or(1.0))?
         }
         ("spectrum" | "texture", "uniform") => {
-            Color::plain(Rgb::splat(object.float("value")?.unwrap_or(1.0) as f32))
+            ReadColor::plain(Rgb::splat(object.float("value")?.unwrap_or(1.0) as f32))
         }
         ("spectrum" | "texture", "d65") => {
             let scale = object.float("scale")?.unwrap_or(1.0) as f32;
             let own = object.get("value")?;
             if own.is_some_and(|own| own.kind() == "d65") {
-                return Err(object.error("it is D65 of D65", "give a color within"));
+                return Err(object.error("it is D65 of D65", "nest another color"));
             }
-            let color = own.map(|own| read(&own, meaning)).transpose()?;
-            Color::plain(scale * color.map_or(Rgb::ONE, |color| color.rgb))
+            let color = own.map(|own| read(&own, color_use)).transpose()?;
+            ReadColor::plain(scale * color.map_or(Rgb::ONE, |color| color.rgb))
         }
-        ("spectrum" | "texture", "regular") => regular(object, meaning)?,
+        ("spectrum" | "texture", "regular") => regular(object, color_use)?,
         ("spectrum" | "texture", "irregular") => {
             let list =
                 |name: &str| object.string(name)?.map_or(Ok(vec![]), |t| object.parse_list(t));
-            measured(list("wavelengths")?, list("values")?, meaning)
+            spectral(list("wavelengths")?, list("values")?, color_use)
         }
-        ("spectrum", "") => spectrum(object, meaning)?,
+        ("spectrum", "") => spectrum(object, color_use)?,
         (tag, kind) => {
             let problem = format!("a color was expected, not <{tag} type=\"{kind}\">");
             return Err(object.error(problem, "use rgb, srgb, spectrum, blackbody or float"));
@@ -86,8 +88,12 @@ fn rgb(object: &Object) -> Result<Rgb> {
     match object.numbers()?[..] {
         [all] => Ok(Rgb::splat(all as f32)),
         [r, g, b] => Ok(DVec3::new(r, g, b).as_vec3()),
-        _ => Err(object.error("it has neither one nor three numbers", "give red, green and blue")),
+        _ => Err(wrong_count(object)),
     }
+}
+
+fn wrong_count(object: &Object) -> Error {
+    object.error("it has neither one nor three numbers", "give red, green and blue")
 }
 
 /// `#rrggbb`, or three codes in [0, 1].
@@ -97,67 +103,63 @@ fn encoded(object: &Object) -> Result<Rgb> {
         Some(digits) => {
             let number = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6);
             let number = number
-                .ok_or_else(|| object.error(format!("`{text}` is no color"), "write #rrggbb"))?;
+                .ok_or_else(|| object.error(format!("`{text}` is not a color"), "write #rrggbb"))?;
             [16, 8, 0].map(|shift| f64::from(number >> shift & 255) / 255.0)
         }
         None => match object.numbers()?[..] {
             [all] => [all; 3],
             [r, g, b] => [r, g, b],
-            _ => {
-                let problem = "it has neither one nor three numbers";
-                return Err(object.error(problem, "give red, green and blue"));
-            }
+            _ => return Err(wrong_count(object)),
         },
     };
     Ok(srgb::decode(codes))
 }
 
-/// One number, or `wavelength:value` pairs, or a file of such.
-fn spectrum(object: &Object, meaning: Meaning) -> Result<Color> {
+/// One number, or `wavelength:value` pairs, or a file of pairs.
+fn spectrum(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
     let Some(text) = object.element().attribute("value") else {
         let name = object.attribute("filename")?;
         let path = object.document.find_file(object.index, name);
         let path = path
             .ok_or_else(|| object.error(format!("there is no file `{name}`"), "check the name"))?;
-        let text = crate::import::text::read(&path)?;
+        let text = text::read(&path)?;
         let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
         let numbers = object.parse_list(&lines.collect::<Vec<_>>().join(" "))?;
         let (nm, values) = numbers.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip();
-        return Ok(measured(nm, values, meaning));
+        return Ok(spectral(nm, values, color_use));
     };
     if text.contains(':') {
-        let words = text.split(|c: char| c == ',' || c.is_whitespace());
         let (mut nm, mut values) = (Vec::new(), Vec::new());
-        for word in words.filter(|word| !word.is_empty()) {
+        for word in words(text) {
             let (at, value) = word.split_once(':').unwrap_or((word, ""));
             nm.push(object.parse(at)?);
             values.push(object.parse(value)?);
         }
-        return Ok(measured(nm, values, meaning));
+        return Ok(spectral(nm, values, color_use));
     }
     let color = rgb(object)?;
     let is_uniform = color == Rgb::splat(color.x);
-    // Mitsuba 3 takes one number for the same power at all wavelengths, which is not the white of D65.
-    if is_uniform && meaning == Meaning::Light && !object.document.is_old {
-        return Ok(Color::plain(color.x * *EQUAL_ENERGY));
+    // In Mitsuba 3 one number is the same power at all wavelengths, which is not the white of D65.
+    if is_uniform && color_use == ColorUse::Light && !object.document.is_old {
+        return Ok(ReadColor::plain(color.x * *EQUAL_ENERGY));
     }
-    Ok(Color::plain(color))
+    Ok(ReadColor::plain(color))
 }
 
 /// Values at equal distances.
-fn regular(object: &Object, meaning: Meaning) -> Result<Color> {
+fn regular(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
     let ends = [("wavelength_min", 360.0), ("wavelength_max", 830.0)];
-    let [low, high] = ends.map(|(name, unsaid)| Ok(object.float(name)?.unwrap_or(unsaid)));
+    let [low, high] = ends.map(|(name, default)| Ok(object.float(name)?.unwrap_or(default)));
     let (low, high) = (low?, high?);
     let values = object.string("values")?.map_or(Ok(vec![]), |text| object.parse_list(text))?;
     let last = values.len().saturating_sub(1).max(1) as f64;
     let nm = (0..values.len()).map(|i| low + (high - low) * i as f64 / last).collect();
-    Ok(measured(nm, values, meaning))
+    Ok(spectral(nm, values, color_use))
 }
 
-fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<Color> {
+fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<ReadColor> {
     if !(100.0..=1e6).contains(&kelvin) {
-        let problem = format!("{kelvin} K is no temperature of a light");
+        let problem = format!("{kelvin} K is out of the range of temperatures");
         return Err(object.error(problem, "give 100 to 1000000 K"));
     }
     // Planck's law, W/(m^2 sr nm).
@@ -166,11 +168,11 @@ fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<Color> {
         1.191_042_972e-16 / m.powi(5) / (1.438_776_877e-2 / (m * kelvin)).exp_m1() * 1e-9
     };
     let rgb = XYZ_TO_RGB * integral(|nm| scale * radiance(nm)) / luminous();
-    Ok(Color { rgb: rgb.as_vec3().max(Rgb::ZERO), is_measured: true })
+    Ok(ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true })
 }
 
-/// The color of a spectrum that is linear between its points and 0 beyond them.
-fn measured(nm: Vec<f64>, values: Vec<f64>, meaning: Meaning) -> Color {
+/// The color of a spectrum that is linear between its samples and 0 outside them.
+fn spectral(nm: Vec<f64>, values: Vec<f64>, color_use: ColorUse) -> ReadColor {
     let at = |x: f64| {
         let after = nm.partition_point(|own| *own <= x);
         match (after.checked_sub(1).map(|i| (nm[i], values.get(i))), nm.get(after)) {
@@ -182,14 +184,14 @@ fn measured(nm: Vec<f64>, values: Vec<f64>, meaning: Meaning) -> Color {
             _ => 0.0,
         }
     };
-    let rgb = match meaning {
-        Meaning::Share => {
+    let rgb = match color_use {
+        ColorUse::Share => {
             let white = XYZ_TO_RGB * integral(d65);
             XYZ_TO_RGB * integral(|x| at(x) * d65(x)) / white
         }
-        Meaning::Light | Meaning::Index => XYZ_TO_RGB * integral(at) / luminous(),
+        ColorUse::Light | ColorUse::Index => XYZ_TO_RGB * integral(at) / luminous(),
     };
-    Color { rgb: rgb.as_vec3().max(Rgb::ZERO), is_measured: true }
+    ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true }
 }
 
 /// Linear sRGB of CIE XYZ (IEC 61966-2-1), column by column.
@@ -234,9 +236,9 @@ const D65: [f64; 43] = [
 ];
 
 fn d65(nm: f64) -> f64 {
-    let place = ((nm - 360.0) / 10.0).clamp(0.0, (D65.len() - 1) as f64);
-    let low = (place as usize).min(D65.len() - 2);
-    D65[low] + (D65[low + 1] - D65[low]) * (place - low as f64)
+    let position = ((nm - 360.0) / 10.0).clamp(0.0, (D65.len() - 1) as f64);
+    let low = (position as usize).min(D65.len() - 2);
+    D65[low] + (D65[low + 1] - D65[low]) * (position - low as f64)
 }
 
 #[cfg(test)]
@@ -249,15 +251,15 @@ mod tests {
     }
 
     #[test]
-    fn spectra_have_the_colors_that_mitsuba_gives_them() {
-        // What `mitsuba` 3.9.1 makes of them in `scalar_rgb`; the matching functions are fits.
+    fn spectra_have_the_colors_of_mitsuba() {
+        // Results of `mitsuba` 3.9.1 in `scalar_rgb`. Our matching functions are fits.
         close(*EQUAL_ENERGY, [1.204_8, 0.948_3, 0.908_9], 0.01);
         let slope = || (vec![400.0, 500.0, 600.0, 700.0], vec![0.1, 0.2, 0.3, 0.4]);
         let (nm, values) = slope();
-        close(measured(nm, values, Meaning::Share).rgb, [0.3408, 0.2429, 0.1403], 0.02);
+        close(spectral(nm, values, ColorUse::Share).rgb, [0.3408, 0.2429, 0.1403], 0.02);
         let (nm, values) = slope();
-        close(measured(nm, values, Meaning::Light).rgb, [0.4021, 0.2314, 0.1245], 0.02);
-        let flat = measured(vec![360.0, 830.0], vec![0.5, 0.5], Meaning::Share);
+        close(spectral(nm, values, ColorUse::Light).rgb, [0.4021, 0.2314, 0.1245], 0.02);
+        let flat = spectral(vec![360.0, 830.0], vec![0.5, 0.5], ColorUse::Share);
         close(flat.rgb, [0.5; 3], 1e-3);
     }
 }

@@ -1,6 +1,5 @@
-//! The elements of a scene file and of those that it includes, with all parameters put in.
+//! The elements of a scene file and of the files that it includes, with all parameters substituted.
 
-use super::names;
 use crate::base::error::{Error, Result};
 use crate::import::text;
 use roxmltree::{Node, ParsingOptions};
@@ -8,26 +7,36 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Most elements of all files.
+/// Maximum number of elements of all files.
 const MAX_ELEMENTS: usize = 1 << 21;
-/// Most XML nodes of one file: white space counts.
+/// Maximum number of XML nodes of one file, including white space.
 const MAX_NODES: u32 = 1 << 23;
-/// Deepest nesting of elements and of references.
+/// Maximum depth of nested elements and references.
 pub(super) const MAX_DEPTH: usize = 48;
-/// Deepest nesting of included files, and most of them.
-const MAX_INCLUDES: [usize; 2] = [16, 1000];
-/// Longest value of an attribute with its parameters put in, bytes.
+/// Maximum depth of included files.
+const MAX_INCLUDE_DEPTH: usize = 16;
+/// Maximum number of files.
+const MAX_FILES: usize = 1000;
+/// Maximum length of an attribute with its parameters substituted, bytes.
 const MAX_VALUE: usize = 1 << 16;
 
-/// An element, its names in the style of Mitsuba 3.
+/// A position in the files of a document.
+#[derive(Clone, Copy, Debug)]
+struct SourcePosition {
+    /// Index of the file.
+    source: usize,
+    /// Bytes from its beginning.
+    offset: usize,
+}
+
+/// An element with names in the style of Mitsuba 3.
 #[derive(Debug)]
 pub(super) struct Element {
     pub tag: String,
     attributes: Vec<(String, String)>,
     pub children: Vec<usize>,
-    /// Index of its file, and the byte at which it begins.
-    place: (usize, usize),
-    /// Whether anybody asked for it.
+    start: SourcePosition,
+    /// Whether the element was read.
     pub used: Cell<bool>,
 }
 
@@ -37,41 +46,36 @@ impl Element {
     }
 }
 
-/// A scene file with all that it includes.
-#[derive(Debug)]
-pub(super) struct Document {
+/// A scene file with all files that it includes.
+#[derive(Debug, Default)]
+pub(super) struct XmlDocument {
     pub elements: Vec<Element>,
     /// Children of the scene, in order.
     pub top: Vec<usize>,
-    /// Whether the file is of Mitsuba 0.5 or 0.6.
+    /// Whether the file has the format of Mitsuba 0.5 or 0.6.
     pub is_old: bool,
     sources: Vec<(PathBuf, String)>,
-    /// Where files are looked for.
+    /// Folders in which files are searched.
     folders: Vec<PathBuf>,
     ids: HashMap<String, usize>,
     defaults: Vec<(String, String)>,
 }
 
-impl Document {
-    /// Reads a file and what it includes.
+impl XmlDocument {
+    /// Reads a file and all files that it includes.
     ///
     /// # Errors
     /// Names the file, line and element that cannot be read.
     pub fn read(path: &Path) -> Result<Self> {
         let mut document = Self {
-            elements: Vec::new(),
-            top: Vec::new(),
-            is_old: false,
-            sources: Vec::new(),
             folders: vec![path.parent().unwrap_or(Path::new("")).to_owned()],
-            ids: HashMap::new(),
-            defaults: Vec::new(),
+            ..Self::default()
         };
         document.top = document.file(path, &mut Vec::new())?;
         Ok(document)
     }
 
-    /// The elements within the scene of a file; `open` are those that include it.
+    /// The elements in the scene of a file. `open` are the files that include it.
     fn file(&mut self, path: &Path, open: &mut Vec<PathBuf>) -> Result<Vec<usize>> {
         let text = text::read(path)?;
         let source = self.sources.len();
@@ -81,18 +85,18 @@ impl Document {
             let row = e.pos().row as usize;
             let line = text.lines().nth(row.saturating_sub(1)).unwrap_or_default().to_owned();
             let problem = match e {
-                roxmltree::Error::DtdDetected => "it has a DTD, which is not read".to_owned(),
+                roxmltree::Error::DtdDetected => "it has a DTD, which is not supported".to_owned(),
                 roxmltree::Error::NodesLimitReached => "it has too many elements".to_owned(),
-                e => format!("it is no XML: {e}"),
+                e => format!("it is not valid XML: {e}"),
             };
-            let advice = "give a scene of Mitsuba 3, 0.6 or 0.5";
-            Error::new(problem, advice).at(path).line(row.max(1), line.trim_end())
+            Error::new(problem, KNOWN_VERSIONS).at(path).line(row.max(1), line.trim_end())
         })?;
         let root = parsed.root_element();
         if root.tag_name().name() != "scene" {
             let problem = format!("its root is <{}>, not <scene>", root.tag_name().name());
-            let advice = "give a scene of Mitsuba 3, 0.6 or 0.5";
-            return Err(Error::new(problem, advice).at(path).at_offset(&text, root.range().start));
+            return Err(Error::new(problem, KNOWN_VERSIONS)
+                .at(path)
+                .at_offset(&text, root.range().start));
         }
         if open.is_empty() {
             let version = root.attribute("version").unwrap_or("3.0.0");
@@ -104,7 +108,7 @@ impl Document {
         children
     }
 
-    /// Those of an element, in order.
+    /// Adds the child elements of an element, and returns their indices in order.
     fn children(
         &mut self,
         parent: Node,
@@ -114,10 +118,10 @@ impl Document {
     ) -> Result<Vec<usize>> {
         let mut all = Vec::new();
         for node in parent.children().filter(Node::is_element) {
-            let place = (source, node.range().start);
-            let tag = names::modern(node.tag_name().name());
+            let start = SourcePosition { source, offset: node.range().start };
+            let tag = modern_name(node.tag_name().name());
             let here = |document: &Self, problem: String, advice: &str| {
-                document.error_at(place, &format!("<{tag}>"), problem, advice)
+                document.error_at(start, &format!("<{tag}>"), problem, advice)
             };
             if depth >= MAX_DEPTH {
                 let problem = format!("elements are nested more than {MAX_DEPTH} deep");
@@ -132,42 +136,37 @@ impl Document {
                 let value = self
                     .substituted(attribute.value())
                     .map_err(|(problem, advice)| here(self, problem, &advice))?;
-                let value = if attribute.name() == "name" { names::modern(&value) } else { value };
+                let value = if attribute.name() == "name" { modern_name(&value) } else { value };
                 attributes.push((attribute.name().to_owned(), value));
             }
-            let used = Cell::new(false);
-            let element =
-                Element { tag: tag.clone(), attributes, children: Vec::new(), place, used };
-            let needed = |name: &str| {
-                element.attribute(name).map(str::to_owned).ok_or_else(|| {
-                    let problem = format!("it has no `{name}`");
-                    self.error_at(place, &format!("<{}>", element.tag), problem, "add it")
-                })
+            let (children, used) = (Vec::new(), Cell::new(false));
+            let element = Element { tag: tag.clone(), attributes, children, start, used };
+            let required = |name: &str| {
+                let value = element.attribute(name).map(str::to_owned);
+                value.ok_or_else(|| here(self, format!("it has no `{name}`"), "add it"))
             };
             match &element.tag[..] {
                 "default" => {
-                    let (name, value) = (needed("name")?, needed("value")?);
-                    // The name is no property's.
+                    let (name, value) = (required("name")?, required("value")?);
+                    // This is not the name of a property, which would be modernized.
                     let name = node.attribute("name").map_or(name, str::to_owned);
                     if self.defaults.iter().all(|(known, _)| *known != name) {
                         self.defaults.push((name, value));
                     }
                 }
                 "path" => {
-                    let folder = self.folders[0].join(needed("value")?);
+                    let folder = self.folders[0].join(required("value")?);
                     self.folders.push(folder);
                 }
                 "alias" => {
-                    let (id, new) = (needed("id")?, needed("as")?);
+                    let (id, new) = (required("id")?, required("as")?);
                     let target = *self.ids.get(&id).ok_or_else(|| {
                         here(self, format!("nothing has the id `{id}`"), "define it before")
                     })?;
                     self.ids.insert(new, target);
                 }
                 "include" => {
-                    let name = needed("filename")?;
-                    let inner = self.included(&name, place, open)?;
-                    all.extend(inner);
+                    all.extend(self.included(&required("filename")?, start, open)?);
                 }
                 _ => {
                     let index = self.elements.len();
@@ -192,32 +191,31 @@ impl Document {
     fn included(
         &mut self,
         name: &str,
-        place: (usize, usize),
+        start: SourcePosition,
         open: &mut Vec<PathBuf>,
     ) -> Result<Vec<usize>> {
         let here =
-            |problem: String, advice: &str| Err(self.error_at(place, "<include>", problem, advice));
-        let Some(path) = self.find(name, place.0) else {
+            |problem: String, advice: &str| Err(self.error_at(start, "<include>", problem, advice));
+        let Some(path) = self.find(name, start.source) else {
             return here(format!("there is no file `{name}`"), "check the name");
         };
         let full = path.canonicalize().unwrap_or_else(|_| path.clone());
         if open.contains(&full) {
             return here(format!("`{name}` includes itself"), "remove the include");
         }
-        let [deepest, most] = MAX_INCLUDES;
-        if open.len() >= deepest || self.sources.len() >= most {
-            return here("too many files are included".into(), "put them into one");
+        if open.len() >= MAX_INCLUDE_DEPTH || self.sources.len() >= MAX_FILES {
+            return here("too many files are included".into(), "merge some of them");
         }
         self.file(&path, open)
     }
 
-    /// A value with all parameters put in, or the problem and what to do.
+    /// A value with all parameters substituted, or the problem and the advice.
     fn substituted(&self, value: &str) -> std::result::Result<String, (String, String)> {
         let mut text = String::new();
         let mut rest = value;
         while let Some(at) = rest.find('$') {
             let name = &rest[at + 1..];
-            // The longest of those that it may be.
+            // The longest matching name.
             let known = self.defaults.iter().filter(|(key, _)| name.starts_with(&key[..]));
             let Some((key, value)) = known.max_by_key(|(key, _)| key.len()) else {
                 let end = name.find(|c: char| !(c.is_alphanumeric() || c == '_'));
@@ -229,28 +227,26 @@ impl Document {
             text += value;
             rest = &name[key.len()..];
             if text.len() > MAX_VALUE {
-                return Err((
-                    format!("a value has more than {MAX_VALUE} bytes"),
-                    "shorten it".into(),
-                ));
+                let problem = format!("a value has more than {MAX_VALUE} bytes");
+                return Err((problem, "shorten it".to_owned()));
             }
         }
         Ok(text + rest)
     }
 
-    /// A file that an element of the source of this index names.
+    /// Finds a file that an element of the source of this index names.
     fn find(&self, name: &str, source: usize) -> Option<PathBuf> {
         let own = self.sources[source].0.parent().unwrap_or(Path::new(""));
         let mut folders = self.folders.iter().map(PathBuf::as_path).chain([own]);
         folders.find_map(|folder| text::find(folder, name)).filter(|path| path.is_file())
     }
 
-    /// The file that this element calls so.
+    /// Finds a file that the element of this index names.
     pub fn find_file(&self, index: usize, name: &str) -> Option<PathBuf> {
-        self.find(name, self.elements[index].place.0)
+        self.find(name, self.elements[index].start.source)
     }
 
-    /// The index of what has this id.
+    /// The index of the element with this id.
     pub fn by_id(&self, id: &str) -> Option<usize> {
         self.ids.get(id).copied()
     }
@@ -270,25 +266,58 @@ impl Document {
 
     /// The element's line in its file, from 1.
     pub fn line(&self, index: usize) -> usize {
-        let (source, offset) = self.elements[index].place;
+        let SourcePosition { source, offset } = self.elements[index].start;
         let text = &self.sources[source].1;
         text.get(..offset).map_or(1, |before| before.matches('\n').count() + 1)
     }
 
     /// A problem with an element.
     pub fn error(&self, index: usize, problem: impl Into<String>, advice: &str) -> Error {
-        let place = self.elements[index].place;
-        self.error_at(place, &self.shown(index), problem.into(), advice)
+        self.error_at(self.elements[index].start, &self.shown(index), problem.into(), advice)
     }
 
-    fn error_at(
-        &self,
-        (source, offset): (usize, usize),
-        shown: &str,
-        problem: String,
-        advice: &str,
-    ) -> Error {
-        let (path, text) = &self.sources[source];
-        Error::new(format!("{shown}: {problem}"), advice).at(path).at_offset(text, offset)
+    fn error_at(&self, start: SourcePosition, shown: &str, problem: String, advice: &str) -> Error {
+        let (path, text) = &self.sources[start.source];
+        Error::new(format!("{shown}: {problem}"), advice).at(path).at_offset(text, start.offset)
+    }
+}
+
+const KNOWN_VERSIONS: &str = "give a scene of Mitsuba 3, 0.6 or 0.5";
+
+/// Converts names of Mitsuba 0.5 and 0.6 to those of Mitsuba 3: `toWorld` to `to_world`, `intIOR`
+/// to `int_ior`.
+fn modern_name(name: &str) -> String {
+    if name == "lookAt" {
+        return "lookat".to_owned();
+    }
+    let mut text = String::with_capacity(name.len() + 4);
+    let mut before = '_';
+    for c in name.chars() {
+        if c.is_uppercase() && (before.is_lowercase() || before.is_numeric()) {
+            text.push('_');
+        }
+        text.extend(c.to_lowercase());
+        before = c;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::modern_name;
+
+    #[test]
+    fn old_names_are_converted_to_new_ones() {
+        for (old, new) in [
+            ("toWorld", "to_world"),
+            ("intIOR", "int_ior"),
+            ("lookAt", "lookat"),
+            ("alphaU", "alpha_u"),
+            ("diffuseReflectance", "diffuse_reflectance"),
+            ("filename", "filename"),
+            ("color0", "color0"),
+        ] {
+            assert_eq!(modern_name(old), new);
+        }
     }
 }

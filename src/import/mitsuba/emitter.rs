@@ -1,9 +1,8 @@
-//! Lights that are no shapes.
+//! Emitters without shapes.
 
-use super::color::Meaning;
+use super::color::ColorUse;
 use super::object::Object;
-use super::texture::Pictures;
-use super::warnings::Remarks;
+use super::texture::Paints;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;
@@ -12,42 +11,28 @@ use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{Directional, Emitter, Environment, Spot};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-/// Most pixels across that a small map of radiances is made of.
+/// Width up to which small maps of radiance are refined, pixels.
 const FINE: u32 = 1024;
 
-/// Light from all around, before the scene is turned to it.
-pub(super) struct Surroundings {
+/// An environment before the scene is turned to it.
+pub(super) struct EnvironmentEmitter {
     width: u32,
     height: u32,
     pixels: Vec<Rgb>,
-    /// Of a map, from its space, in which +y is up, to the scene's.
+    /// Rotation of a map from its space, in which +y is up, to the scene.
     pub to_world: DMat3,
 }
 
-/// A color of this name, the same everywhere, W or what it is.
-fn power(
-    object: &Object,
-    name: &str,
-    pictures: &mut Pictures,
-    remarks: &mut Remarks,
-) -> Result<Rgb> {
-    let paint = pictures.paint(object, name, Meaning::Light, Rgb::ONE, remarks)?;
-    if paint.texture.is_some() {
-        remarks.skipped(format!("took the mean of the texture `{name}` of"), &object.label());
-    }
-    Ok(paint.mean())
-}
-
-/// A light at a place or far away, in a scene that is moved so; `None` if it is dark or of another kind.
+/// A light at a point or far away, in a scene that `world` transforms; `None` if its type is not
+/// supported.
 pub(super) fn emitter(
     object: &Object,
     world: DAffine3,
-    pictures: &mut Pictures,
-    remarks: &mut Remarks,
+    paints: &mut Paints,
 ) -> Result<Option<Emitter>> {
     let map = world * object.map("to_world")?;
-    let mut light = |name: &str| power(object, name, pictures, remarks);
-    let place = |point: DVec3| {
+    let mut light = |name: &str| paints.mean(object, name, ColorUse::Light, Rgb::ONE);
+    let checked = |point: DVec3| {
         let point = point.as_vec3();
         if point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all() {
             return Ok(point);
@@ -57,7 +42,7 @@ pub(super) fn emitter(
     };
     let unit = |vector: DVec3| {
         let unit = vector.try_normalize().map(|unit| unit.as_vec3());
-        unit.ok_or_else(|| object.error("it has no direction", "give one that is not zero"))
+        unit.ok_or_else(|| object.error("it has no direction", "give a vector that is not zero"))
     };
     let emitter = match object.kind() {
         "point" => {
@@ -65,24 +50,22 @@ pub(super) fn emitter(
                 Some(position) => world.transform_point3(position),
                 None => map.translation,
             };
-            Emitter::Point { position: place(own)?, intensity: light("intensity")? }
+            Emitter::Point { position: checked(own)?, intensity: light("intensity")? }
         }
         "spot" => {
             let cutoff = object.float_in("cutoff_angle", 20.0, [1e-3, 90.0])?.to_radians();
             let beam = object.float("beam_width")?.map_or(0.75 * cutoff, f64::to_radians);
             if !(0.0..=cutoff).contains(&beam) {
                 let advice = "give an angle from 0 to cutoff_angle";
-                return Err(object.error("`beam_width` is beyond the cutoff", advice));
+                return Err(object.error("`beam_width` exceeds the cutoff", advice));
             }
             let intensity = light("intensity")?;
-            let (position, direction) = (place(map.translation)?, unit(map.matrix3.z_axis)?);
+            let (position, direction) = (checked(map.translation)?, unit(map.matrix3.z_axis)?);
             if object.get("texture")?.is_some() {
-                remarks.skipped("left out the texture of", &object.label());
+                paints.skipped("left out the texture of", object);
             }
-            remarks.skipped(
-                "took a falloff by the cosine, of the same power, for the linear one of",
-                &object.label(),
-            );
+            let phrase = "used a cosine falloff of the same power for the linear one of";
+            paints.skipped(phrase, object);
             let [cos_inner, cos_outer] = falloff(beam, cutoff);
             Emitter::Spot(Spot { position, direction, intensity, cos_inner, cos_outer })
         }
@@ -95,15 +78,16 @@ pub(super) fn emitter(
         }
         other => {
             let phrase = format!("left out lights of type `{other}`:");
-            remarks.skipped(phrase, &object.label());
+            paints.skipped(phrase, object);
             return Ok(None);
         }
     };
     Ok(Some(emitter))
 }
 
-/// Cosines between which ours falls off by the square of the cosine's way, that send as much light as a falloff
-/// that is linear in the angle from `beam` to `cutoff`, radians: `int I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
+/// Cosines of the inner and outer angle of a spot with our quadratic falloff in the cosine. It
+/// emits the power of a falloff that is linear in the angle from `beam` to `cutoff`, radians: `int
+/// I dw = 2 pi (1 - (sin c - sin b)/(c - b))`.
 fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
     let outer = cutoff.cos();
     let slope =
@@ -112,35 +96,23 @@ fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
     [inner.min(1.0), (outer as f32).min(inner.min(1.0) - LEAST_FALLOFF)]
 }
 
-impl Surroundings {
-    /// Reads `constant` and `envmap`; `None` for other kinds.
-    pub fn read(
-        object: &Object,
-        pictures: &mut Pictures,
-        remarks: &mut Remarks,
-    ) -> Result<Option<Self>> {
-        let even = |radiance: Rgb| Self {
-            width: 1,
-            height: 1,
-            pixels: vec![radiance],
-            to_world: DMat3::IDENTITY,
-        };
+impl EnvironmentEmitter {
+    /// Reads `constant` and `envmap`; `None` for other types.
+    pub fn read(object: &Object, paints: &mut Paints) -> Result<Option<Self>> {
         match object.kind() {
-            "constant" => Ok(Some(even(power(object, "radiance", pictures, remarks)?))),
+            "constant" => {
+                let radiance = paints.mean(object, "radiance", ColorUse::Light, Rgb::ONE)?;
+                let pixels = vec![radiance];
+                Ok(Some(Self { width: 1, height: 1, pixels, to_world: DMat3::IDENTITY }))
+            }
             "envmap" => {
                 let (width, height, mut pixels) = environment::read(&object.file()?)?;
                 let scale = object.float_in("scale", 1.0, [0.0, 1e30])? as f32;
-                let mut mended = 0;
-                for pixel in &mut pixels {
-                    *pixel *= scale;
-                    if !(pixel.is_finite() && pixel.min_element() >= 0.0) {
-                        (*pixel, mended) = (Rgb::ZERO, mended + 1);
-                    }
-                }
-                if mended > 0 {
+                let invalid = environment::scale_pixels(&mut pixels, Rgb::splat(scale)).len();
+                if invalid > 0 {
                     let phrase =
-                        format!("took 0 for {mended} pixels that are negative or not finite of");
-                    remarks.skipped(phrase, &object.label());
+                        format!("used 0 for {invalid} pixels that are negative or not finite of");
+                    paints.skipped(phrase, object);
                 }
                 let map = object.map("to_world")?.matrix3;
                 let unit = |axis: DVec3| axis.normalize_or_zero();
@@ -148,33 +120,34 @@ impl Surroundings {
                 let to_world = DMat3::from_cols(axes[0], axes[1], axes[2]);
                 let skew = (to_world.transpose() * to_world - DMat3::IDENTITY).to_cols_array();
                 if skew.iter().any(|x| x.abs() > 1e-3) {
-                    let problem = "its to_world is no rotation";
-                    return Err(object.error(problem, "turn and scale it evenly alone"));
+                    let problem = "its to_world is not a rotation";
+                    return Err(object.error(problem, "use only rotations and uniform scales"));
                 }
                 let (width, height, pixels) = fine(width, height, &pixels);
-                remarks.chosen(
-                    "pixels are even, not interpolated (small maps are refined), of",
-                    &object.label(),
-                );
+                let phrase =
+                    "used constant pixels (small maps are refined) for the interpolated map of";
+                paints.chosen(phrase, object);
                 Ok(Some(Self { width, height, pixels, to_world }))
             }
             _ => Ok(None),
         }
     }
 
-    /// What turns the scene so that the map's +y is up: its inverse, without its mirroring.
+    /// The rotation of the scene after which the map's +y is up: the inverse of `to_world` without
+    /// its mirroring.
     pub fn upright(&self) -> DMat3 {
         let mirror = self.to_world.determinant() < 0.0;
         let own = if mirror { self.to_world * MIRROR } else { self.to_world };
         own.transpose()
     }
 
-    /// The environment of a scene that was turned so, and mirrored after that if told.
+    /// The environment of a scene that was turned upright and, if `is_mirrored` is set, mirrored
+    /// afterward.
     pub fn environment(mut self, is_mirrored: bool) -> Environment {
         if is_mirrored != (self.to_world.determinant() < 0.0) {
             self.pixels.chunks_exact_mut(self.width as usize).for_each(<[Rgb]>::reverse);
         }
-        // Mitsuba's first column begins at -z, where our middle one is.
+        // The first column of Mitsuba begins at -z, where our middle column is.
         let turn_deg = if self.width > 1 { 180.0 } else { 0.0 };
         Environment::new(self.width, self.height, self.pixels, turn_deg)
     }
@@ -183,8 +156,8 @@ impl Surroundings {
 /// Swaps left and right.
 pub(super) const MIRROR: DMat3 = DMat3::from_cols(DVec3::NEG_X, DVec3::Y, DVec3::Z);
 
-/// A map as Mitsuba interpolates it, by pixels that are even: its columns are centered, and its first and last
-/// row are at the poles.
+/// Resamples a map as Mitsuba interpolates it: its columns are centered, and its first and last
+/// rows are at the poles. Our pixels are constant.
 fn fine(width: u32, height: u32, pixels: &[Rgb]) -> (u32, u32, Vec<Rgb>) {
     let factor = (FINE / width).clamp(1, 16);
     let (columns, rows) = (width * factor, height * factor);
@@ -212,7 +185,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn falloffs_send_as_much_light() {
+    fn falloffs_emit_the_same_power() {
         for (beam, cutoff) in [(15.0, 20.0), (0.0, 60.0), (30.0, 30.0), (80.0, 90.0)] {
             let (beam, cutoff) = (f64::to_radians(beam), f64::to_radians(cutoff));
             let [cos_inner, cos_outer] = falloff(beam, cutoff);

@@ -1,4 +1,4 @@
-//! Transforms: each step is applied after those before it.
+//! Transforms: each step is applied after the previous ones.
 
 use super::object::Object;
 use crate::base::error::Result;
@@ -14,7 +14,7 @@ pub(super) fn read(transform: &Object) -> Result<DAffine3> {
     if map.is_finite() {
         return Ok(map);
     }
-    Err(transform.error("its numbers are too large", "give smaller ones"))
+    Err(transform.error("its numbers are too large", "use smaller ones"))
 }
 
 fn step(step: &Object) -> Result<DAffine3> {
@@ -31,7 +31,7 @@ fn step(step: &Object) -> Result<DAffine3> {
         "matrix" => matrix(step),
         _ => {
             let advice = "use translate, rotate, scale, lookat or matrix";
-            Err(step.error("there is no such step of a transform", advice))
+            Err(step.error("this step of a transform is unknown", advice))
         }
     }
 }
@@ -39,7 +39,7 @@ fn step(step: &Object) -> Result<DAffine3> {
 fn lookat(step: &Object) -> Result<DAffine3> {
     let point = |name| match step.parse_list(step.attribute(name)?)?[..] {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
-        _ => Err(step.error(format!("`{name}` has not three numbers"), "give three")),
+        _ => Err(step.error(format!("`{name}` does not have three numbers"), "give three")),
     };
     let (origin, target) = (point("origin")?, point("target")?);
     let forward = (target - origin).normalize_or_zero();

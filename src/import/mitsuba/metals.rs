@@ -2,8 +2,9 @@
 
 use crate::base::math::Rgb;
 
-/// Complex refractive indices as linear sRGB: what `mitsuba` 3.9.1 makes of each `material` in `scalar_rgb`
-/// (`mi.traverse(mi.load_dict({'type': 'conductor', 'material': NAME}))`), negative parts as 0.
+/// Complex refractive indices as linear sRGB: the values of `mitsuba` 3.9.1 for each `material` in
+/// `scalar_rgb` (`mi.traverse(mi.load_dict({'type': 'conductor', 'material': NAME}))`), negative
+/// parts as 0.
 const METALS: &[(&str, [f32; 3], [f32; 3])] = &[
     ("a-C", [2.94405, 2.22714, 1.96816], [0.887465, 0.799299, 0.81529]),
     ("Ag", [0.155276, 0.116728, 0.138388], [4.82835, 3.12222, 2.1469]),
@@ -58,7 +59,7 @@ pub(super) fn metal(name: &str) -> Option<[Rgb; 2]> {
     found.map(|(_, eta, k)| [*eta, *k].map(Rgb::from_array))
 }
 
-/// All that are known.
+/// The names of all metals.
 pub(super) fn metal_names() -> impl Iterator<Item = &'static str> {
     METALS.iter().map(|(name, ..)| *name)
 }

@@ -1,21 +1,22 @@
-//! What an element says: numbers, words, transforms and other elements.
+//! Properties of an element: numbers, words, transforms and other elements.
 
-use super::document::{Document, Element};
+use super::document::{Element, XmlDocument};
 use super::maps;
 use crate::base::error::{Error, Result};
+use crate::import::text::RELATIVE_NAME;
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
 /// An element of a document.
 #[derive(Clone, Copy)]
 pub(super) struct Object<'a> {
-    pub document: &'a Document,
+    pub document: &'a XmlDocument,
     pub index: usize,
 }
 
 impl<'a> Object<'a> {
-    /// The element of this index, which is from now on in use.
-    pub fn new(document: &'a Document, index: usize) -> Self {
+    /// The element of this index, which is marked as used.
+    pub fn new(document: &'a XmlDocument, index: usize) -> Self {
         document.elements[index].used.set(true);
         Self { document, index }
     }
@@ -29,7 +30,7 @@ impl<'a> Object<'a> {
         self.element().attribute("type").unwrap_or("")
     }
 
-    /// Its id, else what and where it is.
+    /// The id, else the type and the line.
     pub fn label(&self) -> String {
         let line = || format!("{} in line {}", self.kind(), self.document.line(self.index));
         self.element().attribute("id").map_or_else(line, str::to_owned)
@@ -45,7 +46,7 @@ impl<'a> Object<'a> {
         value.ok_or_else(|| self.error(format!("it has no `{name}`"), "add it"))
     }
 
-    /// What a child stands for: itself, or what it refers to.
+    /// The child, or the element to which it refers.
     fn resolved(&self, child: usize) -> Result<Self> {
         let child = Self::new(self.document, child);
         if child.element().tag != "ref" {
@@ -53,16 +54,17 @@ impl<'a> Object<'a> {
         }
         let id = child.attribute("id")?;
         let target = self.document.by_id(id).ok_or_else(|| {
-            child.error(format!("nothing has the id `{id}`"), "define it, or remove this")
+            child.error(format!("nothing has the id `{id}`"), "define it, or remove this reference")
         })?;
         Ok(Self::new(self.document, target))
     }
 
-    /// The child of this name, or what it refers to.
+    /// The child of this name, or the element to which it refers.
     pub fn get(&self, name: &str) -> Result<Option<Self>> {
         let named =
             |index: &&usize| self.document.elements[**index].attribute("name") == Some(name);
-        // As in Mitsuba the last would be an error; here the first counts and the rest is told.
+        // Repeated names are an error in Mitsuba. Here the first one is used, and the others are
+        // reported as ignored.
         self.element().children.iter().find(named).map(|index| self.resolved(*index)).transpose()
     }
 
@@ -74,7 +76,7 @@ impl<'a> Object<'a> {
             let is_wanted = match &element.tag[..] {
                 "ref" => {
                     let target = element.attribute("id").and_then(|id| self.document.by_id(id));
-                    // What leads nowhere is told by whoever asks first.
+                    // `resolved` reports references to nothing.
                     target.is_none_or(|target| self.document.elements[target].tag == tag)
                 }
                 own => own == tag,
@@ -86,18 +88,14 @@ impl<'a> Object<'a> {
         Ok(found)
     }
 
-    /// Its numbers: `value`, or `x`, `y` and `z` where that is what it is.
+    /// The numbers of the attribute `value`.
     pub fn numbers(&self) -> Result<Vec<f64>> {
-        match self.element().attribute("value") {
-            Some(text) => self.parse_list(text),
-            None => Err(self.error("it has no `value`", "add it")),
-        }
+        self.parse_list(self.attribute("value")?)
     }
 
-    /// Numbers with commas or white space in between.
+    /// Numbers separated by commas or white space.
     pub fn parse_list(&self, text: &str) -> Result<Vec<f64>> {
-        let words = text.split(|c: char| c == ',' || c.is_whitespace());
-        words.filter(|word| !word.is_empty()).map(|word| self.parse(word)).collect()
+        words(text).map(|word| self.parse(word)).collect()
     }
 
     /// A finite number.
@@ -105,21 +103,22 @@ impl<'a> Object<'a> {
         let number = word.trim().parse().ok().filter(|number: &f64| number.is_finite());
         number.ok_or_else(|| {
             let shown: String = word.chars().take(40).collect();
-            self.error(format!("`{shown}` is no finite number"), "give a number")
+            self.error(format!("`{shown}` is not a finite number"), "give a number")
         })
     }
 
     /// A point or vector by its attributes, or by `value`.
-    pub fn vector(&self, unsaid: f64) -> Result<DVec3> {
+    pub fn vector(&self, default: f64) -> Result<DVec3> {
         if let Some(text) = self.element().attribute("value") {
             return match self.parse_list(text)?[..] {
                 [all] => Ok(DVec3::splat(all)),
-                [x, y] => Ok(DVec3::new(x, y, unsaid)),
+                [x, y] => Ok(DVec3::new(x, y, default)),
                 [x, y, z] => Ok(DVec3::new(x, y, z)),
-                _ => Err(self.error("it has not three numbers", "give three")),
+                _ => Err(self.error("it does not have three numbers", "give three")),
             };
         }
-        let one = |name| self.element().attribute(name).map_or(Ok(unsaid), |text| self.parse(text));
+        let one =
+            |name| self.element().attribute(name).map_or(Ok(default), |text| self.parse(text));
         Ok(DVec3::new(one("x")?, one("y")?, one("z")?))
     }
 
@@ -134,8 +133,8 @@ impl<'a> Object<'a> {
     }
 
     /// A number within bounds.
-    pub fn float_in(&self, name: &str, unsaid: f64, [low, high]: [f64; 2]) -> Result<f64> {
-        let Some(value) = self.float(name)? else { return Ok(unsaid) };
+    pub fn float_in(&self, name: &str, default: f64, [low, high]: [f64; 2]) -> Result<f64> {
+        let Some(value) = self.float(name)? else { return Ok(default) };
         if (low..=high).contains(&value) {
             return Ok(value);
         }
@@ -167,14 +166,18 @@ impl<'a> Object<'a> {
         self.get(name)?.map_or(Ok(DAffine3::IDENTITY), |child| maps::read(&child))
     }
 
-    /// The file that it names by `filename`.
+    /// The file of the property `filename`.
     pub fn file(&self) -> Result<PathBuf> {
         let Some((child, name)) = self.value("filename")? else {
             return Err(self.error("it names no file", "add `filename`"));
         };
-        self.document.find_file(child.index, name).ok_or_else(|| {
-            let advice = "check the name; it is relative to the folder of the scene file";
-            child.error(format!("there is no file `{name}`"), advice)
-        })
+        self.document
+            .find_file(child.index, name)
+            .ok_or_else(|| child.error(format!("there is no file `{name}`"), RELATIVE_NAME))
     }
+}
+
+/// The words of a list, which are separated by commas or white space.
+pub(super) fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| c == ',' || c.is_whitespace()).filter(|word| !word.is_empty())
 }

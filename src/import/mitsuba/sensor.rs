@@ -1,7 +1,7 @@
 //! Cameras and the size of their film.
 
 use super::object::Object;
-use super::warnings::Remarks;
+use super::texture::Paints;
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
 use crate::scene::{Camera, FieldOfView, Optics};
@@ -14,28 +14,28 @@ pub(super) struct Sensor {
     /// Looking along +z, with +y up and +x to the left.
     to_world: DAffine3,
     optics: Optics,
-    /// How far the image lies to the right and up, in widths and heights of it.
+    /// Shift of the image to the right and up, in widths and heights of it.
     shift: [f32; 2],
     pub resolution: [u32; 2],
 }
 
-/// Pixels across and down of a film, and of the part of it that is rendered.
-struct Film {
+/// Size of a film and of its rendered part, pixels.
+struct FilmCrop {
     size: [u32; 2],
-    /// Left and upper edge of the part.
+    /// Left and upper edges of the part.
     offset: [u32; 2],
     part: [u32; 2],
 }
 
-/// The sensor of this id, else the first.
+/// The sensor of this id; without an id the first one.
 pub(super) fn choose<'a>(
     all: &[Object<'a>],
     wanted: Option<&str>,
-    remarks: &mut Remarks,
+    paints: &mut Paints,
 ) -> Result<Option<Object<'a>>> {
     let Some(wanted) = wanted else {
         if all.len() > 1 {
-            remarks.chosen("took the first of several cameras:", &all[0].label());
+            paints.chosen("used the first of several cameras:", &all[0]);
         }
         return Ok(all.first().copied());
     };
@@ -43,8 +43,8 @@ pub(super) fn choose<'a>(
     found.copied().map(Some).ok_or_else(|| {
         let ids: Vec<&str> = all.iter().filter_map(|s| s.element().attribute("id")).collect();
         let advice = match ids.len() {
-            0 => "leave --camera out: no sensor has an id".to_owned(),
-            _ => format!("choose one of {}", list(ids)),
+            0 => "name no camera: no sensor has an id".to_owned(),
+            _ => format!("use one of {}", list(ids)),
         };
         Error::new(format!("there is no camera `{wanted}`"), advice)
     })
@@ -52,7 +52,7 @@ pub(super) fn choose<'a>(
 
 impl Sensor {
     /// Reads a perspective camera, with or without a lens.
-    pub fn read(sensor: &Object, remarks: &mut Remarks) -> Result<Self> {
+    pub fn read(sensor: &Object, paints: &mut Paints) -> Result<Self> {
         let has_lens = match sensor.kind() {
             "perspective" => false,
             "thinlens" => true,
@@ -62,21 +62,22 @@ impl Sensor {
             }
         };
         let name = sensor.label();
-        let film = film(sensor, remarks)?;
+        let film = film(sensor, paints)?;
         let field_of_view = film.part_of(field_of_view(sensor, film.size)?);
         // To the right and down, in widths and heights of the film.
         let right = sensor.float("principal_point_offset_x")?.unwrap_or(0.0);
         let down = sensor.float("principal_point_offset_y")?.unwrap_or(0.0);
         let shift = [film.shift(0, right), -film.shift(1, down)];
         for plane in ["near_clip", "far_clip"] {
-            let _ = sensor.float(plane)?; // everything in front of the camera is seen
+            let _ = sensor.float(plane)?; // everything in front of the camera is visible
         }
         let optics = if has_lens {
             let length = |key: &str| {
                 let value = sensor.float(key)?.filter(|value| *value > 0.0);
                 let value = value.map(|value| value as f32);
                 value.ok_or_else(|| {
-                    sensor.error(format!("`{key}` is missing or not positive"), "give it")
+                    let problem = format!("`{key}` is missing or not positive");
+                    sensor.error(problem, "give a positive length")
                 })
             };
             let (aperture_radius, focus_distance) =
@@ -93,7 +94,7 @@ impl Sensor {
         self.to_world.matrix3.determinant() < 0.0
     }
 
-    /// The camera in a scene that is moved so.
+    /// The camera in a scene that `world` transforms.
     pub fn camera(&self, world: DAffine3, sensor: &Object) -> Result<Camera> {
         let map = world * self.to_world;
         let along = |axis: DVec3| map.transform_vector3(axis).normalize_or_zero().as_vec3();
@@ -105,14 +106,10 @@ impl Sensor {
     }
 }
 
-impl Film {
-    fn whole(size: [u32; 2]) -> Self {
-        Self { size, offset: [0; 2], part: size }
-    }
-
-    /// The angle that the part spans of that of the film.
+impl FilmCrop {
+    /// The field of view of the part, from that of the film.
     fn part_of(&self, field_of_view: FieldOfView) -> FieldOfView {
-        let of = |degrees: f32, axis: usize| {
+        let angle = |degrees: f32, axis: usize| {
             if self.part[axis] == self.size[axis] {
                 return degrees;
             }
@@ -121,30 +118,29 @@ impl Film {
             (2.0 * half.atan().to_degrees()) as f32
         };
         match field_of_view {
-            FieldOfView::X(degrees) => FieldOfView::X(of(degrees, 0)),
-            FieldOfView::Y(degrees) => FieldOfView::Y(of(degrees, 1)),
+            FieldOfView::X(degrees) => FieldOfView::X(angle(degrees, 0)),
+            FieldOfView::Y(degrees) => FieldOfView::Y(angle(degrees, 1)),
         }
     }
 
-    /// How far the middle of the part lies from the film's, which is moved by a share of the film itself; in sizes of the
-    /// part.
+    /// Offset of the center of the part from that of the film, in sizes of the part. `moved` shifts
+    /// the film, in sizes of the film.
     fn shift(&self, axis: usize, moved: f64) -> f32 {
         let [size, offset, part] = [self.size, self.offset, self.part].map(|n| f64::from(n[axis]));
         ((offset + 0.5 * part - 0.5 * size + moved * size) / part) as f32
     }
 }
 
-/// Its size and part.
-fn film(sensor: &Object, remarks: &mut Remarks) -> Result<Film> {
+fn film(sensor: &Object, paints: &mut Paints) -> Result<FilmCrop> {
     let Some(film) = sensor.all("film")?.into_iter().next() else {
-        return Ok(Film::whole([768, 576]));
+        return Ok(FilmCrop { size: [768, 576], offset: [0; 2], part: [768, 576] });
     };
-    let whole = |name: &str, unsaid: u32, least: u32| {
-        let value = film.float_in(name, unsaid.into(), [least.into(), 65_536.0])?;
+    let whole = |name: &str, default: u32, least: u32| {
+        let value = film.float_in(name, default.into(), [least.into(), 65_536.0])?;
         if value.fract() == 0.0 {
             return Ok(value as u32);
         }
-        Err(film.error(format!("`{name}` is no whole number"), "give one"))
+        Err(film.error(format!("`{name}` is not a whole number"), "give one"))
     };
     let size = [whole("width", 768, 1)?, whole("height", 576, 1)?];
     let part = [whole("crop_width", size[0], 1)?, whole("crop_height", size[1], 1)?];
@@ -154,27 +150,24 @@ fn film(sensor: &Object, remarks: &mut Remarks) -> Result<Film> {
             "the crop of {} x {} pixels at ({}, {}) is not within the film of {} x {}",
             part[0], part[1], offset[0], offset[1], size[0], size[1]
         );
-        return Err(film.error(problem, "give a smaller one, or none"));
+        return Err(film.error(problem, "give a smaller crop, or none"));
     }
     if let Some(filter) = film.all("rfilter")?.first()
         && filter.kind() != "box"
     {
-        let phrase = format!(
-            "took the box filter for `{}`: pixels are means over their squares, of",
-            filter.kind()
-        );
-        remarks.chosen(phrase, &sensor.label());
+        let phrase = format!("used the box filter instead of `{}` for", filter.kind());
+        paints.chosen(phrase, sensor);
     }
-    Ok(Film { size, offset, part })
+    Ok(FilmCrop { size, offset, part })
 }
 
-/// Across the width, or the height.
+/// The field of view across the width or the height.
 fn field_of_view(sensor: &Object, [width, height]: [u32; 2]) -> Result<FieldOfView> {
     let (width, height) = (f64::from(width), f64::from(height));
     let (degrees, axis) = match sensor.float("fov")? {
         Some(degrees) => (degrees, sensor.string("fov_axis")?.unwrap_or("x")),
         None => {
-            // Of film of 36 mm times 24 mm.
+            // Film of 36 mm times 24 mm.
             let text = sensor.string("focal_length")?.unwrap_or("50mm");
             let length = sensor.parse(text.trim().trim_end_matches("mm"))?;
             let half = 0.5 * f64::hypot(36.0, 24.0) / length;

@@ -1,15 +1,15 @@
-//! Meshes in Mitsuba's own format: zlib streams, one for each shape, and a table of where they begin.
+//! Meshes in Mitsuba's own format: zlib streams, one for each shape, and a table of their offsets.
 
 use crate::base::error::{Error, Result};
 use crate::base::memory::available_memory;
-use crate::import::text;
+use crate::import::text::read_bytes;
 use crate::scene::Mesh;
 use flate2::read::ZlibDecoder;
 use glam::{Vec2, Vec3};
 use std::io::Read;
 use std::path::Path;
 
-/// What files of this kind begin with.
+/// The first two bytes of a shape.
 const MAGIC: u16 = 0x041c;
 // Flags of a mesh.
 const NORMALS: u32 = 1;
@@ -23,38 +23,36 @@ const DOUBLE: u32 = 0x2000;
 const MAX_FILE: u64 = 1 << 34;
 
 /// A shape of a file.
-pub(super) struct Shape {
+pub(super) struct SerializedShape {
     /// Texture coordinates have v pointing up.
     pub mesh: Mesh,
-    /// Whether no normals are to be made.
+    /// Whether the mesh must not get smooth normals.
     pub is_flat: bool,
 }
 
 /// Reads the shape of this index.
 ///
 /// # Errors
-/// Names the file, and what is malformed.
-pub(super) fn read(path: &Path, index: usize) -> Result<Shape> {
-    let mut bytes = Vec::new();
-    let read = text::open(path)?.take(MAX_FILE).read_to_end(&mut bytes);
-    read.map_err(|e| Error::io("read the mesh", path, e))?;
-    parse(&bytes, index).map_err(|problem| {
+/// Names the file and its problem.
+pub(super) fn read(path: &Path, index: usize) -> Result<SerializedShape> {
+    parse(&read_bytes(path, MAX_FILE)?, index).map_err(|problem| {
         let problem = format!("cannot read it as a file of serialized meshes: {problem}");
         Error::new(problem, "export the mesh again, or as .ply").at(path)
     })
 }
 
-/// The shape, or the problem alone in words.
-fn parse(bytes: &[u8], index: usize) -> std::result::Result<Shape, String> {
+/// Results whose error is the problem in words.
+type Parsed<T> = std::result::Result<T, String>;
+
+fn parse(bytes: &[u8], index: usize) -> Parsed<SerializedShape> {
     let begin = offset(bytes, index)?;
     let head = bytes.get(begin..begin.saturating_add(4)).ok_or("it ends early")?;
     let [magic, version] = [0, 2].map(|at| u16::from_le_bytes([head[at], head[at + 1]]));
     if magic != MAGIC || !matches!(version, 3 | 4) {
-        return Err(format!(
-            "it begins with {magic:#06x}, version {version}, not 0x041c and 3 or 4"
-        ));
+        let found = format!("it begins with {magic:#06x}, version {version}");
+        return Err(format!("{found}, not 0x041c and 3 or 4"));
     }
-    let mut stream = Stream(ZlibDecoder::new(&bytes[begin + 4..]));
+    let mut stream = ShapeStream(ZlibDecoder::new(&bytes[begin + 4..]));
     let flags = u32::from_le_bytes(stream.array()?);
     if version == 4 {
         while stream.array::<1>()? != [0] {} // the name
@@ -62,11 +60,9 @@ fn parse(bytes: &[u8], index: usize) -> std::result::Result<Shape, String> {
     let vertices = stream.count()?;
     let triangles = stream.count()?;
     let number = if flags & DOUBLE != 0 { 8 } else { 4 };
-    let numbers = 3
-        + if flags & NORMALS != 0 { 3 } else { 0 }
-        + if flags & UVS != 0 { 2 } else { 0 }
-        + if flags & COLORS != 0 { 3 } else { 0 };
-    let needed = vertices as f64 * (numbers * number) as f64 + triangles as f64 * 12.0;
+    let optional = [(NORMALS, 3), (UVS, 2), (COLORS, 3)].into_iter();
+    let numbers: usize = optional.filter(|(flag, _)| flags & flag != 0).map(|(_, n)| n).sum();
+    let needed = vertices as f64 * ((3 + numbers) * number) as f64 + triangles as f64 * 12.0;
     if available_memory().is_some_and(|available| 2.0 * needed > available) {
         return Err(format!("{vertices} vertices and {triangles} triangles are too many"));
     }
@@ -84,18 +80,19 @@ fn parse(bytes: &[u8], index: usize) -> std::result::Result<Shape, String> {
         list(3)?;
     }
     for triangle in 0..triangles {
-        let corner = |stream: &mut Stream| Ok::<_, String>(u32::from_le_bytes(stream.array()?));
-        let corners = [corner(&mut stream)?, corner(&mut stream)?, corner(&mut stream)?];
+        let mut corner = || Ok::<_, String>(u32::from_le_bytes(stream.array()?));
+        let corners = [corner()?, corner()?, corner()?];
         if let Some(bad) = corners.iter().find(|corner| **corner as usize >= vertices) {
             return Err(format!("triangle {triangle} uses vertex {bad} of {vertices}"));
         }
         mesh.triangles.push(corners);
     }
-    Ok(Shape { mesh, is_flat: flags & FLAT != 0 })
+    Ok(SerializedShape { mesh, is_flat: flags & FLAT != 0 })
 }
 
-/// Where the shape of this index begins: a table before the number of shapes at the end tells.
-fn offset(bytes: &[u8], index: usize) -> std::result::Result<usize, String> {
+/// Offset of the shape of this index, bytes. The file ends with a table of offsets and the number
+/// of shapes.
+fn offset(bytes: &[u8], index: usize) -> Parsed<usize> {
     if index == 0 {
         return Ok(0);
     }
@@ -113,35 +110,28 @@ fn offset(bytes: &[u8], index: usize) -> std::result::Result<usize, String> {
 }
 
 /// The numbers in a compressed stream.
-struct Stream<'a>(ZlibDecoder<&'a [u8]>);
+struct ShapeStream<'a>(ZlibDecoder<&'a [u8]>);
 
-impl Stream<'_> {
-    fn array<const N: usize>(&mut self) -> std::result::Result<[u8; N], String> {
+impl ShapeStream<'_> {
+    fn array<const N: usize>(&mut self) -> Parsed<[u8; N]> {
         let mut bytes = [0; N];
         self.0.read_exact(&mut bytes).map_err(|e| e.to_string())?;
         Ok(bytes)
     }
 
-    fn count(&mut self) -> std::result::Result<usize, String> {
+    fn count(&mut self) -> Parsed<usize> {
         let count = u64::from_le_bytes(self.array()?);
-        u32::try_from(count)
-            .map(|count| count as usize)
-            .map_err(|_| format!("{count} are too many"))
+        let fits = u32::try_from(count).map(|count| count as usize);
+        fits.map_err(|_| format!("{count} are too many"))
     }
 
-    /// So many groups of so many numbers, as far as the stream really holds them.
-    fn numbers(
-        &mut self,
-        count: usize,
-        size: usize,
-        is_double: bool,
-    ) -> std::result::Result<Vec<f32>, String> {
+    /// Reads `count` groups of `size` numbers. Memory grows with the content of the stream only.
+    fn numbers(&mut self, count: usize, size: usize, is_double: bool) -> Parsed<Vec<f32>> {
         let mut numbers = Vec::new();
         for _ in 0..count * size {
-            numbers.push(if is_double {
-                f64::from_le_bytes(self.array()?) as f32
-            } else {
-                f32::from_le_bytes(self.array()?)
+            numbers.push(match is_double {
+                true => f64::from_le_bytes(self.array()?) as f32,
+                false => f32::from_le_bytes(self.array()?),
             });
         }
         Ok(numbers)
@@ -190,7 +180,7 @@ mod tests {
         for version in [3, 4] {
             let bytes = file(version, &[0.0, 5.0, 7.0]);
             for (index, height) in [0.0, 5.0, 7.0].into_iter().enumerate() {
-                let Shape { mesh, is_flat } = parse(&bytes, index).unwrap();
+                let SerializedShape { mesh, is_flat } = parse(&bytes, index).unwrap();
                 assert_eq!(mesh.positions, [Vec3::new(0.0, 0.0, height), Vec3::X, Vec3::Y]);
                 assert_eq!(mesh.uvs[0], Vec2::new(0.0, 0.75));
                 assert_eq!(mesh.triangles, [[0, 1, 2]]);
@@ -201,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn what_ends_early_or_counts_too_far_is_refused() {
+    fn truncated_or_foreign_files_are_refused() {
         let bytes = file(4, &[1.0]);
         for length in 0..bytes.len() - 20 {
             assert!(parse(&bytes[..length], 0).is_err(), "{length}");

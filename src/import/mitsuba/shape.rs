@@ -1,135 +1,124 @@
-//! Shapes: formulas and mesh files, with what they are made of.
+//! Shapes: analytic ones and mesh files, with their materials.
 
-use super::Reader;
+use super::SceneReader;
 use super::analytic::Analytic;
-use super::bsdf::{Look, Normals, With};
+use super::bsdf::{Look, NormalSource};
 use super::bumps;
-use super::color::Meaning;
+use super::color::ColorUse;
 use super::object::Object;
+use super::serialized;
 use super::texture::Paint;
-use super::{serialized, smooth};
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::import::instancing::MaterialMesh;
 use crate::import::{obj, ply};
 use crate::scene::transform::Transform;
-use crate::scene::{Material, Mesh, NormalMap, Texture};
-use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2};
+use crate::scene::{Material, Mesh, NormalMap};
+use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// What tells meshes apart.
+/// Identifies the meshes of a shape.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Key {
-    source: Source,
+pub(super) struct MeshKey {
+    source: ShapeSource,
     is_flat: bool,
-    /// Of texture coordinates, bit by bit.
+    /// Bits of the map of texture coordinates.
     to_uv: [u32; 6],
 }
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Source {
+enum ShapeSource {
     Formula {
         shape: Analytic,
         is_lamp: bool,
     },
-    /// With the index of the shape in it.
+    /// A file, and the index of the shape in it.
     File(PathBuf, usize),
 }
 
-/// What a shape is made of, and whether it brings normals of its own.
+/// The meshes of a shape, and whether its file has normals.
 #[derive(Clone)]
-pub(super) struct Meshes {
+pub(super) struct ShapeMeshes {
     all: Vec<Arc<Mesh>>,
     has_normals: bool,
 }
 
-/// Meshes of a material each.
-pub(super) type Parts = Vec<(Arc<Mesh>, u32)>;
-
-/// A shape at its place.
+/// A shape with its transform.
 pub(super) struct Shape {
     pub name: String,
-    pub parts: Parts,
+    pub parts: Vec<MaterialMesh>,
     pub map: DAffine3,
     pub is_flipped: bool,
 }
 
-impl Reader<'_> {
-    /// The parts of a shape, and its map; `None` if it is of a kind that is left out.
+impl SceneReader<'_> {
+    /// Reads a shape; `None` if its type is not supported.
     pub fn shape(&mut self, object: &Object) -> Result<Option<Shape>> {
         let name = object.label();
         for (tag, what) in [("subsurface", "subsurface scattering"), ("medium", "media")] {
             if !object.all(tag)?.is_empty() {
-                self.remarks.skipped(format!("left out {what} of"), &name);
+                self.paints.skipped(format!("left out {what} of"), object);
             }
         }
         let (mut emission, mut is_lamp) = (None, false);
         for emitter in object.all("emitter")? {
             if emitter.kind() == "area" {
                 is_lamp = true;
-                let paint = self.pictures.paint(
-                    &emitter,
-                    "radiance",
-                    Meaning::Light,
-                    Rgb::ONE,
-                    &mut self.remarks,
-                )?;
+                let paint = self.paints.paint(&emitter, "radiance", ColorUse::Light, Rgb::ONE)?;
                 emission = Some(paint).filter(|paint| paint.color != Rgb::ZERO);
             } else {
-                self.remarks.skipped("left out an emitter that is none of surfaces, of", &name);
+                self.paints.skipped("left out an emitter that is not an area light of", object);
             }
         }
         let formula = Analytic::named(object.kind());
         let (source, inner) = match (formula, object.kind()) {
             (Some(shape), _) => {
                 let is_lamp = emission.is_some();
-                (Source::Formula { shape, is_lamp }, inner_map(shape, object)?)
+                (ShapeSource::Formula { shape, is_lamp }, inner_map(shape, object)?)
             }
-            (None, "obj" | "ply") => (Source::File(object.file()?, 0), DAffine3::IDENTITY),
+            (None, "obj" | "ply") => (ShapeSource::File(object.file()?, 0), DAffine3::IDENTITY),
             (None, "serialized") => {
                 let index = object.float_in("shape_index", 0.0, [0.0, 1e9])? as usize;
-                (Source::File(object.file()?, index), DAffine3::IDENTITY)
+                (ShapeSource::File(object.file()?, index), DAffine3::IDENTITY)
             }
             (None, other) => {
                 let phrase = format!("left out shapes of type `{other}`:");
-                self.remarks.skipped(phrase, &name);
+                self.paints.skipped(phrase, object);
                 return Ok(None);
             }
         };
         let own = object.all("bsdf")?.into_iter().next();
         let look = match &own {
-            Some(bsdf) => {
-                let mut with = With { pictures: &mut self.pictures, remarks: &mut self.remarks };
-                self.bsdfs.look(bsdf, &mut with, 0)?
-            }
-            None => Look::unsaid(is_lamp),
+            Some(bsdf) => self.bsdfs.look(bsdf, &mut self.paints, 0)?,
+            None => Look::without_bsdf(is_lamp),
         };
         if look.is_black_behind && !formula.is_some_and(Analytic::is_closed) {
-            let phrase = "shows from behind what Mitsuba shows black there (without `twosided`):";
-            self.remarks.skipped(phrase, &own.map_or_else(|| name.clone(), |bsdf| bsdf.label()));
+            let phrase = "shows both sides of a surface whose back is black in Mitsuba (without `twosided`):";
+            self.paints.skipped(phrase, own.as_ref().unwrap_or(object));
         }
         let to_uv = match &emission {
             Some(paint) if look.albedo.is_none() && paint.texture.is_some() => paint.to_uv,
             _ => look.to_uv,
         };
         let is_flat = object.boolean("face_normals")?.unwrap_or(false);
-        let flips = object.boolean("flip_tex_coords")?;
-        let key = Key { source, is_flat, to_uv: to_uv.to_cols_array().map(f32::to_bits) };
-        let meshes = self.meshes(object, key, (to_uv, flips))?;
+        let key = MeshKey { source, is_flat, to_uv: to_uv.to_cols_array().map(f32::to_bits) };
+        let meshes = self.meshes(object, key, to_uv)?;
         let is_smooth = formula.is_none() && meshes.all.iter().any(|mesh| !mesh.normals.is_empty());
         if emission.is_some() && is_smooth {
             let phrase =
-                "took the triangles' fronts and cosines, not the normals', for the light of";
-            self.remarks.skipped(phrase, &name);
+                "used the fronts and cosines of triangles instead of normals for the light of";
+            self.paints.skipped(phrase, object);
         }
         let map = object.map("to_world")? * inner;
-        let mut parts = Parts::new();
+        let surface = Surface { bsdf: own, look, emission, is_lamp, to_world: map.matrix3 };
+        let mut parts = Vec::new();
         for mesh in meshes.all {
-            let looks = (&look, &emission, is_lamp);
-            let material = self.material(object, own.as_ref(), looks, (&mesh, map.matrix3));
-            parts.push((mesh, material));
+            let material = self.material(object, &surface, &mesh);
+            parts.push(MaterialMesh { mesh, material });
         }
-        // As in Mitsuba, the order of corners tells where the front of a mirrored mesh is, unless its normals do.
+        // As in Mitsuba, the order of corners decides the front of a mirrored mesh, unless normals
+        // do.
         let by_corners = match formula {
             Some(shape) => shape == Analytic::Sphere,
             None => !meshes.has_normals,
@@ -140,13 +129,9 @@ impl Reader<'_> {
     }
 
     /// The meshes of a shape, which several shapes may share.
-    fn meshes(
-        &mut self,
-        object: &Object,
-        key: Key,
-        (to_uv, flips): (Affine2, Option<bool>),
-    ) -> Result<Meshes> {
-        // Few say so; those have their own.
+    fn meshes(&mut self, object: &Object, key: MeshKey, to_uv: Affine2) -> Result<ShapeMeshes> {
+        let flips = object.boolean("flip_tex_coords")?;
+        // Few shapes have this property. Their meshes are not shared.
         if flips.is_none()
             && let Some(known) = self.meshes.get(&key)
         {
@@ -158,7 +143,7 @@ impl Reader<'_> {
                 mesh.normals.clear();
             }
             mesh.colors.clear();
-            // What files say of v: up in OBJ files, down in others, unless they are told to say the other.
+            // By default v points up in OBJ files, and down in others.
             let upside_down = flips.is_some_and(|flip| flip != (object.kind() == "obj"));
             for uv in &mut mesh.uvs {
                 let down = if upside_down { uv.y } else { 1.0 - uv.y };
@@ -168,46 +153,40 @@ impl Reader<'_> {
             }
         }
         let all = meshes.into_iter().map(Arc::new).collect();
-        let meshes = Meshes { all, has_normals };
+        let meshes = ShapeMeshes { all, has_normals };
         if flips.is_none() {
             self.meshes.insert(key, meshes.clone());
         }
         Ok(meshes)
     }
 
-    /// Index of the material of a shape's mesh at its place.
-    fn material(
-        &mut self,
-        object: &Object,
-        own: Option<&Object>,
-        (look, emission, is_lamp): (&Look, &Option<Paint>, bool),
-        (mesh, to_world): (&Mesh, DMat3),
-    ) -> u32 {
-        let is_shared =
-            !is_lamp && emission.is_none() && !matches!(look.normals, Some(Normals::Bumps(..)));
-        let index = own.map(|bsdf| bsdf.index);
+    /// Index of the material of a shape's mesh. It depends on the mesh if it has bumps.
+    fn material(&mut self, object: &Object, surface: &Surface, mesh: &Mesh) -> u32 {
+        let Surface { bsdf, look, emission, is_lamp, to_world } = surface;
+        let has_bumps = matches!(look.normals, Some(NormalSource::Bumps(..)));
+        let is_shared = !is_lamp && emission.is_none() && !has_bumps;
+        let index = bsdf.map(|bsdf| bsdf.index);
         if is_shared && let Some(known) = self.shared.get(&index) {
             return *known;
         }
-        let name = match own {
+        let name = match bsdf {
             Some(bsdf) if is_shared => bsdf.label(),
             _ => object.label(),
         };
         let normal_map = match &look.normals {
             None => None,
-            Some(Normals::Map(texture)) => Some(NormalMap { texture: texture.clone(), scale: 1.0 }),
-            Some(Normals::Bumps(heights, scale)) => {
-                bumps::normal_map(heights, *scale, mesh, to_world)
+            Some(NormalSource::Map(texture)) => {
+                Some(NormalMap { texture: texture.clone(), scale: 1.0 })
+            }
+            Some(NormalSource::Bumps(heights, scale)) => {
+                bumps::normal_map(heights, *scale, mesh, *to_world)
             }
         };
-        let (opacity, opacity_texture): (Option<f32>, Option<Arc<Texture>>) = match &look.opacity {
-            Some((share, texture)) => (Some(*share), texture.clone()),
-            None => (None, None),
-        };
+        let (opacity, opacity_texture) = look.opacity.clone().unzip();
         let material = Material {
             albedo_texture: look.albedo.clone(),
             opacity,
-            opacity_texture,
+            opacity_texture: opacity_texture.flatten(),
             normal_map,
             emission: emission.as_ref().map_or(Rgb::ZERO, |paint| paint.color),
             emission_texture: emission.as_ref().and_then(|paint| paint.texture.clone()),
@@ -221,48 +200,62 @@ impl Reader<'_> {
         made
     }
 
-    /// The parts of a group, each moved by its own map.
-    pub fn group(&mut self, object: &Object) -> Result<Parts> {
+    /// The meshes of a group, each transformed by its own map.
+    pub fn group(&mut self, object: &Object) -> Result<Vec<MaterialMesh>> {
         if let Some(known) = self.groups.get(&object.index) {
             return Ok(known.clone());
         }
-        let mut parts = Parts::new();
+        let mut parts = Vec::new();
         for child in object.all("shape")? {
             let Some(shape) = self.shape(&child)? else { continue };
             let transform = self.transform(&child, shape.map, shape.is_flipped)?;
-            for (mesh, material) in shape.parts {
+            for MaterialMesh { mesh, material } in shape.parts {
                 if mesh.positions.iter().any(|point| transform.point(*point).is_none()) {
-                    let problem = "its transform moves it out of the range of coordinates";
-                    return Err(child.error(problem, "scale or move it less"));
+                    return Err(out_of_range(&child));
                 }
-                parts.push((Arc::new(mesh.moved(&transform)), material));
+                parts.push(MaterialMesh { mesh: Arc::new(mesh.moved(&transform)), material });
             }
         }
         self.groups.insert(object.index, parts.clone());
         Ok(parts)
     }
 
-    /// A map that can be undone.
+    /// An invertible transform.
     pub fn transform(&self, object: &Object, map: DAffine3, flip: bool) -> Result<Transform> {
         let transform = Transform::new(map).map(|transform| transform.flipped(flip));
         transform.map_err(|error| object.error(error.problem(), error.advice()))
     }
 }
 
-/// Meshes with normals where there are any, and whether these are the file's own.
-fn read(object: &Object, key: &Key) -> Result<(Vec<Mesh>, bool)> {
+/// The error for a shape that its transform moves too far.
+pub(super) fn out_of_range(object: &Object) -> Error {
+    let problem = "its transform moves it out of the range of coordinates";
+    object.error(problem, "reduce its scale or translation")
+}
+
+/// The material properties of a shape.
+struct Surface<'a> {
+    bsdf: Option<Object<'a>>,
+    look: Look,
+    emission: Option<Paint>,
+    is_lamp: bool,
+    to_world: DMat3,
+}
+
+/// Reads meshes, with smooth normals if they have none, and whether the file has normals.
+fn read(object: &Object, key: &MeshKey) -> Result<(Vec<Mesh>, bool)> {
     let (path, index) = match &key.source {
-        Source::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
-        Source::File(path, index) => (path, *index),
+        ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
+        ShapeSource::File(path, index) => (path, *index),
     };
     let (mut meshes, mut is_flat) = (Vec::new(), key.is_flat);
     match object.kind() {
         "obj" => {
-            // Their materials do not count.
+            // The materials of the file have no effect.
             let file = obj::load(path)?;
             meshes.extend(file.meshes.iter().map(|part| (*part.mesh).clone()));
         }
-        "ply" => meshes.push(ply::read(path, ply::Rows::Down)?),
+        "ply" => meshes.push(ply::read(path, ply::VDirection::Down)?),
         _ => {
             let shape = serialized::read(path, index)?;
             is_flat |= shape.is_flat;
@@ -273,18 +266,35 @@ fn read(object: &Object, key: &Key) -> Result<(Vec<Mesh>, bool)> {
     for mesh in &mut meshes {
         if let Some(vertex) = mesh.positions.iter().position(|point| !point.is_finite()) {
             let problem = format!("vertex {vertex} of its file is not finite");
-            return Err(object.error(problem, "mend the mesh"));
+            return Err(object.error(problem, "correct the mesh"));
         }
         if is_flat {
             mesh.normals.clear();
         } else if mesh.normals.is_empty() {
-            smooth::normals(mesh);
+            smooth_normals(mesh);
         }
     }
     Ok((meshes, has_normals))
 }
 
-/// From the space of [`Analytic`] to that of the shape.
+/// Sets each vertex's normal to the mean of those of its triangles, weighted by their angles at the
+/// vertex as in Mitsuba (Thürmer and Wüthrich 1998).
+fn smooth_normals(mesh: &mut Mesh) {
+    let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
+    for corners in &mesh.triangles {
+        let points = corners.map(|i| mesh.positions[i as usize]);
+        let normal = (points[1] - points[0]).cross(points[2] - points[0]).normalize_or_zero();
+        for i in 0..3 {
+            let [a, b, c] = [i, (i + 1) % 3, (i + 2) % 3].map(|i| points[i]);
+            let (e, f) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
+            let angle = e.dot(f).clamp(-1.0, 1.0).acos();
+            normals[corners[i] as usize] += angle * normal;
+        }
+    }
+    mesh.normals = normals.into_iter().map(Vec3::normalize_or_zero).collect();
+}
+
+/// Map from the space of [`Analytic`] to that of the shape.
 fn inner_map(shape: Analytic, object: &Object) -> Result<DAffine3> {
     let radius = || object.float_in("radius", 1.0, [1e-30, 1e30]);
     match shape {
@@ -296,10 +306,10 @@ fn inner_map(shape: Analytic, object: &Object) -> Result<DAffine3> {
             let from = object.point("p0")?.unwrap_or_default();
             let along = object.point("p1")?.unwrap_or(DVec3::Z) - from;
             let Some(axis) = along.try_normalize() else {
-                return Err(object.error("`p0` and `p1` are the same", "give two points"));
+                return Err(object.error("`p0` and `p1` are equal", "give two different points"));
             };
             let radius = radius()?;
-            // As Mitsuba turns it, which textures show.
+            // The rotation about the axis is that of Mitsuba, because textures show it.
             let (x, y) = coordinate_system(axis);
             let matrix = DMat3::from_cols(radius * x, radius * y, along);
             Ok(DAffine3 { matrix3: matrix, translation: from })

@@ -28,7 +28,7 @@ pub(in crate::import) struct CameraTable {
     shift: Option<FixedArray<f32, 2>>,
 }
 
-/// The cameras there are.
+/// Kinds of cameras.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum CameraKind {
@@ -56,10 +56,9 @@ impl CameraTable {
             (Some(target), None) => target.0 - position,
             (None, Some(direction)) => direction.0,
             _ => {
-                return Err(Error::new(
-                    "the camera needs exactly one of `target` and `direction`",
-                    "give the point it looks at as `target`, or a vector as `direction`",
-                ));
+                let advice = "give the point it looks at as `target`, or a vector as `direction`";
+                let problem = "the camera needs exactly one of `target` and `direction`";
+                return Err(Error::new(problem, advice));
             }
         };
         let up = self.up.map_or(Vec3::Y, |up| up.0);
@@ -112,22 +111,20 @@ impl CameraTable {
     }
 
     fn need(&self, name: &str, given: Option<f32>) -> Result<f32> {
-        given.ok_or_else(|| {
-            Error::new(
-                format!("a camera of type \"{}\" needs `{name}`", self.kind.name()),
-                format!("add {name} in scene units"),
-            )
-        })
+        let problem = || format!("a camera of type \"{}\" needs `{name}`", self.kind.name());
+        given.ok_or_else(|| Error::new(problem(), format!("add {name} in scene units")))
     }
 
     fn field_of_view(&self) -> Result<FieldOfView> {
         match (self.fov_x_deg, self.fov_y_deg) {
             (Some(degrees), None) => Ok(FieldOfView::X(degrees)),
             (None, Some(degrees)) => Ok(FieldOfView::Y(degrees)),
-            _ => Err(Error::new(
-                "the camera needs exactly one of `fov_x_deg` and `fov_y_deg`",
-                "give the full opening angle across the width or the height, such as 40",
-            )),
+            _ => {
+                let advice =
+                    "give the full opening angle across the width or the height, such as 40";
+                let problem = "the camera needs exactly one of `fov_x_deg` and `fov_y_deg`";
+                Err(Error::new(problem, advice))
+            }
         }
     }
 }

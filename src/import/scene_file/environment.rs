@@ -1,6 +1,6 @@
 //! `[environment]` of a scene file.
 
-use super::Power;
+use super::numbers::NonNegative;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::environment::from_file;
@@ -15,30 +15,30 @@ use std::path::Path;
 pub(in crate::import) struct EnvironmentTable {
     /// EXR or HDR file, relative to the scene file's folder.
     file: Option<String>,
-    /// Factor of the file, or the same radiance from everywhere.
-    radiance: Option<Power>,
+    /// Factor of the file, or a constant radiance from all directions.
+    radiance: Option<NonNegative>,
     #[serde(default)]
     turn_deg: f32,
 }
 
 impl EnvironmentTable {
-    /// Reads the map; notes tell what was mended.
+    /// Reads the map. Warnings report corrected pixels.
     pub(in crate::import) fn environment(
         &self,
         folder: &Path,
-        notes: &mut Vec<Warning>,
+        warnings: &mut Vec<Warning>,
     ) -> Result<Environment> {
         if !self.turn_deg.is_finite() {
             return Err(Error::new("`turn_deg` is not finite", "give an angle in degrees"));
         }
         let scale = self.radiance.map_or(Rgb::ONE, |radiance| radiance.0);
         match &self.file {
-            Some(file) => from_file(&folder.join(file), scale, self.turn_deg, notes),
+            Some(file) => from_file(&folder.join(file), scale, self.turn_deg, warnings),
             None if self.radiance.is_some() => Ok(Environment::new(1, 1, vec![scale], 0.0)),
-            None => Err(Error::new(
-                "the environment needs `file` or `radiance`",
-                "give an .exr or .hdr file, or the radiance from everywhere",
-            )),
+            None => {
+                let advice = "give an .exr or .hdr file, or the radiance from all directions";
+                Err(Error::new("the environment needs `file` or `radiance`", advice))
+            }
         }
     }
 }

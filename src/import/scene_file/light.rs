@@ -1,6 +1,7 @@
 //! `[[light]]` of a scene file, in radiometric or photometric units.
 
-use super::{Point, Power};
+use super::Point;
+use super::numbers::NonNegative;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::scene::lights::emitter::{Directional, Emitter, Spot};
@@ -9,10 +10,11 @@ use glam::Vec3;
 use serde::Deserialize;
 use std::f32::consts::PI;
 
-/// Lumens in a watt of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF files.
+/// Lumens per watt of light of luminance 1 in linear Rec. 709: the efficacy at 555 nm, as in glTF
+/// files.
 pub const LUMENS_PER_WATT: f32 = 683.0;
 
-/// Narrowest falloff of a spot in cosines: rounding must not leave none.
+/// Narrowest falloff of a spot in cosines. Rounding must not reduce it to 0.
 pub(in crate::import) const LEAST_FALLOFF: f32 = 1e-5;
 
 /// `[[light]]`
@@ -21,10 +23,10 @@ pub(in crate::import) const LEAST_FALLOFF: f32 = 1e-5;
 pub(in crate::import) enum LightTable {
     Point {
         position: Point,
-        intensity: Option<Power>,
-        power: Option<Power>,
-        candela: Option<Power>,
-        lumen: Option<Power>,
+        intensity: Option<NonNegative>,
+        power: Option<NonNegative>,
+        candela: Option<NonNegative>,
+        lumen: Option<NonNegative>,
     },
     Spot {
         position: Point,
@@ -34,15 +36,15 @@ pub(in crate::import) enum LightTable {
         outer_deg: f32,
         #[serde(default)]
         inner_deg: f32,
-        intensity: Option<Power>,
-        power: Option<Power>,
-        candela: Option<Power>,
-        lumen: Option<Power>,
+        intensity: Option<NonNegative>,
+        power: Option<NonNegative>,
+        candela: Option<NonNegative>,
+        lumen: Option<NonNegative>,
     },
     Sun {
         direction: Point,
-        irradiance: Option<Power>,
-        lux: Option<Power>,
+        irradiance: Option<NonNegative>,
+        lux: Option<NonNegative>,
     },
 }
 
@@ -74,10 +76,10 @@ impl LightTable {
                     (Some(target), None) => target.0 - position.0,
                     (None, Some(direction)) => direction.0,
                     _ => {
-                        return Err(Error::new(
-                            "a spot needs exactly one of `target` and `direction`",
-                            "give the point it shines at as `target`, or a vector as `direction`",
-                        ));
+                        let advice =
+                            "give the point it shines at as `target`, or a vector as `direction`";
+                        let problem = "a spot needs exactly one of `target` and `direction`";
+                        return Err(Error::new(problem, advice));
                     }
                 };
                 let [cos_inner, cos_outer] = cones(*inner_deg, *outer_deg)?;
@@ -103,18 +105,16 @@ impl LightTable {
     }
 }
 
-/// The one that is given, times its factor.
-fn one_of(keys: &[(&str, &Option<Power>, f32)]) -> Result<Rgb> {
+/// The only given amount, times its factor.
+fn one_of(keys: &[(&str, &Option<NonNegative>, f32)]) -> Result<Rgb> {
     let given: Vec<Rgb> =
         keys.iter().filter_map(|(_, value, factor)| value.map(|v| v.0 * *factor)).collect();
     match given[..] {
         [value] => Ok(value),
         _ => {
             let names: Vec<_> = keys.iter().map(|(name, ..)| format!("`{name}`")).collect();
-            Err(Error::new(
-                format!("the light needs exactly one of {}", names.join(", ")),
-                "give one number for all channels, or three",
-            ))
+            let problem = format!("the light needs exactly one of {}", names.join(", "));
+            Err(Error::new(problem, "give one number for all channels, or three"))
         }
     }
 }
@@ -122,10 +122,8 @@ fn one_of(keys: &[(&str, &Option<Power>, f32)]) -> Result<Rgb> {
 fn unit(direction: Vec3) -> Result<Vec3> {
     let unit = normalized(direction);
     if unit == Vec3::ZERO {
-        return Err(Error::new(
-            "the light's direction has no length",
-            "give a vector along which it shines, such as [0, -1, 0]",
-        ));
+        let advice = "give a vector along which it shines, such as [0, -1, 0]";
+        return Err(Error::new("the light's direction has no length", advice));
     }
     Ok(unit)
 }
@@ -134,10 +132,10 @@ fn unit(direction: Vec3) -> Result<Vec3> {
 fn cones(inner_deg: f32, outer_deg: f32) -> Result<[f32; 2]> {
     // Written so that NaN fails.
     if !(0.0 <= inner_deg && inner_deg < outer_deg && (0.5..=90.0).contains(&outer_deg)) {
-        return Err(Error::new(
-            format!("the spot's angles are inner_deg = {inner_deg}, outer_deg = {outer_deg}"),
-            "give angles from the axis with 0 <= inner_deg < outer_deg, and outer_deg from 0.5 to 90",
-        ));
+        let problem =
+            format!("the spot's angles are inner_deg = {inner_deg}, outer_deg = {outer_deg}");
+        let advice = "give angles from the axis with 0 <= inner_deg < outer_deg, and outer_deg from 0.5 to 90";
+        return Err(Error::new(problem, advice));
     }
     let [inner, outer] = [inner_deg, outer_deg].map(|degrees| degrees.to_radians().cos());
     Ok([inner, outer.min(inner - LEAST_FALLOFF)])

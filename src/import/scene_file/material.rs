@@ -1,8 +1,9 @@
 //! `[materials.NAME]` of a scene file.
 
-use super::numbers::{Index, Ior, Metallic, NormalScale, Opacity, Roughness};
-use super::texture::{FilterKind, Pictures, TextureTable, Wraps};
-use super::{Albedo, Power};
+use super::numbers::{
+    Albedo, Ior, MetalIndex, Metallic, NonNegative, NormalScale, Opacity, Roughness,
+};
+use super::texture::{FilterKind, TextureTable, TomlTextures, Wraps};
 use crate::base::error::Error;
 use crate::base::math::Rgb;
 use crate::import::mtl;
@@ -16,7 +17,7 @@ use serde::Deserialize;
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Refractive index of glass, where nothing else is said.
+/// Default refractive index.
 pub(in crate::import) const DEFAULT_IOR: f32 = 1.5;
 
 /// The keys of a material.
@@ -41,19 +42,19 @@ pub(in crate::import) struct MaterialTable {
     facets: Option<Spanned<FacetName>>,
     tint: Option<Spanned<Albedo>>,
     metal: Option<Spanned<String>>,
-    eta: Option<Spanned<Index>>,
-    k: Option<Spanned<Power>>,
+    eta: Option<Spanned<MetalIndex>>,
+    k: Option<Spanned<NonNegative>>,
     ior: Option<Spanned<Ior>>,
     outside_ior: Option<Spanned<Ior>>,
     roughness: Option<Spanned<Roughness>>,
     alpha: Option<Spanned<Roughness>>,
     metallic: Option<Spanned<Metallic>>,
-    emission: Option<Power>,
+    emission: Option<NonNegative>,
     #[serde(default)]
     hidden: bool,
 }
 
-/// Models of facets that scatter once, as Mitsuba has them.
+/// Models of facets that scatter once, as in Mitsuba.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum FacetName {
@@ -61,7 +62,7 @@ enum FacetName {
     Beckmann,
 }
 
-/// The materials there are.
+/// Kinds of materials.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum MaterialKind {
@@ -76,7 +77,7 @@ enum MaterialKind {
 }
 
 impl MaterialKind {
-    /// Its name in the file, and the keys that it has besides `type` and `emission`.
+    /// The name in the file, and the keys besides those of all materials.
     fn keys(self) -> (&'static str, &'static [&'static str]) {
         match self {
             Self::Lambertian => ("lambertian", &["albedo", "albedo_texture", "two_sided"]),
@@ -108,7 +109,7 @@ impl MaterialKind {
     }
 }
 
-/// The error and where in the file it is, bytes.
+/// An error and its byte offset in the file.
 type Misplaced = (Error, usize);
 
 impl MaterialTable {
@@ -119,12 +120,12 @@ impl MaterialTable {
     pub(in crate::import) fn material(
         &self,
         name: &str,
-        pictures: &mut Pictures,
+        textures: &mut TomlTextures,
     ) -> Result<Material, Misplaced> {
         self.check_keys()?;
-        let unsaid = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
-        let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(unsaid));
-        // What textures are multiplied with, if they are there.
+        let default = if self.albedo_texture.is_some() { 1.0 } else { mtl::DEFAULT_ALBEDO };
+        let albedo = rgb(&self.albedo).unwrap_or(Rgb::splat(default));
+        // Factors of the texture, if there is one.
         let share = if self.metallic_roughness_texture.is_some() { 1.0 } else { 0.0 };
         let metallic = self.metallic.as_ref().map_or(share, |m| m.get_ref().0);
         let alpha = self.alpha()?.unwrap_or(share);
@@ -161,10 +162,10 @@ impl MaterialTable {
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
         };
-        let unsaid = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
-        let mut texture = |key| self.texture(key, pictures);
+        let default = if self.emission_texture.is_some() { Rgb::ONE } else { Rgb::ZERO };
+        let mut texture = |key| self.texture(key, textures);
         Ok(Material {
-            emission: self.emission.map_or(unsaid, |emission| emission.0),
+            emission: self.emission.map_or(default, |emission| emission.0),
             albedo_texture: texture(&self.albedo_texture)?,
             metallic_roughness_texture: texture(&self.metallic_roughness_texture)?,
             opacity_texture: texture(&self.opacity_texture)?,
@@ -188,7 +189,7 @@ impl MaterialTable {
     fn normal_map(&self, texture: Option<Arc<Texture>>) -> Result<Option<NormalMap>, Misplaced> {
         match (texture, &self.normal_scale) {
             (None, Some(scale)) => {
-                let problem = "`normal_scale` comes without `normal_texture`";
+                let problem = "`normal_scale` has no `normal_texture`";
                 Err((Error::new(problem, "add the texture, or remove it"), scale.span().start))
             }
             (texture, scale) => Ok(texture.map(|texture| NormalMap {
@@ -202,8 +203,8 @@ impl MaterialTable {
     fn alpha(&self) -> Result<Option<f32>, Misplaced> {
         match (&self.roughness, &self.alpha) {
             (Some(_), Some(alpha)) => {
-                let problem = "`alpha` comes besides `roughness`, of which it is the square";
-                Err((Error::new(problem, "give one of them"), alpha.span().start))
+                let problem = "`alpha` and `roughness`, whose square it is, are both given";
+                Err((Error::new(problem, "give only one of them"), alpha.span().start))
             }
             (Some(roughness), None) => Ok(Some(roughness.get_ref().0 * roughness.get_ref().0)),
             (None, alpha) => Ok(alpha.as_ref().map(|alpha| alpha.get_ref().0)),
@@ -214,56 +215,56 @@ impl MaterialTable {
     fn texture(
         &self,
         key: &Option<Spanned<TextureTable>>,
-        pictures: &mut Pictures,
+        textures: &mut TomlTextures,
     ) -> Result<Option<Arc<Texture>>, Misplaced> {
         let Some(key) = key else { return Ok(None) };
         let TextureTable { file, wrap, filter } = key.get_ref();
         let wrap = wrap.or(self.texture_wrap).map_or([Wrap::Repeat; 2], |wraps| wraps.0);
         let nearest = filter.or(self.texture_filter) == Some(FilterKind::Nearest);
-        let texture = pictures.get(file, Sampling { wrap, nearest });
+        let texture = textures.get(file, Sampling { wrap, nearest });
         texture.map(Some).map_err(|error| (error, key.span().start))
     }
 
     /// Refuses keys of other types.
     fn check_keys(&self) -> Result<(), Misplaced> {
-        fn place<T>(key: &Option<Spanned<T>>) -> Option<usize> {
+        fn start<T>(key: &Option<Spanned<T>>) -> Option<usize> {
             key.as_ref().map(|value| value.span().start)
         }
         let given = [
-            ("albedo", place(&self.albedo)),
-            ("albedo_texture", place(&self.albedo_texture)),
-            ("two_sided", place(&self.two_sided)),
-            ("reflectance", place(&self.reflectance)),
-            ("metal", place(&self.metal)),
-            ("eta", place(&self.eta)),
-            ("k", place(&self.k)),
-            ("ior", place(&self.ior)),
-            ("outside_ior", place(&self.outside_ior)),
-            ("roughness", place(&self.roughness)),
-            ("alpha", place(&self.alpha)),
-            ("facets", place(&self.facets)),
-            ("tint", place(&self.tint)),
-            ("transmittance", place(&self.transmittance)),
-            ("metallic", place(&self.metallic)),
-            ("metallic_roughness_texture", place(&self.metallic_roughness_texture)),
+            ("albedo", start(&self.albedo)),
+            ("albedo_texture", start(&self.albedo_texture)),
+            ("two_sided", start(&self.two_sided)),
+            ("reflectance", start(&self.reflectance)),
+            ("metal", start(&self.metal)),
+            ("eta", start(&self.eta)),
+            ("k", start(&self.k)),
+            ("ior", start(&self.ior)),
+            ("outside_ior", start(&self.outside_ior)),
+            ("roughness", start(&self.roughness)),
+            ("alpha", start(&self.alpha)),
+            ("facets", start(&self.facets)),
+            ("tint", start(&self.tint)),
+            ("transmittance", start(&self.transmittance)),
+            ("metallic", start(&self.metallic)),
+            ("metallic_roughness_texture", start(&self.metallic_roughness_texture)),
         ];
         let (kind, keys) = self.kind.keys();
-        for (key, place) in given {
-            if let Some(place) = place
+        for (key, start) in given {
+            if let Some(start) = start
                 && !keys.contains(&key)
             {
                 let problem = format!("a material of type `{kind}` has no `{key}`");
                 let advice = format!("remove it, or use {}", list(keys.iter().copied()));
-                return Err((Error::new(problem, advice), place));
+                return Err((Error::new(problem, advice), start));
             }
         }
         Ok(())
     }
 
-    /// How much a metal reflects: by name, by index, or by color; white if nothing is said.
+    /// Reflectance of a metal: by name, by index, or by color; white by default.
     fn metal(&self) -> Result<Reflectance, Misplaced> {
         let one = "give one of `metal`, `eta` with `k`, and `reflectance`";
-        let twice = |place: usize| (Error::new("the metal is described twice", one), place);
+        let twice = |start: usize| (Error::new("the metal is described twice", one), start);
         match (&self.metal, &self.eta, &self.k, &self.reflectance) {
             (Some(name), None, None, None) => Reflectance::named(name.get_ref()).ok_or_else(|| {
                 let problem = format!("unknown metal `{}`", name.get_ref());
@@ -278,22 +279,20 @@ impl MaterialTable {
             }
             (Some(name), ..) => Err(twice(name.span().start)),
             (None, Some(eta), None, _) => {
-                Err((Error::new("`eta` comes without `k`", one), eta.span().start))
+                Err((Error::new("`eta` has no `k`", one), eta.span().start))
             }
-            (None, None, Some(k), _) => {
-                Err((Error::new("`k` comes without `eta`", one), k.span().start))
-            }
+            (None, None, Some(k), _) => Err((Error::new("`k` has no `eta`", one), k.span().start)),
             (None, Some(_), Some(_), Some(reflectance)) => Err(twice(reflectance.span().start)),
         }
     }
 }
 
-/// An interface, rough or smooth.
+/// An interface between dielectrics, rough or smooth.
 pub(in crate::import) fn dielectric(eta: f32, alpha: f32, transmittance: Rgb) -> Bsdf {
     interface(eta, Facets { model: FacetModel::Correlated, alpha }, transmittance)
 }
 
-/// The same of facets of any model.
+/// An interface between dielectrics with facets of any model.
 pub(in crate::import) fn interface(eta: f32, facets: Facets, transmittance: Rgb) -> Bsdf {
     if facets.alpha < SMOOTH_ALPHA {
         Bsdf::Dielectric(Dielectric { eta, transmittance })

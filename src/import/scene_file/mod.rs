@@ -1,4 +1,4 @@
-//! The keys of a scene file (TOML), checked one by one so that each error names its line.
+//! The keys of a scene file (TOML), each checked on its own so that errors name their line.
 
 pub(super) mod camera;
 pub(super) mod environment;
@@ -7,8 +7,9 @@ pub(super) mod material;
 pub(super) mod numbers;
 pub(super) mod texture;
 
+use super::load::extension;
+use super::text::RELATIVE_NAME;
 use crate::base::error::{Error, Result};
-use crate::base::math::Rgb;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::settings::{ADVICE, FixedArray, PartialSettings, as_serde};
 use camera::CameraTable;
@@ -46,38 +47,67 @@ pub(in crate::import) struct SceneFile {
 pub(in crate::import) struct MeshTable {
     pub file: Spanned<String>,
     pub material: Option<Spanned<String>>,
-    pub translate: Option<Numbers>,
-    pub rotate_deg: Option<Numbers>,
-    pub scale: Option<Numbers>,
+    pub translate: Option<Triple>,
+    pub rotate_deg: Option<Triple>,
+    pub scale: Option<Triple>,
     pub matrix: Option<FixedArray<FixedArray<f64, 4>, 4>>,
-    /// NumPy file of matrices.
+    /// NumPy file of transforms.
     pub places: Option<Spanned<String>>,
     #[serde(default)]
     pub flip: bool,
 }
 
+/// Formats of mesh files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::import) enum MeshFileKind {
+    Obj,
+    Ply,
+}
+
 impl MeshTable {
-    /// Where to put the mesh.
+    /// The format of the file, which must exist in the folder of the scene file and have materials.
+    pub(in crate::import) fn kind(&self, folder: &Path) -> Result<MeshFileKind> {
+        let name = self.file.get_ref();
+        let path = folder.join(name);
+        let kind = match &extension(&path)[..] {
+            "obj" => MeshFileKind::Obj,
+            "ply" if self.material.is_some() => MeshFileKind::Ply,
+            "ply" => {
+                let problem =
+                    format!("the mesh `{name}` has no material: PLY files contain no materials");
+                return Err(Error::new(problem, "add a line such as `material = \"chalk\"`"));
+            }
+            _ => {
+                let problem = format!("`{name}` is neither an OBJ nor a PLY file");
+                return Err(Error::new(problem, "give a file ending in .obj or .ply"));
+            }
+        };
+        std::fs::metadata(&path).map_err(|error| {
+            let problem = format!("cannot read the mesh file `{name}`: {error}");
+            Error::new(problem, RELATIVE_NAME)
+        })?;
+        Ok(kind)
+    }
+
+    /// The transform from the coordinates of the mesh to those of the scene.
     pub(in crate::import) fn transform(&self) -> Result<Transform> {
-        let parts = [&self.translate, &self.rotate_deg, &self.scale];
-        if self.places.is_some() && (self.matrix.is_some() || parts.iter().any(|p| p.is_some())) {
-            return Err(Error::new(
-                "the mesh has `places` besides another transform",
-                "give either the places or the others",
-            ));
+        let has_parts =
+            [&self.translate, &self.rotate_deg, &self.scale].iter().any(|part| part.is_some());
+        if self.places.is_some() && (self.matrix.is_some() || has_parts) {
+            let problem = "the mesh has `places` besides another transform";
+            return Err(Error::new(problem, "give either the places or the others"));
         }
         let transform = match self.matrix {
-            Some(_) if parts.iter().any(|part| part.is_some()) => {
-                return Err(Error::new(
-                    "the mesh has a `matrix` besides `translate`, `rotate_deg` or `scale`",
-                    "give either the matrix or the others",
-                ));
+            Some(_) if has_parts => {
+                let problem =
+                    "the mesh has a `matrix` besides `translate`, `rotate_deg` or `scale`";
+                return Err(Error::new(problem, "give either the matrix or the others"));
             }
             Some(FixedArray(rows)) => Transform::from_rows(rows.map(|FixedArray(row)| row))?,
             None => {
-                let triple = |part: &Option<Numbers>, name: &str| match part {
+                let triple = |part: &Option<Triple>, name: &str| match part {
                     None => Ok(DVec3::ZERO),
-                    Some(numbers) if !numbers.single => Ok(numbers.values),
+                    Some(numbers) if !numbers.is_single => Ok(numbers.values),
                     Some(_) => Err(Error::new(
                         format!("`{name}` is a single number"),
                         format!("give three, such as `{name} = [0, 90, 0]`"),
@@ -92,25 +122,25 @@ impl MeshTable {
     }
 }
 
-/// A number, or three of them; finite.
+/// A number, or a list of three; finite.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::import) struct Numbers {
+pub(in crate::import) struct Triple {
     pub values: DVec3,
-    /// Whether it was one number, which then stands three times in `values`.
-    pub single: bool,
+    /// Whether it was one number, which is then repeated three times in `values`.
+    pub is_single: bool,
 }
 
-impl<'de> Deserialize<'de> for Numbers {
+impl<'de> Deserialize<'de> for Triple {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
         struct Visitor;
-        type Read<E> = std::result::Result<Numbers, E>;
+        type Read<E> = std::result::Result<Triple, E>;
         impl<'de> de::Visitor<'de> for Visitor {
-            type Value = Numbers;
+            type Value = Triple;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
                 write!(f, "a number or a list of 3 numbers")
             }
             fn visit_f64<E: de::Error>(self, value: f64) -> Read<E> {
-                finite(Numbers { values: DVec3::splat(value), single: true })
+                finite(Triple { values: DVec3::splat(value), is_single: true })
             }
             fn visit_i64<E: de::Error>(self, value: i64) -> Read<E> {
                 self.visit_f64(value as f64)
@@ -119,26 +149,20 @@ impl<'de> Deserialize<'de> for Numbers {
                 self.visit_f64(value as f64)
             }
             fn visit_seq<A: de::SeqAccess<'de>>(self, mut list: A) -> Read<A::Error> {
-                let mut values = [0.0; 3];
-                let mut count = 0;
+                let mut values = Vec::new();
                 while let Some(value) = list.next_element::<f64>()? {
-                    if count < 3 {
-                        values[count] = value;
-                    }
-                    count += 1;
+                    values.push(value);
                 }
-                if count != 3 {
-                    return Err(as_serde(Error::new(
-                        format!("the list has {count} numbers"),
-                        "give 3 numbers",
-                    )));
-                }
-                finite(Numbers { values: values.into(), single: false })
+                let Ok(values) = <[f64; 3]>::try_from(&values[..]) else {
+                    let problem = format!("the list has {} numbers", values.len());
+                    return Err(as_serde(Error::new(problem, "give 3 numbers")));
+                };
+                finite(Triple { values: values.into(), is_single: false })
             }
         }
-        fn finite<E: de::Error>(numbers: Numbers) -> Read<E> {
-            if numbers.values.as_vec3().is_finite() {
-                return Ok(numbers);
+        fn finite<E: de::Error>(triple: Triple) -> Read<E> {
+            if triple.values.as_vec3().is_finite() {
+                return Ok(triple);
             }
             Err(as_serde(Error::new("a number is not finite", "give numbers below 3e38")))
         }
@@ -152,8 +176,8 @@ pub(in crate::import) struct Point(pub Vec3);
 
 impl<'de> Deserialize<'de> for Point {
     fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let Numbers { values, single } = Numbers::deserialize(from)?;
-        let error = if single {
+        let Triple { values, is_single } = Triple::deserialize(from)?;
+        let error = if is_single {
             Error::new("a single number stands for a point", "give 3 numbers, such as [0, 1, 0]")
         } else if values.abs().max_element() > f64::from(MAX_COORDINATE) {
             let problem = format!("a coordinate is beyond {MAX_COORDINATE:e}");
@@ -162,37 +186,6 @@ impl<'de> Deserialize<'de> for Point {
             return Ok(Self(values.as_vec3()));
         };
         Err(as_serde(error))
-    }
-}
-
-/// Reflected share of light per channel.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::import) struct Albedo(pub Rgb);
-
-impl<'de> Deserialize<'de> for Albedo {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let values = Numbers::deserialize(from)?.values;
-        if values.min_element() >= 0.0 && values.max_element() <= 1.0 {
-            return Ok(Self(values.as_vec3()));
-        }
-        Err(as_serde(Error::new(
-            "the albedo is not between 0 and 1",
-            "give the reflected share of light, such as 0.5 or [0.6, 0.1, 0.1]",
-        )))
-    }
-}
-
-/// Radiance or intensity per channel.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::import) struct Power(pub Rgb);
-
-impl<'de> Deserialize<'de> for Power {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
-        let values = Numbers::deserialize(from)?.values;
-        if values.min_element() >= 0.0 {
-            return Ok(Self(values.as_vec3()));
-        }
-        Err(as_serde(Error::new("light is negative", "give numbers of at least 0")))
     }
 }
 
@@ -223,7 +216,7 @@ pub(in crate::import) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
     })
 }
 
-/// Says in our words what serde and the TOML parser complain about.
+/// Rewords the errors of serde and of the TOML parser.
 fn explain(message: &str) -> Error {
     if let Some((problem, advice)) = message.split_once(ADVICE) {
         return Error::new(problem, advice);
@@ -242,10 +235,8 @@ fn explain(message: &str) -> Error {
     } else if let Some(value) = what.strip_prefix("unknown variant ") {
         Error::new(format!("unknown value {value}"), choices(expected))
     } else if let Some(key) = what.strip_prefix("missing field ") {
-        Error::new(
-            format!("the key {key} is missing"),
-            "add it; docs/scene-format.md tells which keys a table needs",
-        )
+        let advice = "add it; docs/scene-format.md lists the keys that a table needs";
+        Error::new(format!("the key {key} is missing"), advice)
     } else if let (Some(found), Some(expected)) = (what.strip_prefix("invalid type: "), expected) {
         let expected = match expected {
             "u32" | "u64" => "a whole number without a decimal point",

@@ -1,84 +1,75 @@
-//! Numbers of `[materials.NAME]`, each within its bounds.
+//! Numbers within bounds: those of `[materials.NAME]`, and amounts of light.
 
-use super::Numbers;
+use super::Triple;
 use crate::base::error::Error;
 use crate::base::math::Rgb;
 use crate::settings::as_serde;
 use serde::{Deserialize, Deserializer};
 
-/// Defines a number within bounds, or one per channel.
+/// A number, or one per channel, as it is read from a file and stored.
+trait Bounded: Sized {
+    type Read: for<'de> Deserialize<'de>;
+
+    /// The stored value, with its minimum and maximum.
+    fn with_range(read: Self::Read) -> (Self, [f64; 2]);
+}
+
+impl Bounded for f32 {
+    type Read = f32;
+
+    fn with_range(read: f32) -> (Self, [f64; 2]) {
+        (read, [read.into(); 2])
+    }
+}
+
+impl Bounded for Rgb {
+    type Read = Triple;
+
+    fn with_range(Triple { values, .. }: Triple) -> (Self, [f64; 2]) {
+        (values.as_vec3(), [values.min_element(), values.max_element()])
+    }
+}
+
+/// Defines numbers within bounds, with the problem and advice for others.
 macro_rules! bounded {
-    ($(#[$doc:meta])* $name:ident($inner:ty), $low:expr, $high:expr, $what:literal, $advice:literal) => {
+    ($($(#[$doc:meta])* $name:ident($inner:ty), $low:expr, $high:expr, $problem:expr, $advice:expr;)*) => {$(
         $(#[$doc])*
         #[derive(Clone, Copy, Debug)]
         pub(in crate::import) struct $name(pub $inner);
 
         impl<'de> Deserialize<'de> for $name {
             fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-                let value = <$inner as Bounded>::read(from)?;
-                if ($low..=$high).contains(&value.least()) && ($low..=$high).contains(&value.most()) {
+                let read = <$inner as Bounded>::Read::deserialize(from)?;
+                let (value, [low, high]) = <$inner as Bounded>::with_range(read);
+                if low >= $low && high <= $high {
                     return Ok(Self(value));
                 }
-                Err(as_serde(Error::new(concat!("the ", $what, " is out of range"), $advice)))
+                Err(as_serde(Error::new($problem, $advice)))
             }
         }
-    };
+    )*};
 }
 
-/// What can be checked against bounds.
-trait Bounded: Sized {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error>;
-    fn least(&self) -> f32;
-    fn most(&self) -> f32;
-}
-
-impl Bounded for f32 {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Self::deserialize(from)
-    }
-    fn least(&self) -> f32 {
-        *self
-    }
-    fn most(&self) -> f32 {
-        *self
-    }
-}
-
-impl Bounded for Rgb {
-    fn read<'de, D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Ok(Numbers::deserialize(from)?.values.as_vec3())
-    }
-    fn least(&self) -> f32 {
-        self.min_element()
-    }
-    fn most(&self) -> f32 {
-        self.max_element()
-    }
-}
-
-bounded!(
+bounded! {
+    /// Reflected share of light per channel.
+    Albedo(Rgb), 0.0, 1.0, "the albedo is not between 0 and 1",
+    "give the reflected share of light, such as 0.5 or [0.6, 0.1, 0.1]";
+    /// Radiance, intensity or irradiance per channel, or another number of at least 0.
+    NonNegative(Rgb), 0.0, f64::MAX, "light is negative", "give numbers of at least 0";
     /// Refractive index of a clear medium.
-    Ior(f32), 0.1, 10.0, "refractive index",
-    "give a number from 0.1 to 10, such as 1.5 for glass"
-);
-bounded!(
+    Ior(f32), 0.1, 10.0, "the refractive index is out of range",
+    "give a number from 0.1 to 10, such as 1.5 for glass";
     /// Real part of a metal's refractive index.
-    Index(Rgb), 1e-3, 100.0, "refractive index",
-    "give a number from 0.001 to 100, or one per channel"
-);
-bounded!(
+    MetalIndex(Rgb), 1e-3, 100.0, "the refractive index is out of range",
+    "give a number from 0.001 to 100, or one per channel";
     /// The square root of the GGX width.
-    Roughness(f32), 0.0, 1.0, "roughness", "give a number from 0 (smooth) to 1"
-);
-bounded!(
+    Roughness(f32), 0.0, 1.0, "the roughness is out of range",
+    "give a number from 0 (smooth) to 1";
     /// Share of the rays that meet a surface.
-    Opacity(f32), 0.0, 1.0, "opacity", "give a number from 0 to 1"
-);
-bounded!(
+    Opacity(f32), 0.0, 1.0, "the opacity is out of range", "give a number from 0 to 1";
     /// Share of a metal.
-    Metallic(f32), 0.0, 1.0, "metallic share", "give a number from 0 to 1"
-);
-bounded!(
-    /// What a map of normals is stretched by.
-    NormalScale(f32), -100.0, 100.0, "scale of the normals", "give a number from -100 to 100"
-);
+    Metallic(f32), 0.0, 1.0, "the metallic share is out of range", "give a number from 0 to 1";
+    /// Factor of the tangential components in a normal map.
+    NormalScale(f32), -100.0, 100.0, "the scale of the normals is out of range",
+    "give a number from -100 to 100";
+}

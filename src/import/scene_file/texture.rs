@@ -1,4 +1,4 @@
-//! Textures of `[materials.NAME]`: a file, or a file with how it is sampled.
+//! Textures of `[materials.NAME]`: a file, or a file with its sampling.
 
 use crate::base::error::Error;
 use crate::scene::{Sampling, Texture, Wrap};
@@ -9,28 +9,21 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// `"FILE"`, or `{ file = "FILE", wrap = ..., filter = ... }`.
-#[derive(Clone, Debug)]
+/// `"FILE"`, or `{ file = "FILE", wrap = ..., filter = ... }`: the derived function reads the
+/// table.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, remote = "Self")]
 pub(in crate::import) struct TextureTable {
     pub file: String,
     pub wrap: Option<Wraps>,
     pub filter: Option<FilterKind>,
 }
 
-/// The same with all its keys.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Keys {
-    file: String,
-    wrap: Option<Wraps>,
-    filter: Option<FilterKind>,
-}
-
-/// How textures go on beyond their edges along `u` and `v`: one word for both, or two.
+/// Continuation of textures beyond their edges along `u` and `v`: one word for both, or two.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::import) struct Wraps(pub [Wrap; 2]);
 
-/// What textures are between their texels.
+/// Interpolation of textures between their texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::import) enum FilterKind {
@@ -38,19 +31,8 @@ pub(in crate::import) enum FilterKind {
     Nearest,
 }
 
-impl Wrap {
-    const NAMES: &[&str] = &["repeat", "mirror", "clamp"];
-
-    /// Its name in scene files.
-    pub(in crate::import) fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
-    }
-
-    fn from_name<E: de::Error>(name: &str) -> Result<Self, E> {
-        let all = [Self::Repeat, Self::Mirror, Self::Clamp];
-        let found = all.into_iter().find(|wrap| wrap.name() == name);
-        found.ok_or_else(|| E::unknown_variant(name, Self::NAMES))
-    }
+fn wrap<E: de::Error>(name: &str) -> Result<Wrap, E> {
+    Wrap::from_name(name).ok_or_else(|| E::unknown_variant(name, Wrap::NAMES))
 }
 
 impl<'de> Deserialize<'de> for Wraps {
@@ -62,7 +44,7 @@ impl<'de> Deserialize<'de> for Wraps {
                 write!(f, "`repeat`, `mirror`, `clamp`, or a list of two of them")
             }
             fn visit_str<E: de::Error>(self, name: &str) -> Result<Wraps, E> {
-                Ok(Wraps([Wrap::from_name(name)?; 2]))
+                Ok(Wraps([wrap(name)?; 2]))
             }
             fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Wraps, A::Error> {
                 let mut names = Vec::new();
@@ -72,7 +54,7 @@ impl<'de> Deserialize<'de> for Wraps {
                 let [u, v] = &names[..] else {
                     return Err(de::Error::invalid_length(names.len(), &"two words, for u and v"));
                 };
-                Ok(Wraps([Wrap::from_name(u)?, Wrap::from_name(v)?]))
+                Ok(Wraps([wrap(u)?, wrap(v)?]))
             }
         }
         from.deserialize_any(Visitor)
@@ -91,56 +73,42 @@ impl<'de> Deserialize<'de> for TextureTable {
                 Ok(TextureTable { file: file.to_owned(), wrap: None, filter: None })
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<TextureTable, A::Error> {
-                let Keys { file, wrap, filter } =
-                    Keys::deserialize(MapAccessDeserializer::new(map))?;
-                Ok(TextureTable { file, wrap, filter })
+                TextureTable::deserialize(MapAccessDeserializer::new(map))
             }
         }
         from.deserialize_any(Visitor)
     }
 }
 
-/// The pictures of a scene file, each read once however many materials have it.
-pub(in crate::import) struct Pictures<'a> {
+/// The textures of a scene file, each read once however many materials use it.
+pub(in crate::import) struct TomlTextures<'a> {
     folder: &'a Path,
     read: HashMap<PathBuf, Texture>,
-    sampled: HashMap<(PathBuf, Sampling), Arc<Texture>>,
 }
 
-impl<'a> Pictures<'a> {
-    /// Of files relative to `folder`.
+impl<'a> TomlTextures<'a> {
+    /// An empty cache of files relative to `folder`.
     pub fn new(folder: &'a Path) -> Self {
-        Self { folder, read: HashMap::new(), sampled: HashMap::new() }
+        Self { folder, read: HashMap::new() }
     }
 
-    /// The picture in this file.
-    pub fn get(
-        &mut self,
-        file: &str,
-        sampling: Sampling,
-    ) -> crate::base::error::Result<Arc<Texture>> {
+    /// The texture in this file. Textures of one file share its texels.
+    pub fn get(&mut self, file: &str, sampling: Sampling) -> Result<Arc<Texture>, Error> {
         let path = self.folder.join(file);
-        let failed = |problem: String| {
-            let advice = "give a PNG or JPEG file relative to the folder of the scene file";
-            Error::new(problem, advice)
-        };
+        let advice = "give a PNG or JPEG file relative to the folder of the scene file";
+        let failed = |problem: String| Error::new(problem, advice);
         if !path.is_file() {
             return Err(failed(format!("there is no texture `{file}`")));
-        }
-        if let Some(texture) = self.sampled.get(&(path.clone(), sampling)) {
-            return Ok(texture.clone());
         }
         let read = match self.read.get(&path) {
             Some(read) => read.clone(),
             None => {
                 let read = Texture::load(&path)
                     .map_err(|e| failed(format!("`{file}`: {}", e.problem())))?;
-                self.read.insert(path.clone(), read.clone());
+                self.read.insert(path, read.clone());
                 read
             }
         };
-        let texture = Arc::new(read.sampled(sampling));
-        self.sampled.insert((path, sampling), texture.clone());
-        Ok(texture)
+        Ok(Arc::new(read.sampled(sampling)))
     }
 }

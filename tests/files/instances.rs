@@ -58,7 +58,7 @@ fn scene(mesh: &str) -> Result<Arc<Scene>, String> {
 }
 
 #[test]
-fn a_mesh_is_at_all_its_places() {
+fn ply_meshes_are_placed_by_each_matrix_of_an_array() {
     let scene = scene("material = 'lamp'\nplaces = 'places.npy'").unwrap();
     let meshes = scene.copies();
     assert_eq!(meshes.len(), 2);
@@ -75,11 +75,11 @@ fn a_mesh_is_at_all_its_places() {
 }
 
 #[test]
-fn what_is_wrong_is_told() {
+fn invalid_ply_meshes_and_arrays_are_refused() {
     for (mesh, word) in [
         ("places = 'places.npy'", "a.toml:8: the mesh `a.ply` has no material"),
         ("material = 'chalk'\nplaces = 'none.npy'", "a.toml:10: there is no file `none.npy`"),
-        ("material = 'chalk'\nplaces = 'a.ply'", "a.ply: this is no NumPy file"),
+        ("material = 'chalk'\nplaces = 'a.ply'", "a.ply: this is not a NumPy file"),
         ("material = 'chalk'\nscale = 2\nplaces = 'places.npy'", "`places` besides another"),
     ] {
         let error = scene(mesh).unwrap_err();
