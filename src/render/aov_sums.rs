@@ -44,7 +44,13 @@ impl<'a> AovSums<'a> {
 
     /// Adds the camera path `number` to its pixel.
     #[inline]
-    pub fn add(&mut self, paths: &CameraPaths, gathered: &MergeOutput, number: usize, pixel: usize) {
+    pub fn add(
+        &mut self,
+        paths: &CameraPaths,
+        gathered: &MergeOutput,
+        number: usize,
+        pixel: usize,
+    ) {
         let Some(sum) = self.sums.get_mut(pixel) else { return };
         let PathAov { emission, direct, albedo, normal, position, depth, hits, .. } =
             paths.aovs[number];

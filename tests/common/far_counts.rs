@@ -4,8 +4,8 @@
 use crate::common::*;
 use bdpm::accel::Intersect;
 use bdpm::noise::Measure;
-use bdpm::render::RenderConfig;
 use bdpm::noise::image::{NoiseImage, Statistic};
+use bdpm::render::RenderConfig;
 use bdpm::settings::{Direct, Kernel, MisScales};
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
