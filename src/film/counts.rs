@@ -23,7 +23,7 @@ pub enum CameraCounts {
 }
 
 impl Counts {
-    /// Equal numbers of camera paths in all pixels.
+    /// Equal numbers of camera paths for every pixel.
     pub fn uniform(light_paths: u32, camera_paths: u32) -> Self {
         Self { light_paths, camera_paths: CameraCounts::Uniform(camera_paths) }
     }
