@@ -40,8 +40,8 @@ use crate::noise::film::BatchGrain;
 use crate::noise::schedule::MeasureSchedule;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::denoise::ErrorSummary;
-use crate::render::Renderer;
 use crate::render::block::Block;
+use crate::render::{RenderConfig, Renderer};
 use crate::scene::Scene;
 use crate::scene::backend;
 use crate::scene::backend::Backend;
@@ -304,7 +304,8 @@ impl RenderJob {
         }
 
         let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
-        let mut renderer = threads.install(new)?.with_ranks(ranks.count());
+        let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
+        let mut renderer = threads.install(new)?.configure(config)?;
         let mut selection = None;
         if is_automatic && matches!(self.start, Start::New) {
             let free = self.chosen_parameters();
@@ -313,8 +314,7 @@ impl RenderJob {
             provenance.settings = chosen.apply(&provenance.settings);
             stop.bias2 = chosen.best().bias.powi(2);
             let settings = provenance.settings.clone();
-            let chosen_renderer = threads.install(|| renderer.with_settings(settings))?;
-            renderer = chosen_renderer.with_ranks(ranks.count());
+            renderer = threads.install(|| renderer.with_settings(settings))?;
             selection = Some(chosen);
         }
         if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
@@ -326,16 +326,16 @@ impl RenderJob {
                 let _ = observer(Event::Warning(warning));
             }
         }
-        let grain = self.batch_grain(&provenance.settings, is_automatic)?;
-        let aovs = self.kept_aovs();
-        renderer = renderer.with_batches(grain).with_aovs(aovs)?;
+        config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
+        config.aovs = self.kept_aovs();
+        renderer = renderer.configure(config)?;
         if let Some(iterations) = &iterations {
-            renderer = renderer.sharing(iterations.assigned.clone());
+            renderer.assign(iterations.assigned.clone());
         }
         let times = self.fitting_times(&provenance)?;
         let policy = self.policy(&mut renderer, (&mut stop, selection.as_ref()), times)?;
         if let Some(leader) = &leader {
-            leader.set_up(&provenance, grain, renderer.kept())?;
+            leader.set_up(&provenance, *renderer.config())?;
         }
         let state = RenderState {
             provenance,
@@ -499,10 +499,10 @@ impl RenderJob {
 
     /// Layers to accumulate: those that are asked for and those that the denoiser needs.
     fn kept_aovs(&self) -> AovSelection {
-        let AovSelection { features, parts, .. } = self.aovs;
+        let AovSelection { features, folds, .. } = self.aovs;
         AovSelection {
             features: features || self.denoise,
-            parts: parts || self.denoise,
+            folds: folds || self.denoise,
             ..self.aovs
         }
     }
@@ -531,12 +531,11 @@ impl RenderJob {
             Start::Plan { plan, .. } => Some(plan),
             Start::Checkpoint { checkpoint, file } => {
                 self.check_resumed(&checkpoint, stop).map_err(|e| e.at(&file))?;
-                let checkpoint = *checkpoint;
-                let features = checkpoint.features.map(Cow::into_owned);
+                let mut checkpoint = *checkpoint;
                 state = checkpoint.autopilot;
                 stop.bias2 = state.map_or(0.0, |state| state.bias2());
-                renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
-                self.check_kept(renderer.kept()).map_err(|e| e.at(&file))?;
+                renderer.resume(checkpoint.take_partial())?;
+                self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
                 checkpoint.plan
             }
         };
@@ -574,7 +573,7 @@ impl RenderJob {
             ));
         }
         let by_tile = |block: &Block| {
-            block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+            block.statistics.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
         };
         if self.pixel_noise && blocks.iter().any(by_tile) {
             return Err(Error::new(
@@ -590,7 +589,7 @@ impl RenderJob {
 
     /// Refuses layers that a checkpoint did not keep.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
-        let lacks = if self.denoise && !kept.parts {
+        let lacks = if self.denoise && !kept.folds {
             "the folds for the denoiser"
         } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
             "some of the layers"
