@@ -9,13 +9,50 @@ use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
 use crate::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use crate::noise::{Coefficients, Measure};
+use crate::render::MAX_BLOCKS;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::{Block, CombinedImage};
-use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
+
+/// Before the first choice of counts, every second iteration is measured. The times of the iterations come
+/// from the others.
+const MEASURE_FIRST_EVERY: u64 = 2;
+
+/// Iterations at new counts before the next choice or promise. The sample variance of the pooled noise is then
+/// known within a few percent.
+pub const FIRST_ITERATIONS: u64 = 12;
+
+/// Minimum number of iterations that should fit in the time after a choice of counts: some of them are
+/// measured, and counts may be chosen again among them.
+pub const MIN_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
+
+/// Minimum number of iterations of each of several processes, so that none ends long before another.
+const MIN_ITERATIONS_OF_RANK: f64 = 8.0;
+
+/// [`MIN_ITERATIONS_AFTER_CHOICE`] for `ranks` processes that share the iterations.
+pub fn min_iterations_after_choice(ranks: u32) -> f64 {
+    MIN_ITERATIONS_AFTER_CHOICE.max(MIN_ITERATIONS_OF_RANK * f64::from(ranks))
+}
+
+/// Relative standard error of the pooled variance below which the error at the end is promised.
+const PROMISE_ERROR: f64 = 0.1;
+
+/// Share of the time after which the error at the end is promised in any case.
+const PROMISE_SHARE: f64 = 0.2;
+
+/// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own weight.
+const WORTHWHILE: f64 = 0.02;
+
+/// Minimum share of the time that counts per pixel must save. They follow the noise of the data that they are
+/// chosen from, so their predicted gain is too large.
+const WORTHWHILE_PER_PIXEL: f64 = 0.05;
+
+/// Degrees of freedom of the mean over a neighborhood, relative to those of a single pixel, whose values have
+/// heavy tails. Middle of the range in which `examples/optimum_table.rs` shows no difference beyond its noise.
+const PRIOR_FREEDOM: f64 = 200.0;
 
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
@@ -199,7 +236,7 @@ impl Autopilot {
             let share =
                 // theory.md (86), (90)
                 rest.map_or(f64::INFINITY, |rest| {
-                    rest.seconds / least_iterations_after_choice(renderer.config().ranks)
+                    rest.seconds / min_iterations_after_choice(renderer.config().ranks)
                 });
             longest = share.max(least);
         }
@@ -257,7 +294,7 @@ impl Autopilot {
         } else if self.is_choice_due(renderer, now) {
             let is_first = self.state.next_choice.is_none();
             self.state.next_choice = Some(2.0 * now);
-            if is_first || renderer.blocks().len() < MOST_BLOCKS {
+            if is_first || renderer.blocks().len() < MAX_BLOCKS {
                 let choice = self.choose(renderer, elapsed)?;
                 if is_first {
                     self.state.expected = choice.expected;

@@ -3,14 +3,24 @@
 use crate::adaptive::optimize::Objective;
 use crate::base::error::{Error, Result};
 use crate::film::radiance::{box_filtered, luminance, luminance_weights, total};
+use crate::noise::bias::UPPER_BOUND;
 use crate::render::block::{Block, CombinedImage};
-use crate::settings::policy::{
-    LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, PLAIN_SHARE, UPPER_BOUND,
-};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
+
+/// Minimum number of iterations before a target counts as reached. Stopping at the first low estimate would
+/// stop too early on average.
+pub const MIN_ITERATIONS_TO_TARGET: u64 = 32;
+
+/// Minimum of the noise's share of the squared target error. It keeps a target reachable whose square is
+/// smaller than the squared bias.
+pub const MIN_NOISE_SHARE: f64 = 0.1;
+
+/// Minimum share of a pixel's squared luminance that is not noise. Below it, the luminance of the
+/// neighborhood is the better estimate.
+const MIN_SIGNAL_SHARE: f64 = 0.9;
 
 /// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +67,7 @@ impl Stop {
     /// error.
     pub fn noise2(&self, error: f64) -> f64 {
         let error2 = error * error;
-        (error2 - self.bias2).max(LEAST_NOISE_SHARE * error2)
+        (error2 - self.bias2).max(MIN_NOISE_SHARE * error2)
     }
 }
 
@@ -88,7 +98,7 @@ pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)
     let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
     let clean = |(index, luminance): (usize, &f64)| {
         let [own] = squares[index];
-        let is_plain = own > PLAIN_SHARE * luminance * luminance;
+        let is_plain = own > MIN_SIGNAL_SHARE * luminance * luminance;
         let [square] = if is_plain { [own] } else { box_filtered(&squares, index, width, height) };
         square.max(0.0).sqrt()
     };
@@ -235,7 +245,7 @@ impl Convergence {
         let bound = |(weighted, (variance, error)): (f64, (f64, f64))| {
             weighted * (1.0 + UPPER_BOUND * error / variance)
         };
-        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
             // theory.md (91)
             && self.weighted_variance.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
     }
@@ -263,7 +273,7 @@ impl Convergence {
     /// Whether the upper 90 % bound of the pooled RMS lies under the target.
     pub fn reaches(&self, target: Target) -> bool {
         let allowed = target.absolute(self.mean_luminance).powi(2);
-        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
             // theory.md (91)
             && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
     }
@@ -293,7 +303,7 @@ impl Convergence {
             let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
             let more = needed(1.0);
             let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
-            Some(more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
+            Some(more.max(MIN_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
         });
         let ends = [by_count, by_time].into_iter().chain(by_target);
         let more = ends.flatten().fold(f64::NAN, f64::min);

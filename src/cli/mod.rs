@@ -14,6 +14,7 @@ mod interrupts;
 mod layers;
 mod merge;
 mod optimize;
+mod option_hints;
 mod optimize_plot;
 mod optimize_rows;
 mod optimize_text;
@@ -35,6 +36,8 @@ mod view;
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
+use clap::{CommandFactory, FromArgMatches};
+use option_hints::with_options;
 use serde::Serialize;
 use settings_args::SettingsArgs;
 use std::io::{self, Write};
@@ -77,7 +80,12 @@ enum Command {
 
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
-    let output = match <Cli as clap::Parser>::parse().command {
+    let matches = Cli::command().get_matches();
+    let command = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli.command,
+        Err(error) => error.exit(),
+    };
+    let output = match command {
         Command::Render(args) => render::run(*args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
@@ -93,7 +101,11 @@ pub fn run() -> ExitCode {
     match output.and_then(|text| print(&text)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            say(&format!("error: {error}"));
+            let cli = Cli::command();
+            let subcommand = matches.subcommand_name().and_then(|name| cli.find_subcommand(name));
+            let shown = error.to_string();
+            let shown = subcommand.map_or(shown.clone(), |command| with_options(&shown, command));
+            say(&format!("error: {shown}"));
             ExitCode::FAILURE
         }
     }
@@ -183,7 +195,6 @@ fn human_time(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_argument_definitions_are_consistent() {

@@ -180,7 +180,7 @@ impl Writer {
             for (name, value) in [
                 ("denoised squared error", error.squared),
                 ("denoised squared error's standard error", error.standard_error),
-                ("denoised parts", error.parts as f64),
+                ("denoised parts", error.folds as f64),
             ] {
                 metadata.insert(name.into(), Value::Number(value));
             }

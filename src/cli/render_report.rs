@@ -11,10 +11,10 @@ use bdpm::adaptive::autopilot::Promise;
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
+use bdpm::noise::bias::UPPER_BOUND;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::Settings;
-use bdpm::settings::policy::UPPER_BOUND;
 use serde::Serialize;
 use std::path::Path;
 
@@ -209,7 +209,7 @@ fn denoised(report: &DenoisedReport) -> String {
             .into();
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
-    let (n, bound) = (error.parts, error.bound(UPPER_BOUND));
+    let (n, bound) = (error.folds, error.bound(UPPER_BOUND));
     let mut text = format!(
         "denoised: relative error {:.2} %, at most {:.2} %, after {}/{n} of the samples; {:.2} % before\n",
         percent(error.squared),

@@ -321,7 +321,7 @@ impl RenderState {
         }
         let suffices = self.with_denoiser(|denoising, renderer, image| {
             denoising.denoise(renderer, image)?;
-            Ok(denoising.reaches(elapsed, &stop))
+            Ok(denoising.check_target(elapsed, &stop))
         })?;
         let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
         Ok(error.zip(suffices))

@@ -149,13 +149,13 @@ impl Checkpoint<'static> {
         let damaged = || {
             Error::new(
                 "the checkpoint is damaged: its checksum does not match",
-                "use another copy of it, or render anew without --resume",
+                "use another copy of it, or start a new image",
             )
         };
         if !bytes.starts_with(&MAGIC) {
             return Err(Error::new(
                 "this is no checkpoint",
-                "give a file that --checkpoint has written",
+                "give a checkpoint that `bdpm render` wrote",
             ));
         }
         if bytes.len() < HEADER + TRAILER {

@@ -82,8 +82,8 @@ impl<'a> Head<'a> {
         let Checkpoint { origin, blocks, autopilot, plan, whole, .. } = checkpoint;
         if autopilot.is_some() {
             let problem =
-                "its numbers of paths were chosen on the way: no other part can have the same";
-            let advice = "render its image again in parts, with --plan";
+                "its path counts were chosen during the render, so no other part has the same";
+            let advice = "render the image again in parts, with the plan of this image";
             return Err(Error::new(problem, advice).at(path));
         }
         Ok(Self { path, origin, plan, whole, numbers: numbers(&blocks) })
@@ -98,7 +98,7 @@ fn check_agree(heads: &[Head]) -> Result<()> {
         let refuse = |problem: String, advice: &str| Err(Error::new(problem, advice).at(head.path));
         head.origin.check_agrees(&first.origin, Reuse::Merge).map_err(|e| e.at(head.path))?;
         if head.plan != first.plan {
-            let problem = format!("its --plan is not that of {}", first.path.display());
+            let problem = format!("its plan differs from that of {}", first.path.display());
             return refuse(problem, "render all parts by the same plan");
         }
         if let (Some((path, whole)), Some(own)) = (whole, head.whole)

@@ -8,8 +8,8 @@ use crate::cli::render_report::text;
 use crate::cli::scene_input::SceneInput;
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
+use bdpm::noise::bias::UPPER_BOUND;
 use bdpm::output::page::number::count;
-use bdpm::settings::policy::UPPER_BOUND;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};
 

@@ -47,7 +47,7 @@ impl Oidn {
         let device = unsafe { (functions.new_device)(CPU) };
         if device.is_null() {
             let problem = "Open Image Denoise does not run on this processor";
-            return Err(Error::new(problem, "render without --denoise"));
+            return Err(Error::new(problem, "render without denoising"));
         }
         let own = Self { device, functions };
         let threads = c_int::try_from(threads).unwrap_or(0);
@@ -160,7 +160,7 @@ impl Oidn {
             // SAFETY: ends in a zero byte, and lives until the next call.
             unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
         };
-        let help = "lower --resolution, or render without --denoise";
+        let help = "use a lower resolution, or render without denoising";
         Err(Error::new(format!("Open Image Denoise failed: {text} (error {code})"), help))
     }
 }
