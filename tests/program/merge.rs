@@ -170,7 +170,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
     other("grain", SCENE, "--part 3/3 --iterations 40 --noise x.n.exr");
     other("single", SCENE, "--iterations 2");
     let mut old = Checkpoint::load(&desk.at("2.ckpt")).unwrap();
-    old.origin.version = "0.0.9".into();
+    old.provenance.version = "0.0.9".into();
     old.save(&desk.at("version.ckpt")).unwrap();
     let automatic = "--accel bvh --resolution 16x16 --time 300ms --output x.exr";
     succeed(&desk.run(&format!("render {SCENE} {automatic} --checkpoint auto.ckpt -q")));

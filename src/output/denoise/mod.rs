@@ -64,7 +64,7 @@ pub struct ErrorSummary {
     pub raw_share: f64,
     /// Share of the pixels in whose neighborhood the denoised image has a larger error than the raw one.
     pub worse: f64,
-    /// Number of folds `n`, each of which was left out in turn.
+    /// Number of folds `n`. Each of them was left out in turn.
     #[serde(rename = "parts")]
     pub folds: usize,
 }
