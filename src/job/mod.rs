@@ -50,6 +50,7 @@ use crate::settings::{PartialSettings, Settings};
 use crate::timing::{TimeModel, Timings};
 use leader::Leader;
 use rayon::ThreadPool;
+use shard::ShardIterations;
 use state::RunClock;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -333,7 +334,12 @@ impl RenderJob {
             renderer.assign(iterations.assigned.clone());
         }
         let times = self.fitting_times(&provenance)?;
-        let policy = self.policy(&mut renderer, (&mut stop, selection.as_ref()), times)?;
+        let policy = self.policy(
+            &mut renderer,
+            (&mut stop, selection.as_ref()),
+            times,
+            iterations.as_ref(),
+        )?;
         if let Some(leader) = &leader {
             leader.set_up(&provenance, *renderer.config())?;
         }
@@ -467,11 +473,7 @@ impl RenderJob {
     }
 
     /// The iterations of the shard, if the job renders one.
-    fn shard_iterations(
-        &self,
-        stop: &Stop,
-        is_automatic: bool,
-    ) -> Result<Option<shard::ShardIterations>> {
+    fn shard_iterations(&self, stop: &Stop, is_automatic: bool) -> Result<Option<ShardIterations>> {
         let Some(shard) = self.shard else { return Ok(None) };
         if is_automatic {
             return Err(Error::new(
@@ -524,13 +526,14 @@ impl RenderJob {
         renderer: &mut Renderer,
         (stop, selection): (&mut Stop, Option<&Selection>),
         times: Option<TimeModel>,
+        iterations: Option<&ShardIterations>,
     ) -> Result<CountPolicy> {
         let mut state = None;
         let plan = match std::mem::replace(&mut self.start, Start::New) {
             Start::New => None,
             Start::Plan { plan, .. } => Some(plan),
             Start::Checkpoint { checkpoint, file } => {
-                self.check_resumed(&checkpoint, stop).map_err(|e| e.at(&file))?;
+                self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
                 state = checkpoint.autopilot;
                 stop.bias2 = state.map_or(0.0, |state| state.bias2());
@@ -563,7 +566,12 @@ impl RenderJob {
     }
 
     /// Refuses a checkpoint that cannot become what is asked for.
-    fn check_resumed(&self, checkpoint: &Checkpoint, stop: &Stop) -> Result<()> {
+    fn check_resumed(
+        &self,
+        checkpoint: &Checkpoint,
+        stop: &Stop,
+        iterations: Option<&ShardIterations>,
+    ) -> Result<()> {
         let blocks = &checkpoint.blocks[..];
         let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
         if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
@@ -581,10 +589,7 @@ impl RenderJob {
                 "resume without a noise file, or start again with it",
             ));
         }
-        match self.shard_iterations(stop, false)? {
-            Some(iterations) => iterations.check_holds(blocks),
-            None => Ok(()),
-        }
+        iterations.map_or(Ok(()), |iterations| iterations.check_holds(blocks))
     }
 
     /// Refuses layers that a checkpoint did not keep.
