@@ -50,6 +50,7 @@ use crate::settings::{PartialSettings, Settings};
 use crate::timing::{TimeModel, Timings};
 use leader::Leader;
 use rayon::ThreadPool;
+use shard::ShardIterations;
 use state::RunClock;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -337,7 +338,12 @@ impl RenderJob {
             renderer.assign(iterations.assigned.clone());
         }
         let times = self.time_model(&provenance)?;
-        let policy = self.policy(&mut renderer, (&mut stop, selection.as_ref()), times)?;
+        let policy = self.policy(
+            &mut renderer,
+            (&mut stop, selection.as_ref()),
+            times,
+            iterations.as_ref(),
+        )?;
         if let Some(leader) = &leader {
             leader.set_up(&provenance, *renderer.config())?;
         }
@@ -471,11 +477,7 @@ impl RenderJob {
     }
 
     /// The iterations of the shard, if the job renders one.
-    fn shard_iterations(
-        &self,
-        stop: &Stop,
-        is_automatic: bool,
-    ) -> Result<Option<shard::ShardIterations>> {
+    fn shard_iterations(&self, stop: &Stop, is_automatic: bool) -> Result<Option<ShardIterations>> {
         let Some(shard) = self.shard else { return Ok(None) };
         if is_automatic {
             return Err(Error::new(
@@ -528,13 +530,14 @@ impl RenderJob {
         renderer: &mut Renderer,
         (stop, selection): (&mut Stop, Option<&Selection>),
         times: Option<TimeModel>,
+        iterations: Option<&ShardIterations>,
     ) -> Result<CountPolicy> {
         let mut state = None;
         let plan = match std::mem::replace(&mut self.start, Start::New) {
             Start::New => None,
             Start::Plan { plan, .. } => Some(plan),
             Start::Checkpoint { checkpoint, file } => {
-                self.check_resumed(&checkpoint, stop).map_err(|e| e.at(&file))?;
+                self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
                 state = checkpoint.autopilot;
                 stop.bias2 = state.map_or(0.0, |state| state.bias2());
@@ -567,7 +570,12 @@ impl RenderJob {
     }
 
     /// Refuses a checkpoint that lacks statistics of the job, or has too many iterations.
-    fn check_resumed(&self, checkpoint: &Checkpoint, stop: &Stop) -> Result<()> {
+    fn check_resumed(
+        &self,
+        checkpoint: &Checkpoint,
+        stop: &Stop,
+        iterations: Option<&ShardIterations>,
+    ) -> Result<()> {
         let blocks = &checkpoint.blocks[..];
         let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
         if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
@@ -585,25 +593,19 @@ impl RenderJob {
                 "resume without a noise file, or start a new image",
             ));
         }
-        match self.shard_iterations(stop, false)? {
-            Some(iterations) => iterations.check_holds(blocks),
-            None => Ok(()),
-        }
+        iterations.map_or(Ok(()), |iterations| iterations.check_holds(blocks))
     }
 
     /// Refuses a checkpoint that lacks layers of the job.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
-        let lacks = if self.denoise && !kept.folds {
-            "the folds for the denoiser"
+        let (missing, advice) = if self.denoise && !kept.folds {
+            ("the folds for the denoiser", "resume without denoising, or start a new image")
         } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
-            "some of the layers"
+            ("some of the layers", "resume without these layers, or start a new image")
         } else {
             return Ok(());
         };
-        Err(Error::new(
-            format!("the checkpoint lacks {lacks}"),
-            "resume without them, or start a new image",
-        ))
+        Err(Error::new(format!("the checkpoint lacks {missing}"), advice))
     }
 }
 
