@@ -1,5 +1,6 @@
 //! Renders by several processes under `mpirun`, more of them than this machine may have processors.
 
+#[allow(dead_code)] // renders by processes use a part of it
 #[path = "common/desk.rs"]
 mod desk;
 

@@ -3,9 +3,9 @@
 //! Millimeters. The axis is +z, along which light goes to the sensor; the first surface's vertex is
 //! the origin.
 
-use crate::mesh::Mesh;
-use crate::profile::{ProfilePoint, arc, edges};
-use crate::shapes::lathe;
+use super::mesh::Mesh;
+use super::profile::{ProfilePoint, arc, edges};
+use super::shapes::lathe;
 use glam::dvec2;
 
 /// A row of a prescription: a spherical surface, or the stop.

@@ -1,7 +1,7 @@
 //! Boxes, discs, balls, bars and turned things.
 
-use crate::mesh::{Corner, Mesh, Vertex};
-use crate::profile::{ProfilePoint, arc};
+use super::mesh::{Corner, Mesh, Vertex};
+use super::profile::{ProfilePoint, arc};
 use glam::{DVec2, DVec3, dvec3};
 
 /// The sides of a box: left is -x, bottom -y, back -z.

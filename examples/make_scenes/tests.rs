@@ -1,8 +1,8 @@
 //! What is committed is what is made, and it is sound.
 
-use crate::mesh::{Corner, Mesh};
-use crate::random::Random;
-use crate::{folders, obj, profile, scenes, shapes};
+use super::mesh::{Corner, Mesh};
+use super::random::Random;
+use super::{folders, obj, profile, scenes, shapes};
 use bdpm::accel::{Intersect, Ray};
 use bdpm::import::load;
 use bdpm::scene::Scene;

@@ -1,7 +1,7 @@
 //! The image that blocks of automatic counts make together. More of counts is in `tests/noise/counts.rs`.
 
-use crate::automatic::*;
 use crate::common::Estimate;
+use crate::common::automatic::*;
 use bdpm::Renderer;
 use bdpm::Settings;
 use bdpm::film::radiance::luminance;

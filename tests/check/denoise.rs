@@ -1,8 +1,8 @@
 //! What is told of the error of denoised images, against long references: docs/denoising.md.
 
-use crate::committed::across;
 use crate::common::accel;
-use crate::denoised::{Found, Reference, compare};
+use crate::common::committed::across;
+use crate::common::denoised::{Found, Reference, compare};
 use bdpm::Settings;
 use bdpm::output::denoise::Oidn;
 use std::ops::RangeInclusive;

@@ -2,30 +2,8 @@
 //! module of the same name, the paper's experiment, and a page of a render. `make check` runs the tables,
 //! `make check-report` the others.
 
-#[path = "../common/automatic.rs"]
-mod automatic;
-#[path = "../common/boxes.rs"]
-mod boxes;
-#[path = "../common/committed.rs"]
-mod committed;
 #[path = "../common/mod.rs"]
 mod common;
-#[path = "../common/denoised.rs"]
-mod denoised;
-#[path = "../common/far_counts.rs"]
-mod far_counts;
-#[path = "../common/material_noise.rs"]
-mod material_noise;
-#[path = "../common/program.rs"]
-mod program;
-#[path = "../common/scene_case.rs"]
-mod scene_case;
-#[path = "../common/several_ways.rs"]
-mod several_ways;
-#[path = "../common/strategies.rs"]
-mod strategies;
-#[path = "../common/true_bias.rs"]
-mod true_bias;
 
 mod choice;
 mod counts;

@@ -1,7 +1,7 @@
 //! Furnaces in which paths are found in several ways: those that `tests/transport/mis.rs` has no time for.
 
+use crate::common::several_ways::*;
 use crate::common::*;
-use crate::several_ways::*;
 use bdpm::scene::Material;
 use bdpm::scene::bsdf::{Bsdf, Coated, Glossy, RoughDielectric};
 use glam::Vec3;

@@ -1,8 +1,8 @@
 //! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes of this project.
 
-use crate::committed;
+use crate::common::committed;
+use crate::common::far_counts::{Subject, assert_far_counts};
 use crate::common::{MIS, furnished_box, settings};
-use crate::far_counts::{Subject, assert_far_counts};
 use bdpm::Settings;
 use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 

@@ -1,7 +1,7 @@
 //! `bdpm reproduce`: the quick experiment from beginning to end, and its report, which
 //! `make check-report` opens in a browser then.
 
-use crate::program::{assert_refused, json, text};
+use crate::common::program_output::{assert_refused, json, text};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;

@@ -1,5 +1,4 @@
 //! Scenes in a box whose images are held against the path tracer's, by the names of their tables.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::Scene;

@@ -1,5 +1,4 @@
 //! Coefficients measured at some counts against the sampled variance at others.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::accel::Intersect;

@@ -1,8 +1,24 @@
 //! Scenes with known answers, and means with standard errors.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub mod automatic;
+pub mod boxes;
+pub mod committed;
+pub mod denoised;
+pub mod desk;
+pub mod far_counts;
+pub mod gltf;
+pub mod html;
 pub mod images;
+pub mod material_noise;
+pub mod mutate;
+pub mod program_output;
+pub mod scene_case;
+pub mod several_ways;
+pub mod shapes;
+pub mod strategies;
 pub mod table;
+pub mod true_bias;
 
 use bdpm::accel::Intersect;
 use bdpm::film::radiance::luminance;

@@ -1,5 +1,4 @@
 //! Files that were tampered with: random changes of bytes, and what must hold after loading.
-#![allow(dead_code)] // each test binary uses its own part
 
 use bdpm::import::load;
 use bdpm::scene::Mesh;

@@ -1,11 +1,11 @@
 //! Whether every strategy makes the same image of a scene of this project, the path tracer's where it
 //! finds one, and whether formula (1) predicts its noise.
 
-use crate::committed::{self, TRACED};
+use crate::common::committed::{self, TRACED};
 use crate::common::images::{Difference, Subject};
+use crate::common::strategies::ALL;
 use crate::common::table::Table;
 use crate::common::{accel, by_way};
-use crate::strategies::ALL;
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::noise::summary::NoiseSummary;

@@ -1,5 +1,4 @@
 //! Furnaces in which paths are found in several ways: the weights add up to 1, whatever they are.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::Settings;

@@ -1,6 +1,6 @@
 //! Whether strategies make the path tracer's image of the scenes in a box.
 
-use crate::boxes::{self, SIDE};
+use crate::common::boxes::{self, SIDE};
 use crate::common::images::{Difference, Subject};
 use crate::common::table::Table;
 use crate::common::{MIS, accel, by_way, settings};

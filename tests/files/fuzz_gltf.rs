@@ -2,8 +2,8 @@
 //! of its JSON replaced, with pieces of its text or bytes deleted, doubled or replaced.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::model::*;
-use crate::mutate::{apply, change, load_and_check};
+use crate::common::gltf::*;
+use crate::common::mutate::{apply, change, load_and_check};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};

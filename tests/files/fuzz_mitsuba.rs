@@ -1,7 +1,7 @@
 //! No file of Mitsuba's, and no mesh that it names, makes the loader panic: good ones with pieces
 //! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{apply, change};
+use crate::common::mutate::{apply, change};
 use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;

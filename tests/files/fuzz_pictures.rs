@@ -2,7 +2,7 @@
 //! maps of the environment (EXR, HDR) with bytes replaced, deleted and doubled.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{apply, change, load_and_check};
+use crate::common::mutate::{apply, change, load_and_check};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::import::load;
 use glam::Vec3;

@@ -1,7 +1,7 @@
 //! No scene, OBJ or MTL file makes the loader panic or hold more than its size warrants: random bytes, and
 //! good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{TOKENS, apply, change, load_and_check};
+use crate::common::mutate::{TOKENS, apply, change, load_and_check};
 use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -412,7 +412,10 @@ fn obj_files_get_a_camera_and_light() {
     // A white surface that faces up has radiance 1 in it: see `import::environment`.
     let light = scene.lights();
     assert!(light.emitters().is_empty());
-    assert!(light.environment_radiance(Vec3::Y).x > 1.19 && light.environment_radiance(-Vec3::Y).x < 0.01);
+    assert!(
+        light.environment_radiance(Vec3::Y).x > 1.19
+            && light.environment_radiance(-Vec3::Y).x < 0.01
+    );
     let warnings = loaded.warnings_text();
     assert!(warnings.contains("no camera") && warnings.contains("nothing emits"), "{warnings}");
 

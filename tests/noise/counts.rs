@@ -1,8 +1,8 @@
 //! Counts per pixel, blocks of different counts, and the image that they make together, whose mean
 //! `tests/check/counts.rs` holds against that of fixed counts.
 
-use crate::automatic::*;
 use crate::common::Estimate;
+use crate::common::automatic::*;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::Plan;
 use bdpm::film::counts::{CameraCounts, Counts};

@@ -1,8 +1,8 @@
 //! The measured coefficients against the sampled variance of the renderer itself. The other strategies are
 //! in `tests/check/predicts.rs`.
 
+use crate::common::far_counts::*;
 use crate::common::*;
-use crate::far_counts::*;
 use bdpm::Settings;
 use bdpm::noise::Measure;
 use bdpm::noise::image::NoiseImage;

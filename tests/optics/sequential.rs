@@ -2,7 +2,7 @@
 //!
 //! Millimeters; light goes along +z, the first vertex is the origin.
 
-use crate::lens::{Surface, depths};
+use crate::make_scenes::lens::{Surface, depths};
 use glam::{DVec2, DVec3, dvec3};
 
 /// A ray of light.

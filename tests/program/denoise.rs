@@ -1,6 +1,6 @@
 //! `bdpm render --layers`, `--denoise`, and `bdpm denoise`.
 
-use crate::program::{assert_refused, json, succeed};
+use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::image_io::{Image, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Renders that are asked to end.
 #![cfg(unix)]
 
-use crate::render::{SCENE, bdpm, bits, folder, json, names, render, succeed, text};
+use super::render::{SCENE, bdpm, bits, folder, json, names, render, succeed, text};
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};

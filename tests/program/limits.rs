@@ -1,6 +1,6 @@
 //! What has no end, does not fit in the memory, or takes longer than the time that is given.
 
-use crate::program::{assert_refused, text};
+use crate::common::program_output::{assert_refused, text};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! `bdpm render --part` and `bdpm merge`: an image of several machines.
 
-use super::program::{assert_refused, json, succeed};
-use crate::desk::Desk;
+use crate::common::desk::Desk;
+use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::image_io::{Value, read_exr};
 use bdpm::noise::file::NoiseFile;
 use bdpm::output::checkpoint::Checkpoint;

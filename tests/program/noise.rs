@@ -1,6 +1,6 @@
 //! `bdpm analyze` and `bdpm predict` as their users meet them.
 
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use std::fs::{self, File};

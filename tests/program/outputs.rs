@@ -1,7 +1,7 @@
 //! What is written replaces nothing that was read, is whole, is the same every time, and is not lost
 //! because something else cannot be written.
 
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use std::collections::BTreeMap;

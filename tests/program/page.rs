@@ -1,8 +1,8 @@
 //! `render --report`: a page that is whole at any moment, tells what the program tells, and asks for nothing else.
 
-use crate::desk::Desk;
-use crate::html::{assert_whole, percent, pictures};
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::desk::Desk;
+use crate::common::html::{assert_whole, percent, pictures};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use std::fs;
 use std::process::{Child, Command, Output, Stdio};
 

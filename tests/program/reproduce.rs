@@ -1,7 +1,7 @@
 //! `bdpm reproduce`: what it refuses. The quick experiment from beginning to end is
 //! `tests/check/report.rs`.
 
-use crate::program::assert_refused;
+use crate::common::program_output::assert_refused;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 

@@ -1,6 +1,6 @@
 //! `render --view`: what tev receives, and that nobody who does not listen holds up or fails a render.
 
-use crate::program::{json, text};
+use crate::common::program_output::{json, text};
 use bdpm::image_io::read_exr;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};

@@ -1,7 +1,7 @@
 //! The two intersection backends against each other and against geometry that is known.
 #![cfg(feature = "embree")]
 
-use crate::shapes::{Mesh, Random, room};
+use crate::common::shapes::{Mesh, Random, room};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device};
 use bdpm::accel::{Coherence, Hit, Intersect, Ray};

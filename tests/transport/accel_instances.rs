@@ -1,7 +1,7 @@
 //! Meshes at several places: Embree's instances against the BVH, which holds a copy at each place.
 #![cfg(feature = "embree")]
 
-use crate::shapes::{Mesh, Random};
+use crate::common::shapes::{Mesh, Random};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
 use bdpm::accel::{Coherence, Geometry, Hit, Instance, Intersect, MeshError, Ray};

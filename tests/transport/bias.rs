@@ -1,6 +1,6 @@
 //! The merge bias that is taken off: what is told beyond half the radii, and what becomes of images.
 
-use crate::boxes::named;
+use crate::common::boxes::named;
 use crate::common::{accel, furnished_box, settings};
 use bdpm::film::annulus::FOLDS;
 use bdpm::film::radiance::luminance;

@@ -1,8 +1,8 @@
 //! Light paths that start where they bring more: the same means, less noise, and the same image anywhere.
 
-use crate::boxes;
+use crate::common::boxes;
+use crate::common::strategies::{ALL, assert_same_guided};
 use crate::common::*;
-use crate::strategies::{ALL, assert_same_guided};
 use bdpm::noise::Measure;
 use bdpm::noise::film::BatchGrain;
 use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
@@ -101,7 +101,7 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
 }
 
 fn daylight() -> Arc<Scene> {
-    crate::committed::small("daylight").0
+    crate::common::committed::small("daylight").0
 }
 
 #[test]

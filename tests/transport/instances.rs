@@ -1,7 +1,7 @@
 //! Scenes that hold meshes once for several places against scenes that hold a copy at each.
 
+use crate::common::shapes::Random;
 use crate::common::*;
-use crate::shapes::Random;
 use bdpm::accel::{Intersect, Ray};
 use bdpm::base::math::luminance;
 use bdpm::import::load;

@@ -1,9 +1,9 @@
 //! Each kind of light: what it does to a surface by connection, by photons and by a formula, and
 //! whether both ways of direct light and the path tracer make the same of it.
 
-use crate::boxes::sun;
+use crate::common::boxes::sun;
+use crate::common::strategies::{ALL, assert_same};
 use crate::common::*;
-use crate::strategies::{ALL, assert_same};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};

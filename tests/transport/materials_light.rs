@@ -1,8 +1,8 @@
 //! Light that materials send on: the caustic of a glass ball against optics by hand and by every
 //! strategy, and the noise of each material against its prediction.
 
+use crate::common::material_noise::assert_predicted;
 use crate::common::*;
-use crate::material_noise::assert_predicted;
 use bdpm::Settings;
 use bdpm::base::math::luminance;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};

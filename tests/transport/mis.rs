@@ -1,8 +1,8 @@
 //! Paths that are found in several ways: the weights add up to 1, whatever they are. More furnaces are in
 //! `tests/check/mis.rs`.
 
+use crate::common::several_ways::*;
 use crate::common::*;
-use crate::several_ways::*;
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use bdpm::scene::{Camera, Emitter, Environment, FieldOfView, Material, Scene, Spot};

@@ -1,11 +1,11 @@
 //! The renderer against the path tracer, which shares nothing of the transport with it. The other
 //! materials are in `tests/check/reference.rs`.
 
-use crate::boxes::{self, SIDE};
+use crate::common::boxes::{self, SIDE};
 use crate::common::images::{Difference, Subject};
+use crate::common::strategies::{ALL, assert_same};
 use crate::common::table::Table;
 use crate::common::*;
-use crate::strategies::{ALL, assert_same};
 use bdpm::Settings;
 use bdpm::settings::Direct::{Connect, PhotonMap};
 

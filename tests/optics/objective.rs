@@ -1,30 +1,15 @@
 //! Sensors behind lenses of glass: one element against the ideal thin lens, an objective of six
 //! against exact rays through its prescription.
 
-mod common;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/lens.rs"]
-mod lens;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/mesh.rs"]
-mod mesh;
-mod optics;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/profile.rs"]
-mod profile;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/shapes.rs"]
-mod shapes;
-
+use super::sequential::{Ray, arrival, image, paraxial};
+use super::{Picture, loaded};
+use crate::common::*;
+use crate::make_scenes::lens::{self, DOUBLE_GAUSS, Surface};
 use bdpm::Settings;
 use bdpm::import::load;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Optics};
-use common::*;
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
-use lens::{DOUBLE_GAUSS, Surface};
-use optics::sequential::{Ray, arrival, image, paraxial};
-use optics::{Picture, loaded};
 use std::f64::consts::PI;
 use std::path::Path;
 

@@ -1,12 +1,9 @@
 //! The pure-Rust BVH against brute force and against what is known; needs no Embree.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
+use crate::shapes::{Mesh, Random, coherent_rays, room};
 use bdpm::accel::bvh::{Bvh, BvhError};
 use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{DVec3, Vec3, Vec3Swizzles};
-use shapes::{Mesh, Random, coherent_rays, room};
 
 fn bvh(meshes: &[Mesh]) -> Bvh {
     Bvh::build(&meshes.iter().map(Mesh::view).collect::<Vec<_>>()).unwrap()

@@ -1,7 +1,5 @@
 //! What the program printed, for the tests of its subcommands.
 
-#![allow(dead_code)] // no test uses all of it
-
 use serde_json::Value;
 use std::process::Output;
 
