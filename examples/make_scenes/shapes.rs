@@ -20,7 +20,7 @@ pub fn cuboid(min: DVec3, max: DVec3) -> Mesh {
     cuboid_without(min, max, &[])
 }
 
-/// A box without some sides: those that stand on something, or that nobody sees.
+/// A box without some sides: those that stand on something or are never seen.
 pub fn cuboid_without(min: DVec3, max: DVec3, missing: &[Side]) -> Mesh {
     // Bits of a corner's number: 1 for right, 2 for top, 4 for front.
     let corner = |i: usize| {

@@ -31,7 +31,7 @@ fn brute_force(meshes: &[Mesh], ray: &Ray) -> Option<f64> {
 }
 
 #[test]
-fn agrees_with_brute_force() {
+fn closest_hits_agree_with_brute_force() {
     let soup = Mesh::soup(300, &mut Random(1));
     for meshes in [room(), vec![Mesh::bumpy_ball(9), soup]] {
         let tree = bvh(&meshes);
@@ -76,7 +76,7 @@ fn batches_answer_as_single_rays_do() {
 }
 
 #[test]
-fn an_empty_tree_is_hit_by_nothing() {
+fn empty_tree_has_no_hits() {
     for tree in [bvh(&[]), bvh(&[Mesh::default()])] {
         let ray = Ray::new(Vec3::ZERO, Vec3::ONE);
         assert_eq!(tree.closest_hit(&ray), Hit::MISS);

@@ -117,7 +117,7 @@ fn every_packet_width_gives_the_same_answers() {
 }
 
 #[test]
-fn an_empty_scene_is_hit_by_nothing() {
+fn empty_scene_has_no_hits() {
     let empty = scene(&[]);
     let no_triangles = scene(&[Mesh::default(), Mesh { triangles: vec![], ..Mesh::bumpy_ball(3) }]);
     for scene in [empty, no_triangles] {

@@ -58,6 +58,6 @@ fn the_combined_image_of_automatic_counts_is_unbiased() {
     let predicted = Estimate::from_samples(&predicted);
     println!("scatter {scatter}, predicted {predicted:?}");
     // 48 seeds: a sample variance with a relative standard error of about 1/sqrt(24) per
-    // independent pixel, of which there are at least some 10.
+    // independent pixel, and at least some 10 are independent.
     assert!((scatter / predicted.mean - 1.0).abs() < 0.25, "{scatter} {predicted:?}");
 }

@@ -1,6 +1,6 @@
-//! What `make test` has no time for: the long statistical tables, of which it has a case or two in a
-//! module of the same name, the paper's experiment, and a page of a render. `make check` runs the tables,
-//! `make check-report` the others.
+//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and a page of a
+//! render. `make check` runs the tables, `make check-report` the others. The suite has a case or two of
+//! each table in a module of the same name.
 
 #[path = "../common/mod.rs"]
 mod common;

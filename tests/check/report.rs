@@ -22,7 +22,7 @@ fn numbers(name: &str, value: &Value, visit: &mut impl FnMut(&str, f64)) {
         Value::Object(fields) => fields.iter().for_each(|(key, v)| numbers(key, v, visit)),
         Value::Array(items) => items.iter().for_each(|item| numbers(name, item, visit)),
         Value::Number(number) => visit(name, number.as_f64().unwrap()),
-        // What is not finite is written as null.
+        // Values that are not finite are written as null.
         Value::Null => {
             assert!(["error", "implied", "processor"].contains(&name), "{name} is null");
         }

@@ -169,10 +169,10 @@ pub fn settings(width: u32, height: u32) -> Settings {
     }
 }
 
-/// Stands for a merge vertex where paths are found in several ways.
+/// Stands for a merge vertex; paths are sampled by several techniques.
 pub const MIS: u32 = 0;
 
-/// The same settings, where the merge vertex may be [`MIS`].
+/// Replaces the merge vertex [`MIS`] by multiple importance sampling over all vertices.
 pub fn by_way(settings: Settings) -> Settings {
     if settings.merge_vertex != MIS {
         return settings;

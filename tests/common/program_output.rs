@@ -1,4 +1,4 @@
-//! What the program printed, for the tests of its subcommands.
+//! Output of the program, for the tests of its subcommands.
 
 use serde_json::Value;
 use std::process::Output;

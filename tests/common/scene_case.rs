@@ -124,7 +124,7 @@ impl Case {
         let image = renderer.noise_image().unwrap();
         let summary = NoiseSummary::new(&image, region);
         let [pooled, mean] = [&summary.pooled_rms, &summary.mean_rms].map(|compared| {
-            // Of the variance.
+            // Deviation of the variance, with its standard error.
             (compared.ratio.corrected.powi(2) - 1.0, 2.0 * compared.ratio.error)
         });
         println!("{} noise: mean {mean:+.4?}, pooled {pooled:+.4?}", self.name);

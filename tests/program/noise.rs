@@ -94,7 +94,7 @@ fn the_table_has_every_row_and_quiet_has_none() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_before_the_work() {
+fn impossible_measurements_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("noise.exr");
     for (arguments, problem, advice) in [

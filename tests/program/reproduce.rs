@@ -12,7 +12,7 @@ fn reproduce(output: &Path, more: &[&str]) -> Output {
 }
 
 #[test]
-fn wrong_wishes_are_refused_before_anything_is_rendered() {
+fn invalid_options_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("new");
     for option in ["--light-paths", "--camera-paths"] {

@@ -35,7 +35,7 @@ fn named(code: TokenStream, depth: usize) -> Vec<Named> {
     found
 }
 
-/// What the path names at the root that begins with `first`, `depth` modules below it, and goes on
+/// Names at the root of the path that begins with `first`, `depth` modules below the root, and goes on
 /// as `rest`.
 fn at_root(first: &Ident, mut rest: &[TokenTree], depth: usize) -> Vec<Named> {
     let mut above = match first.to_string().as_str() {

@@ -121,7 +121,7 @@ fn a_shared_mesh_is_held_once() {
 }
 
 #[test]
-fn places_that_numbers_do_not_reach_are_refused() {
+fn instances_out_of_the_range_of_f32_are_refused() {
     let meshes = [Mesh::bumpy_ball(9)];
     let refused = |to_scene| {
         let mut builder = device().scene_builder().unwrap();

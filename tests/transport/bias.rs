@@ -1,4 +1,4 @@
-//! The merge bias that is taken off: what is told beyond half the radii, and what becomes of images.
+//! Correction of the merge bias: the contribution of the outer annulus, and the corrected images.
 
 use crate::common::boxes::named;
 use crate::common::{accel, furnished_box, settings};
@@ -21,8 +21,8 @@ fn rendered<'a>(from: &Renderer, settings: Settings, iterations: u64) -> Rendere
     renderer
 }
 
-/// Root of the mean square of what is told beyond half the radii less what images at the radii and at half of them
-/// differ by, from the same photons; over that of the difference.
+/// Root mean square error of the outer annulus's contribution, relative to that contribution. The truth is the
+/// difference of two images from the same photons, at the radii and at half the radii.
 fn amiss(scene: &Arc<Scene>, settings: &Settings) -> f64 {
     let accel = accel(scene);
     let from = Renderer::new(scene, &accel, settings.clone()).unwrap();
@@ -45,7 +45,7 @@ fn amiss(scene: &Arc<Scene>, settings: &Settings) -> f64 {
 }
 
 #[test]
-fn what_is_told_beyond_half_the_radii_is_what_images_differ_by() {
+fn outer_annulus_matches_the_difference_of_two_radii() {
     let start = Settings { radius: 0.2, caustic_radius: 0.1, ..settings(20, 15) };
     let single = |merge_vertex, direct| Settings { merge_vertex, direct, ..start.clone() };
     for (scene, settings) in [
@@ -64,7 +64,7 @@ fn what_is_told_beyond_half_the_radii_is_what_images_differ_by() {
 }
 
 #[test]
-fn images_are_the_same_but_for_what_is_taken_off() {
+fn images_differ_only_by_the_correction() {
     let scene = named("mirror-ball");
     let accel = accel(&scene);
     let start = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(20, 15) };
@@ -88,7 +88,7 @@ fn images_are_the_same_but_for_what_is_taken_off() {
 }
 
 #[test]
-fn images_come_nearer_to_the_truth_and_tell_how_near() {
+fn corrected_images_have_smaller_errors_and_report_them() {
     let scene = furnished_box();
     let accel = accel(&scene);
     // Discs lose a lot along edges within a wide radius.

@@ -45,7 +45,7 @@ fn irradiance(spot: &Spot, at: Vec3) -> f64 {
 }
 
 #[test]
-fn spots_and_suns_light_a_plane_as_they_say() {
+fn spots_and_suns_light_a_plane_as_documented() {
     let radiance = f64::from(ALBEDO) / PI;
     let sun_irradiance = 3.0 * 0.7 / 0.78f64.sqrt();
     // On the axis, in the falloff, and everywhere for the sun.
@@ -76,7 +76,7 @@ fn spots_and_suns_light_a_plane_as_they_say() {
 }
 
 #[test]
-fn what_lies_beyond_a_spots_cone_is_dark() {
+fn outside_of_a_spots_cone_is_dark() {
     let scene = lit_plane(Emitter::Spot(spot()), Vec3::new(-2.0, 0.0, 0.0));
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {

@@ -57,7 +57,7 @@ fn caustic_flux(radius: f64) -> f64 {
             let reflected = 0.5 * (s * s + p * p);
             let mirror = direction + 2.0 * cos * normal;
             let through = direction / eta + (cos / eta - cos_t) * normal;
-            // What leaves the ball, and what goes on inside it.
+            // Light that leaves the ball, and light that goes on inside it.
             let (out, out_share, inner, inner_share) = if inside {
                 (through, 1.0 - reflected, mirror, reflected)
             } else {

@@ -33,7 +33,7 @@ fn pictures_of_everything_in_a_box() {
 
 /// The tables are what the path tracer finds.
 #[test]
-fn the_path_tracer_finds_its_tables_again() {
+fn path_tracer_reproduces_its_tables() {
     for name in ["box", "glass-ball", "window"] {
         let scene = &boxes::named(name);
         let settings = &Settings { seed: 7, ..settings(SIDE, SIDE) };
