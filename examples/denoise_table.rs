@@ -137,8 +137,8 @@ fn reference(
     };
     let path = args.folder.join(format!("{}-{}.ckpt", scene.name, args.side));
     let mut renderer = Renderer::new(scene, &accel, settings)?;
-    if let Ok(checkpoint) = Checkpoint::load(&path) {
-        renderer.resume(checkpoint.blocks.into_owned())?;
+    if let Ok(mut checkpoint) = Checkpoint::load(&path) {
+        renderer.resume(checkpoint.take_partial())?;
     }
     while renderer.iterations() < n {
         renderer.iterate(Measure::Off);

@@ -16,12 +16,12 @@ trap 'rm -rf "$folder"' EXIT
 variants=(
   "--merge-vertex 1"
   "--merge-vertex 2"
-  "--strategy mis"
+  "--merge-vertex 2 --strategy mis"
   "--merge-vertex 1 --direct photon-map"
   "--merge-vertex 2 --kernel disc"
-  "--strategy mis --kernel disc --accel bvh"
+  "--merge-vertex 2 --strategy mis --kernel disc --accel bvh"
   "--merge-vertex 2 --bias reduce --layers none"
-  "--strategy mis --guide 8"
+  "--merge-vertex 2 --strategy mis --guide 8"
 )
 counts="--resolution ${RESOLUTION:-64x48} --iterations ${ITERATIONS:-4} --light-paths ${LIGHT_PATHS:-20000}"
 equal=0 different=0

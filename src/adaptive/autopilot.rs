@@ -174,7 +174,8 @@ impl Autopilot {
         let standing = self.standing(renderer);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
-        let times = self.times.map(|times| times.scaled(f64::from(renderer.ranks()).recip()));
+        let times =
+            self.times.map(|times| times.scaled(f64::from(renderer.config().ranks).recip()));
         let model = times.unwrap_or_else(|| scaled(&self.state.sampled, blocks));
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
@@ -198,7 +199,7 @@ impl Autopilot {
             let share =
                 // theory.md (86), (90)
                 rest.map_or(f64::INFINITY, |rest| {
-                    rest.seconds / least_iterations_after_choice(renderer.ranks())
+                    rest.seconds / least_iterations_after_choice(renderer.config().ranks)
                 });
             longest = share.max(least);
         }

@@ -192,14 +192,14 @@ impl Convergence {
         let film = blocks.last().map(|block| &block.film);
         let own = film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
         let of_all = match blocks {
-            [_] if combined.reduction().is_none() => {
+            [_] if combined.bias_correction().is_none() => {
                 own.as_ref().map(|(variance, _)| variance.clone())
             }
             _ => combined.variance_of_mean(),
         };
-        let bias2 = combined.reduction().map(|reduction| mean_of(&reduction.bias2).max(0.0));
+        let bias2 = combined.bias_correction().map(|reduction| mean_of(&reduction.bias2).max(0.0));
         // An iteration leaves the less of its noise, the more of that is taken off.
-        let shown = match (combined.reduction(), combined.uncorrected_variance()) {
+        let shown = match (combined.bias_correction(), combined.uncorrected_variance()) {
             (Some(_), Some(merged)) => {
                 let all = mean_of(&merged);
                 of_all.as_deref().map_or(1.0, |of_all| mean_of(of_all) / all)

@@ -120,7 +120,7 @@ pub fn run(args: &Args) -> Result<String> {
         progress.note("note: standard errors take at least 32 iterations");
     }
 
-    let noise = state.renderer.noise_image()?;
+    let noise = state.renderer.block().noise_image()?;
     let pixels = region::pixels(&region, &noise)?;
     let start = Instant::now();
     let settings = &state.provenance.settings;

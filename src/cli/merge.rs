@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> Result<String> {
         return Err(Error::new("the parts hold no iteration", "render them first"));
     }
     let mut writer = Writer::new(outputs, &[]);
-    let shown = (&image, checkpoint.features.as_deref());
+    let shown = (&image, &*checkpoint.shared);
     writer.save(&checkpoint.origin, shown, None, &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {

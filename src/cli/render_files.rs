@@ -7,13 +7,13 @@ use super::render::Args;
 use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
 use bdpm::base::file_id::FileId;
-use bdpm::film::aov::FeatureBuffers;
 use bdpm::image_io;
 use bdpm::image_io::{Image, Layer, Value};
 use bdpm::job::RenderState;
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
+use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::provenance::Provenance;
 use std::path::PathBuf;
@@ -153,14 +153,14 @@ impl Writer {
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
     ) {
-        self.save(&state.provenance, (image, state.features()), denoised, attempts);
+        self.save(&state.provenance, (image, state.renderer.shared()), denoised, attempts);
     }
 
     /// Writes an image and its preview, which shows the denoised image if there is one.
     pub fn save(
         &mut self,
         provenance: &Provenance,
-        (combined, features): (&CombinedImage, Option<&FeatureBuffers>),
+        (combined, shared): (&CombinedImage, &SharedStatistics),
         denoised: Option<&Denoised>,
         attempts: &mut Attempts,
     ) {
@@ -171,7 +171,7 @@ impl Writer {
         if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        layers.extend(self.layers.of(features, combined, &pixels));
+        layers.extend(self.layers.of(shared, combined, &pixels));
         layers.extend(denoised.into_iter().flat_map(denoise::layers));
         let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = provenance.to_metadata();

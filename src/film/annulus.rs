@@ -1,144 +1,107 @@
-//! What merges beyond half the merge radii bring to each pixel, summed up so that the bias which they add can be told
-//! from their noise: theory.md, section 17a.
-//!
-//! All sums are stored as those of the image are: tile after tile, rows within a tile.
+//! Contribution of photons in the outer annulus of the merge disc, between half the radius and the
+//! radius. Its moments separate the merge bias of each pixel from its noise: theory.md, section 17a.
 
-use super::radiance::{Tile, luminance};
+use super::folds::FoldedStatistic;
+use super::radiance::luminance;
+use super::statistic::{PixelSample, StatisticRequest};
+use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
-use crate::settings::policy::{LEFT_AT_HALF, LEFT_AT_HALF_OF_DISCS};
-use crate::settings::{Kernel, Settings};
-use glam::DVec3;
+use crate::settings::{Bias, Kernel, Settings};
 use serde::{Deserialize, Serialize};
 
-/// Classes of photons, each with its merge radius.
-const CLASSES: usize = 2;
+/// Photon classes, each with its own merge radius.
+pub const CLASSES: usize = 2;
 
-/// Iterations are dealt out to so many parts in turn: what one tells of the bias is taken off the other.
+/// Folds of the iterations: the bias that is estimated from one fold is subtracted from the other.
 pub const FOLDS: usize = 2;
 
-/// Sums over iterations of what photons of one class bring.
+/// Sums over iterations of the contribution of one photon class.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Moments {
-    /// Of the radiance beyond half the radius, W/(m^2 sr).
+pub struct AnnulusMoments {
+    /// Sum of the radiance from the annulus, W/(m^2 sr).
     pub sum: Rgb,
-    /// Of the square of its luminance.
+    /// Sum of the square of its luminance.
     pub squares: f32,
-    /// Of the product of its luminance with that of the pixel's value.
+    /// Sum of the product of its luminance and the luminance of the pixel's value.
     pub products: f32,
 }
 
-/// Sums over the iterations of one side.
+/// Sums over the iterations of one fold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Side {
-    /// Of the luminance of the pixel's value, W/(m^2 sr).
+pub struct FoldSums {
+    /// Sum of the luminance of the pixel's value, W/(m^2 sr).
     pub value: f32,
-    /// By class of photons.
-    pub classes: [Moments; CLASSES],
+    /// Moments of the annulus, by photon class.
+    pub classes: [AnnulusMoments; CLASSES],
 }
 
-/// Sums of all pixels of a block.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Annulus {
-    pixels: Vec<[Side; FOLDS]>,
-    iterations: [u64; FOLDS],
-    /// The bias that is left at half the radius over that beyond it, by class of photons, as is typical.
-    pub left_at_half: [f64; CLASSES],
-}
-
-/// Those of a tile under way.
-#[derive(Debug)]
-pub struct AnnulusTile<'a> {
-    side: usize,
-    pixels: &'a mut [[Side; FOLDS]],
-}
-
-/// The bias that is typically left at half the radius, over that beyond it, by class of photons.
-pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
-    match kernel {
-        Kernel::Area => LEFT_AT_HALF,
-        Kernel::Disc => LEFT_AT_HALF_OF_DISCS,
-    }
-}
-
-impl AnnulusTile<'_> {
-    /// Adds an iteration's value to the pixel of this number within the tile, and the part of it beyond half the radii.
+impl Accumulate for FoldSums {
     #[inline]
-    pub fn add(&mut self, pixel: usize, value: DVec3, beyond: [DVec3; CLASSES]) {
-        if !beyond.iter().all(|beyond| beyond.is_finite()) {
+    fn add_sample(&mut self, sample: &PixelSample) {
+        let Some(annulus) = sample.annulus else { return };
+        if !annulus.iter().all(|radiance| radiance.is_finite()) {
             return;
         }
-        let side = &mut self.pixels[pixel][self.side];
-        let value = luminance(value);
-        side.value += value as f32;
-        for (moments, beyond) in side.classes.iter_mut().zip(beyond) {
-            let own = luminance(beyond);
-            moments.sum += beyond.as_vec3();
+        let value = luminance(sample.value);
+        self.value += value as f32;
+        for (moments, radiance) in self.classes.iter_mut().zip(annulus) {
+            let own = luminance(radiance);
+            moments.sum += radiance.as_vec3();
             moments.squares += (own * own) as f32;
             moments.products += (own * value) as f32;
         }
     }
+
+    fn merge(&mut self, other: &Self) {
+        self.value += other.value;
+        for (own, other) in self.classes.iter_mut().zip(&other.classes) {
+            own.sum += other.sum;
+            own.squares += other.squares;
+            own.products += other.products;
+        }
+    }
 }
 
-impl Annulus {
-    /// Bytes of a pixel.
-    pub const BYTES: usize = FOLDS * size_of::<Side>();
-
-    /// Of no iteration, at these settings.
-    pub fn new(pixels: usize, settings: &Settings) -> Self {
-        let left_at_half = left_at_half(settings.kernel);
-        let pixels = vec![<[Side; FOLDS]>::default(); pixels];
-        Self { pixels, iterations: [0; FOLDS], left_at_half }
+/// Typical merge bias at half the radius, relative to the contribution of the annulus, by photon class.
+///
+/// Caustics and the disc kernel are fitted to renders with known bias. A disc at a distance of less than
+/// the radius from an edge loses a part that does not depend on the radius. The other value follows from
+/// `TYPICAL_FALL` of the settings.
+pub fn left_at_half(kernel: Kernel) -> [f64; CLASSES] {
+    match kernel {
+        Kernel::Area => [0.7, 0.547],
+        Kernel::Disc => [0.7, 1.2],
     }
+}
 
-    /// Whether it fits an image of so many pixels.
-    pub fn fits(&self, pixels: usize) -> bool {
-        self.pixels.len() == pixels
-    }
-
-    /// Tiles to add the iteration of this number, among those of all blocks, to.
-    pub(crate) fn tiles_mut(
-        &mut self,
-        tiles: impl Iterator<Item = Tile>,
-        iteration: u64,
-    ) -> Vec<AnnulusTile<'_>> {
-        let side = Self::side(iteration);
-        let mut rest = &mut self.pixels[..];
-        let take = |tile: Tile| {
-            let pixels = rest.split_off_mut(..tile.len()).expect("there are as many");
-            AnnulusTile { side, pixels }
-        };
-        tiles.map(take).collect()
-    }
-
-    /// Takes note that all tiles have it.
-    pub(crate) fn end_iteration(&mut self, iteration: u64) {
-        self.iterations[Self::side(iteration)] += 1;
-    }
-
-    fn side(iteration: u64) -> usize {
-        (iteration % FOLDS as u64) as usize
-    }
-
-    /// Iterations of each side.
-    pub fn iterations(&self) -> [u64; FOLDS] {
-        self.iterations
-    }
-
-    /// Sums of each pixel, as they are stored.
-    pub fn pixels(&self) -> &[[Side; FOLDS]] {
-        &self.pixels
-    }
-
-    /// Adds those of other iterations.
-    pub(crate) fn merge(&mut self, other: &Self) {
-        for (own, new) in self.pixels.iter_mut().flatten().zip(other.pixels.iter().flatten()) {
-            own.value += new.value;
-            for (own, new) in own.classes.iter_mut().zip(&new.classes) {
-                own.sum += new.sum;
-                own.squares += new.squares;
-                own.products += new.products;
-            }
+impl FoldedStatistic for FoldSums {
+    fn folds(request: &StatisticRequest) -> usize {
+        match request.settings.bias {
+            Bias::Reduce => FOLDS,
+            Bias::Keep => 0,
         }
-        self.iterations.iter_mut().zip(other.iterations).for_each(|(n, m)| *n += m);
+    }
+
+    fn is_possible(folds: usize, settings: &Settings) -> bool {
+        folds == if settings.bias == Bias::Reduce { FOLDS } else { 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn annulus_that_is_not_finite_is_left_out() {
+        let mut sums = FoldSums::default();
+        let value = DVec3::splat(2.0);
+        for annulus in [[DVec3::splat(0.5), DVec3::ZERO], [DVec3::NAN, DVec3::ONE]] {
+            sums.add_sample(&PixelSample { value, annulus: Some(annulus), aovs: None });
+        }
+        assert_eq!(sums.value, 2.0);
+        let AnnulusMoments { sum, squares, products } = sums.classes[0];
+        assert_eq!((sum.x, squares, products), (0.5, 0.25, 1.0));
+        assert_eq!(sums.classes[1], AnnulusMoments::default());
     }
 }

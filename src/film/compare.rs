@@ -1,4 +1,4 @@
-//! How far two images are apart.
+//! Differences between two images.
 
 use super::radiance::luminance;
 use crate::base::error::{Error, Result};
@@ -17,12 +17,12 @@ pub struct Comparison {
     /// Root of the mean squared difference of luminance, W/(m^2 sr).
     /// theory.md (95).
     pub rmse: f64,
-    /// Mean over pixels of `(a - b)^2 / (b^2 + 0.01 mean(b)^2)` on luminance: noise in dark parts
-    /// counts as much as in bright ones, down to a tenth of the mean. `None` if `b` is black.
+    /// Mean over pixels of `(a - b)^2 / (b^2 + 0.01 mean(b)^2)` on luminance: noise in dark regions
+    /// has the same weight as in bright ones, down to a tenth of the mean. `None` if `b` is black.
     pub relative_mse: Option<f64>,
-    /// Largest absolute difference in any channel, W/(m^2 sr); 0 only for equal images.
+    /// Maximum absolute difference in any channel, W/(m^2 sr); 0 only for equal images.
     pub max_difference: f64,
-    /// Column and row of the first pixel that has it.
+    /// Column and row of the first pixel with the maximum difference.
     pub max_pixel: [u32; 2],
     /// Pixels of `a` with a value that is not finite.
     pub non_finite_a: usize,
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_differences() {
+    fn differences_of_small_images_match_hand_calculation() {
         let b = [Rgb::splat(1.0), Rgb::splat(3.0), Rgb::splat(2.0), Rgb::splat(2.0)];
         let mut a = b;
         let equal = compare((&a, (2, 2)), (&b, (2, 2))).unwrap();
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_of_hue_alone_is_seen() {
+    fn change_of_hue_at_equal_luminance_is_reported() {
         // Luminance stays: 0.2126 * 0.7152 - 0.7152 * 0.2126 = 0.
         let (a, b) = ([Rgb::ONE + Rgb::new(0.7152, -0.2126, 0.0)], [Rgb::ONE]);
         let c = compare((&a, (1, 1)), (&b, (1, 1))).unwrap();
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn non_finite_pixels_are_counted_and_left_out() {
+    fn non_finite_pixels_are_counted_and_ignored() {
         let a = [Rgb::splat(f32::NAN), Rgb::ONE, Rgb::ONE];
         let b = [Rgb::ONE, Rgb::splat(f32::INFINITY), Rgb::ONE];
         let c = compare((&a, (3, 1)), (&b, (3, 1))).unwrap();
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_must_agree_and_black_has_no_ratio() {
+    fn images_of_other_sizes_are_refused_and_black_has_no_ratio() {
         let black = [Rgb::ZERO; 6];
         assert!(compare((&black, (2, 3)), (&black, (3, 2))).is_err());
         let c = compare((&black, (2, 3)), (&black, (2, 3))).unwrap();

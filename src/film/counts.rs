@@ -1,10 +1,10 @@
-//! How many light paths and camera paths an iteration takes.
+//! Numbers of light paths and camera paths of an iteration.
 
 use crate::base::error::Result;
 use crate::settings::{Settings, check_camera_paths, check_light_paths};
 use serde::{Deserialize, Serialize};
 
-/// The two counts that decide about noise and time, and about nothing else.
+/// Numbers of paths of one iteration. They determine the noise and the time, but not the bias.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
     /// Light paths emitted per iteration, `N_F`.
@@ -13,22 +13,23 @@ pub struct Counts {
     pub camera_paths: CameraCounts,
 }
 
-/// `N_B`, the same everywhere or for each pixel.
+/// Camera paths per pixel and iteration, `N_B`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum CameraCounts {
-    /// Every pixel takes as many.
+    /// The number is the same for all pixels.
     Uniform(u32),
-    /// `N_B(p)`, row by row.
+    /// One number for each pixel, in row order.
     PerPixel(Vec<u32>),
 }
 
 impl Counts {
-    /// The same number of camera paths in every pixel.
+    /// Equal numbers of camera paths for every pixel.
     pub fn uniform(light_paths: u32, camera_paths: u32) -> Self {
         Self { light_paths, camera_paths: CameraCounts::Uniform(camera_paths) }
     }
 
-    /// Whether noise coefficients can be measured: that takes two paths of each kind in each pixel.
+    /// Whether noise coefficients can be measured, which needs two light paths and two camera paths in
+    /// each pixel.
     pub fn can_measure(&self) -> bool {
         self.light_paths >= 2 && self.camera_paths.least() >= 2
     }
@@ -50,7 +51,7 @@ impl Counts {
 }
 
 impl CameraCounts {
-    /// Camera paths of the pixel with this index, row by row.
+    /// Camera paths of the pixel with this index in row order.
     #[inline]
     pub fn at(&self, pixel: usize) -> u32 {
         match self {
@@ -70,7 +71,7 @@ impl CameraCounts {
         }
     }
 
-    /// The least of any pixel.
+    /// Minimum over pixels.
     pub fn least(&self) -> u32 {
         match self {
             Self::Uniform(count) => *count,
@@ -78,7 +79,7 @@ impl CameraCounts {
         }
     }
 
-    /// The greatest of any pixel.
+    /// Maximum over pixels.
     pub fn most(&self) -> u32 {
         match self {
             Self::Uniform(count) => *count,

@@ -1,10 +1,15 @@
-//! The image under way: sums of its pixels, paths to take for each, times of the phases.
+//! Per-pixel sums of the image and of everything that is kept beside it, and path counts.
 
 pub mod annulus;
+pub mod aov;
 pub mod compare;
 pub mod counts;
-pub mod radiance;
-pub mod aov;
+pub mod features;
+pub mod folds;
+pub mod light_components;
 mod phase_times;
+pub mod radiance;
+pub mod statistic;
+pub mod tiled_buffer;
 
 pub use phase_times::PhaseTimes;

@@ -3,16 +3,16 @@
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Busy time of the phases, summed over threads, and wall-clock time of the whole iteration.
+/// Busy times of the phases, summed over threads, and wall-clock time of an iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PhaseTimes {
     /// Tracing light paths and building the photon map.
     pub light: Duration,
     /// Tracing camera paths with their direct light.
     pub camera: Duration,
-    /// Look-ups, merging and statistics.
+    /// Photon map queries, merging and statistics.
     pub merge: Duration,
-    /// Wall-clock time from beginning to end.
+    /// Wall-clock time of the whole iteration.
     pub wall: Duration,
 }
 

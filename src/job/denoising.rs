@@ -3,7 +3,7 @@
 use crate::adaptive::stopping::Stop;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::film::aov::PARTS;
+use crate::film::folds::DENOISE_FOLDS;
 use crate::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
 use crate::render::Renderer;
 use crate::render::block::CombinedImage;
@@ -78,7 +78,7 @@ impl Denoising {
         // The first run also reads the library's weights.
         let (first, run) = (timed()?, timed()?);
         let most = |time: Duration| time.mul_f64(DENOISE_SHARE).div_duration_f64(run) as usize;
-        let parts = time.map_or(PARTS, |time| fitting(most(time).saturating_sub(1)));
+        let parts = time.map_or(DENOISE_FOLDS, |time| fitting(most(time).saturating_sub(1)));
         Ok(Self {
             oidn: Mutex::new(oidn),
             size,
@@ -127,7 +127,7 @@ impl Denoising {
         // Where guides have to be denoised as well, as many parts as take no longer; unless time does not matter.
         let fewer = if self.is_timed { fitting(parts / NOISY) } else { parts };
         let parts = |clean: bool| if clean { parts } else { fewer };
-        let denoised = denoise(image, renderer.features(), parts, run);
+        let denoised = denoise(image, renderer.shared().features.as_ref(), parts, run);
         self.time += start.elapsed();
         denoised
     }
@@ -187,5 +187,5 @@ const NOISY: usize = 3;
 
 /// The most parts up to so many that tell an error.
 fn fitting(most: usize) -> usize {
-    [PARTS, PARTS / 2].into_iter().find(|parts| *parts <= most).unwrap_or(0)
+    [DENOISE_FOLDS, DENOISE_FOLDS / 2].into_iter().find(|parts| *parts <= most).unwrap_or(0)
 }

@@ -54,7 +54,7 @@ fn iterate(
     let reports = match leader {
         Some(leader) => leader.round(state)?,
         None => {
-            let number = renderer.next();
+            let number = renderer.next_iteration();
             vec![(threads.install(|| renderer.iterate(measure)), number)]
         }
     };

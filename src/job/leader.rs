@@ -5,13 +5,11 @@ use super::state::{RenderState, Totals};
 use crate::adaptive::stopping::Stop;
 use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
-use crate::film::aov::AovSelection;
 use crate::film::counts::Counts;
 use crate::mpi;
 use crate::mpi::{Exchange, Ranks};
-use crate::noise::film::BatchGrain;
 use crate::noise::schedule::MeasureSchedule;
-use crate::render::{IterationReport, Renderer, Sums};
+use crate::render::{IterationReport, PartialRender, RenderConfig, Renderer};
 use crate::settings::Settings;
 use crate::settings::provenance::{Provenance, Reuse};
 use rayon::ThreadPool;
@@ -41,8 +39,7 @@ pub(super) type Ready = std::result::Result<Provenance, String>;
 pub(super) struct RenderSetup {
     pub backend: String,
     pub settings: Settings,
-    pub grain: BatchGrain,
-    pub kept: AovSelection,
+    pub config: RenderConfig,
 }
 
 /// What all processes render next.
@@ -58,7 +55,7 @@ pub(super) struct Round {
 /// Sums of a round.
 #[derive(Default, Serialize, Deserialize)]
 pub(super) struct WorkerResult {
-    pub sums: Sums,
+    pub sums: PartialRender,
     pub totals: Totals,
     /// Whether any process was interrupted.
     pub is_interrupted: bool,
@@ -68,7 +65,7 @@ impl WorkerResult {
     pub fn add(&mut self, other: Self) -> Result<()> {
         self.totals.join(&other.totals);
         self.is_interrupted |= other.is_interrupted;
-        self.sums.add(other.sums)
+        self.sums.merge(other.sums)
     }
 }
 
@@ -81,10 +78,10 @@ pub(super) fn render_assigned(
     is_over: impl Fn() -> bool,
 ) -> Vec<(IterationReport, u64)> {
     let count = assigned.count();
-    renderer.share(assigned);
+    renderer.assign(assigned);
     let mut reports = Vec::new();
     for _ in 0..count {
-        let number = renderer.next();
+        let number = renderer.next_iteration();
         let measure = schedule.measure(renderer.block_iteration(), &renderer.block().counts);
         reports.push((threads.install(|| renderer.iterate(measure)), number));
         if is_over() {
@@ -143,9 +140,9 @@ impl<'a> Leader<'a> {
     }
 
     /// Sends all workers how to render.
-    pub fn set_up(&self, made: &Provenance, grain: BatchGrain, kept: AovSelection) -> Result<()> {
+    pub fn set_up(&self, made: &Provenance, config: RenderConfig) -> Result<()> {
         let (backend, settings) = (made.backend.clone(), made.settings.clone());
-        self.ranks.broadcast(Some(RenderSetup { backend, settings, grain, kept })).map(|_| ())
+        self.ranks.broadcast(Some(RenderSetup { backend, settings, config })).map(|_| ())
     }
 
     /// Lets all processes render their shares of the next iterations, and adds up the sums. Returns the reports of
@@ -168,14 +165,14 @@ impl<'a> Leader<'a> {
         if !reports.is_empty() {
             self.iteration_time = start.elapsed().as_secs_f64() / reports.len() as f64;
         }
-        renderer.share(all);
+        renderer.assign(all);
 
         let before = self.exchange.adding.get();
         let reduced =
             self.ranks.reduce(WorkerResult::default(), &self.exchange, WorkerResult::add)?;
         let WorkerResult { sums, totals, is_interrupted } = reduced.unwrap_or_default();
         let adding = Instant::now();
-        renderer.add_sums(sums)?;
+        renderer.add_partial(sums)?;
         let adding = self.exchange.adding.get() + adding.elapsed();
         self.exchange.adding.set(adding);
         self.adding = (adding - before).as_secs_f64();

@@ -40,8 +40,8 @@ use crate::noise::film::BatchGrain;
 use crate::noise::schedule::MeasureSchedule;
 use crate::output::checkpoint::Checkpoint;
 use crate::output::denoise::ErrorSummary;
-use crate::render::Renderer;
 use crate::render::block::Block;
+use crate::render::{RenderConfig, Renderer};
 use crate::scene::Scene;
 use crate::scene::backend;
 use crate::scene::backend::Backend;
@@ -50,6 +50,7 @@ use crate::settings::{PartialSettings, Settings};
 use crate::timing::{TimeModel, Timings};
 use leader::Leader;
 use rayon::ThreadPool;
+use shard::ShardIterations;
 use state::RunClock;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -304,7 +305,8 @@ impl RenderJob {
         }
 
         let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
-        let mut renderer = threads.install(new)?.with_ranks(ranks.count());
+        let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
+        let mut renderer = threads.install(new)?.configure(config)?;
         let mut selection = None;
         if is_automatic && matches!(self.start, Start::New) {
             let free = self.chosen_parameters();
@@ -313,8 +315,7 @@ impl RenderJob {
             provenance.settings = chosen.apply(&provenance.settings);
             stop.bias2 = chosen.best().bias.powi(2);
             let settings = provenance.settings.clone();
-            let chosen_renderer = threads.install(|| renderer.with_settings(settings))?;
-            renderer = chosen_renderer.with_ranks(ranks.count());
+            renderer = threads.install(|| renderer.with_settings(settings))?;
             selection = Some(chosen);
         }
         if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
@@ -326,16 +327,21 @@ impl RenderJob {
                 let _ = observer(Event::Warning(warning));
             }
         }
-        let grain = self.batch_grain(&provenance.settings, is_automatic)?;
-        let aovs = self.kept_aovs();
-        renderer = renderer.with_batches(grain).with_aovs(aovs)?;
+        config.grain = self.batch_grain(&provenance.settings, is_automatic)?;
+        config.aovs = self.kept_aovs();
+        renderer = renderer.configure(config)?;
         if let Some(iterations) = &iterations {
-            renderer = renderer.sharing(iterations.assigned.clone());
+            renderer.assign(iterations.assigned.clone());
         }
         let times = self.fitting_times(&provenance)?;
-        let policy = self.policy(&mut renderer, (&mut stop, selection.as_ref()), times)?;
+        let policy = self.policy(
+            &mut renderer,
+            (&mut stop, selection.as_ref()),
+            times,
+            iterations.as_ref(),
+        )?;
         if let Some(leader) = &leader {
-            leader.set_up(&provenance, grain, renderer.kept())?;
+            leader.set_up(&provenance, *renderer.config())?;
         }
         let state = RenderState {
             provenance,
@@ -467,11 +473,7 @@ impl RenderJob {
     }
 
     /// The iterations of the shard, if the job renders one.
-    fn shard_iterations(
-        &self,
-        stop: &Stop,
-        is_automatic: bool,
-    ) -> Result<Option<shard::ShardIterations>> {
+    fn shard_iterations(&self, stop: &Stop, is_automatic: bool) -> Result<Option<ShardIterations>> {
         let Some(shard) = self.shard else { return Ok(None) };
         if is_automatic {
             return Err(Error::new(
@@ -499,10 +501,10 @@ impl RenderJob {
 
     /// Layers to accumulate: those that are asked for and those that the denoiser needs.
     fn kept_aovs(&self) -> AovSelection {
-        let AovSelection { features, parts, .. } = self.aovs;
+        let AovSelection { features, folds, .. } = self.aovs;
         AovSelection {
             features: features || self.denoise,
-            parts: parts || self.denoise,
+            folds: folds || self.denoise,
             ..self.aovs
         }
     }
@@ -524,19 +526,19 @@ impl RenderJob {
         renderer: &mut Renderer,
         (stop, selection): (&mut Stop, Option<&Selection>),
         times: Option<TimeModel>,
+        iterations: Option<&ShardIterations>,
     ) -> Result<CountPolicy> {
         let mut state = None;
         let plan = match std::mem::replace(&mut self.start, Start::New) {
             Start::New => None,
             Start::Plan { plan, .. } => Some(plan),
             Start::Checkpoint { checkpoint, file } => {
-                self.check_resumed(&checkpoint, stop).map_err(|e| e.at(&file))?;
-                let checkpoint = *checkpoint;
-                let features = checkpoint.features.map(Cow::into_owned);
+                self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
+                let mut checkpoint = *checkpoint;
                 state = checkpoint.autopilot;
                 stop.bias2 = state.map_or(0.0, |state| state.bias2());
-                renderer.resume_with(checkpoint.blocks.into_owned(), features)?;
-                self.check_kept(renderer.kept()).map_err(|e| e.at(&file))?;
+                renderer.resume(checkpoint.take_partial())?;
+                self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
                 checkpoint.plan
             }
         };
@@ -564,7 +566,12 @@ impl RenderJob {
     }
 
     /// Refuses a checkpoint that cannot become what is asked for.
-    fn check_resumed(&self, checkpoint: &Checkpoint, stop: &Stop) -> Result<()> {
+    fn check_resumed(
+        &self,
+        checkpoint: &Checkpoint,
+        stop: &Stop,
+        iterations: Option<&ShardIterations>,
+    ) -> Result<()> {
         let blocks = &checkpoint.blocks[..];
         let done: u64 = blocks.iter().map(|block| block.film.iterations).sum();
         if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
@@ -574,7 +581,7 @@ impl RenderJob {
             ));
         }
         let by_tile = |block: &Block| {
-            block.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
+            block.statistics.noise.as_ref().is_some_and(|noise| noise.grain() == BatchGrain::Tile)
         };
         if self.pixel_noise && blocks.iter().any(by_tile) {
             return Err(Error::new(
@@ -582,15 +589,12 @@ impl RenderJob {
                 "resume without a noise file, or start again with it",
             ));
         }
-        match self.shard_iterations(stop, false)? {
-            Some(iterations) => iterations.check_holds(blocks),
-            None => Ok(()),
-        }
+        iterations.map_or(Ok(()), |iterations| iterations.check_holds(blocks))
     }
 
     /// Refuses layers that a checkpoint did not keep.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
-        let lacks = if self.denoise && !kept.parts {
+        let lacks = if self.denoise && !kept.folds {
             "the folds for the denoiser"
         } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
             "some of the layers"

@@ -56,7 +56,7 @@ impl RenderResult {
             (rms, 0.5 * error / rms)
         });
         // Bias that stands out from the noise is corrected already where the image is corrected.
-        let merge_bias = match image.reduction() {
+        let merge_bias = match image.bias_correction() {
             None => MergeBias::new(blocks, &image),
             Some(_) => None,
         };
@@ -83,7 +83,7 @@ impl RenderResult {
     /// Layers beside the image, as far as the job accumulated them; the denoised image with its error among them.
     pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
         let image = self.state.image();
-        let mut layers = selection.of(self.state.features(), &image, &image.mean());
+        let mut layers = selection.of(self.state.renderer.shared(), &image, &image.mean());
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         layers
     }

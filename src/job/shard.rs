@@ -89,10 +89,7 @@ impl ShardIterations {
             return Ok(());
         }
         Err(Error::new(
-            format!(
-                "the checkpoint holds iterations {others}, which are not of part {}",
-                self.shard
-            ),
+            format!("the checkpoint holds iterations {others}, which part {} has not", self.shard),
             "resume each part from its own checkpoint",
         ))
     }

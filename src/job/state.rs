@@ -7,7 +7,6 @@ use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importan
 use crate::adaptive::technique::Selection;
 use crate::base::error::Result;
 use crate::film::PhaseTimes;
-use crate::film::aov::FeatureBuffers;
 use crate::output::checkpoint::{Checkpoint, Whole};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use crate::render::block::{Block, CombinedImage};
@@ -203,11 +202,6 @@ impl RenderState {
         CombinedImage::new(blocks, self.policy.weights(blocks, &importance))
     }
 
-    /// Buffers of what is seen in each pixel, if they are kept.
-    pub fn features(&self) -> Option<&FeatureBuffers> {
-        self.renderer.features()
-    }
-
     /// The promised error or time, once there is one.
     pub fn promise(&self) -> Option<&Promise> {
         self.policy.promise()
@@ -231,7 +225,7 @@ impl RenderState {
         Checkpoint {
             origin: self.provenance.clone(),
             blocks: Cow::Borrowed(self.renderer.blocks()),
-            features: self.renderer.features().map(Cow::Borrowed),
+            shared: Cow::Borrowed(self.renderer.shared()),
             autopilot: self.policy.state(self.elapsed().as_secs_f64()),
             plan: self.policy.plan().cloned(),
             whole: self.whole,
@@ -369,7 +363,8 @@ impl RenderState {
 
 /// The block with the most measured iterations, if they suffice to estimate its noise.
 pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
-    let measured = |block: &Block| block.noise.as_ref().map_or(0, |noise| noise.iterations);
+    let measured =
+        |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
     let best = blocks.iter().max_by_key(|block| measured(block));
     best.filter(|block| measured(block) >= 2)
 }

@@ -27,14 +27,14 @@ pub(super) fn follow(
     };
     let prepared_backend = provenance.backend.clone();
     ranks.send(0, &encode(&Ready::Ok(provenance)));
-    let RenderSetup { backend, settings, grain, kept } = ranks.broadcast(None)?;
+    let RenderSetup { backend, settings, config } = ranks.broadcast(None)?;
     if backend != prepared_backend
         && let Some(backend) = Backend::named(&backend)
     {
         accel = threads.install(|| backend::build(backend, &scene))?;
     }
     let renderer = threads.install(|| Renderer::new(&scene, &accel, settings))?;
-    let mut renderer = renderer.with_batches(grain).with_aovs(kept)?.with_ranks(ranks.count());
+    let mut renderer = renderer.configure(config)?;
     let exchange = Exchange::default();
     while let Some(Round { block, schedule, numbers }) = ranks.broadcast::<Option<Round>>(None)? {
         if let Some((first, counts)) = block {
@@ -46,7 +46,8 @@ pub(super) fn follow(
         for (report, _) in render_assigned(&threads, &mut renderer, assigned, schedule, is_over) {
             totals.add(&report);
         }
-        let result = WorkerResult { sums: renderer.take_sums(), totals, is_interrupted: is_over() };
+        let result =
+            WorkerResult { sums: renderer.take_partial(), totals, is_interrupted: is_over() };
         ranks.reduce(result, &exchange, WorkerResult::add)?;
     }
     Ok(())

@@ -1,25 +1,26 @@
-//! Sums of the measured coefficients, pixel by pixel, with batches for standard errors.
-
-mod merge;
+//! Sums over measured iterations: coefficients of each pixel, with batches for standard errors.
 
 use super::Coefficients;
-use crate::film::radiance::Tile;
+pub use crate::film::statistic::BatchGrain;
+use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticRequest, StatisticTile};
+use crate::film::tiled_buffer::{TiledBuffer, tiles};
+use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 
-/// Batches of iterations, to which the measuring ones are dealt out in turn.
+/// Batches of measured iterations, which go to the batches in turn.
 pub const BATCHES: usize = 16;
 
-/// How many measuring iterations belong to each batch.
+/// Number of measured iterations of each batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BatchCounts {
-    /// Of each batch.
+    /// Iterations of each batch.
     pub iterations: [u64; BATCHES],
-    /// The batch of the one iteration that says nothing of the variance: the first.
+    /// Batch of the first iteration, which has no term in the sample variance.
     pub first: u8,
 }
 
 impl BatchCounts {
-    /// Of so many iterations that were dealt out one after another.
+    /// Counts after a number of iterations that went to the batches in turn.
     pub fn of(iterations: u64) -> Self {
         let batches = BATCHES as u64;
         let own = |batch| iterations / batches + u64::from((batch as u64) < iterations % batches);
@@ -31,38 +32,38 @@ impl BatchCounts {
         self.iterations.iter().sum()
     }
 
-    /// Iterations in a batch, and of its parts of the sample variance.
+    /// Iterations of a batch, and how many of them have a term in the sample variance.
     pub fn of_batch(&self, batch: usize) -> [f64; 2] {
         let own = self.iterations[batch];
         let first = u64::from(batch == usize::from(self.first));
         [own as f64, own.saturating_sub(first) as f64]
     }
 
-    /// Whether these are batches (they may come from a file).
+    /// Whether the counts are possible. They may come from a file.
     pub fn is_consistent(&self) -> bool {
         let first = self.iterations.get(usize::from(self.first));
         first.is_some_and(|&own| own > 0 || self.total() == 0)
     }
 
-    /// The batch of the next iteration.
+    /// Batch of the next iteration.
     fn next(&self) -> usize {
         ((u64::from(self.first) + self.total()) % BATCHES as u64) as usize
     }
 }
 
-/// What one measuring iteration says of one pixel; luminances.
+/// Result of one measured iteration for one pixel; luminances.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PixelMeasurement {
     /// Estimated coefficients.
     pub coefficients: Coefficients,
     /// The pixel's value `L_iter`.
     pub value: f64,
-    /// From the same photons: the value less that at `1/sqrt(2)` of the merge radii, and that less the value
-    /// at half of them.
+    /// Nested differences of the value from the same photons: `L(r) - L(r/sqrt 2)` and
+    /// `L(r/sqrt 2) - L(r/2)`.
     pub nested: [f64; 2],
 }
 
-/// Sums over the measuring iterations of one block of equal settings.
+/// Sums over the measured iterations of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PixelNoise {
     /// Sum of the coefficients.
@@ -73,7 +74,7 @@ pub struct PixelNoise {
     pub deviations2: f64,
     /// Sums of the nested differences.
     pub nested: [f64; 2],
-    /// Sum of the squares of the first.
+    /// Sum of the squares of the first nested difference.
     pub nested2: f64,
 }
 
@@ -89,15 +90,15 @@ pub struct BatchSums {
 }
 
 impl PixelNoise {
-    /// Adds an iteration after `before` others and returns its part of the sample variance.
+    /// Adds an iteration after `before` others and returns its term of the sample variance.
     ///
-    /// That part, `(x - mean before)^2 t/(t + 1)` at the `t + 1`-st iteration (Welford 1962), has the
-    /// variance as its expectation at every iteration but the first, and the sum of all parts is the
-    /// sum of squared deviations from the final mean.
+    /// The term, `(x - mean before)^2 t/(t + 1)` at iteration `t + 1` (Welford 1962), has the variance
+    /// as its expectation at every iteration but the first. The sum of all terms is the sum of squared
+    /// deviations from the final mean.
     /// theory.md (62).
     pub fn add(&mut self, measured: &PixelMeasurement, before: u64) -> f64 {
         let PixelMeasurement { coefficients, value, nested } = *measured;
-        let part = match before {
+        let term = match before {
             0 => 0.0,
             t => {
                 let t = t as f64;
@@ -106,10 +107,26 @@ impl PixelNoise {
         };
         self.coefficients += coefficients;
         self.value += value;
-        self.deviations2 += part;
+        self.deviations2 += term;
         self.nested.iter_mut().zip(nested).for_each(|(sum, d)| *sum += d);
         self.nested2 += nested[0].powi(2);
-        part
+        term
+    }
+
+    /// Adds the sums over other iterations and returns the term of the sample variance for the distance
+    /// of both means; `counts` are the iterations of both.
+    ///
+    /// The term, `(m_1 - m_2)^2 n_1 n_2/(n_1 + n_2)` (Chan, Golub and LeVeque 1979), has the variance
+    /// as its expectation. It stands for the first of the other iterations, which had no term.
+    /// theory.md (62).
+    fn merge(&mut self, other: &Self, [n, m]: [f64; 2]) -> f64 {
+        let between = (self.value / n - other.value / m).powi(2) * n * m / (n + m);
+        self.coefficients += other.coefficients;
+        self.value += other.value;
+        self.deviations2 += other.deviations2 + between;
+        self.nested.iter_mut().zip(other.nested).for_each(|(sum, d)| *sum += d);
+        self.nested2 += other.nested2;
+        between
     }
 }
 
@@ -122,30 +139,26 @@ impl BatchSums {
         self.variance += variance as f32;
         self.nested.iter_mut().zip(measured.nested).for_each(|(sum, d)| *sum += d as f32);
     }
+    fn merge(&mut self, other: &Self) {
+        self.coefficients.iter_mut().zip(other.coefficients).for_each(|(sum, x)| *sum += x);
+        self.variance += other.variance;
+        self.nested.iter_mut().zip(other.nested).for_each(|(sum, d)| *sum += d);
+    }
 }
 
-/// How finely batches are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum BatchGrain {
-    /// For each pixel, 384 bytes: standard errors of any function of single pixels.
-    Pixel,
-    /// For each tile: standard errors of sums over many pixels.
-    Tile,
-}
-
-/// Measured sums of a whole image, in the tile order of [`crate::film::radiance::Film`].
+/// Sums over the measured iterations of a block, of all pixels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFilm {
-    pixels: Vec<PixelNoise>,
-    /// [`BATCHES`] for each pixel or tile.
+    sums: TiledBuffer<PixelNoise>,
+    /// [`BATCHES`] for each pixel or tile, in tile order.
     batches: Vec<BatchSums>,
     grain: BatchGrain,
-    /// Iterations measured.
+    /// Measured iterations.
     pub iterations: u64,
     counts: BatchCounts,
 }
 
-/// The part of a [`NoiseFilm`] that belongs to one tile.
+/// Sums of one tile during a measured iteration.
 #[derive(Debug)]
 pub struct NoiseTile<'a> {
     pixels: &'a mut [PixelNoise],
@@ -156,84 +169,29 @@ pub struct NoiseTile<'a> {
 }
 
 impl NoiseFilm {
-    /// Nothing measured yet, for an image cut into `tiles`.
-    pub fn new(tiles: impl Iterator<Item = Tile>, grain: BatchGrain) -> Self {
-        let (tile_count, pixel_count) =
-            tiles.fold((0, 0), |(tiles, pixels), tile| (tiles + 1, pixels + tile.len()));
-        let groups = match grain {
-            BatchGrain::Pixel => pixel_count,
-            BatchGrain::Tile => tile_count,
-        };
+    /// Sums of no iteration, after `measured_before` iterations that others measure.
+    pub fn new(resolution: (u32, u32), grain: BatchGrain, measured_before: u64) -> Self {
+        let first = (measured_before % BATCHES as u64) as u8;
         Self {
-            pixels: vec![PixelNoise::default(); pixel_count],
-            batches: vec![BatchSums::default(); groups * BATCHES],
+            sums: TiledBuffer::new(resolution),
+            batches: vec![BatchSums::default(); batch_count(resolution, grain)],
             grain,
             iterations: 0,
-            counts: BatchCounts::default(),
+            counts: BatchCounts { first, ..BatchCounts::default() },
         }
     }
 
-    /// The same, to go on after so many iterations that others measure.
-    #[must_use]
-    pub fn after(mut self, measured: u64) -> Self {
-        self.counts.first = (measured % BATCHES as u64) as u8;
-        self
+    /// Sums of each pixel.
+    pub fn sums(&self) -> &TiledBuffer<PixelNoise> {
+        &self.sums
     }
 
-    /// Whether it was made for `tiles` (it may come from a file).
-    pub fn fits(&self, tiles: impl Iterator<Item = Tile>) -> bool {
-        let empty = Self::new(tiles, self.grain);
-        (self.pixels.len(), self.batches.len()) == (empty.pixels.len(), empty.batches.len())
-            && self.counts.is_consistent()
-            && self.counts.total() == self.iterations
-    }
-
-    /// Bytes per pixel at the given grain (tiles counted as if they were whole).
-    pub const fn bytes_per_pixel(grain: BatchGrain) -> usize {
-        size_of::<PixelNoise>()
-            + match grain {
-                BatchGrain::Pixel => BATCHES * size_of::<BatchSums>(),
-                BatchGrain::Tile => BATCHES * size_of::<BatchSums>() / 256,
-            }
-    }
-
-    /// The parts of all `tiles`, which must be those it was made for.
-    pub fn tiles_mut(&mut self, tiles: impl Iterator<Item = Tile>) -> Vec<NoiseTile<'_>> {
-        let (mut pixels, mut batches) = (&mut self.pixels[..], &mut self.batches[..]);
-        let (grain, iterations, batch) = (self.grain, self.iterations, self.counts.next());
-        tiles
-            .map(|tile| {
-                let groups = match grain {
-                    BatchGrain::Pixel => tile.len(),
-                    BatchGrain::Tile => 1,
-                };
-                let (own_pixels, rest) = std::mem::take(&mut pixels).split_at_mut(tile.len());
-                pixels = rest;
-                let (own_batches, rest) =
-                    std::mem::take(&mut batches).split_at_mut(groups * BATCHES);
-                batches = rest;
-                NoiseTile { pixels: own_pixels, batches: own_batches, grain, iterations, batch }
-            })
-            .collect()
-    }
-
-    /// Sums of all pixels in tile order.
-    pub fn pixels(&self) -> &[PixelNoise] {
-        &self.pixels
-    }
-
-    /// How finely batches are kept.
+    /// Resolution of the batches.
     pub fn grain(&self) -> BatchGrain {
         self.grain
     }
 
-    /// Takes note that all tiles have another iteration.
-    pub fn end_iteration(&mut self) {
-        self.counts.iterations[self.counts.next()] += 1;
-        self.iterations += 1;
-    }
-
-    /// How the iterations belong to batches.
+    /// Number of iterations of each batch.
     pub fn counts(&self) -> &BatchCounts {
         &self.counts
     }
@@ -242,16 +200,122 @@ impl NoiseFilm {
     pub fn batches(&self) -> impl Iterator<Item = &[BatchSums]> {
         self.batches.chunks_exact(BATCHES)
     }
+
+    /// Memory per pixel at this grain; all tiles count as whole ones.
+    pub const fn bytes_per_pixel(grain: BatchGrain) -> usize {
+        size_of::<PixelNoise>()
+            + match grain {
+                BatchGrain::Pixel => BATCHES * size_of::<BatchSums>(),
+                BatchGrain::Tile => BATCHES * size_of::<BatchSums>() / 256,
+            }
+    }
 }
 
-impl NoiseTile<'_> {
-    /// Adds an iteration of the tile's pixel `index`.
-    pub fn add(&mut self, index: usize, measured: &PixelMeasurement) {
-        let part = self.pixels[index].add(measured, self.iterations);
-        let group = match self.grain {
-            BatchGrain::Pixel => index,
-            BatchGrain::Tile => 0,
-        };
-        self.batches[group * BATCHES + self.batch].add(measured, part);
+/// Batches of an image.
+fn batch_count(resolution: (u32, u32), grain: BatchGrain) -> usize {
+    tiles(resolution).map(|tile| groups(grain, tile.len()) * BATCHES).sum()
+}
+
+/// Groups of [`BATCHES`] batches of a tile.
+fn groups(grain: BatchGrain, pixels: usize) -> usize {
+    match grain {
+        BatchGrain::Pixel => pixels,
+        BatchGrain::Tile => 1,
+    }
+}
+
+/// Group of batches of a tile's pixel `index`.
+fn group(grain: BatchGrain, index: usize) -> usize {
+    match grain {
+        BatchGrain::Pixel => index,
+        BatchGrain::Tile => 0,
+    }
+}
+
+impl PixelStatistic for NoiseFilm {
+    type Tile<'a> = NoiseTile<'a>;
+
+    fn start(request: &StatisticRequest) -> Option<Self> {
+        let resolution = request.settings.resolution();
+        request.measured_before.map(|before| Self::new(resolution, request.grain, before))
+    }
+
+    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
+        Self::bytes_per_pixel(request.grain)
+    }
+
+    fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {
+        let resolution = settings.resolution();
+        statistic.is_none_or(|noise| {
+            noise.sums.fits(resolution)
+                && noise.batches.len() == batch_count(resolution, noise.grain)
+                && noise.counts.is_consistent()
+                && noise.counts.total() == noise.iterations
+        })
+    }
+
+    fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<NoiseTile<'_>> {
+        if !iteration.is_measured {
+            return Vec::new();
+        }
+        let (grain, iterations, batch) = (self.grain, self.iterations, self.counts.next());
+        let mut rest = &mut self.batches[..];
+        let tiles = self.sums.tiles_mut().into_iter();
+        tiles
+            .map(|(tile, pixels)| {
+                let batches = rest.split_off_mut(..groups(grain, tile.len()) * BATCHES);
+                let batches = batches.expect("there are batches for each tile");
+                NoiseTile { pixels, batches, grain, iterations, batch }
+            })
+            .collect()
+    }
+
+    fn end_iteration(&mut self, iteration: CurrentIteration) {
+        if iteration.is_measured {
+            self.counts.iterations[self.counts.next()] += 1;
+            self.iterations += 1;
+        }
+    }
+
+    /// A part without a measured iteration has no sums.
+    fn can_merge(one: Option<&Self>, other: Option<&Self>) -> bool {
+        one.zip(other).is_none_or(|(one, other)| one.grain == other.grain)
+    }
+
+    fn merge(&mut self, other: &Self) {
+        if other.iterations == 0 {
+            return;
+        }
+        if self.iterations == 0 {
+            self.clone_from(other);
+            return;
+        }
+        let counts = [self.iterations, other.iterations].map(|n| n as f64);
+        let first = usize::from(other.counts.first);
+        let (mut batches, mut others) = (&mut self.batches[..], other.sums.values().iter());
+        for (tile, sums) in self.sums.tiles_mut() {
+            let own = batches.split_off_mut(..groups(self.grain, tile.len()) * BATCHES);
+            let own = own.expect("there are batches for each tile");
+            let mut between = vec![0.0; own.len() / BATCHES];
+            for (index, (sums, others)) in sums.iter_mut().zip(others.by_ref()).enumerate() {
+                between[group(self.grain, index)] += sums.merge(others, counts);
+            }
+            for (batches, between) in own.chunks_exact_mut(BATCHES).zip(between) {
+                batches[first].variance += between as f32;
+            }
+        }
+        self.batches.iter_mut().zip(&other.batches).for_each(|(own, other)| own.merge(other));
+        self.counts.iterations.iter_mut().zip(other.counts.iterations).for_each(|(n, m)| *n += m);
+        self.iterations += other.iterations;
+    }
+}
+
+impl StatisticTile for NoiseTile<'_> {
+    type Sample = PixelMeasurement;
+
+    fn add_sample(&mut self, index: usize, sample: &PixelMeasurement) {
+        let term = self.pixels[index].add(sample, self.iterations);
+        let group = group(self.grain, index);
+        self.batches[group * BATCHES + self.batch].add(sample, term);
     }
 }

@@ -114,8 +114,8 @@ impl NoiseImage {
         let count = width as usize * height as usize;
         let mut pixels = vec![PixelEstimate::default(); count];
         let mut batches = vec![[NoiseSample::default(); BATCHES]; count];
-        let mut sums = noise.pixels().iter().zip(noise.batches());
-        for tile in film.tiles() {
+        let mut sums = noise.sums().values().iter().zip(noise.batches());
+        for tile in film.sums.tiles() {
             for index in 0..tile.len() as u32 {
                 let (x, y) = tile.pixel(index);
                 let place = y as usize * width as usize + x as usize;

@@ -9,14 +9,15 @@ use crate::base::atomic::write_atomically;
 use crate::base::error::{Error, Result};
 use crate::base::input::read_if_begins;
 use crate::base::iteration_set::IterationSet;
-use crate::film::aov::FeatureBuffers;
-use crate::render::Sums;
+use crate::render::PartialRender;
+use crate::render::accumulators::SharedStatistics;
 use crate::render::block::{Block, PhaseClock};
 use crate::scene::Region;
 use crate::settings::provenance::Provenance;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::io::{self, Write};
+use std::mem;
 use std::path::Path;
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
@@ -38,8 +39,8 @@ pub struct Checkpoint<'a> {
     pub origin: Provenance,
     /// Its sums.
     pub blocks: Cow<'a, [Block]>,
-    /// What is seen in each pixel, if that is kept.
-    pub features: Option<Cow<'a, FeatureBuffers>>,
+    /// Statistics over all blocks.
+    pub shared: Cow<'a, SharedStatistics>,
     /// How far the choice of counts has come, if it is automatic.
     pub autopilot: Option<autopilot::AutopilotState>,
     /// What was to be rendered step by step, if that is known.
@@ -74,7 +75,7 @@ impl Whole {
 struct Payload<'a> {
     origin: Cow<'a, Provenance>,
     blocks: Cow<'a, [Block]>,
-    features: Option<Cow<'a, FeatureBuffers>>,
+    shared: Cow<'a, SharedStatistics>,
     autopilot: Option<autopilot::AutopilotState>,
     plan: Option<Cow<'a, Plan>>,
     whole: Option<Whole>,
@@ -90,7 +91,7 @@ impl<'a> Checkpoint<'a> {
         Self {
             origin,
             blocks: blocks.into(),
-            features: None,
+            shared: Cow::Owned(SharedStatistics::default()),
             autopilot: None,
             plan: None,
             whole: None,
@@ -104,16 +105,16 @@ impl<'a> Checkpoint<'a> {
     /// # Errors
     /// If the file cannot be written; names it. The old one is then still there.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { origin, blocks, features, autopilot, plan, whole, regions } = self;
+        let Self { origin, blocks, shared, autopilot, plan, whole, regions } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
         };
         let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
-        let features = features.as_deref().map(Cow::Borrowed);
+        let shared = Cow::Borrowed(&**shared);
         let plan = plan.as_ref().map(Cow::Borrowed);
         let (autopilot, whole, regions) = (*autopilot, *whole, Cow::Borrowed(&regions[..]));
-        let payload = Payload { origin, blocks, features, autopilot, plan, whole, regions, clocks };
+        let payload = Payload { origin, blocks, shared, autopilot, plan, whole, regions, clocks };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
@@ -129,10 +130,9 @@ impl<'a> Checkpoint<'a> {
 }
 
 impl Checkpoint<'static> {
-    /// Takes out its sums.
-    pub fn take_sums(&mut self) -> Sums {
-        let features = self.features.take().map(Cow::into_owned);
-        Sums::new(std::mem::take(self.blocks.to_mut()), features)
+    /// Takes the sums and leaves none.
+    pub fn take_partial(&mut self) -> PartialRender {
+        PartialRender::new(mem::take(self.blocks.to_mut()), mem::take(self.shared.to_mut()))
     }
 
     /// Reads a checkpoint.
@@ -177,15 +177,14 @@ impl Checkpoint<'static> {
         // Only a file whose checksum somebody has forged fails below.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { origin, blocks, features, autopilot, plan, whole, regions, clocks } = payload;
+        let Payload { origin, blocks, shared, autopilot, plan, whole, regions, clocks } = payload;
         let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
         let (plan, regions) = (plan.map(Cow::into_owned), regions.into_owned());
         origin.settings.validate()?;
-        let features: Option<FeatureBuffers> = features.map(Cow::into_owned);
-        let pixels = origin.settings.pixels();
+        let shared: Cow<SharedStatistics> = Cow::Owned(shared.into_owned());
         let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings))
             && blocks.is_sorted_by(|one, next| one.first < next.first)
-            && features.as_ref().is_none_or(|features| features.fits(pixels))
+            && shared.fits(&origin.settings)
             && plan.as_ref().is_none_or(Plan::is_consistent)
             && whole.is_none_or(|whole| (1..=whole.iterations).contains(&whole.parts.into()));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
@@ -195,9 +194,8 @@ impl Checkpoint<'static> {
         for (block, clock) in blocks.iter_mut().zip(clocks) {
             block.clock = clock;
         }
-        let features = features.map(Cow::Owned);
         let blocks = Cow::Owned(blocks);
-        Ok(Self { origin, blocks, features, autopilot, plan, whole, regions })
+        Ok(Self { origin, blocks, shared, autopilot, plan, whole, regions })
     }
 }
 
@@ -232,9 +230,11 @@ impl<W: Write> Write for Hashing<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::aov::{LightComponents, Parts};
+    use crate::film::aov::AovSelection;
     use crate::film::counts::{CameraCounts, Counts};
+    use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticTile};
     use crate::noise::film::{BatchGrain, NoiseFilm, PixelMeasurement};
+    use crate::render::RenderConfig;
     use crate::settings::{Direct, Kernel, Settings, Strategy};
     use crate::timing::TimeModel;
     use glam::DVec3;
@@ -269,11 +269,15 @@ mod tests {
             seed: u64::MAX,
             mis_scales: None,
         };
-        let first = Block::new(&settings, 0, Counts::uniform(100, 2));
+        let aovs = AovSelection { light: true, features: true, folds: true };
+        let config = RenderConfig { aovs, ..RenderConfig::default() };
+        let request = config.request(&settings);
+        let first =
+            Block::new(&RenderConfig::default().request(&settings), 0, Counts::uniform(100, 2));
         let camera_paths = CameraCounts::PerPixel((1..=15).collect());
         let counts = Counts { light_paths: 70, camera_paths };
-        let mut second = Block::new(&settings, 3, counts.clone());
-        for (_, sums) in second.film.tiles_mut() {
+        let mut second = Block::new(&request, 3, counts.clone());
+        for (_, sums) in second.film.sums.tiles_mut() {
             for (index, sums) in sums.iter_mut().enumerate() {
                 sums.add(DVec3::new(1e-300, index as f64, 0.1));
             }
@@ -281,11 +285,14 @@ mod tests {
         second.film.iterations = 7;
         second.numbers = IterationSet::from(4..11);
         second.film.deviations.add(0.3, 1);
-        let mut noise = NoiseFilm::new(second.film.tiles(), BatchGrain::Tile);
+        let mut noise = NoiseFilm::new(settings.resolution(), BatchGrain::Tile, 0);
         let measured = PixelMeasurement { value: 0.1, ..Default::default() };
-        noise.tiles_mut(second.film.tiles())[0].add(3, &measured);
-        noise.end_iteration();
-        second.noise = Some(noise);
+        let iteration = CurrentIteration { number: 4, is_measured: true };
+        noise.tiles_mut(iteration)[0].add_sample(3, &measured);
+        noise.end_iteration(iteration);
+        second.statistics.noise = Some(noise);
+        let mut shared = SharedStatistics::default();
+        shared.start(&request);
         let origin = Provenance {
             version: "1.2.3".into(),
             scene: "box".into(),
@@ -293,14 +300,19 @@ mod tests {
             backend: "bvh".into(),
             settings,
         };
-        let features = Some(Cow::Owned(FeatureBuffers::new(15, true)));
-        second.parts = Some(Parts::new(15));
-        second.light = Some(vec![LightComponents::default(); 15]);
         let blocks = Cow::Owned(vec![first, second]);
         let plan = Some(Plan::new(counts));
         let whole = Some(Whole { iterations: 100, parts: 9 });
         let regions = vec![Region { name: "ball".into(), rectangles: vec![[0.0, 0.0, 0.5, 1.0]] }];
-        Checkpoint { origin, blocks, features, autopilot: Some(state()), plan, whole, regions }
+        Checkpoint {
+            origin,
+            blocks,
+            shared: Cow::Owned(shared),
+            autopilot: Some(state()),
+            plan,
+            whole,
+            regions,
+        }
     }
 
     #[test]

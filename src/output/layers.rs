@@ -1,9 +1,11 @@
 //! Layers of an image file beside the image.
 
 use crate::base::math::Rgb;
-use crate::film::aov::{AovSelection, FAR, FeatureBuffers, LightComponents};
-use crate::film::radiance::Film;
+use crate::film::aov::AovSelection;
+use crate::film::features::FAR;
+use crate::film::light_components::LightComponents;
 use crate::image_io::Layer;
+use crate::render::accumulators::SharedStatistics;
 use crate::render::block::CombinedImage;
 use glam::Vec3;
 
@@ -115,33 +117,35 @@ impl LayerSelection {
         let light = all || self.0.iter().any(|name| name.is_light());
         let features =
             all || self.0.iter().any(|name| !name.is_light() && *name != LayerName::None);
-        AovSelection { light, features, parts: false }
+        AovSelection { light, features, folds: false }
     }
 
     /// Of what was kept, `pixels` being the image; the sum of all light is the image.
     pub fn of(
         &self,
-        features: Option<&FeatureBuffers>,
+        shared: &SharedStatistics,
         image: &CombinedImage,
         pixels: &[Rgb],
     ) -> Vec<Layer> {
-        let mut layers = self.seen(features, &image.blocks()[0].film);
+        let mut layers = self.seen(shared);
         if self.kept().light
-            && let Some(light) = image.light()
+            && let Some(light) = image.light_components()
         {
             layers.extend(self.light(&light, pixels));
         }
         layers
     }
 
-    fn seen(&self, features: Option<&FeatureBuffers>, film: &Film) -> Vec<Layer> {
-        let Some(features) = features.filter(|_| self.kept().features) else {
+    fn seen(&self, shared: &SharedStatistics) -> Vec<Layer> {
+        let kept = shared.features.as_ref().zip(shared.first_hits.as_ref());
+        let Some((features, first_hits)) = kept.filter(|_| self.kept().features) else {
             return Vec::new();
         };
-        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); film.pixels()];
-        film.zip_pixels(&mut seen, |seen, at| {
-            let (guide, (position, depth)) = (features.guide(at, |_| true), features.place(at));
-            *seen = (guide.albedo, guide.normal, position, [depth, features.coverage(at)]);
+        let first = &first_hits.folds()[0];
+        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); first.pixels()];
+        first.zip_pixels(&mut seen, |seen, at| {
+            let (guide, (position, depth)) = (features.mean(at, |_| true), first_hits.mean(at));
+            *seen = (guide.albedo, guide.normal, position, [depth, first_hits.coverage(at)]);
         });
         type Look = (Vec3, Vec3, Vec3, [f32; 2]);
         let three = |name: &str, of: fn(&Look) -> Vec3, channels: [&str; 3]| {

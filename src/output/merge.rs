@@ -57,18 +57,18 @@ pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     check_agree(&heads)?;
     heads.sort_by_key(|head| head.numbers.first().unwrap_or(u64::MAX));
     let mut checkpoint = Checkpoint::load(heads[0].path)?;
-    let mut sums = checkpoint.take_sums();
+    let mut sums = checkpoint.take_partial();
     for Head { path, .. } in &heads[1..] {
-        let next = Checkpoint::load(path)?.take_sums();
-        sums.add(next).map_err(|e| e.at(*path))?;
+        let next = Checkpoint::load(path)?.take_partial();
+        sums.merge(next).map_err(|e| e.at(*path))?;
     }
     let all = numbers(&sums.blocks);
     let whole = heads.iter().find_map(|head| head.whole);
     let missing = missing(&all, whole);
     // Nothing is a part any more that lacks nothing.
     let whole = whole.filter(|_| !missing.is_empty());
-    let (blocks, features) = (Cow::Owned(sums.blocks), sums.features.map(Cow::Owned));
-    let checkpoint = Checkpoint { blocks, features, whole, ..checkpoint };
+    let (blocks, shared) = (Cow::Owned(sums.blocks), Cow::Owned(sums.shared));
+    let checkpoint = Checkpoint { blocks, shared, whole, ..checkpoint };
     Ok(Merged { checkpoint, missing, unreadable, files: heads.len() })
 }
 

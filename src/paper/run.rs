@@ -8,10 +8,10 @@ use crate::base::error::Result;
 use crate::image_io::Value;
 use crate::noise::Measure;
 use crate::noise::file::NoiseFile;
-use crate::noise::film::{BATCHES, BatchGrain};
+use crate::noise::film::BATCHES;
 use crate::noise::region;
 use crate::output::checkpoint::Checkpoint;
-use crate::render::{IterationReport, Renderer};
+use crate::render::{IterationReport, RenderConfig, Renderer};
 use crate::scene::Scene;
 use crate::settings::Settings;
 use crate::settings::provenance::Provenance;
@@ -116,7 +116,7 @@ impl<'a> Run<'a> {
         let SceneContext { scene, accel, threads } = self.context;
         let origin = self.origin(&measurement);
         let renderer = Renderer::new(scene, accel, origin.settings.clone())?;
-        let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+        let mut renderer = renderer.configure(RenderConfig::with_pixel_batches())?;
         self.resume(&mut renderer, &origin)?;
         let mut recorder = Recorder::new(threads.current_num_threads());
         let mut saved = Instant::now();
@@ -177,8 +177,8 @@ impl<'a> Run<'a> {
     /// Continues with the sums of an earlier run, if they belong to this measurement.
     fn resume(&mut self, renderer: &mut Renderer, origin: &Provenance) -> Result<()> {
         match self.folder.under_way()? {
-            Some(sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
-                renderer.resume(sums.blocks.into_owned())
+            Some(mut sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
+                renderer.resume(sums.take_partial())
             }
             _ => {
                 self.experiment.under_way = 0.0;
@@ -189,7 +189,8 @@ impl<'a> Run<'a> {
 
     /// Whether a measurement has had its time and enough iterations, equally many in each batch.
     fn is_complete(&self, measurement: &Measurement, renderer: &Renderer) -> bool {
-        let iterations = renderer.noise().map_or(0, |noise| noise.iterations);
+        let noise = renderer.block().statistics.noise.as_ref();
+        let iterations = noise.map_or(0, |noise| noise.iterations);
         let batches = BATCHES as u64;
         match measurement.purpose {
             Purpose::Halves => iterations >= self.experiment.done[0].iterations,
@@ -210,7 +211,7 @@ impl<'a> Run<'a> {
         renderer: &Renderer,
         recorder: &Recorder,
     ) -> Result<()> {
-        let (film, noise) = (renderer.film(), renderer.noise_image()?);
+        let (film, noise) = (renderer.film(), renderer.block().noise_image()?);
         let pixels = region::pixels(&self.experiment.conditions.region, &noise)?;
         self.experiment.done.push(Measured {
             measurement,

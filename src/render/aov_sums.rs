@@ -1,83 +1,72 @@
-//! What camera paths tell beside their light, summed up for their pixels.
+//! Sums of the layers over the camera paths of each pixel, during one iteration.
 
-use super::tiles::LayerTile;
 use super::worker::Job;
-use crate::film::aov::{Guide, LayerValue, LightComponents, Place};
+use crate::film::aov::AovSample;
+use crate::film::features::{DenoiseFeatures, DepthSample};
+use crate::film::light_components::LightComponents;
 use crate::settings::Direct;
 use crate::transport::camera_paths::{CameraPaths, PathAov};
 use crate::transport::merge::MergeOutput;
 use glam::DVec3;
 use std::mem;
 
-/// Sums over the camera paths of each pixel of some tiles.
-pub struct LayerSums<'a> {
-    /// None if nothing is kept.
-    values: &'a mut [LayerValue],
-    /// Caustics of the camera paths that are merged together, where they are not told apart otherwise.
-    alone: &'a mut MergeOutput,
-    gathers_alone: bool,
-    /// Whether light that comes straight from the lights is gathered with the caustics.
+/// Adds camera paths to the layers of their pixels.
+pub struct AovSums<'a> {
+    /// One sum for each pixel; empty if no layer is kept.
+    sums: &'a mut [AovSample],
+    /// Caustics of a batch of camera paths, if the merge of all photons does not separate them.
+    caustics: &'a mut MergeOutput,
+    gathers_caustics: bool,
+    /// Whether direct light comes from the photon map, which stores it with the caustics.
     direct_is_gathered: bool,
+    /// `1/N_F`.
+    per_light_path: f64,
 }
 
-impl<'a> LayerSums<'a> {
-    /// To be added to `values`, with room for caustics.
-    pub fn new(job: &Job, values: &'a mut [LayerValue], alone: &'a mut MergeOutput) -> Self {
-        let direct_is_gathered = job.pass.settings.direct == Direct::PhotonMap;
-        let gathers_alone = job.kept.light && !job.merge.separates_caustics();
-        Self { values, alone, gathers_alone, direct_is_gathered }
-    }
-
-    /// Gathers the caustics of these camera paths by themselves where that has to be.
-    pub fn gather_caustics(&mut self, job: &Job, paths: &CameraPaths) {
-        if self.gathers_alone {
-            job.merge.caustics_only().gather(paths, self.alone);
+impl<'a> AovSums<'a> {
+    /// Adds to `sums`; `caustics` is a workspace.
+    pub fn new(job: &Job, sums: &'a mut [AovSample], caustics: &'a mut MergeOutput) -> Self {
+        Self {
+            sums,
+            caustics,
+            gathers_caustics: job.aovs.light && !job.merge.separates_caustics(),
+            direct_is_gathered: job.pass.settings.direct == Direct::PhotonMap,
+            per_light_path: job.per_light_path(),
         }
     }
 
-    /// Adds one camera path to its pixel.
+    /// Merges `paths` with the caustic photons only, if the merge of all photons does not separate them.
+    pub fn gather_caustics(&mut self, job: &Job, paths: &CameraPaths) {
+        if self.gathers_caustics {
+            job.merge.caustics_only().gather(paths, self.caustics);
+        }
+    }
+
+    /// Adds the camera path `number` to its pixel.
     #[inline]
-    pub fn end_path(
+    pub fn add(
         &mut self,
-        (paths, gathered): (&CameraPaths, &MergeOutput),
-        (number, pixel): (usize, usize),
-        per_light_path: f64,
+        paths: &CameraPaths,
+        gathered: &MergeOutput,
+        number: usize,
+        pixel: usize,
     ) {
-        let Some(value) = self.values.get_mut(pixel) else { return };
+        let Some(sum) = self.sums.get_mut(pixel) else { return };
         let PathAov { emission, direct, albedo, normal, position, depth, hits, .. } =
             paths.aovs[number];
-        let caustics = if self.gathers_alone { &self.alone.caustics } else { &gathered.caustics };
-        let caustics = caustics.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
+        let all = if self.gathers_caustics { &self.caustics.caustics } else { &gathered.caustics };
+        let caustics = all.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
         let mut light = LightComponents {
             emission: emission.as_dvec3(),
             direct: direct.as_dvec3(),
-            caustics: caustics * per_light_path,
+            caustics: caustics * self.per_light_path,
         };
         if self.direct_is_gathered {
             light.direct += mem::take(&mut light.caustics);
         }
         let hits = f64::from(u8::from(hits));
-        let place = Place { position: position.as_dvec3(), depth: depth.into(), hits };
-        value.add(&LayerValue { light, guide: Guide { albedo, normal }, place }, 1.0);
-    }
-}
-
-impl LayerTile<'_> {
-    /// Adds an iteration to the pixel of this number within the tile: its value, and the sums over its camera paths.
-    pub fn add(&mut self, pixel: usize, value: DVec3, sums: &LayerValue, camera_paths: u32) {
-        let mut layers = LayerValue::default();
-        layers.add(sums, f64::from(camera_paths).recip());
-        if let Some(part) = &mut self.part {
-            part.add(pixel, value);
-        }
-        if !layers.is_finite() {
-            return;
-        }
-        if let Some(light) = &mut self.light {
-            light[pixel].add(&layers.light, 1.0);
-        }
-        if let Some(features) = &mut self.features {
-            features.add(pixel, &layers);
-        }
+        let denoise = DenoiseFeatures { albedo, normal };
+        let first_hit = DepthSample { position: position.as_dvec3(), depth: depth.into(), hits };
+        sum.add(&AovSample { light, denoise, first_hit }, 1.0);
     }
 }

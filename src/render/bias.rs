@@ -1,104 +1,108 @@
-//! Whether the merge bias exceeds the noise that is left: more samples then help no further.
+//! Merge bias compared with the noise of an image: once the bias is larger, more samples do not help.
 
-use super::block::{Block, CombinedImage};
+use super::block::Block;
+use super::combined_image::CombinedImage;
 use crate::film::radiance::box_filter;
-use crate::noise::bias::BIAS_CERTAINTY;
-use crate::noise::bias::{Products, falls_to};
+use crate::film::tiled_buffer::tiles;
+use crate::noise::bias::{BIAS_CERTAINTY, Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
 use serde::Serialize;
 
-/// Measuring iterations that it takes to tell: two in each batch.
-const LEAST_MEASURED: u64 = 2 * BATCHES as u64;
+/// Minimum number of measured iterations: two in each batch.
+const MIN_MEASURED: u64 = 2 * BATCHES as u64;
 
-/// Merge bias against the noise of an image, tile by tile.
+/// Merge bias relative to the noise of an image, tile by tile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MergeBias {
-    /// Share of the image in tiles whose mean bias is certain and greater than the RMS noise of
+    /// Fraction of the image in tiles whose mean bias is significant and greater than the RMS noise of
     /// their pixels.
     pub share_beyond_noise: f64,
-    /// The greatest ratio of certain bias to noise of any tile.
+    /// Maximum ratio of significant bias to noise of any tile.
     pub worst_over_noise: f64,
 }
 
 impl MergeBias {
-    /// Of the image that `blocks` make; `None` before enough iterations are measured.
+    /// Estimates the bias of `image`, which combines `blocks`; `None` before enough iterations are
+    /// measured.
     ///
-    /// The bias is the same at all counts, so that the blocks' sums add. It is taken to fall with the radius as
-    /// that of all tiles together does: theory.md (70). Its error comes from the batches.
+    /// The bias does not depend on the counts, so that the sums of all blocks add up. It is assumed to
+    /// decrease with the radius in each tile as in the whole image: theory.md (70). Its error comes from
+    /// the batches.
     pub fn new(blocks: &[Block], image: &CombinedImage) -> Option<Self> {
         let (nested, counts) = nested_by_tile(blocks)?;
-        let film = &blocks[0].film;
+        let (width, _) = image.resolution();
         let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
         let variance = image.variance_of_mean()?;
-        let (mut beyond, mut worst) = (0, 0.0f64);
-        for (tile, sums) in film.tiles().zip(&nested) {
+        let (mut biased, mut worst) = (0, 0.0f64);
+        for (tile, sums) in tiles(image.resolution()).zip(&nested) {
             let pixels = tile.len() as f64;
             // theory.md (70)
             let means = std::array::from_fn(|k| scale * sums[k][0] / (counts[k] * pixels));
             let own = (0..tile.len() as u32).map(|index| {
                 let (x, y) = tile.pixel(index);
-                variance[film.index(x, y)]
+                variance[(y * width + x) as usize]
             });
             let noise = (own.sum::<f64>() / pixels).sqrt();
-            let certain = certain_part(&means);
-            if certain > noise {
-                beyond += tile.len();
+            let significant = significant_part(&means);
+            if significant > noise {
+                biased += tile.len();
             }
-            if certain > 0.0 && noise > 0.0 {
-                worst = worst.max(certain / noise);
+            if significant > 0.0 && noise > 0.0 {
+                worst = worst.max(significant / noise);
             }
         }
-        let share_beyond_noise = beyond as f64 / film.pixels() as f64;
+        let share_beyond_noise = biased as f64 / variance.len() as f64;
         Some(Self { share_beyond_noise, worst_over_noise: worst })
     }
 }
 
-/// Merge bias of the luminance of each pixel and its standard error, W/(m^2 sr), row by row, pooled over 5 by 5
-/// pixels; `None` before enough iterations are measured. It is taken to fall with the radius as that of the whole
-/// image does: theory.md (70).
+/// Merge bias of the luminance of each pixel and its standard error, W/(m^2 sr), in row order, pooled
+/// over 5 by 5 pixels; `None` before enough iterations are measured. The bias is assumed to decrease with
+/// the radius in each pixel as in the whole image: theory.md (70).
 pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
     let (nested, counts) = nested_by_tile(blocks)?;
     let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
     let iterations: f64 = counts.iter().sum();
-    let film = &blocks[0].film;
-    let mut sums = vec![[0.0; 2]; film.pixels()];
-    for (block, noise) in blocks.iter().filter_map(|block| Some((block, block.noise.as_ref()?))) {
-        let pixels = noise.pixels();
-        block.film.zip_pixels(&mut sums, |[first, squares], at| {
-            *first += pixels[at].nested[0];
-            *squares += pixels[at].nested2;
+    let (width, height) = blocks[0].film.resolution();
+    let mut sums = vec![[0.0; 2]; blocks[0].film.pixels()];
+    for noise in blocks.iter().filter_map(|block| block.statistics.noise.as_ref()) {
+        let pixels = noise.sums();
+        pixels.zip_pixels(&mut sums, |[first, squares], at| {
+            *first += pixels.values()[at].nested[0];
+            *squares += pixels.values()[at].nested2;
         });
     }
-    let (width, height) = film.resolution();
-    // Neighbors share photons: pooling takes nothing off the error for certain.
+    // Neighbors share photons, so that pooling does not necessarily reduce the error.
     let bias = |[first, squares]: [f64; 2]| {
         let mean = first / iterations;
         let scatter = (squares / iterations - mean * mean).max(0.0) / (iterations - 1.0);
         [scale * mean, scale * scatter.sqrt()]
     };
-    let of_each: Vec<_> = sums.into_iter().map(bias).collect();
-    Some(box_filter(&of_each, width, height))
+    let biases: Vec<_> = sums.into_iter().map(bias).collect();
+    Some(box_filter(&biases, width, height))
 }
 
 /// Sums of both nested differences in each batch.
 type Nested = [[f64; 2]; BATCHES];
 
-/// Those of each tile, and the iterations of each batch; `None` before enough are measured.
+/// Nested differences of each tile, and the iterations of each batch; `None` before enough iterations
+/// are measured.
 fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
-    let measured: Vec<_> = blocks.iter().filter_map(|block| block.noise.as_ref()).collect();
+    let measured: Vec<_> =
+        blocks.iter().filter_map(|block| block.statistics.noise.as_ref()).collect();
     let iterations: u64 = measured.iter().map(|noise| noise.iterations).sum();
-    if iterations < LEAST_MEASURED {
+    if iterations < MIN_MEASURED {
         return None;
     }
-    let film = &blocks[0].film;
-    let mut nested = vec![[[0.0; 2]; BATCHES]; film.tiles().count()];
+    let resolution = blocks[0].film.resolution();
+    let mut nested = vec![[[0.0; 2]; BATCHES]; tiles(resolution).count()];
     let mut counts = [0.0; BATCHES];
     for noise in measured {
         for (batch, count) in counts.iter_mut().enumerate() {
             *count += noise.counts().iterations[batch] as f64;
         }
         let mut batches = noise.batches();
-        for (tile, sums) in film.tiles().zip(&mut nested) {
+        for (tile, sums) in tiles(resolution).zip(&mut nested) {
             let groups = match noise.grain() {
                 BatchGrain::Pixel => tile.len(),
                 BatchGrain::Tile => 1,
@@ -113,7 +117,8 @@ fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
     Some((nested, counts))
 }
 
-/// Sums over tiles of what tells how the bias falls with the radius: theory.md (69).
+/// Products of nested differences, summed over tiles, from which [`falls_to`] estimates how the bias
+/// decreases with the radius: theory.md (69).
 fn products(tiles: &[[[f64; 2]; BATCHES]]) -> Products {
     let mut all = [0.0; 3];
     for batches in tiles {
@@ -129,7 +134,7 @@ fn products(tiles: &[[[f64; 2]; BATCHES]]) -> Products {
 
 /// Absolute mean of the batches less [`BIAS_CERTAINTY`] standard errors, at least 0.
 /// theory.md (71).
-fn certain_part(means: &[f64; BATCHES]) -> f64 {
+fn significant_part(means: &[f64; BATCHES]) -> f64 {
     let n = BATCHES as f64;
     let mean = means.iter().sum::<f64>() / n;
     let scatter = means.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
@@ -141,12 +146,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_stands_out_is_certain() {
+    fn significant_part_is_zero_within_the_standard_error() {
         let alternating = std::array::from_fn(|k| if k % 2 == 0 { 1.0 } else { -1.0 });
-        assert_eq!(certain_part(&alternating), 0.0);
+        assert_eq!(significant_part(&alternating), 0.0);
         let shifted = alternating.map(|x| x - 10.0);
         // Standard error sqrt(16/15 / 16).
         let expected = 10.0 - 2.0 * (1.0f64 / 15.0).sqrt();
-        assert!((certain_part(&shifted) - expected).abs() < 1e-12);
+        assert!((significant_part(&shifted) - expected).abs() < 1e-12);
     }
 }

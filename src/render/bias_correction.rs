@@ -1,175 +1,196 @@
-//! Taking off the merge bias where it stands out from the noise: theory.md, section 17a.
+//! Correction of the merge bias where it is larger than its noise: theory.md, section 17a.
 //!
-//! What photons beyond half the merge radii add to a pixel is bias and noise. Its square over iterations tells both
-//! apart; around each pixel as much is taken off as leaves the least squared error. What one half of the iterations
-//! tells is taken off the other, so that no noise decides what becomes of itself.
+//! The contribution of the outer annulus of the merge discs to a pixel consists of bias and noise. Its
+//! moments over the iterations separate both. Around each pixel, the fraction that minimizes the squared
+//! error is subtracted. The fraction for one fold of the iterations is estimated from the other fold, so
+//! that it is independent of the noise that it scales.
 
 use super::block::Block;
 use crate::base::math::Rgb;
-use crate::film::annulus::{FOLDS, Moments, Side};
+use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
 use crate::film::radiance::{luminance, luminance_weights};
-use crate::settings::policy::BIAS_EXCESS;
 use rayon::prelude::*;
 
-/// What is taken off an image, row by row.
+/// Minimum ratio of the squared bias of the annulus to the variance of its estimate: below it nothing is
+/// subtracted, since both are noisy. Fixed by experiment.
+const BIAS_EXCESS: f64 = 1.0;
+
+/// Correction of the merge bias of an image, in row order.
 #[derive(Clone, Debug)]
 pub struct BiasCorrection {
-    /// Radiance, W/(m^2 sr).
-    pub amount: Vec<Rgb>,
-    /// What that adds to the variance of the mean's luminance; often less than 0: noise beyond half the radii that
-    /// is taken off no longer shows.
-    pub variance: Vec<f64>,
-    /// Estimate of the squared luminance of the bias that is left, row by row; of either sign where noise hides it.
+    /// Radiance to be subtracted, W/(m^2 sr).
+    pub correction: Vec<Rgb>,
+    /// Change of the variance of the mean's luminance. It is often negative: the noise of the annulus
+    /// is subtracted with the bias.
+    pub variance_change: Vec<f64>,
+    /// Estimate of the squared luminance of the remaining bias; negative values are noise.
     pub bias2: Vec<f64>,
 }
 
-/// Sums over the iterations of one side, times the weights of their blocks.
+/// Estimates for one pixel and photon class from the iterations of one fold, times the block weights.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct FoldEstimate {
+    /// Sum of the radiance from the annulus.
     sum: Rgb,
-    /// Estimate of the squared mean.
+    /// Squared mean of its luminance.
     bias2: f64,
-    /// Variance of the sum, and its covariance with that of the values.
+    /// Variance of the luminance of the sum.
     variance: f64,
+    /// Covariance of the luminances of the sum and of the pixel's value.
     covariance: f64,
 }
 
-/// Sums of the weights of a side's iterations, and of their squares.
+/// Sums over the iterations of a fold of their weights and of the squared weights.
 #[derive(Clone, Copy, Default)]
-struct Weight {
+struct FoldWeight {
     first: f64,
     second: f64,
 }
 
-impl BiasCorrection {
-    /// Bytes of a pixel while it is worked out, and of what is found.
-    pub const BYTES: usize = size_of::<[Sums; FOLDS]>()
-        + size_of::<[RawSums; FOLDS]>()
-        + 3 * size_of::<[f64; 2 * FOLDS]>()
-        + size_of::<Rgb>()
-        + 4 * size_of::<f64>();
-
-    /// Of the image that `blocks` make with these weights of their iterations, and that has this luminance; `None` where
-    /// not all blocks tell it, or before the second iteration of either side.
-    pub fn new(blocks: &[Block], weights: &[f64], luminance: &[f64]) -> Option<Self> {
-        let (width, height) = blocks[0].film.resolution();
-        let mut sides = [Weight::default(); FOLDS];
-        for (block, &weight) in blocks.iter().zip(weights) {
-            let iterations = block.beyond.as_ref()?.iterations().map(|n| n as f64);
-            for (side, n) in sides.iter_mut().zip(iterations) {
-                side.first += weight * n;
-                side.second += weight * weight * n;
-            }
-        }
-        // theory.md (71b)
-        let pairs = |side: &Weight| side.first.powi(2) - side.second;
-        if sides.iter().any(|side| pairs(side) <= 1e-9 * side.first.powi(2)) {
-            return None;
-        }
-        let importance = luminance_weights(luminance);
-        let pixels = importance.len();
-        let mut all = Self {
-            amount: vec![Rgb::ZERO; pixels],
-            variance: vec![0.0; pixels],
-            bias2: vec![0.0; pixels],
-        };
-        let typical = blocks[0].beyond.as_ref()?.left_at_half;
-        for (class, typical) in typical.into_iter().enumerate() {
-            let sums = Sums::all(blocks, weights, &sides, class);
-            if sums.par_iter().flatten().any(|side| side.variance > 0.0 || side.bias2 > 0.0) {
-                all.add(typical, &sums, &sides, (luminance, &importance), (width, height));
-            }
-        }
-        Some(all)
-    }
-
-    /// Adds what is taken off of a class of photons, of whose bias so much is typically left at half the radius.
-    fn add(
-        &mut self,
-        left_at_half: f64,
-        sums: &[[Sums; FOLDS]],
-        sides: &[Weight; FOLDS],
-        (luminance, importance): (&[f64], &[f64]),
-        (width, height): (u32, u32),
-    ) {
-        let total: f64 = sides.iter().map(|side| side.first).sum();
-        let told = |(sums, weight): (&[Sums; FOLDS], &f64)| {
-            let variance = |side: usize| weight * sums[side].variance / (sides[side].first * total);
-            [weight * sums[0].bias2, variance(0), weight * sums[1].bias2, variance(1)]
-        };
-        let told: Vec<_> = sums.par_iter().zip(importance).map(told).collect();
-        let around = smooth(&told, width as usize, height as usize);
-        let own = self.amount.par_iter_mut().zip(&mut self.variance).zip(&mut self.bias2);
-        let pixels = sums.par_iter().zip(&around).zip(luminance.par_iter().zip(importance));
-        own.zip(pixels).for_each(|(((amount, variance), bias2), ((sums, around), of_pixel))| {
-            let (luminance, weight) = of_pixel;
-            for (side, own) in sums.iter().enumerate() {
-                // What the other side tells.
-                let other = 2 * (1 - side);
-                let share = share(around[other], around[other + 1].max(0.0));
-                *amount += own.sum * (share / total) as f32;
-                *variance +=
-                    share * (share * own.variance - 2.0 * own.covariance) / (total * total);
-                // What is seen at half the radius is no less than its own bias: theory.md (71e).
-                let size = (around[2 * side].max(0.0) / weight).sqrt();
-                let seen = (luminance - share * size).max(0.0);
-                let at_half = left_at_half.min(seen / size);
-                *bias2 += (1.0 - share + at_half).powi(2) * own.bias2 / FOLDS as f64;
-            }
-        });
-    }
-}
-
-/// How much to take off of what is beyond half the radius, of this squared bias and variance: theory.md (71d).
-pub fn share(bias2: f64, variance: f64) -> f64 {
-    let excess = (bias2 - BIAS_EXCESS * variance).max(0.0);
-    if excess > 0.0 { excess / (excess + variance) } else { 0.0 }
-}
-
-impl Sums {
-    /// Of both sides of a class of photons, row by row.
-    fn all(
-        blocks: &[Block],
-        weights: &[f64],
-        sides: &[Weight; FOLDS],
-        class: usize,
-    ) -> Vec<[Self; FOLDS]> {
-        let mut all = vec![<[RawSums; FOLDS]>::default(); blocks[0].film.pixels()];
-        for (block, &weight) in blocks.iter().zip(weights) {
-            let pixels = block.beyond.as_ref().expect("all blocks tell it").pixels();
-            block.film.zip_pixels(&mut all, |all, at| {
-                for (sum, side) in all.iter_mut().zip(&pixels[at]) {
-                    sum.add(side, &side.classes[class], weight);
-                }
-            });
-        }
-        all.par_iter().map(|raw| [0, 1].map(|side| raw[side].sums(&sides[side]))).collect()
-    }
-}
-
+/// Moments of one pixel and photon class, times the block weights.
 #[derive(Clone, Copy, Default)]
-struct RawSums {
+struct WeightedMoments {
     value: f64,
     sum: Rgb,
     squares: f64,
     products: f64,
 }
 
-impl RawSums {
-    fn add(&mut self, side: &Side, moments: &Moments, weight: f64) {
-        self.value += weight * f64::from(side.value);
+/// Blocks of an image with the weights of their iterations.
+struct WeightedBlocks<'a> {
+    blocks: &'a [Block],
+    weights: &'a [f64],
+    folds: [FoldWeight; FOLDS],
+}
+
+impl BiasCorrection {
+    /// Memory per pixel of the correction and of its intermediate results.
+    pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
+        + size_of::<[WeightedMoments; FOLDS]>()
+        + 3 * size_of::<[f64; 2 * FOLDS]>()
+        + size_of::<Rgb>()
+        + 4 * size_of::<f64>();
+
+    /// Correction of the image that `blocks` form with these weights of their iterations; `luminance` is
+    /// a smoothed estimate of its luminance. `None` if a block does not keep the annulus, or before the
+    /// second iteration of both folds.
+    pub fn new(blocks: &[Block], weights: &[f64], luminance: &[f64]) -> Option<Self> {
+        let weighted = WeightedBlocks::new(blocks, weights)?;
+        let importance = luminance_weights(luminance);
+        let pixels = importance.len();
+        let mut all = Self {
+            correction: vec![Rgb::ZERO; pixels],
+            variance_change: vec![0.0; pixels],
+            bias2: vec![0.0; pixels],
+        };
+        let left_at_half = left_at_half(blocks[0].kernel);
+        for (class, left_at_half) in left_at_half.into_iter().enumerate() {
+            let estimates = weighted.estimates(class);
+            if estimates.par_iter().flatten().any(|fold| fold.variance > 0.0 || fold.bias2 > 0.0) {
+                all.add(&weighted, &estimates, left_at_half, luminance, &importance);
+            }
+        }
+        Some(all)
+    }
+
+    /// Adds the correction of one photon class.
+    fn add(
+        &mut self,
+        blocks: &WeightedBlocks,
+        estimates: &[[FoldEstimate; FOLDS]],
+        left_at_half: f64,
+        luminance: &[f64],
+        importance: &[f64],
+    ) {
+        let total: f64 = blocks.folds.iter().map(|fold| fold.first).sum();
+        let relative = |(estimates, weight): (&[FoldEstimate; FOLDS], &f64)| {
+            let variance = |fold: usize| {
+                weight * estimates[fold].variance / (blocks.folds[fold].first * total)
+            };
+            [weight * estimates[0].bias2, variance(0), weight * estimates[1].bias2, variance(1)]
+        };
+        let relative: Vec<_> = estimates.par_iter().zip(importance).map(relative).collect();
+        let (width, height) = blocks.blocks[0].film.resolution();
+        let around = smooth(&relative, width as usize, height as usize);
+        let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
+        let pixels = pixels.zip(&mut self.bias2).enumerate();
+        pixels.for_each(|(pixel, ((correction, variance_change), bias2))| {
+            let (around, weight) = (&around[pixel], importance[pixel]);
+            for (fold, own) in estimates[pixel].iter().enumerate() {
+                // The factor comes from the other fold
+                let other = 2 * (1 - fold);
+                let factor = shrinkage(around[other], around[other + 1].max(0.0));
+                *correction += own.sum * (factor / total) as f32;
+                *variance_change +=
+                    factor * (factor * own.variance - 2.0 * own.covariance) / (total * total);
+                // The luminance at half the radius is not less than its own bias: theory.md (71e)
+                let annulus = (around[2 * fold].max(0.0) / weight).sqrt();
+                let at_half = (luminance[pixel] - factor * annulus).max(0.0);
+                let left = left_at_half.min(at_half / annulus);
+                *bias2 += (1.0 - factor + left).powi(2) * own.bias2 / FOLDS as f64;
+            }
+        });
+    }
+}
+
+/// Fraction of the annulus to subtract, from its squared bias and its variance: theory.md (71d).
+pub fn shrinkage(bias2: f64, variance: f64) -> f64 {
+    let excess = (bias2 - BIAS_EXCESS * variance).max(0.0);
+    if excess > 0.0 { excess / (excess + variance) } else { 0.0 }
+}
+
+impl<'a> WeightedBlocks<'a> {
+    /// `None` if a block does not keep the annulus, or before the second iteration of both folds.
+    fn new(blocks: &'a [Block], weights: &'a [f64]) -> Option<Self> {
+        let mut folds = [FoldWeight::default(); FOLDS];
+        for (block, &weight) in blocks.iter().zip(weights) {
+            let iterations = block.statistics.annulus.as_ref()?.iterations();
+            for (fold, n) in folds.iter_mut().zip(iterations.iter().map(|n| *n as f64)) {
+                fold.first += weight * n;
+                fold.second += weight * weight * n;
+            }
+        }
+        // theory.md (71b)
+        let pairs = |fold: &FoldWeight| fold.first.powi(2) - fold.second;
+        let has_pairs = |fold: &FoldWeight| pairs(fold) > 1e-9 * fold.first.powi(2);
+        folds.iter().all(has_pairs).then_some(Self { blocks, weights, folds })
+    }
+
+    /// Estimates of each pixel in row order, by fold.
+    fn estimates(&self, class: usize) -> Vec<[FoldEstimate; FOLDS]> {
+        let pixels = self.blocks[0].film.pixels();
+        let mut all = vec![<[WeightedMoments; FOLDS]>::default(); pixels];
+        for (block, &weight) in self.blocks.iter().zip(self.weights) {
+            let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
+            for (fold, sums) in annulus.folds().iter().enumerate() {
+                sums.zip_pixels(&mut all, |all, at| {
+                    let sums = &sums.values()[at];
+                    all[fold].add(sums, &sums.classes[class], weight);
+                });
+            }
+        }
+        let estimate = |all: &[WeightedMoments; FOLDS]| {
+            [0, 1].map(|fold| all[fold].estimate(&self.folds[fold]))
+        };
+        all.par_iter().map(estimate).collect()
+    }
+}
+
+impl WeightedMoments {
+    fn add(&mut self, sums: &FoldSums, moments: &AnnulusMoments, weight: f64) {
+        self.value += weight * f64::from(sums.value);
         self.sum += moments.sum * weight as f32;
         self.squares += weight * weight * f64::from(moments.squares);
         self.products += weight * weight * f64::from(moments.products);
     }
 
     /// theory.md (71b), (71c)
-    fn sums(&self, Weight { first, second }: &Weight) -> Sums {
+    fn estimate(&self, FoldWeight { first, second }: &FoldWeight) -> FoldEstimate {
         let sum = luminance(self.sum.as_dvec3());
         let pairs = first * first - second;
         let bias2 = (sum * sum - self.squares) / pairs;
         let product = (sum * self.value - self.products) / pairs;
-        Sums {
+        FoldEstimate {
             sum: self.sum,
             bias2,
             variance: self.squares - second * bias2,
@@ -178,75 +199,85 @@ impl RawSums {
     }
 }
 
-/// Means around each pixel with weights that fall to 0 at five pixels along rows and columns.
+/// Weighted means around each pixel. The weights decrease linearly to 0 at a distance of five pixels along
+/// rows and columns.
 fn smooth<const N: usize>(values: &[[f64; N]], width: usize, height: usize) -> Vec<[f64; N]> {
-    let along = |values: &[[f64; N]], step: usize, across: usize, length: usize| {
-        let of = |index: usize| {
-            let place = index / step % length;
+    let along = |values: &[[f64; N]], step: usize, radius: usize, length: usize| {
+        let mean = |index: usize| {
+            let center = index / step % length;
             let (mut sums, mut all) = ([0.0; N], 0.0);
-            for other in place.saturating_sub(across)..(place + across + 1).min(length) {
-                let weight = (across + 1 - place.abs_diff(other)) as f64;
-                let values = &values[index + other * step - place * step];
+            for other in center.saturating_sub(radius)..(center + radius + 1).min(length) {
+                let weight = (radius + 1 - center.abs_diff(other)) as f64;
+                let values = &values[index + other * step - center * step];
                 sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
                 all += weight;
             }
             sums.map(|sum| sum / all)
         };
-        (0..values.len()).into_par_iter().map(of).collect::<Vec<_>>()
+        (0..values.len()).into_par_iter().map(mean).collect::<Vec<_>>()
     };
-    let rows = along(values, 1, SMOOTHED, width);
-    along(&rows, width, SMOOTHED, height)
+    let rows = along(values, 1, SMOOTHING_RADIUS, width);
+    along(&rows, width, SMOOTHING_RADIUS, height)
 }
 
-/// Pixels to each side that are taken in.
-const SMOOTHED: usize = 4;
+/// Radius of [`smooth`], pixels.
+const SMOOTHING_RADIUS: usize = 4;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::rng::{Rng, Stream, StreamKey};
+    use crate::film::annulus::CLASSES;
     use crate::film::counts::Counts;
     use crate::film::radiance::total;
-    use crate::noise::Measure;
-    use crate::noise::film::BatchGrain;
-    use crate::render::block::CombinedImage;
-    use crate::settings::policy::LEFT_AT_HALF;
-    use crate::settings::{Bias, PartialSettings, Settings};
+    use crate::film::statistic::{CurrentIteration, PixelSample};
+    use crate::render::RenderConfig;
+    use crate::render::accumulators::{IterationSample, SharedStatistics};
+    use crate::render::combined_image::CombinedImage;
+    use crate::settings::{Bias, Kernel, PartialSettings, Settings};
     use glam::DVec3;
 
     const SIDE: u32 = 24;
 
-    /// Blocks of an image of luminance 1 with noise .3, whose left part has such a bias beyond half the radius of the
-    /// last vertex; that of the others brings noise alone.
+    fn typical_left_at_half() -> f64 {
+        left_at_half(Kernel::Area)[1]
+    }
+
+    /// Blocks of an image of luminance 1 with noise 0.3. In the left half, the annulus of the second
+    /// class contributes `bias` and `noise`; elsewhere, both classes contribute noise only.
     fn blocks(bias: f64, noise: f64, iterations: &[u64], seed: u64) -> Vec<Block> {
-        let wishes = PartialSettings {
+        let partial = PartialSettings {
             resolution: Some([SIDE, SIDE]),
             bias: Some(Bias::Reduce),
             ..Default::default()
         };
-        let settings = Settings::resolve(&wishes, &Default::default(), 1.0).unwrap();
+        let settings = Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
         let mut rng = StreamKey::new(seed, Stream::Pilot, 0).rng(0);
         let gauss = |rng: &mut Rng| (0..12).map(|_| f64::from(rng.next_1d())).sum::<f64>() - 6.0;
         let mut first = 0;
         let block = |&count: &u64| {
-            let mut block = Block::new(&settings, first, Counts::uniform(10, 1));
-            for iteration in first..first + count {
-                let off = (iteration, Measure::Off);
-                let (_, mut tiles) = block.begin_iteration(off, BatchGrain::Tile, None);
+            let request = RenderConfig::default().request(&settings);
+            let mut block = Block::new(&request, first, Counts::uniform(10, 1));
+            let mut shared = SharedStatistics::default();
+            for number in first..first + count {
+                let iteration = CurrentIteration { number, is_measured: false };
+                let (_, mut tiles) = block.begin_iteration(iteration, request, &mut shared);
                 for tile in &mut tiles {
-                    for index in 0..tile.tile.len() as u32 {
-                        let (x, _) = tile.tile.pixel(index);
+                    for index in 0..tile.film.tile.len() as u32 {
+                        let (x, _) = tile.film.tile.pixel(index);
                         let own = if x < SIDE / 2 { bias } else { 0.0 };
-                        let beyond = [0.0, own].map(|bias| bias + noise * gauss(&mut rng));
-                        let value = 1.0 + 0.3 * gauss(&mut rng) + beyond[0] + beyond[1];
-                        let index = index as usize;
-                        tile.sums[index].add(DVec3::splat(value));
-                        let to = tile.beyond.as_mut().expect("it is asked for");
-                        to.add(index, DVec3::splat(value), beyond.map(DVec3::splat));
+                        let annulus: [f64; CLASSES] =
+                            [0.0, own].map(|bias| bias + noise * gauss(&mut rng));
+                        let value = 1.0 + 0.3 * gauss(&mut rng) + annulus[0] + annulus[1];
+                        let annulus = Some(annulus.map(DVec3::splat));
+                        let value = DVec3::splat(value);
+                        let pixel = PixelSample { value, annulus, aovs: None };
+                        let sample = IterationSample { pixel, ..IterationSample::default() };
+                        tile.add_sample(index as usize, &sample);
                     }
                 }
-                drop(tiles);
-                block.end_iteration(off, 0.0);
+                let deviation = tiles.iter().map(|tile| tile.film.deviation).sum();
+                block.end_iteration(iteration, deviation);
             }
             first += count;
             block
@@ -259,92 +290,87 @@ mod tests {
     }
 
     #[test]
-    fn a_bias_without_noise_is_taken_off_as_a_whole() {
+    fn bias_without_noise_is_subtracted_completely() {
         let blocks = blocks(0.5, 0.0, &[6], 1);
         let image = CombinedImage::new(&blocks, vec![1.0]);
         let merged = blocks[0].film.mean();
-        let off: Vec<f64> = image
-            .mean()
-            .iter()
-            .zip(&merged)
-            .map(|(one, other)| f64::from(other.x - one.x))
-            .collect();
-        for (index, off) in off.iter().enumerate() {
+        for (index, (corrected, merged)) in image.mean().iter().zip(&merged).enumerate() {
+            let subtracted = f64::from(merged.x - corrected.x);
             let expected = if index as u32 % SIDE < SIDE / 2 { 0.5 } else { 0.0 };
-            assert!((off - expected).abs() < 1e-5, "{index}: {off}");
+            assert!((subtracted - expected).abs() < 1e-5, "{index}: {subtracted}");
         }
-        // What is left at half the radius is not seen.
-        let left = mean(&image.reduction().unwrap().bias2);
-        assert!((left / (0.5 * (LEFT_AT_HALF[1] * 0.5).powi(2)) - 1.0).abs() < 1e-3, "{left}");
+        // The bias at half the radius is not measured but assumed.
+        let left = mean(&image.bias_correction().unwrap().bias2);
+        let expected = 0.5 * (typical_left_at_half() * 0.5).powi(2);
+        assert!((left / expected - 1.0).abs() < 1e-3, "{left}");
     }
 
     #[test]
-    fn noise_alone_stays_and_adds_nothing() {
-        let (mut off, mut squares, mut count) = (0.0, 0.0, 0.0);
+    fn noise_without_bias_is_not_subtracted() {
+        let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
         for seed in 0..40 {
             let blocks = blocks(0.0, 1.0, &[40], seed);
             let image = CombinedImage::new(&blocks, vec![1.0]);
-            for amount in &image.reduction().unwrap().amount {
-                off += f64::from(amount.x);
-                squares += f64::from(amount.x).powi(2);
+            for correction in &image.bias_correction().unwrap().correction {
+                sum += f64::from(correction.x);
+                squares += f64::from(correction.x).powi(2);
                 count += 1.0;
             }
         }
-        // One side decides about the other: no mean is left but by chance. Neighbors have decisions in common, but
-        // not what is decided about.
+        // The factor is independent of the fold that it scales: the expectation is 0. Neighbors have
+        // similar factors but independent annuli.
         let error = squares.sqrt() / count;
-        assert!(squares > 0.0 && (off / count).abs() < 3.0 * error, "{} +- {error}", off / count);
+        assert!(squares > 0.0 && (sum / count).abs() < 3.0 * error, "{} +- {error}", sum / count);
         // Noise of 1 in each of two classes.
         assert!(squares / count < 0.05 * 2.0 / 40.0, "{}", squares / count * 40.0);
     }
 
     #[test]
-    fn the_error_that_is_told_is_the_one_that_is_there() {
+    fn estimated_error_matches_true_error() {
         for (bias, parts, weights) in
             [(0.1, &[60][..], vec![1.0]), (0.3, &[60], vec![1.0]), (0.2, &[20, 40], vec![0.3, 1.0])]
         {
-            let (mut found, mut told, mut seen) = (0.0, 0.0, Vec::new());
-            let (runs, half) = (60, LEFT_AT_HALF[1] * bias);
+            let (mut estimate, mut errors) = (0.0, Vec::new());
+            let (runs, half) = (60, typical_left_at_half() * bias);
             for seed in 0..runs {
                 let blocks = blocks(bias, 1.0, parts, 1000 + seed);
                 let image = CombinedImage::new(&blocks, weights.clone());
                 let noise = mean(&image.variance_of_mean().unwrap());
-                told += (noise + mean(&image.reduction().unwrap().bias2)) / runs as f64;
+                let bias2 = mean(&image.bias_correction().unwrap().bias2);
+                estimate += (noise + bias2) / runs as f64;
                 let square = |(index, pixel): (usize, &Rgb)| {
-                    // With the bias that is left at half the radius, which nothing here shows.
+                    // The simulated images lack the bias at half the radius
                     let left = if index as u32 % SIDE < SIDE / 2 { half } else { 0.0 };
                     (f64::from(pixel.x) + left - 1.0).powi(2)
                 };
-                let own = image.mean().iter().enumerate().map(square).sum::<f64>();
-                seen.push(own / f64::from(SIDE * SIDE));
-                found += seen.last().expect("just now") / runs as f64;
+                let error = image.mean().iter().enumerate().map(square).sum::<f64>();
+                errors.push(error / f64::from(SIDE * SIDE));
             }
-            let spread = seen.iter().map(|x| (x - found).powi(2)).sum::<f64>() / (runs - 1) as f64;
+            let true_error = errors.iter().sum::<f64>() / runs as f64;
+            let spread = errors.iter().map(|x| (x - true_error).powi(2)).sum::<f64>();
+            let spread = spread / (runs - 1) as f64;
             let error = (spread / runs as f64).sqrt();
             assert!(
-                (told - found).abs() < 3.0 * error + 0.03 * found,
-                "{bias}: {told}, not {found} +- {error}"
+                (estimate - true_error).abs() < 3.0 * error + 0.03 * true_error,
+                "{bias}: {estimate}, not {true_error} +- {error}"
             );
-            // Without taking anything off: noise of three terms, and the whole bias.
+            // Without correction: noise of three terms, and the whole bias
             let merged = 2.09 / 60.0 + 0.5 * (bias + half).powi(2);
-            assert!(bias < 0.2 || found < 0.9 * merged, "{bias}: {found} of {merged}");
+            assert!(bias < 0.2 || true_error < 0.9 * merged, "{bias}: {true_error} of {merged}");
         }
     }
 
     #[test]
-    fn two_iterations_of_either_side_are_needed() {
+    fn correction_needs_two_iterations_of_each_fold() {
         for (count, known) in [(0, false), (3, false), (4, true)] {
             let blocks = blocks(0.1, 0.1, &[count], 3);
-            assert_eq!(
-                CombinedImage::new(&blocks, vec![1.0]).reduction().is_some(),
-                known,
-                "{count}"
-            );
+            let image = CombinedImage::new(&blocks, vec![1.0]);
+            assert_eq!(image.bias_correction().is_some(), known, "{count}");
         }
     }
 
     #[test]
-    fn means_around_keep_constants_and_sums() {
+    fn smoothing_keeps_constants_and_sums() {
         let constant = smooth(&[[2.0, 3.0]; 70], 10, 7);
         assert!(
             constant

@@ -1,10 +1,11 @@
-//! One iteration: light phase, photon map, camera and merge phases for some tiles at a time.
+//! One iteration: light phase, photon map, camera phase and merge.
 
 use super::Renderer;
 use super::report::IterationReport;
-use super::tiles::Shares;
+use super::tiles::TileBatches;
 use super::worker::Job;
 use crate::base::rng::{Stream, StreamKey};
+use crate::film::statistic::CurrentIteration;
 use crate::noise::Measure;
 use crate::settings::Bias;
 use crate::transport::camera_paths::CameraPass;
@@ -12,61 +13,62 @@ use crate::transport::kernel::MergeKernel;
 use crate::transport::merge::{Merge, MergeOptions};
 use crate::transport::mis::Mis;
 use rayon::prelude::*;
+use std::mem;
 use std::time::Instant;
 
 impl Renderer {
-    /// Renders one iteration on the threads of the current rayon pool. One that measures takes at
-    /// least two camera paths in each pixel; those that the counts do not ask for stay out of the
-    /// image, which is the same whether it is measured or not.
+    /// Renders one iteration on the threads of the current rayon pool.
+    ///
+    /// A measured iteration traces at least two camera paths in each pixel. Camera paths beyond the
+    /// pixel's count are left out of the image, so that the image does not depend on `measure`.
     ///
     /// # Panics
-    /// If it is to measure with fewer than two light paths, or all its own iterations are there.
+    /// If the iteration is measured with fewer than two light paths, or no iteration remains.
     pub fn iterate(&mut self, measure: Measure) -> IterationReport {
         let start = Instant::now();
-        let iteration = self.next();
-        assert!(iteration < u64::MAX, "there are iterations to render");
-        // Out of the way of what all threads share.
-        let mut block = self.blocks.remove(self.current);
-        let mut features = self.features.take();
+        let number = self.next_iteration();
+        assert!(number < u64::MAX, "there are iterations to render");
+        let iteration = CurrentIteration { number, is_measured: measure != Measure::Off };
+        // Taken out, so that all threads can read the rest of the renderer.
+        let mut block = self.sums.blocks.remove(self.current);
+        let mut shared = mem::take(&mut self.sums.shared);
 
+        // Light phase: trace light paths and store their photons
         let Self { scene, accel, settings, light_paths, .. } = self;
-        light_paths.trace(scene, &**accel, settings, block.counts.light_paths, iteration);
-        let reach = self.kernel().reach();
-        let build_time = self.photon_map.build(&self.light_paths, reach);
+        light_paths.trace(scene, &**accel, settings, block.counts.light_paths, number);
 
-        let (pass, merge) = self.passes(iteration);
-        let before = block.film.iterations;
-        let (counts, mut tiles) =
-            block.begin_iteration((iteration, measure), self.grain, features.as_mut());
-        let job = Job::new(pass, merge, counts, measure, before).with_aovs(self.kept);
-        // Results do not depend on which tiles one thread takes together.
-        Shares::new(&mut tiles, job.tiles_together())
+        // Build the photon map
+        let build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());
+
+        // Camera phase and merge: each thread traces and merges the camera paths of some tiles
+        let (pass, merge) = self.passes(number);
+        let (counts, mut tiles) = block.begin_iteration(iteration, self.request(), &mut shared);
+        let job = Job { aovs: self.config.aovs, ..Job::new(pass, merge, counts, measure) };
+        TileBatches::new(&mut tiles, job.tiles_per_batch())
             .par_bridge()
             .for_each_init(|| self.workers.lease(), |worker, tiles| worker.render(&job, tiles));
 
-        // Summed in the order of the tiles, whoever rendered them.
-        let deviations = tiles.iter().map(|tile| tile.deviation).sum();
-        block.end_iteration((iteration, measure), deviations);
-        if let Some(features) = &mut features {
-            features.end_iteration(iteration);
+        // Add up in the order of the tiles: the sum does not depend on the threads
+        let deviation = tiles.iter().map(|tile| tile.film.deviation).sum();
+        block.end_iteration(iteration, deviation);
+        shared.end_iteration(iteration);
+        let report = IterationReport::new(self, build_time, start);
+        if !iteration.is_measured {
+            block.clock.add(&report.times);
         }
-        let Self { light_paths, photon_map, workers, .. } = self;
-        let report = IterationReport::new(light_paths, build_time, photon_map, workers, start);
-        let report = report.with_ranks(self.ranks);
-        block.clock.add(measure, &report.times);
-        self.blocks.insert(self.current, block);
-        self.features = features;
+        self.sums.blocks.insert(self.current, block);
+        self.sums.shared = shared;
         report
     }
 
     fn kernel(&self) -> MergeKernel<'_> {
-        let all = MergeKernel::new(&self.settings, self.areas.as_deref());
-        self.nesting.map_or(all, |class| all.with_nested_class(class))
+        let kernel = MergeKernel::new(&self.settings, self.areas.as_deref());
+        self.config.nested_class.map_or(kernel, |class| kernel.with_nested_class(class))
     }
 
-    /// How an iteration traces camera paths, and what it merges them with: its photons are in the map.
+    /// Camera pass of an iteration whose photons are in the map, and the merge with them.
     pub(super) fn passes(&self, iteration: u64) -> (CameraPass<'_>, Merge<'_>) {
-        let Self { scene, accel, settings, view, photon_map, kept, .. } = self;
+        let Self { scene, accel, settings, view, photon_map, .. } = self;
         let mis = Mis::new(settings);
         let pass = CameraPass {
             scene,
@@ -78,7 +80,7 @@ impl Renderer {
         };
         let options = MergeOptions {
             mis,
-            records_caustics: kept.light,
+            records_caustics: self.config.aovs.light,
             records_annulus: settings.bias == Bias::Reduce,
         };
         (pass, Merge::new(photon_map, settings.merge_vertex, self.kernel(), options))

@@ -1,20 +1,22 @@
-//! Renders a scene, iteration after iteration: what a renderer holds, and how one is made of another.
+//! Rendering a scene, iteration after iteration.
 
-pub mod bias;
+pub mod accumulators;
 mod aov_sums;
+pub mod bias;
 pub mod bias_correction;
 pub mod block;
-mod iteration;
+mod combined_image;
 pub mod guiding;
+mod iteration;
 mod memory;
-mod report;
 mod partial;
+mod report;
 mod tile_paths;
 mod tiles;
 mod worker;
 
 pub use memory::light_paths_in;
-pub use partial::Sums;
+pub use partial::PartialRender;
 pub use report::IterationReport;
 
 use crate::accel::Intersect;
@@ -22,11 +24,11 @@ use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
 use crate::base::memory::available_memory;
 use crate::base::pool::Pool;
-use crate::film::aov::{AovSelection, FeatureBuffers};
+use crate::film::aov::AovSelection;
 use crate::film::counts::Counts;
+use crate::film::features::FeatureFolds;
 use crate::film::radiance::Film;
-use crate::noise::film::{BatchGrain, NoiseFilm};
-use crate::noise::image::NoiseImage;
+use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Scene, View};
 use crate::settings::policy::MOST_BLOCKS;
@@ -35,33 +37,60 @@ use crate::transport::area::Areas;
 use crate::transport::light_paths::LightPaths;
 use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
+use accumulators::SharedStatistics;
 use block::Block;
 use memory::{bytes_per_light_path, check_memory, film_bytes};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use worker::Worker;
+
+/// Statistics that are kept beside the image, and other choices that do not change the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RenderConfig {
+    /// Layers that are kept beside the image.
+    pub aovs: AovSelection,
+    /// Resolution of the batches of measured iterations.
+    pub grain: BatchGrain,
+    /// If set, measured iterations merge at nested radii for this photon class only, and the nested
+    /// differences estimate the bias of that class. The radii of both classes must differ.
+    pub nested_class: Option<PhotonClass>,
+    /// Number of processes that render the image together. Reported times are divided by it.
+    pub ranks: u32,
+}
+
+impl Default for RenderConfig {
+    fn default() -> Self {
+        let (aovs, grain) = (AovSelection::default(), BatchGrain::default());
+        Self { aovs, grain, nested_class: None, ranks: 1 }
+    }
+}
+
+impl RenderConfig {
+    /// Batches of single pixels, for [`Block::noise_image`].
+    pub fn with_pixel_batches() -> Self {
+        Self { grain: BatchGrain::Pixel, ..Self::default() }
+    }
+
+    pub(crate) fn request<'a>(&self, settings: &'a Settings) -> StatisticRequest<'a> {
+        let Self { aovs, grain, .. } = *self;
+        StatisticRequest { settings, aovs, grain, measured_before: None }
+    }
+}
 
 /// Renders one scene, iteration after iteration.
 pub struct Renderer {
     scene: Arc<Scene>,
     accel: Arc<dyn Intersect>,
     settings: Settings,
+    config: RenderConfig,
     view: View,
-    /// At least one, by the numbers of their iterations.
-    blocks: Vec<Block>,
-    /// The block under way.
+    /// At least one block.
+    sums: PartialRender,
+    /// Index of the current block.
     current: usize,
-    /// IterationSet of the iterations to render.
-    own: IterationSet,
-    /// Processes that render this image together.
-    ranks: u32,
-    grain: BatchGrain,
-    /// The only photons whose merges measuring iterations repeat at nested radii, if not all do.
-    nesting: Option<PhotonClass>,
-    /// What is kept beside the image.
-    kept: AovSelection,
-    /// Over all blocks, if they are kept.
-    features: Option<FeatureBuffers>,
-    /// Of the surfaces, if the kernel asks for them.
+    /// Numbers of the iterations that this process renders.
+    assigned: IterationSet,
+    /// Areas of the surfaces, for the area kernel only.
     areas: Option<Arc<Areas>>,
     light_paths: LightPaths,
     photon_map: PhotonMap,
@@ -74,10 +103,9 @@ impl Renderer {
     /// # Errors
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &Arc<Scene>, accel: &Arc<dyn Intersect>, settings: Settings) -> Result<Self> {
-        Self::unguided(scene, accel, settings)?.learning()
+        Self::unguided(scene, accel, settings)?.with_learned_guide()
     }
 
-    /// [`Self::new`] but for the guide.
     fn unguided(
         scene: &Arc<Scene>,
         accel: &Arc<dyn Intersect>,
@@ -89,32 +117,47 @@ impl Renderer {
         })
     }
 
-    /// Learns where light paths start, if the settings ask for it.
-    fn learning(self) -> Result<Self> {
-        let all = self.settings.guide;
-        let learned = (all > 0).then(|| self.learn_guide(|done, _| done < all)).transpose()?;
-        Ok(self.guided(learned.map(|learned| learned.guide)))
+    fn with_areas(
+        scene: &Arc<Scene>,
+        accel: &Arc<dyn Intersect>,
+        settings: Settings,
+        areas: impl FnOnce(&Settings) -> Option<Arc<Areas>>,
+    ) -> Result<Self> {
+        settings.validate()?;
+        let config = RenderConfig::default();
+        let request = config.request(&settings);
+        check_memory(scene, &request, settings.light_paths)?;
+        if scene.lights().is_empty() {
+            return Err(Error::new(
+                "the scene has no light",
+                "add a [[light]], or give a material some emission",
+            ));
+        }
+        let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
+        let blocks = vec![Block::new(&request, 0, counts)];
+        Ok(Self {
+            scene: Arc::clone(scene),
+            accel: Arc::clone(accel),
+            config,
+            view: scene.camera.view(settings.width, settings.height),
+            sums: PartialRender::new(blocks, SharedStatistics::default()),
+            current: 0,
+            assigned: IterationSet::all(),
+            areas: areas(&settings),
+            settings,
+            light_paths: LightPaths::default(),
+            photon_map: PhotonMap::default(),
+            workers: Pool::default(),
+        })
     }
 
-    /// Starts light paths where `guide` says, whatever the settings ask for.
-    #[must_use]
-    pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
-        self.light_paths.guide = guide;
-        self
-    }
-
-    /// Where light paths start; in proportion to the lights' power if there is none.
-    pub fn guide(&self) -> Option<&Arc<Guide>> {
-        self.light_paths.guide.as_ref()
-    }
-
-    /// Prepares to render the same scene with other settings, from the first iteration: what is known of its surfaces
-    /// is kept.
+    /// Prepares to render the same scene with other settings and the default configuration, from the
+    /// first iteration. The areas of the surfaces and, if it would not differ, the guide are reused.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// Those of [`Self::new`].
     pub fn with_settings(&self, settings: Settings) -> Result<Self> {
-        let like = if settings.kernel != self.settings.kernel {
+        let renderer = if settings.kernel != self.settings.kernel {
             Self::unguided(&self.scene, &self.accel, settings)?
         } else {
             Self::with_areas(&self.scene, &self.accel, settings, |settings| {
@@ -126,56 +169,23 @@ impl Renderer {
                 })
             })?
         };
-        // Neither counts nor seed matter to what is learned.
+        // The guide depends neither on the path counts nor on the seed.
         let Settings { light_paths, camera_paths, seed, mis_scales, .. } = self.settings;
-        let counted = Settings { light_paths, camera_paths, seed, ..like.settings.clone() };
-        let is_same = Settings { mis_scales, ..counted } == self.settings
-            && like.settings.mis_scales() == self.settings.mis_scales();
-        if is_same { Ok(like.guided(self.guide().cloned())) } else { like.learning() }
-    }
-
-    fn with_areas(
-        scene: &Arc<Scene>,
-        accel: &Arc<dyn Intersect>,
-        settings: Settings,
-        areas: impl FnOnce(&Settings) -> Option<Arc<Areas>>,
-    ) -> Result<Self> {
-        settings.validate()?;
-        check_memory(scene, &settings, AovSelection::default(), settings.light_paths)?;
-        if scene.lights().is_empty() {
-            return Err(Error::new(
-                "the scene has no light",
-                "add a [[light]], or give a material some emission",
-            ));
+        let new = &renderer.settings;
+        let counted = Settings { light_paths, camera_paths, seed, mis_scales, ..new.clone() };
+        if counted == self.settings && new.mis_scales() == self.settings.mis_scales() {
+            Ok(renderer.guided(self.guide().cloned()))
+        } else {
+            renderer.with_learned_guide()
         }
-        let view = scene.camera.view(settings.width, settings.height);
-        let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
-        let areas = areas(&settings);
-        Ok(Self {
-            scene: Arc::clone(scene),
-            accel: Arc::clone(accel),
-            view,
-            blocks: vec![Block::new(&settings, 0, counts)],
-            current: 0,
-            own: IterationSet::all(),
-            ranks: 1,
-            settings,
-            grain: BatchGrain::Tile,
-            nesting: None,
-            kept: AovSelection::default(),
-            features: None,
-            areas,
-            light_paths: LightPaths::default(),
-            photon_map: PhotonMap::default(),
-            workers: Pool::default(),
-        })
     }
 
-    /// The same for a sample of the image of `settings`: of each square of `stride` by `stride` pixels
-    /// one ([`View::every`]). What is measured of these pixels is what it is in the image.
+    /// Prepares to render a sample of the image with `settings`: one pixel of each square of `stride`
+    /// by `stride` pixels ([`View::every`]). Each of these pixels has the statistics that it has in the
+    /// whole image.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// Those of [`Self::new`].
     pub fn sample(&self, settings: Settings, stride: u32) -> Result<Self> {
         let view = self.scene.camera.view(settings.width, settings.height).every(stride);
         let [width, height] =
@@ -183,77 +193,62 @@ impl Renderer {
         Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })
     }
 
-    /// What it renders.
-    pub(crate) fn subject(&self) -> (&Arc<Scene>, &Arc<dyn Intersect>) {
-        (&self.scene, &self.accel)
-    }
-
-    /// Keeps this beside the image from now on.
+    /// Selects the statistics that are kept; see [`RenderConfig`].
     ///
     /// # Errors
     /// If the memory does not suffice.
     ///
     /// # Panics
-    /// If anything was rendered before.
-    pub fn with_aovs(mut self, kept: AovSelection) -> Result<Self> {
-        assert!(self.iterations() == 0, "what is kept is kept of all iterations");
-        check_memory(&self.scene, &self.settings, kept, self.block().counts.light_paths)?;
-        let pixels = self.settings.pixels();
-        let features = kept.features || kept.parts;
-        self.features = features.then(|| FeatureBuffers::new(pixels, kept.parts));
+    /// If an iteration was rendered before.
+    pub fn configure(mut self, config: RenderConfig) -> Result<Self> {
+        assert!(self.iterations() == 0, "statistics are kept of all iterations or none");
+        self.config = config;
         let counts = self.block().counts.clone();
-        self.blocks = vec![Block::new(&self.settings, 0, counts).with_aovs(kept)];
-        Ok(Self { kept, ..self })
+        check_memory(&self.scene, &self.request(), counts.light_paths)?;
+        let mut shared = SharedStatistics::default();
+        shared.start(&self.request());
+        self.sums = PartialRender::new(vec![Block::new(&self.request(), 0, counts)], shared);
+        self.current = 0;
+        Ok(self)
     }
 
-    /// What is kept beside the image.
-    pub fn kept(&self) -> AovSelection {
-        self.kept
+    /// The statistics that are kept.
+    pub fn config(&self) -> &RenderConfig {
+        &self.config
     }
 
-    /// What is seen in each pixel, if it is kept.
-    pub fn features(&self) -> Option<&FeatureBuffers> {
-        self.features.as_ref()
+    fn request(&self) -> StatisticRequest<'_> {
+        self.config.request(&self.settings)
     }
 
-    /// Goes on after iterations of which this was kept beside the image.
+    /// Continues after the iterations of `sums`, and keeps the layers that all its blocks have.
     ///
     /// # Errors
-    /// As [`Self::resume`].
-    pub fn resume_with(
-        &mut self,
-        blocks: Vec<Block>,
-        features: Option<FeatureBuffers>,
-    ) -> Result<()> {
-        let pixels = self.settings.pixels();
-        self.resume(blocks)?;
-        let light = self.blocks.iter().all(|block| block.light.is_some());
-        let parts = self.blocks.iter().all(|block| block.parts.is_some());
-        self.features = features.filter(|features| features.fits(pixels));
-        let features = self.features.is_some();
-        let in_parts = self.features.as_ref().is_some_and(FeatureBuffers::is_in_parts);
-        self.kept = AovSelection { light, features, parts: parts && in_parts };
-        Ok(())
-    }
-
-    /// Goes on after the iterations that `blocks` hold.
-    ///
-    /// # Errors
-    /// If there is none, or one does not fit the settings.
-    pub fn resume(&mut self, blocks: Vec<Block>) -> Result<()> {
-        let Settings { width, height, .. } = self.settings;
-        if blocks.is_empty() || !blocks.iter().all(|block| block.is_consistent(&self.settings)) {
+    /// If there is no block, or one does not fit the settings.
+    pub fn resume(&mut self, sums: PartialRender) -> Result<()> {
+        let PartialRender { blocks, shared, .. } = &sums;
+        let fits = shared.fits(&self.settings)
+            && blocks.iter().all(|block| block.is_consistent(&self.settings));
+        if blocks.is_empty() || !fits {
+            let Settings { width, height, .. } = self.settings;
             return Err(Error::new(
-                format!("the image to go on with is not one of {width}x{height} pixels"),
-                "render at the --resolution that it was begun with",
+                format!("the image to continue does not have {width}x{height} pixels"),
+                "render at the resolution that it was begun with",
             ));
         }
+        let features = shared.features.as_ref();
+        self.config.aovs = AovSelection {
+            light: blocks.iter().all(|block| block.statistics.light.is_some()),
+            features: features.is_some(),
+            folds: features.is_some_and(FeatureFolds::is_folded)
+                && blocks.iter().all(|block| block.statistics.folds.is_some()),
+        };
         self.current = blocks.len() - 1;
-        self.blocks = blocks;
+        self.sums = sums;
         Ok(())
     }
 
-    /// Takes other counts from now on, in a new block; a block without iterations is replaced.
+    /// Renders with other counts from now on, in a new block. A block without iterations is replaced.
     ///
     /// # Errors
     /// If the counts are out of bounds or do not fit in the memory.
@@ -262,77 +257,67 @@ impl Renderer {
     /// If there are counts for another number of pixels.
     pub fn begin_block(&mut self, counts: Counts) -> Result<()> {
         let end = |block: &Block| block.numbers.ranges().last().map_or(0, |range| range.end);
-        self.enter_block(self.blocks.iter().map(end).max().unwrap_or(0), counts)
+        self.enter_block(self.blocks().iter().map(end).max().unwrap_or(0), counts)
     }
 
-    /// The most light paths that take no more than half of the memory that is left.
+    /// Maximum number of light paths that take no more than half of the available memory.
     pub fn most_light_paths(&self) -> u32 {
-        let Self { scene, settings, .. } = self;
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(settings, self.kept, MOST_BLOCKS)).max(0.0);
-        let most = for_light / bytes_per_light_path(scene, settings);
+        let for_light = 0.5 * (available - film_bytes(&self.request(), MOST_BLOCKS)).max(0.0);
+        let most = for_light / bytes_per_light_path(&self.scene, &self.settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }
 
-    /// Keeps the batches of measured noise at `grain` from now on; [`BatchGrain::Tile`] at first.
-    ///
-    /// # Panics
-    /// If something was measured before.
+    /// Starts light paths from `guide`, whatever the settings ask for; in proportion to the power of
+    /// the lights without one.
     #[must_use]
-    pub fn with_batches(mut self, grain: BatchGrain) -> Self {
-        assert!(self.noise().is_none(), "batches change only before the first measurement");
-        self.grain = grain;
+    pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
+        self.light_paths.guide = guide;
         self
     }
 
-    /// Repeats only merges with photons of one class at nested radii, which tell the bias: that of these merges
-    /// alone. The radii of both classes must not be equal.
-    #[must_use]
-    pub fn nested_class(self, class: PhotonClass) -> Self {
-        Self { nesting: Some(class), ..self }
+    /// The guide that light paths start from, if there is one.
+    pub fn guide(&self) -> Option<&Arc<Guide>> {
+        self.light_paths.guide.as_ref()
     }
 
-    /// Whether photons of [`PhotonClass::Caustic`] were found in the last iteration.
+    /// The scene and its acceleration structure.
+    pub(crate) fn scene_and_accel(&self) -> (&Arc<Scene>, &Arc<dyn Intersect>) {
+        (&self.scene, &self.accel)
+    }
+
+    /// The settings. Their path counts are those of the first block.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Whether the last iteration stored photons of [`PhotonClass::Caustic`].
     pub fn found_caustic_photons(&self) -> bool {
         self.photon_map.has_caustic_photons()
     }
 
-    /// All blocks, by the numbers of their iterations.
+    /// All blocks, in the order of their first iterations.
     pub fn blocks(&self) -> &[Block] {
-        &self.blocks
+        &self.sums.blocks
     }
 
-    /// The block under way.
+    /// The current block.
     pub fn block(&self) -> &Block {
-        &self.blocks[self.current]
+        &self.sums.blocks[self.current]
     }
 
-    /// What was measured in the block under way.
-    pub fn noise(&self) -> Option<&NoiseFilm> {
-        self.block().noise.as_ref()
-    }
-
-    /// What was measured of each pixel in the block under way; takes
-    /// [batches](Self::with_batches) of single pixels.
-    ///
-    /// # Errors
-    /// As [`Block::noise_image`].
-    pub fn noise_image(&self) -> Result<NoiseImage> {
-        self.block().noise_image()
-    }
-
-    /// The image of the block under way.
+    /// Sums of the image over the iterations of the current block.
     pub fn film(&self) -> &Film {
         &self.block().film
     }
 
-    /// Iterations of all blocks.
-    pub fn iterations(&self) -> u64 {
-        self.blocks.iter().map(|block| block.film.iterations).sum()
+    /// Statistics over all blocks.
+    pub fn shared(&self) -> &SharedStatistics {
+        &self.sums.shared
     }
 
-    /// The settings; counts are those of the first block.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
+    /// Number of iterations of all blocks.
+    pub fn iterations(&self) -> u64 {
+        self.blocks().iter().map(|block| block.film.iterations).sum()
     }
 }

@@ -1,35 +1,27 @@
-//! What an iteration tells of itself.
+//! Result of an iteration beside the image: times and counters.
 
-use super::worker::Worker;
-use crate::base::pool::Pool;
+use super::Renderer;
 use crate::film::PhaseTimes;
-use crate::transport::light_paths::LightPaths;
-use crate::transport::photon_map::PhotonMap;
 use std::time::{Duration, Instant};
 
-/// What one iteration did.
+/// Times and counters of one iteration.
 #[derive(Clone, Debug, Default)]
 pub struct IterationReport {
-    /// Time of each phase.
+    /// Time of each phase, divided by the number of processes that render the image together.
     pub times: PhaseTimes,
-    /// Rays traced in the light and camera phases.
+    /// Rays traced in the light phase and the camera phase.
     pub rays: u64,
     /// Photons in the map.
     pub photons: usize,
-    /// Pixels whose value was not finite and was left out: column and row, in image order.
+    /// Column and row of the pixels whose value was not finite and was left out, in image order.
     pub non_finite: Vec<(u32, u32)>,
 }
 
 impl IterationReport {
-    /// Of the iteration that began at `start`, from what took part in it: `build_time` is that of the photon
-    /// map on all threads together.
-    pub(super) fn new(
-        light_paths: &LightPaths,
-        build_time: Duration,
-        photon_map: &PhotonMap,
-        workers: &mut Pool<Worker>,
-        start: Instant,
-    ) -> Self {
+    /// Collects the counters of the iteration that began at `start`. The photon map took `build_time`
+    /// on all threads together.
+    pub(super) fn new(renderer: &mut Renderer, build_time: Duration, start: Instant) -> Self {
+        let Renderer { light_paths, photon_map, workers, config, .. } = renderer;
         let mut report =
             Self { rays: light_paths.rays(), photons: photon_map.len(), ..Self::default() };
         report.times.light = light_paths.busy_time() + build_time;
@@ -42,12 +34,7 @@ impl IterationReport {
         }
         report.non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
         report.times.wall = start.elapsed();
+        report.times = report.times / config.ranks;
         report
-    }
-
-    /// The same with times per iteration of so many processes together.
-    pub(super) fn with_ranks(mut self, ranks: u32) -> Self {
-        self.times = self.times / ranks;
-        self
     }
 }

@@ -1,61 +1,77 @@
-//! The camera paths of neighboring tiles, pixel after pixel.
+//! Iterator over the camera paths of neighboring tiles, pixel by pixel.
 
 use crate::film::counts::CameraCounts;
-use crate::film::radiance::Tile;
+use crate::film::tiled_buffer::Tile;
 use crate::transport::camera_paths::CameraPathId;
 
-/// The camera path that comes next, and those after it.
+/// The current camera path and all that follow it.
 #[derive(Clone, Debug)]
 pub struct TilePaths<'a> {
-    /// Index of its pixel among those of all tiles.
+    /// Index of the path's pixel among those of all tiles.
     pub pixel: usize,
-    /// Its number within the pixel.
+    /// Number of the path within the pixel.
     pub path: u32,
-    /// How many paths of the pixel are of the image: the first ones.
+    /// Number of paths of the pixel that contribute to the image: the first ones.
     pub in_image: u32,
-    /// How many are traced; 0 if there is no path left.
+    /// Number of paths of the pixel that are traced; 0 at the end.
     pub traced: u32,
     /// Column and row of the pixel.
-    place: (u32, u32),
+    position: (u32, u32),
     tile: Tile,
-    /// Those after it.
+    /// Tiles after `tile`.
     tiles: &'a [Tile],
     counts: &'a CameraCounts,
-    /// Paths that a pixel has at least: measuring takes two, even where the image takes one.
-    least: u32,
+    /// Minimum number of paths per pixel: two if the iteration is measured.
+    min_paths: u32,
     image_width: u32,
 }
 
 impl<'a> TilePaths<'a> {
-    /// All paths of `tiles` in an image so many pixels wide, at least so many in each pixel.
+    /// All paths of `tiles`, which belong to an image `image_width` pixels wide; at least `min_paths`
+    /// in each pixel.
     ///
     /// # Panics
     /// If there is no tile.
-    pub fn new(tiles: &'a [Tile], counts: &'a CameraCounts, least: u32, image_width: u32) -> Self {
+    pub fn new(
+        tiles: &'a [Tile],
+        counts: &'a CameraCounts,
+        min_paths: u32,
+        image_width: u32,
+    ) -> Self {
         let (&tile, tiles) = tiles.split_first().expect("there is a tile");
         let (pixel, path, in_image, traced) = (0, 0, 0, 0);
-        let place = tile.pixel(0);
-        let mut paths =
-            Self { pixel, path, in_image, traced, place, tile, tiles, counts, least, image_width };
+        let position = tile.pixel(0);
+        let mut paths = Self {
+            pixel,
+            path,
+            in_image,
+            traced,
+            position,
+            tile,
+            tiles,
+            counts,
+            min_paths,
+            image_width,
+        };
         paths.enter_pixel();
         paths
     }
 
-    /// Whether there is no path left.
+    /// Whether all paths are done.
     pub fn is_done(&self) -> bool {
         self.traced == 0
     }
 
-    /// Index of the pixel in the image, row by row.
+    /// Index of the pixel in the image, in row order.
     pub fn image_index(&self) -> usize {
-        let (x, y) = self.place;
+        let (x, y) = self.position;
         (y * self.image_width + x) as usize
     }
 
-    /// Goes on to the next path.
+    /// Moves to the next path.
     ///
     /// # Panics
-    /// If there was none left.
+    /// If all paths are done.
     #[inline]
     pub fn advance(&mut self) {
         self.path += 1;
@@ -67,7 +83,7 @@ impl<'a> TilePaths<'a> {
     #[inline]
     fn leave_pixel(&mut self) {
         self.pixel += 1;
-        let (x, y) = &mut self.place;
+        let (x, y) = &mut self.position;
         let [end_x, end_y] = self.tile.end();
         *x += 1;
         if *x == end_x {
@@ -77,7 +93,7 @@ impl<'a> TilePaths<'a> {
                 self.traced = 0;
                 let Some((tile, tiles)) = self.tiles.split_first() else { return };
                 (self.tile, self.tiles) = (*tile, tiles);
-                self.place = tile.pixel(0);
+                self.position = tile.pixel(0);
             }
         }
         self.enter_pixel();
@@ -87,7 +103,7 @@ impl<'a> TilePaths<'a> {
     fn enter_pixel(&mut self) {
         self.path = 0;
         self.in_image = self.counts.at(self.image_index());
-        self.traced = self.in_image.max(self.least);
+        self.traced = self.in_image.max(self.min_paths);
     }
 }
 
@@ -97,7 +113,7 @@ impl Iterator for TilePaths<'_> {
     #[inline]
     fn next(&mut self) -> Option<CameraPathId> {
         (!self.is_done()).then(|| {
-            let (x, y) = self.place;
+            let (x, y) = self.position;
             let id = CameraPathId { x, y, index: self.path };
             self.advance();
             id
@@ -108,11 +124,11 @@ impl Iterator for TilePaths<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::radiance::Film;
+    use crate::film::tiled_buffer::tiles;
 
     #[test]
-    fn each_pixel_has_all_its_paths() {
-        let tiles: Vec<Tile> = Film::new(35, 20).tiles().collect();
+    fn tile_paths_visit_each_path_of_each_pixel() {
+        let tiles: Vec<Tile> = tiles((35, 20)).collect();
         let each: Vec<u32> = (0..35 * 20).map(|pixel| 1 + pixel % 4).collect();
         for counts in [CameraCounts::Uniform(3), CameraCounts::PerPixel(each)] {
             let mut paths = TilePaths::new(&tiles[1..], &counts, 2, 35);

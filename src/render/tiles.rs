@@ -1,86 +1,78 @@
-//! Tiles of the image under way, and how threads share them.
+//! Tiles of the image during an iteration, and their assignment to threads.
 
-use crate::film::annulus::AnnulusTile;
-use crate::film::aov::{FeatureTile, LightComponents, PartTile};
-use crate::film::radiance::{PixelSums, Tile};
-use crate::noise::film::NoiseTile;
+use super::accumulators::{BlockStatisticsTile, IterationSample, SharedStatisticsTile};
+use crate::film::radiance::FilmTile;
 
-/// A tile of the image under way.
-#[derive(Debug)]
+/// One tile of all sums.
 pub struct TileSums<'a> {
-    /// Which.
-    pub tile: Tile,
-    /// Sums over iterations of each of its pixels.
-    pub sums: &'a mut [PixelSums],
-    /// What is measured of it, if anything is.
-    pub noise: Option<NoiseTile<'a>>,
-    /// Sum over its pixels of [`PixelSums::deviation`] of this iteration.
-    pub deviation: f64,
-    /// What merges beyond half the radii bring, if that is taken off.
-    pub beyond: Option<AnnulusTile<'a>>,
-    /// What is kept beside.
-    pub layers: LayerTile<'a>,
+    /// Values of the pixels.
+    pub film: FilmTile<'a>,
+    /// Statistics of the block.
+    pub block: BlockStatisticsTile<'a>,
+    /// Statistics of all blocks.
+    pub shared: SharedStatisticsTile<'a>,
 }
 
-/// What is kept of a tile beside its sums, as far as it is; see [`AovSelection`](crate::film::aov::AovSelection).
-#[derive(Debug, Default)]
-pub struct LayerTile<'a> {
-    /// Light by kind.
-    pub light: Option<&'a mut [LightComponents]>,
-    /// What is seen.
-    pub features: Option<FeatureTile<'a>>,
-    /// The part that the iteration belongs to.
-    pub part: Option<PartTile<'a>>,
-}
-
-/// Tiles that one thread takes at a time: many at first, so that many camera paths are merged together, and
-/// fewer toward the end, so that no thread waits long for another.
-pub struct Shares<'a, 'b> {
-    rest: &'a mut [TileSums<'b>],
-    /// Most at a time.
-    most: usize,
-    /// Shares that what is left is divided into.
-    parts: usize,
-}
-
-impl<'a, 'b> Shares<'a, 'b> {
-    /// Of all `tiles`, for the threads of the current rayon pool.
-    pub fn new(tiles: &'a mut [TileSums<'b>], most: usize) -> Self {
-        let parts = 2 * rayon::current_num_threads();
-        Self { rest: tiles, most: most.max(1), parts }
+impl TileSums<'_> {
+    /// Adds one iteration to the tile's pixel `index`.
+    #[inline]
+    pub fn add_sample(&mut self, index: usize, sample: &IterationSample) {
+        self.film.add_sample(index, &sample.pixel);
+        self.block.add_sample(index, sample);
+        self.shared.add_sample(index, sample);
     }
 }
 
-impl<'a, 'b> Iterator for Shares<'a, 'b> {
+/// Divides tiles into batches for the threads. The first batches are large, so that many camera paths
+/// are merged together. They shrink toward the end, so that no thread waits long for another.
+pub struct TileBatches<'a, 'b> {
+    rest: &'a mut [TileSums<'b>],
+    /// Tiles of a batch, at most.
+    max_tiles: usize,
+    /// Number of batches that the remaining tiles are divided into.
+    divisor: usize,
+}
+
+impl<'a, 'b> TileBatches<'a, 'b> {
+    /// Divides `tiles` for the threads of the current rayon pool.
+    pub fn new(tiles: &'a mut [TileSums<'b>], max_tiles: usize) -> Self {
+        let divisor = 2 * rayon::current_num_threads();
+        Self { rest: tiles, max_tiles: max_tiles.max(1), divisor }
+    }
+}
+
+impl<'a, 'b> Iterator for TileBatches<'a, 'b> {
     type Item = &'a mut [TileSums<'b>];
 
     fn next(&mut self) -> Option<Self::Item> {
-        let share = self.rest.len().div_ceil(self.parts).min(self.most);
-        (share > 0).then(|| self.rest.split_off_mut(..share).expect("there are as many"))
+        let size = self.rest.len().div_ceil(self.divisor).min(self.max_tiles);
+        (size > 0).then(|| self.rest.split_off_mut(..size).expect("the batch is not larger"))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::radiance::Film;
+    use crate::film::counts::Counts;
+    use crate::film::statistic::CurrentIteration;
+    use crate::render::RenderConfig;
+    use crate::render::accumulators::SharedStatistics;
+    use crate::render::block::Block;
+    use crate::settings::{PartialSettings, Settings};
 
     #[test]
-    fn shares_are_all_tiles_and_shrink_toward_the_end() {
-        let mut film = Film::new(160, 160);
-        let tile = |(tile, sums)| TileSums {
-            tile,
-            sums,
-            noise: None,
-            deviation: 0.0,
-            beyond: None,
-            layers: LayerTile::default(),
-        };
-        let mut tiles: Vec<TileSums> = film.tiles_mut().into_iter().map(tile).collect();
-        for (most, first, count) in [(7, 7, 100), (1000, 25, 100), (0, 1, 100), (5, 1, 1)] {
+    fn tile_batches_cover_all_tiles_and_shrink() {
+        let partial = PartialSettings { resolution: Some([160, 160]), ..Default::default() };
+        let settings = Settings::resolve(&partial, &Default::default(), 1.0).unwrap();
+        let request = RenderConfig::default().request(&settings);
+        let mut block = Block::new(&request, 0, Counts::uniform(10, 1));
+        let mut shared = SharedStatistics::default();
+        let iteration = CurrentIteration { number: 0, is_measured: false };
+        let (_, mut tiles) = block.begin_iteration(iteration, request, &mut shared);
+        for (max_tiles, first, count) in [(7, 7, 100), (1000, 25, 100), (0, 1, 100), (5, 1, 1)] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-            let shares = pool.install(|| Shares::new(&mut tiles[..count], most));
-            let sizes: Vec<usize> = shares.map(|share| share.len()).collect();
+            let batches = pool.install(|| TileBatches::new(&mut tiles[..count], max_tiles));
+            let sizes: Vec<usize> = batches.map(|batch| batch.len()).collect();
             assert_eq!(sizes.iter().sum::<usize>(), count);
             assert_eq!((sizes[0], *sizes.last().unwrap()), (first, 1));
             assert!(sizes.is_sorted_by(|one, next| one >= next), "{sizes:?}");

@@ -1,12 +1,16 @@
-//! One thread's work on some tiles: camera and merge phases, and what becomes of the pairs.
+//! Work of one thread on some tiles: camera phase, merge phase, and the sums of both.
 
-use super::aov_sums::LayerSums;
+use super::accumulators::IterationSample;
+use super::aov_sums::AovSums;
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
-use crate::film::aov::{AovSelection, LayerValue};
+use crate::film::annulus::CLASSES;
+use crate::film::aov::{AovSample, AovSelection};
 use crate::film::counts::Counts;
-use crate::film::radiance::{Tile, luminance};
+use crate::film::radiance::luminance;
+use crate::film::statistic::PixelSample;
+use crate::film::tiled_buffer::Tile;
 use crate::noise::film::PixelMeasurement;
 use crate::noise::halves::Halves;
 use crate::noise::pairs::AllPairs;
@@ -15,198 +19,193 @@ use crate::transport::camera_paths::{CameraPass, CameraPaths};
 use crate::transport::merge::{Merge, MergeOutput};
 use crate::transport::pair_list::Pair;
 use glam::DVec3;
+use std::mem;
 use std::time::{Duration, Instant};
 
-/// What the tiles of an iteration have in common.
+/// Parameters of an iteration that all tiles have in common.
 #[derive(Clone, Copy)]
 pub struct Job<'a> {
-    /// How camera paths are traced.
+    /// Parameters of the camera paths.
     pub pass: CameraPass<'a>,
-    /// What they are merged with.
+    /// Photons that the camera paths are merged with.
     pub merge: Merge<'a>,
-    /// How many of them.
+    /// Path counts.
     pub counts: &'a Counts,
-    /// Whether noise is measured.
+    /// Whether the noise coefficients are measured.
     pub measure: Measure,
-    /// How many camera paths are merged together, about.
-    pub together: usize,
-    /// Iterations that the sums hold already.
-    pub before: u64,
-    /// What is kept beside the image.
-    pub kept: AovSelection,
+    /// Layers that are kept beside the image.
+    pub aovs: AovSelection,
+    /// Approximate number of camera paths that are merged in one batch.
+    pub batch_size: usize,
 }
 
 impl<'a> Job<'a> {
-    /// Of an iteration that is added to `before` others.
+    /// Keeps no layers.
     pub fn new(
         pass: CameraPass<'a>,
         merge: Merge<'a>,
         counts: &'a Counts,
         measure: Measure,
-        before: u64,
     ) -> Self {
-        let together = merge.batch_size(measure != Measure::Off);
-        Self { pass, merge, counts, measure, together, before, kept: AovSelection::default() }
+        let batch_size = merge.batch_size(measure != Measure::Off);
+        Self { pass, merge, counts, measure, aovs: AovSelection::default(), batch_size }
     }
 
-    /// The same, keeping this beside the image.
-    pub fn with_aovs(self, kept: AovSelection) -> Self {
-        Self { kept, ..self }
-    }
-
-    /// Camera paths that each pixel takes at least.
-    fn least(&self) -> u32 {
+    /// Minimum number of camera paths that are traced in a pixel.
+    fn min_camera_paths(&self) -> u32 {
         if self.measure == Measure::Off { 1 } else { 2 }
     }
 
-    /// Tiles that have as many camera paths as are merged together.
-    pub fn tiles_together(&self) -> usize {
-        let per_pixel = self.counts.camera_paths.mean().max(f64::from(self.least()));
-        (self.together as f64 / (per_pixel * Tile::PIXELS)) as usize
+    /// Number of tiles with as many camera paths as one batch.
+    pub fn tiles_per_batch(&self) -> usize {
+        let per_pixel = self.counts.camera_paths.mean().max(f64::from(self.min_camera_paths()));
+        (self.batch_size as f64 / (per_pixel * Tile::PIXELS)) as usize
+    }
+
+    /// Camera paths of `tiles`.
+    pub fn paths<'b>(&'b self, tiles: &'b [Tile]) -> TilePaths<'b> {
+        let width = self.pass.settings.width;
+        TilePaths::new(tiles, &self.counts.camera_paths, self.min_camera_paths(), width)
+    }
+
+    /// Weight of a light path, `1/N_F`.
+    pub fn per_light_path(&self) -> f64 {
+        f64::from(self.counts.light_paths).recip()
     }
 }
 
-/// A reusable workspace with counters.
+/// Reusable workspace of a thread, with counters.
 #[derive(Debug, Default)]
 pub struct Worker {
     paths: CameraPaths,
     gathered: MergeOutput,
     tiles: Vec<Tile>,
-    /// Sum over camera paths of each pixel of the tiles.
+    /// Sum over the camera paths of each pixel.
     values: Vec<DVec3>,
-    /// What is measured of each pixel of the tiles.
-    measured: Vec<PixelMeasurement>,
-    /// Of what merges beyond half the radii bring, by class of photons; none if it is not asked for.
-    beyond: Vec<[DVec3; 2]>,
-    /// The same of what is kept beside; none if nothing is.
-    layers: Vec<LayerValue>,
-    /// Caustics alone, where they have to be gathered again.
+    /// Sum over the camera paths of the contribution from the outer annulus, by photon class; empty if
+    /// it is not kept.
+    annulus: Vec<[DVec3; CLASSES]>,
+    /// Sum over the camera paths of the layers; empty if none is kept.
+    aovs: Vec<AovSample>,
+    /// Coefficients of each pixel; empty if they are not measured.
+    measurements: Vec<PixelMeasurement>,
+    /// Merge of caustic photons only, for [`AovSums`].
     caustics: MergeOutput,
     pairs: AllPairs,
     halves: Halves,
-    clock: PhaseClock,
-    non_finite: Vec<(u32, u32)>,
+    counts: WorkerCounts,
 }
 
-/// Busy times.
+/// Counters of a thread since they were last taken.
 #[derive(Debug, Default)]
-pub(super) struct PhaseClock {
-    camera: Duration,
-    merge: Duration,
-}
-
-/// What a worker counted since it was last asked.
-#[derive(Debug)]
 pub struct WorkerCounts {
     /// Busy time of the camera phase.
     pub camera: Duration,
     /// Busy time of the merge phase.
     pub merge: Duration,
-    /// Rays traced.
+    /// Traced rays.
     pub rays: u64,
-    /// Pixels whose value was not finite and was left out.
+    /// Column and row of the pixels whose value was not finite and was left out.
     pub non_finite: Vec<(u32, u32)>,
 }
 
+/// Sets all of `length` values to the default, or removes them if they are not `wanted`.
+fn reset<T: Clone + Default>(values: &mut Vec<T>, wanted: bool, length: usize) {
+    values.clear();
+    values.resize(if wanted { length } else { 0 }, T::default());
+}
+
 impl Worker {
-    /// Adds one iteration of some tiles to their pixels' sums, and to their noise when it is measured.
+    /// Adds one iteration of some tiles to their sums.
     pub fn render(&mut self, job: &Job, tiles: &mut [TileSums]) {
         self.tiles.clear();
-        self.tiles.extend(tiles.iter().map(|tile| tile.tile));
+        self.tiles.extend(tiles.iter().map(|tile| tile.film.tile));
         let pixels = self.tiles.iter().map(Tile::len).sum();
-        self.values.clear();
-        self.values.resize(pixels, DVec3::ZERO);
-        self.measured.clear();
-        if job.measure != Measure::Off {
-            self.measured.resize(pixels, PixelMeasurement::default());
-        }
-        self.layers.clear();
-        if job.kept.any() {
-            self.layers.resize(pixels, LayerValue::default());
-        }
-        self.beyond.clear();
-        if job.merge.options().records_annulus {
-            self.beyond.resize(pixels, <[DVec3; 2]>::default());
-        }
-        self.paths.record_aovs(job.kept.any());
-        let Self { paths, gathered, values, beyond, measured, pairs, halves, clock, .. } = self;
-        let width = job.pass.settings.width;
-        let ids = TilePaths::new(&self.tiles, &job.counts.camera_paths, job.least(), width);
-        let per_light_path = f64::from(job.counts.light_paths).recip();
-        let layers = LayerSums::new(job, &mut self.layers, &mut self.caustics);
-        let paths_of = ids.clone();
-        let mut image = ImageSums { values, beyond, per_light_path, paths: paths_of, layers };
+        reset(&mut self.values, true, pixels);
+        reset(&mut self.annulus, job.merge.options().records_annulus, pixels);
+        reset(&mut self.aovs, job.aovs.any(), pixels);
+        reset(&mut self.measurements, job.measure != Measure::Off, pixels);
+        self.paths.record_aovs(job.aovs.any());
+
+        let ids = job.paths(&self.tiles);
+        let mut image = ImageSums {
+            values: &mut self.values,
+            annulus: &mut self.annulus,
+            aovs: AovSums::new(job, &mut self.aovs, &mut self.caustics),
+            per_light_path: job.per_light_path(),
+            paths: ids.clone(),
+        };
+        let Self { paths, gathered, measurements, counts, .. } = self;
         match job.measure {
-            Measure::Off => trace(job, ids, paths, clock, |paths| {
+            Measure::Off => trace(job, ids, paths, counts, |paths| {
                 job.merge.gather(paths, gathered);
-                image.layers.gather_caustics(job, paths);
+                image.aovs.gather_caustics(job, paths);
                 for path in 0..paths.direct.len() {
                     image.end_path(paths, gathered, path);
                 }
             }),
             Measure::Pairs => {
-                let measuring = Measuring::new(job, image, pairs, measured);
-                measure(job, ids, (paths, gathered), clock, measuring);
+                let measuring = Measuring::new(job, image, &mut self.pairs, measurements);
+                measuring.run(ids, paths, gathered, counts);
             }
             Measure::Halves => {
-                let measuring = Measuring::new(job, image, halves, measured);
-                measure(job, ids, (paths, gathered), clock, measuring);
+                let measuring = Measuring::new(job, image, &mut self.halves, measurements);
+                measuring.run(ids, paths, gathered, counts);
             }
         }
         self.finish(job, tiles);
     }
 
-    /// Moves the tiles' values to the sums over iterations.
+    /// Adds the iteration's pixels to the sums over iterations.
     fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
         let mut first = 0;
-        for TileSums { tile, sums, noise, deviation, beyond, layers } in tiles {
-            for ((index, sums), value) in sums.iter_mut().enumerate().zip(&self.values[first..]) {
+        for sums in tiles {
+            let tile = sums.film.tile;
+            for index in 0..tile.len() {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
-                // theory.md (7)
-                let value = value / f64::from(job.counts.camera_paths.at(pixel));
-                if !value.is_finite() {
-                    self.non_finite.push((x, y));
-                    continue;
-                }
-                *deviation += sums.deviation(value, job.before);
-                sums.add(value);
-                if let (Some(to), Some(own)) = (&mut *beyond, self.beyond.get(first + index)) {
-                    let camera_paths = f64::from(job.counts.camera_paths.at(pixel));
-                    to.add(index, value, own.map(|sum| sum / camera_paths));
-                }
-                if let Some(layer) = self.layers.get(first + index) {
-                    let camera_paths = job.counts.camera_paths.at(pixel);
-                    layers.add(index, value, layer, camera_paths);
-                }
-                if let Some(noise) = noise {
-                    let value = luminance(value);
-                    let measured = self.measured[first + index];
-                    noise.add(index, &PixelMeasurement { value, ..measured });
+                let sample = self.sample(first + index, job.counts.camera_paths.at(pixel));
+                if sample.pixel.value.is_finite() {
+                    sums.add_sample(index, &sample);
+                } else {
+                    self.counts.non_finite.push((x, y));
                 }
             }
             first += tile.len();
         }
     }
 
-    /// Hands over the counters.
-    pub fn take_counts(&mut self) -> WorkerCounts {
-        let PhaseClock { camera, merge } = std::mem::take(&mut self.clock);
-        WorkerCounts {
-            camera,
-            merge,
-            rays: std::mem::take(&mut self.paths.rays),
-            non_finite: std::mem::take(&mut self.non_finite),
+    /// Means over the camera paths of one pixel.
+    fn sample(&self, at: usize, camera_paths: u32) -> IterationSample {
+        let n = f64::from(camera_paths);
+        // theory.md (7)
+        let value = self.values[at] / n;
+        let annulus = self.annulus.get(at).map(|sums| sums.map(|sum| sum / n));
+        let mean = |sums: &AovSample| {
+            let mut mean = AovSample::default();
+            mean.add(sums, n.recip());
+            mean
+        };
+        let aovs = self.aovs.get(at).map(mean).filter(AovSample::is_finite);
+        let measured = self.measurements.get(at).copied().unwrap_or_default();
+        IterationSample {
+            pixel: PixelSample { value, annulus, aovs },
+            measurement: PixelMeasurement { value: luminance(value), ..measured },
         }
+    }
+
+    /// Takes the counters and resets them.
+    pub fn take_counts(&mut self) -> WorkerCounts {
+        WorkerCounts { rays: mem::take(&mut self.paths.rays), ..mem::take(&mut self.counts) }
     }
 }
 
-/// Traces camera paths, and hands over as many at once as are merged together.
+/// Traces camera paths and calls `merge` with batches of about [`Job::batch_size`].
 pub(super) fn trace(
     job: &Job,
     mut ids: TilePaths,
     paths: &mut CameraPaths,
-    clock: &mut PhaseClock,
+    counts: &mut WorkerCounts,
     mut merge: impl FnMut(&mut CameraPaths),
 ) {
     while !ids.is_done() {
@@ -214,47 +213,26 @@ pub(super) fn trace(
         paths.clear();
         while !ids.is_done() {
             paths.trace(&job.pass, ids.by_ref().take(CameraPaths::BATCH));
-            if paths.direct.len().max(paths.gather_points.lanes()) >= job.together {
+            if paths.direct.len().max(paths.gather_points.lanes()) >= job.batch_size {
                 break;
             }
         }
         let traced = Instant::now();
         merge(paths);
-        clock.camera += traced - start;
-        clock.merge += traced.elapsed();
+        counts.camera += traced - start;
+        counts.merge += traced.elapsed();
     }
-}
-
-/// Traces camera paths, adds them to the image and estimates the coefficients from their pairs.
-fn measure<E: Estimator>(
-    job: &Job,
-    ids: TilePaths,
-    (paths, gathered): (&mut CameraPaths, &mut MergeOutput),
-    clock: &mut PhaseClock,
-    mut measuring: Measuring<E>,
-) {
-    trace(job, ids, paths, clock, |paths| {
-        measuring.image.layers.gather_caustics(job, paths);
-        job.merge.gather_pairs(paths, gathered, |gathered, complete| {
-            for path in complete {
-                for (pairs, nested) in gathered.pairs.of_path(path) {
-                    measuring.pairs(pairs, nested);
-                }
-                measuring.end_path(paths, gathered, path);
-            }
-        });
-    });
 }
 
 /// Adds camera paths to the image.
 struct ImageSums<'a> {
     values: &'a mut [DVec3],
-    beyond: &'a mut [[DVec3; 2]],
+    annulus: &'a mut [[DVec3; CLASSES]],
+    aovs: AovSums<'a>,
     /// `1/N_F`.
     per_light_path: f64,
-    /// At the current camera path.
+    /// Position at the current camera path.
     paths: TilePaths<'a>,
-    layers: LayerSums<'a>,
 }
 
 impl ImageSums<'_> {
@@ -266,12 +244,12 @@ impl ImageSums<'_> {
             let (direct, merged) = (paths.direct[number], gathered.sums[number]);
             let value = direct.as_dvec3() + merged.as_dvec3() * self.per_light_path;
             self.values[pixel] += value;
-            if let Some(sums) = self.beyond.get_mut(pixel) {
+            if let Some(sums) = self.annulus.get_mut(pixel) {
                 for (sum, own) in sums.iter_mut().zip(gathered.annulus[number]) {
                     *sum += own.as_dvec3() * self.per_light_path;
                 }
             }
-            self.layers.end_path((paths, gathered), (number, pixel), self.per_light_path);
+            self.aovs.add(paths, gathered, number, pixel);
         }
         self.paths.advance();
     }
@@ -279,28 +257,51 @@ impl ImageSums<'_> {
 
 /// Adds camera paths to the image and estimates the coefficients from their pairs.
 struct Measuring<'a, E> {
+    job: &'a Job<'a>,
     image: ImageSums<'a>,
     estimator: &'a mut E,
-    measured: &'a mut [PixelMeasurement],
+    measurements: &'a mut [PixelMeasurement],
     /// `N_F`.
     n_light: u32,
-    /// What the current camera path loses from the merge radii to `1/sqrt(2)` of them, and on to half.
+    /// Nested differences of the current camera path.
     nested: [f64; 2],
 }
 
 impl<'a, E: Estimator> Measuring<'a, E> {
     fn new(
-        job: &Job,
+        job: &'a Job<'a>,
         image: ImageSums<'a>,
         estimator: &'a mut E,
-        measured: &'a mut [PixelMeasurement],
+        measurements: &'a mut [PixelMeasurement],
     ) -> Self {
         estimator.start_pixel();
-        Self { image, estimator, measured, n_light: job.counts.light_paths, nested: [0.0; 2] }
+        let n_light = job.counts.light_paths;
+        Self { job, image, estimator, measurements, n_light, nested: [0.0; 2] }
+    }
+
+    fn run(
+        mut self,
+        ids: TilePaths,
+        paths: &mut CameraPaths,
+        gathered: &mut MergeOutput,
+        counts: &mut WorkerCounts,
+    ) {
+        let job = self.job;
+        trace(job, ids, paths, counts, |paths| {
+            self.image.aovs.gather_caustics(job, paths);
+            job.merge.gather_pairs(paths, gathered, |gathered, complete| {
+                for path in complete {
+                    for (pairs, nested) in gathered.pairs.of_path(path) {
+                        self.add_pairs(pairs, nested);
+                    }
+                    self.end_path(paths, gathered, path);
+                }
+            });
+        });
     }
 
     #[inline]
-    fn pairs(&mut self, pairs: &[Pair], nested: [f32; 2]) {
+    fn add_pairs(&mut self, pairs: &[Pair], nested: [f32; 2]) {
         for &Pair { light_path, value } in pairs {
             self.estimator.pair(light_path, f64::from(value));
         }
@@ -313,15 +314,15 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         self.image.end_path(paths, gathered, number);
         let direct = paths.direct[number];
         self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
-        let measured = &mut self.measured[pixel];
+        let measurement = &mut self.measurements[pixel];
         // theory.md (68)
         let scale = self.image.per_light_path / f64::from(traced);
-        for (sum, nested) in measured.nested.iter_mut().zip(std::mem::take(&mut self.nested)) {
+        for (sum, nested) in measurement.nested.iter_mut().zip(mem::take(&mut self.nested)) {
             *sum += nested * scale;
         }
         if path + 1 == traced {
             // theory.md (51) to (61)
-            measured.coefficients = self.estimator.finish_pixel(self.n_light, traced);
+            measurement.coefficients = self.estimator.finish_pixel(self.n_light, traced);
             self.estimator.start_pixel();
         }
     }

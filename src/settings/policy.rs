@@ -19,17 +19,8 @@ pub const LEARNING_PIXELS: f64 = 4096.0;
 /// See [`LEARNING_PIXELS`].
 pub const LEARNING_CAMERA_PATHS: u32 = 2;
 
-/// Its radii over those of the settings: what paths from a place bring is smoother than where they bring it.
-pub const LEARNING_RADIUS: f32 = 4.0;
-
-/// Iterations before, which tell what pixels weigh.
-pub const LEARNING_FIRST: u32 = 2;
-
 /// Iterations after which what was learned is used to learn more, and after twice as many again.
 pub const LEARNING_ROUND: u32 = 4;
-
-/// Seed of learning.
-pub const LEARNING_SEED: u64 = 0x1ea2_4176_0f11_6475;
 
 // --- Choosing counts -----------------------------------------------------------------------------
 
@@ -85,17 +76,6 @@ pub const LEAST_NOISE_SHARE: f64 = 0.1;
 pub const UPPER_BOUND: f64 = 1.2816;
 
 // --- Taking off the merge bias --------------------------------------------------------------------
-
-/// Variances of the mean by which the squared bias beyond half the radius must exceed its own noise before any is taken
-/// off: what is told is noisy, too. By trial.
-pub const BIAS_EXCESS: f64 = 1.0;
-
-/// The bias that is left at half the radius, over that beyond it, by class of photons: by trial for caustics, and what
-/// a squared bias that falls as the cube of the radius leads to.
-pub const LEFT_AT_HALF: [f64; 2] = [0.7, 0.547];
-
-/// The same of discs, which lose as much within any distance of an edge that is less than the radius: by trial.
-pub const LEFT_AT_HALF_OF_DISCS: [f64; 2] = [0.7, 1.2];
 
 // --- Denoising -----------------------------------------------------------------------------------
 

@@ -227,6 +227,11 @@ impl Settings {
         self.mis_scales.unwrap_or_else(|| MisScales::new(self.light_paths, self.camera_paths))
     }
 
+    /// Width and height, pixels.
+    pub fn resolution(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize

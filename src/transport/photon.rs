@@ -5,6 +5,7 @@ use crate::simd::dispatch::{Simd, for_each_row};
 use crate::simd::{LANES, Vec3s};
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec3A};
+use serde::{Deserialize, Serialize};
 
 /// A light path's arrival at a surface: 36 bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -136,7 +137,7 @@ impl Arrival {
 
 /// Class of a photon by its history. It decides at which vertices of a camera path the photon is merged, so that
 /// each path counts exactly once: theory.md, section 4.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum PhotonClass {
     /// No diffuse bounce since the light, though it may have passed through vertices (a caustic):

@@ -47,7 +47,7 @@ impl<'a> PathTracer<'a> {
         let (width, _) = self.film.resolution();
         let Self { scene, accel, view, film, .. } = self;
         let (scene, accel) = (*scene, *accel);
-        film.tiles_mut().into_par_iter().for_each(|(tile, sums)| {
+        film.sums.tiles_mut().into_par_iter().for_each(|(tile, sums)| {
             for (index, sums) in sums.iter_mut().enumerate() {
                 let (x, y) = tile.pixel(index as u32);
                 let mut rng = key.rng(u64::from(y) * u64::from(width) + u64::from(x));

@@ -2,10 +2,12 @@
 
 use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
-use bdpm::film::aov::{AovSelection, PARTS};
+use bdpm::film::aov::AovSelection;
+use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
 use bdpm::output::denoise::{Folds, InParts, Mix, Oidn, importance};
+use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
@@ -74,12 +76,13 @@ pub fn compare(
     iterations: u64,
     (reference, oidn): (&Reference, &mut Oidn),
 ) -> Found {
-    let kept = AovSelection { parts: true, features: true, light: false };
+    let kept = AovSelection { folds: true, features: true, light: false };
+    let config = RenderConfig { aovs: kept, ..RenderConfig::default() };
     let mut renderer =
-        Renderer::new(scene, accel, settings.clone()).unwrap().with_aovs(kept).unwrap();
+        Renderer::new(scene, accel, settings.clone()).unwrap().configure(config).unwrap();
     (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Off)));
     let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
-    let parts = InParts::new(&image, renderer.features(), PARTS).unwrap();
+    let parts = InParts::new(&image, renderer.shared().features.as_ref(), DENOISE_FOLDS).unwrap();
     let size = image.resolution();
     let folds =
         Folds::new(&parts, |radiance, guides| oidn.denoise(size, radiance, guides)).unwrap();

@@ -3,8 +3,8 @@
 use crate::common::*;
 use bdpm::accel::Intersect;
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic};
+use bdpm::render::RenderConfig;
 use bdpm::settings::{Direct, Kernel, MisScales};
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
@@ -18,11 +18,11 @@ pub fn measure(
     measure: Measure,
 ) -> NoiseImage {
     let renderer = Renderer::new(scene, accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     for _ in 0..iterations {
         renderer.iterate(measure);
     }
-    renderer.noise_image().unwrap()
+    renderer.block().noise_image().unwrap()
 }
 
 pub fn all(image: &NoiseImage) -> Vec<usize> {

@@ -132,8 +132,7 @@ struct Last(Vec<f64>);
 impl Last {
     /// The image of the last iteration alone.
     fn of(&mut self, film: &Film) -> Vec<f64> {
-        let mut sums = vec![0.0; film.pixels()];
-        film.for_each_pixel(|x, y, pixel| sums[film.index(x, y)] = luminance(pixel.radiance));
+        let sums = film.sums.map_rows(|pixel| luminance(pixel.radiance));
         self.0.resize(sums.len(), 0.0);
         let image = sums.iter().zip(&self.0).map(|(sum, before)| sum - before).collect();
         self.0 = sums;

@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
+use bdpm::render::RenderConfig;
 use bdpm::scene::bsdf::{
     Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
 };
@@ -61,11 +61,11 @@ pub fn assert_predicted(name: &str) {
             ..settings(8, 8)
         };
         let renderer = Renderer::new(&scene, &accel, settings).unwrap();
-        let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+        let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
         for _ in 0..iterations {
             renderer.iterate(Measure::Pairs);
         }
-        renderer.noise_image().unwrap()
+        renderer.block().noise_image().unwrap()
     };
     let region: Vec<usize> = (0..64).collect();
     // The mean over pixels: one path into the caustic of a ball may be a tenth of the pooled variance.

@@ -245,18 +245,17 @@ pub fn pixel_samples(
     settings: Settings,
     iterations: usize,
 ) -> Vec<Vec<f64>> {
-    let (width, pixels) = (settings.width, settings.pixels());
+    let pixels = settings.pixels();
     let mut renderer = Renderer::new(scene, accel, settings).unwrap();
     let mut before = vec![0.0; pixels];
     let mut samples = vec![Vec::with_capacity(iterations); pixels];
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
-        renderer.film().for_each_pixel(|x, y, sums| {
-            let index = (y * width + x) as usize;
-            let sum = luminance(sums.radiance);
-            samples[index].push(sum - before[index]);
-            before[index] = sum;
-        });
+        let sums = renderer.film().sums.map_rows(|sums| luminance(sums.radiance));
+        for ((samples, sum), before) in samples.iter_mut().zip(&sums).zip(&before) {
+            samples.push(sum - before);
+        }
+        before = sums;
     }
     samples
 }
@@ -264,16 +263,12 @@ pub fn pixel_samples(
 /// Mean of each pixel, row by row, with the standard error, luminance.
 pub fn pixel_means(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> Vec<[f64; 2]> {
     let accel = accel(scene);
-    let (width, pixels) = (settings.width, settings.pixels());
     let mut renderer = Renderer::new(scene, &accel, settings).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
     let variance = renderer.film().variance_of_mean().unwrap();
-    let mut found = vec![[0.0; 2]; pixels];
-    renderer.film().for_each_pixel(|x, y, sums| {
-        let index = (y * width + x) as usize;
-        found[index] = [luminance(sums.radiance) / iterations as f64, variance[index].sqrt()];
-    });
-    found
+    let sums = renderer.film().sums.map_rows(|sums| luminance(sums.radiance));
+    let mean = |(sum, variance): (f64, &f64)| [sum / iterations as f64, variance.sqrt()];
+    sums.into_iter().zip(&variance).map(mean).collect()
 }

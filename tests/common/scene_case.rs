@@ -7,8 +7,8 @@ use crate::common::strategies::ALL;
 use crate::common::table::Table;
 use crate::common::{accel, by_way};
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::summary::NoiseSummary;
+use bdpm::render::RenderConfig;
 use bdpm::settings::Kernel;
 use bdpm::{Renderer, Settings};
 
@@ -117,11 +117,11 @@ impl Case {
             ..settings.clone()
         };
         let renderer = Renderer::new(scene, accel, settings).unwrap();
-        let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+        let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
         for _ in 0..self.measured * factor() {
             renderer.iterate(Measure::Pairs);
         }
-        let image = renderer.noise_image().unwrap();
+        let image = renderer.block().noise_image().unwrap();
         let summary = NoiseSummary::new(&image, region);
         let [pooled, mean] = [&summary.pooled_rms, &summary.mean_rms].map(|compared| {
             // Deviation of the variance, with its standard error.

@@ -5,7 +5,8 @@ use bdpm::base::math::LUMINANCE;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::MergeBias;
-use bdpm::noise::film::{BATCHES, BatchGrain};
+use bdpm::noise::film::BATCHES;
+use bdpm::render::RenderConfig;
 use bdpm::settings::{Kernel, PartialSettings};
 use bdpm::{Renderer, Scene, Settings};
 use std::sync::Arc;
@@ -68,11 +69,7 @@ fn batches(renderer: &mut Renderer, iterations: u64, measure: Measure) -> Batche
 }
 
 fn sums(film: &Film) -> Vec<f64> {
-    let mut sums = vec![0.0; film.pixels()];
-    film.for_each_pixel(|x, y, pixel| {
-        sums[film.index(x, y)] = pixel.radiance.dot(LUMINANCE.as_dvec3())
-    });
-    sums
+    film.sums.map_rows(|pixel| pixel.radiance.dot(LUMINANCE.as_dvec3()))
 }
 
 /// Renders what biases are measured against: batches of iterations at the radius of the settings.
@@ -96,7 +93,7 @@ pub fn biases(
     iterations: u64,
 ) -> Biases {
     let renderer = Renderer::new(scene, accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     let found = batches(&mut renderer, iterations, Measure::Pairs);
     let n = iterations as f64;
     let pixels = found[0].len();
@@ -127,7 +124,7 @@ pub fn biases(
     let real = Square { value: square(BATCHES), error: (share * scatter).sqrt() };
 
     let all: Vec<usize> = (0..pixels).collect();
-    let own = MergeBias::new(&renderer.noise_image().unwrap(), &all).relative;
+    let own = MergeBias::new(&renderer.block().noise_image().unwrap(), &all).relative;
     // The error of the square that this is the root of.
     let error = (2.0 * own.value * own.error).max(own.error.powi(2));
     let estimated = Square { value: own.value.powi(2), error };

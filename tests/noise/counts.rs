@@ -26,7 +26,7 @@ fn a_map_of_equal_counts_gives_the_uniform_image_bit_for_bit() {
         renderer.begin_block(Counts { light_paths: 2000, camera_paths }).unwrap();
         renderer.iterate(Measure::Off);
         renderer.iterate(Measure::Pairs);
-        (renderer.film().clone(), renderer.noise().cloned())
+        (renderer.film().clone(), renderer.block().statistics.noise.clone())
     };
     let equal = CameraCounts::PerPixel(vec![3; (WIDTH * HEIGHT) as usize]);
     assert_eq!(image(CameraCounts::Uniform(3)), image(equal));

@@ -5,9 +5,9 @@ use bdpm::adaptive::optimize::predict::{Predicted, RenderTime, Source};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, Value, read_exr, write_exr};
 use bdpm::noise::file::NoiseFile;
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::{Coefficients, Measure, region};
+use bdpm::render::RenderConfig;
 use bdpm::scene::Region;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Settings};
@@ -24,11 +24,11 @@ fn measured() -> NoiseFile {
         ..settings(19, 11)
     };
     let renderer = Renderer::new(&scene, &accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     for _ in 0..70 {
         renderer.iterate(Measure::Pairs);
     }
-    let noise = renderer.noise_image().unwrap();
+    let noise = renderer.block().noise_image().unwrap();
     let region = |name: &str, rectangles| Region { name: name.to_owned(), rectangles };
     let regions = vec![
         region("left", vec![[0.0, 0.0, 0.5, 1.0]]),

@@ -4,13 +4,15 @@ use crate::common::automatic::*;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::{Plan, Rendered, Step};
 use bdpm::base::iteration_set::IterationSet;
-use bdpm::film::aov::{AovSelection, PARTS};
+use bdpm::film::aov::AovSelection;
 use bdpm::film::counts::{CameraCounts, Counts};
+use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::noise::film::{BatchCounts, BatchGrain, BatchSums, NoiseFilm};
 use bdpm::noise::schedule::MeasureSchedule;
 use bdpm::output::checkpoint::{Checkpoint, Whole};
 use bdpm::output::merge::{Merged, merge};
 use bdpm::render::block::{Block, CombinedImage};
+use bdpm::render::{PartialRender, RenderConfig};
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
@@ -18,7 +20,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
+const ALL: AovSelection = AovSelection { light: true, features: true, folds: true };
 
 fn small() -> (Arc<bdpm::Scene>, Settings) {
     let (scene, settings) = scene();
@@ -35,7 +37,9 @@ fn part(
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let renderer = Renderer::new(&scene, &accel, settings.clone()).unwrap();
-    let mut renderer = renderer.with_batches(grain).with_aovs(ALL).unwrap().sharing(own.clone());
+    let config = RenderConfig { grain, aovs: ALL, ..RenderConfig::default() };
+    let mut renderer = renderer.configure(config).unwrap();
+    renderer.assign(own.clone());
     while renderer.iterations() < own.count() {
         let measure = policy.prepare(&mut renderer, 0.0).unwrap();
         renderer.iterate(measure);
@@ -44,7 +48,7 @@ fn part(
     let origin =
         Provenance { version: "1".into(), scene: "box".into(), fingerprint, backend, settings };
     let checkpoint = Checkpoint {
-        features: renderer.features().map(Cow::Borrowed),
+        shared: Cow::Borrowed(renderer.shared()),
         plan: policy.plan().cloned(),
         whole,
         ..Checkpoint::new(origin, renderer.blocks())
@@ -64,7 +68,7 @@ fn assert_near(one: f64, other: f64, size: f64, precision: f64, what: &str) {
 fn assert_same(merged: &Block, whole: &Block) {
     assert_eq!((merged.first, &merged.numbers), (whole.first, &whole.numbers));
     assert_eq!(merged.counts, whole.counts);
-    for (own, other) in merged.film.sums().iter().zip(whole.film.sums()) {
+    for (own, other) in merged.film.sums.values().iter().zip(whole.film.sums.values()) {
         for axis in 0..3 {
             let [one, two] = [own, other].map(|sums| sums.radiance[axis]);
             assert_near(one, two, two, 1e-12, "radiance");
@@ -77,11 +81,13 @@ fn assert_same(merged: &Block, whole: &Block) {
     // The same squared deviations in other terms: as good an error, but not the same.
     assert!(error / other_error > 0.5 && error / other_error < 2.0, "{error} {other_error}");
 
-    assert_eq!(merged.noise.is_some(), whole.noise.is_some());
-    if let (Some(noise), Some(others)) = (&merged.noise, &whole.noise) {
+    assert_eq!(merged.statistics.noise.is_some(), whole.statistics.noise.is_some());
+    if let (Some(noise), Some(others)) = (&merged.statistics.noise, &whole.statistics.noise) {
         assert_same_noise(noise, others);
     }
-    for (own, other) in merged.light.iter().flatten().zip(whole.light.iter().flatten()) {
+    let [light, others] =
+        [merged, whole].map(|block| block.statistics.light.as_ref().unwrap().folds()[0].values());
+    for (own, other) in light.iter().zip(others) {
         for (one, two) in [
             (own.direct, other.direct),
             (own.caustics, other.caustics),
@@ -90,11 +96,11 @@ fn assert_same(merged: &Block, whole: &Block) {
             assert_near(one.x, two.x, two.x, 1e-12, "light");
         }
     }
-    let [parts, others] = [merged, whole].map(|block| block.parts.as_ref().unwrap());
-    assert_eq!(parts.iterations(), others.iterations());
+    let [folds, others] = [merged, whole].map(|block| block.statistics.folds.as_ref().unwrap());
+    assert_eq!(folds.iterations(), others.iterations());
     for pixel in 0..merged.film.pixels() {
-        for (own, other) in parts.of(pixel).iter().zip(others.of(pixel)) {
-            assert_near(own.y.into(), other.y.into(), other.y.into(), 1e-5, "part");
+        for (own, other) in folds.at(pixel).zip(others.at(pixel)) {
+            assert_near(own.y.into(), other.y.into(), other.y.into(), 1e-5, "fold");
         }
     }
 }
@@ -102,8 +108,8 @@ fn assert_same(merged: &Block, whole: &Block) {
 /// The same of what was measured.
 fn assert_same_noise(noise: &NoiseFilm, others: &NoiseFilm) {
     assert_eq!(noise.iterations, others.iterations);
-    let scale: f64 = others.pixels().iter().map(|p| p.coefficients.a.abs()).sum();
-    for (own, other) in noise.pixels().iter().zip(others.pixels()) {
+    let scale: f64 = others.sums().values().iter().map(|p| p.coefficients.a.abs()).sum();
+    for (own, other) in noise.sums().values().iter().zip(others.sums().values()) {
         for (one, two) in [
             (own.coefficients.a, other.coefficients.a),
             (own.coefficients.b, other.coefficients.b),
@@ -147,14 +153,15 @@ fn assert_same_image(merged: &Checkpoint, whole: &Checkpoint) {
             assert!(one.abs_diff(two) <= 1, "{one} {two}");
         }
     }
-    let [own, other] = [merged, whole].map(|all| all.features.as_deref().unwrap());
+    let [own, other] = [merged, whole].map(|all| all.shared.features.as_ref().unwrap());
+    let [hits, other_hits] = [merged, whole].map(|all| all.shared.first_hits.as_ref().unwrap());
     for pixel in 0..whole.blocks[0].film.pixels() {
-        for part in 0..PARTS {
-            let [one, two] = [own, other].map(|features| features.guide(pixel, |p| p == part));
+        for fold in 0..DENOISE_FOLDS {
+            let [one, two] = [own, other].map(|features| features.mean(pixel, |f| f == fold));
             assert!((one.albedo - two.albedo).length() < 1e-5);
             assert!((one.normal - two.normal).length() < 1e-5);
         }
-        assert!((own.place(pixel).0 - other.place(pixel).0).length() < 1e-5);
+        assert!((hits.mean(pixel).0 - other_hits.mean(pixel).0).length() < 1e-5);
     }
 }
 
@@ -196,7 +203,7 @@ fn parts_merged_in_any_order_are_the_image_of_one_run() {
         assert_same_image(checkpoint, &whole);
         // 8 of the pilot, then every eighth.
         for block in [&whole.blocks[0], &checkpoint.blocks[0]] {
-            assert_eq!(*block.noise.as_ref().unwrap().counts(), BatchCounts::of(17));
+            assert_eq!(*block.statistics.noise.as_ref().unwrap().counts(), BatchCounts::of(17));
         }
 
         // Merging is the same in steps.
@@ -243,9 +250,10 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     assert_eq!(lacking.checkpoint.whole, Some(whole));
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
-    let mut renderer = Renderer::new(&scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
-    let Checkpoint { blocks, features, plan, .. } = lacking.checkpoint;
-    renderer.resume_with(blocks.into_owned(), features.map(Cow::into_owned)).unwrap();
+    let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();
+    let Checkpoint { blocks, shared, plan, .. } = lacking.checkpoint;
+    renderer.resume(PartialRender::new(blocks.into_owned(), shared.into_owned())).unwrap();
+    assert_eq!(renderer.config().aovs, ALL);
     let mut policy = CountPolicy::Plan(Replay::new(plan.unwrap()));
     while renderer.iterations() < 40 {
         let measure = policy.prepare(&mut renderer, 0.0).unwrap();

@@ -4,7 +4,6 @@ use bdpm::Renderer;
 use bdpm::accel::Intersect;
 use bdpm::import::{Loaded, load};
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::NoiseImage;
 use bdpm::noise::region;
 use bdpm::paper::folder::{Conditions, Experiment, Folder};
@@ -13,6 +12,7 @@ use bdpm::paper::published::{CAMERA_PATHS, FIGURE_3, LIGHT_PATHS};
 use bdpm::paper::results::Results;
 use bdpm::paper::run::{Run, SceneContext};
 use bdpm::paper::terms::{Terms, share};
+use bdpm::render::RenderConfig;
 use bdpm::scene::Scene;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::provenance::Provenance;
@@ -136,9 +136,9 @@ fn measure(n_camera: u32, seed: u64, iterations: u64) -> (NoiseImage, Vec<usize>
     let region = region::find(Some("side-walls"), &scene.regions).unwrap();
     let settings = Settings { light_paths: LIGHT_PATHS, camera_paths: n_camera, seed, ..settings };
     let renderer = Renderer::new(&scene, &accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     box_filter().install(|| (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Pairs))));
-    let noise = renderer.noise_image().unwrap();
+    let noise = renderer.block().noise_image().unwrap();
     let pixels = region::pixels(&region, &noise).unwrap();
     (noise, pixels)
 }

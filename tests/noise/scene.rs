@@ -5,9 +5,9 @@ use bdpm::film::radiance::luminance;
 use bdpm::import::load;
 use bdpm::noise::Measure;
 use bdpm::noise::bias::MergeBias;
-use bdpm::noise::film::BatchGrain;
 use bdpm::noise::image::{NoiseImage, Statistic, mean};
 use bdpm::noise::summary::NoiseSummary;
+use bdpm::render::RenderConfig;
 use bdpm::scene::Mesh;
 use bdpm::scene::backend;
 use bdpm::scene::backend::Backend;
@@ -34,11 +34,11 @@ fn measure(
     let accel = backend::build(backend, scene).unwrap();
     let _counts = (settings.light_paths, settings.camera_paths);
     let renderer = Renderer::new(scene, &accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Pairs);
     }
-    renderer.noise_image().unwrap()
+    renderer.block().noise_image().unwrap()
 }
 
 /// Asserts that two independent statistics agree within 3.5 standard errors, which are at most
@@ -154,7 +154,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
     };
     let radius = 0.1;
     let renderer = Renderer::new(&scene, &accel, at(radius)).unwrap();
-    let mut wide = renderer.with_batches(BatchGrain::Pixel);
+    let mut wide = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     // Both radii see the same photons: their common noise cancels in the difference.
     let mut narrow = Renderer::new(&scene, &accel, at(0.25 * radius)).unwrap();
     let mut samples: Vec<[f64; 256]> = Vec::new();
@@ -162,15 +162,13 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
     for _ in 0..800 {
         wide.iterate(Measure::Pairs);
         narrow.iterate(Measure::Off);
-        let mut sums = [0.0; 256];
-        wide.film().for_each_pixel(|x, y, s| sums[(16 * y + x) as usize] = luminance(s.radiance));
-        narrow
-            .film()
-            .for_each_pixel(|x, y, s| sums[(16 * y + x) as usize] -= luminance(s.radiance));
+        let [wide, narrow] = [&wide, &narrow]
+            .map(|renderer| renderer.film().sums.map_rows(|sums| luminance(sums.radiance)));
+        let sums: [f64; 256] = std::array::from_fn(|i| wide[i] - narrow[i]);
         samples.push(std::array::from_fn(|i| sums[i] - before[i]));
         before = sums;
     }
-    let noise = wide.noise_image().unwrap();
+    let noise = wide.block().noise_image().unwrap();
     // Behind the edge, where the irradiance bends up, and before it, where it bends down.
     for (columns, sign) in [(0..4, 1.0), (4..8, 1.0), (8..12, -1.0), (12..16, -1.0)] {
         let region = noise.select(|x, _, _, _| columns.contains(&x));

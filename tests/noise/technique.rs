@@ -4,7 +4,7 @@
 use crate::common::*;
 use bdpm::film::radiance::luminance;
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
+use bdpm::render::RenderConfig;
 use bdpm::settings::Direct;
 use bdpm::transport::photon::PhotonClass;
 use bdpm::{Renderer, Settings};
@@ -49,13 +49,11 @@ fn nested_radii_of_either_kind_of_photons_add_up() {
     let own = Settings { direct, radius: 0.2, caustic_radius: 0.1, ..settings(8, 8) };
     let nested = |class: Option<PhotonClass>| {
         let renderer = Renderer::new(&scene, &accel, own.clone()).unwrap();
-        let renderer = renderer.with_batches(BatchGrain::Pixel);
-        let mut renderer = match class {
-            Some(class) => renderer.nested_class(class),
-            None => renderer,
-        };
+        let batches = RenderConfig::with_pixel_batches();
+        let config = RenderConfig { nested_class: class, ..batches };
+        let mut renderer = renderer.configure(config).unwrap();
         (0..3).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
-        let noise = renderer.noise_image().unwrap();
+        let noise = renderer.block().noise_image().unwrap();
         (renderer.film().clone(), noise.pixels.iter().map(|p| p.noise.nested).collect::<Vec<_>>())
     };
     let (film, both) = nested(None);

@@ -75,7 +75,7 @@ fn measured_images_are_the_same_bits_for_any_number_of_threads_and_as_without_me
             for _ in 0..2 {
                 pool.install(|| renderer.iterate(measure));
             }
-            (renderer.film().clone(), renderer.noise().cloned())
+            (renderer.film().clone(), renderer.block().statistics.noise.clone())
         };
         let off = render(2, Measure::Off).0;
         for measure in [Measure::Pairs, Measure::Halves] {

@@ -1,4 +1,4 @@
-//! Correction of the merge bias: the contribution of the outer annulus, and the corrected images.
+//! Correction of the merge bias: contribution of the outer annulus, and error of corrected images.
 
 use crate::common::boxes::named;
 use crate::common::{accel, furnished_box, settings};
@@ -11,8 +11,8 @@ use bdpm::{Renderer, Scene, Settings};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// Sums over iterations that measure and others, with a renderer of these settings.
-fn rendered<'a>(from: &Renderer, settings: Settings, iterations: u64) -> Renderer {
+/// Renders measured and other iterations with these settings.
+fn rendered(from: &Renderer, settings: Settings, iterations: u64) -> Renderer {
     let mut renderer = from.with_settings(settings).unwrap();
     for iteration in 0..iterations {
         let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
@@ -21,31 +21,31 @@ fn rendered<'a>(from: &Renderer, settings: Settings, iterations: u64) -> Rendere
     renderer
 }
 
-/// Root mean square error of the outer annulus's contribution, relative to that contribution. The truth is the
-/// difference of two images from the same photons, at the radii and at half the radii.
-fn amiss(scene: &Arc<Scene>, settings: &Settings) -> f64 {
+/// Relative RMS error of the annulus against the difference of images at the radii and at half of them, from
+/// the same photons.
+fn annulus_error(scene: &Arc<Scene>, settings: &Settings) -> f64 {
     let accel = accel(scene);
     let from = Renderer::new(scene, &accel, settings.clone()).unwrap();
     let whole = rendered(&from, Settings { bias: Bias::Reduce, ..settings.clone() }, 7);
     let (radius, caustic_radius) = (0.5 * settings.radius, 0.5 * settings.caustic_radius);
     let half = rendered(&from, Settings { radius, caustic_radius, ..settings.clone() }, 7);
-    let beyond = whole.block().beyond.as_ref().unwrap();
-    assert_eq!(beyond.iterations(), [4, 3]);
-    let (mut square, mut apart) = (0.0, 0.0);
-    let sums = whole.film().sums().iter().zip(half.film().sums()).zip(beyond.pixels());
-    for ((whole, half), told) in sums {
+    let annulus = whole.block().statistics.annulus.as_ref().unwrap();
+    assert_eq!(annulus.iterations(), [4, 3]);
+    let (mut square, mut difference) = (0.0, 0.0);
+    let sums = whole.film().sums.values().iter().zip(half.film().sums.values());
+    for (at, (whole, half)) in sums.enumerate() {
         let expected = whole.radiance - half.radiance;
-        let told: DVec3 =
-            told.iter().flat_map(|side| side.classes).map(|moments| moments.sum.as_dvec3()).sum();
+        let folds = annulus.folds().iter().flat_map(|fold| fold.values()[at].classes);
+        let annulus: DVec3 = folds.map(|moments| moments.sum.as_dvec3()).sum();
         square += expected.length_squared();
-        apart += (told - expected).length_squared();
+        difference += (annulus - expected).length_squared();
     }
     assert!(square > 0.0);
-    (apart / square).sqrt()
+    (difference / square).sqrt()
 }
 
 #[test]
-fn outer_annulus_matches_the_difference_of_two_radii() {
+fn annulus_matches_difference_of_images_at_two_radii() {
     let start = Settings { radius: 0.2, caustic_radius: 0.1, ..settings(20, 15) };
     let single = |merge_vertex, direct| Settings { merge_vertex, direct, ..start.clone() };
     for (scene, settings) in [
@@ -55,16 +55,16 @@ fn outer_annulus_matches_the_difference_of_two_radii() {
         ("mirror-ball", Settings { caustic_radius: 0.2, ..single(1, Direct::PhotonMap) }),
         ("wide-gloss-ball", single(1, Direct::PhotonMap)),
     ] {
-        let apart = amiss(&named(scene), &settings);
-        assert!(apart < 1e-4, "{scene}: {apart}");
-        // Areas within twice the radius know more of what surrounds a point.
-        let apart = amiss(&named(scene), &Settings { kernel: Kernel::Area, ..settings });
-        assert!(apart < 0.05, "{scene} with areas: {apart}");
+        let error = annulus_error(&named(scene), &settings);
+        assert!(error < 1e-4, "{scene}: {error}");
+        // The areas of both images reach to different distances
+        let error = annulus_error(&named(scene), &Settings { kernel: Kernel::Area, ..settings });
+        assert!(error < 0.05, "{scene} with areas: {error}");
     }
 }
 
 #[test]
-fn images_differ_only_by_the_correction() {
+fn corrected_image_is_uncorrected_image_less_correction() {
     let scene = named("mirror-ball");
     let accel = accel(&scene);
     let start = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(20, 15) };
@@ -73,25 +73,25 @@ fn images_differ_only_by_the_correction() {
         let from = Renderer::new(&scene, &accel, keep.clone()).unwrap();
         let kept = rendered(&from, keep.clone(), 12);
         let reduced = rendered(&from, Settings { bias: Bias::Reduce, ..keep }, 12);
-        // Classes of equal radii are summed apart: another order of additions.
+        // Classes of equal radii are added separately, which changes the order of additions
         for (one, other) in kept.film().mean().iter().zip(reduced.film().mean()) {
             assert!((*one - other).abs().max_element() <= 1e-5 * one.max_element());
         }
         let image = CombinedImage::new(reduced.blocks(), vec![1.0]);
-        let reduction = image.reduction().unwrap();
+        let correction = image.bias_correction().unwrap();
         let merged = reduced.film().mean();
-        for ((mean, merged), off) in image.mean().iter().zip(merged).zip(&reduction.amount) {
-            assert_eq!(*mean, merged - *off);
+        for ((mean, merged), bias) in image.mean().iter().zip(merged).zip(&correction.correction) {
+            assert_eq!(*mean, merged - *bias);
         }
-        assert!(CombinedImage::new(kept.blocks(), vec![1.0]).reduction().is_none());
+        assert!(CombinedImage::new(kept.blocks(), vec![1.0]).bias_correction().is_none());
     }
 }
 
 #[test]
-fn corrected_images_have_smaller_errors_and_report_them() {
+fn correction_reduces_error_and_estimates_the_rest() {
     let scene = furnished_box();
     let accel = accel(&scene);
-    // Discs lose a lot along edges within a wide radius.
+    // A wide disc loses light along edges
     let wide = Settings { radius: 0.3, light_paths: 4000, ..settings(32, 24) };
     let from = Renderer::new(&scene, &accel, wide.clone()).unwrap();
     let truth = Settings {
@@ -108,17 +108,17 @@ fn corrected_images_have_smaller_errors_and_report_them() {
             luminance((*one - *other).as_dvec3()).powi(2)
         };
         let found = image.mean().iter().zip(&truth).map(square).sum::<f64>() / truth.len() as f64;
-        let told = image.reduction().map_or(0.0, |reduction| {
+        let estimate = image.bias_correction().map_or(0.0, |correction| {
             let noise: f64 = image.variance_of_mean().unwrap().iter().sum();
-            (noise + reduction.bias2.iter().sum::<f64>()) / truth.len() as f64
+            (noise + correction.bias2.iter().sum::<f64>()) / truth.len() as f64
         });
-        (found.sqrt(), told.max(0.0).sqrt())
+        (found.sqrt(), estimate.max(0.0).sqrt())
     };
     let (kept, _) = error(&rendered(&from, wide.clone(), 200));
     let reduced = rendered(&from, Settings { bias: Bias::Reduce, ..wide }, 200);
-    let (found, told) = error(&reduced);
-    println!("kept {kept}, reduced {found}, told {told}; {FOLDS} sides");
-    // Half the radius has half the loss, and more noise.
+    let (found, estimate) = error(&reduced);
+    println!("kept {kept}, reduced {found}, estimated {estimate}; {FOLDS} folds");
+    // Half the radius has half the loss, and more noise
     assert!(found < 0.65 * kept, "{found} of {kept}");
-    assert!((told / found - 1.0).abs() < 0.25, "{told} for {found}");
+    assert!((estimate / found - 1.0).abs() < 0.25, "{estimate} for {found}");
 }

@@ -4,7 +4,7 @@ use crate::common::boxes;
 use crate::common::strategies::{ALL, assert_same_guided};
 use crate::common::*;
 use bdpm::noise::Measure;
-use bdpm::noise::film::BatchGrain;
+use bdpm::render::RenderConfig;
 use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
 use bdpm::settings::{Direct, Settings};
 use bdpm::{Renderer, Scene};
@@ -74,9 +74,9 @@ fn a_wrong_guide_does_not_change_the_mean() {
 fn of_light_paths(scene: &Arc<Scene>, settings: Settings) -> f64 {
     let accel = accel(scene);
     let renderer = Renderer::new(scene, &accel, settings).unwrap();
-    let mut renderer = renderer.with_batches(BatchGrain::Pixel);
+    let mut renderer = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
     (0..60).for_each(|_| drop(renderer.iterate(Measure::Pairs)));
-    let noise = renderer.noise_image().unwrap();
+    let noise = renderer.block().noise_image().unwrap();
     let sum: f64 = noise.pixels.iter().map(|p| p.noise.coefficients).map(|c| c.a + c.f).sum();
     sum / noise.pixels.len() as f64
 }

@@ -1,8 +1,11 @@
 //! Layers beside the image: what is seen against what is known of the scene, and light by kind.
 
 use crate::common::{accel, camera, furnished_box, gray, point_light, scene, settings, square};
-use bdpm::film::aov::{AovSelection, FAR, Guide};
+use bdpm::film::aov::AovSelection;
+use bdpm::film::features::{DenoiseFeatures, FAR};
 use bdpm::noise::Measure;
+use bdpm::noise::film::BatchGrain;
+use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Material, Scene};
@@ -11,7 +14,12 @@ use bdpm::{Renderer, Settings};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-const ALL: AovSelection = AovSelection { light: true, features: true, parts: true };
+const CONFIG: RenderConfig = RenderConfig {
+    aovs: AovSelection { light: true, features: true, folds: true },
+    grain: BatchGrain::Tile,
+    nested_class: None,
+    ranks: 1,
+};
 
 fn colored(albedo: Vec3) -> Material {
     Material::new("colored", Bsdf::diffuse(albedo))
@@ -32,23 +40,25 @@ fn wall(between: Option<Material>, tilt: Vec3) -> Arc<Scene> {
 }
 
 /// Means over the image of guides, of positions and of depths.
-fn seen(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> (Guide, Vec3, f32) {
+fn seen(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> (DenoiseFeatures, Vec3, f32) {
     let accel = accel(scene);
-    let mut renderer = Renderer::new(scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
+    let mut renderer = Renderer::new(scene, &accel, settings).unwrap().configure(CONFIG).unwrap();
     for _ in 0..iterations {
         renderer.iterate(Measure::Off);
     }
-    let (features, pixels) = (renderer.features().unwrap(), renderer.film().pixels());
+    let pixels = renderer.film().pixels();
+    let features = renderer.shared().features.as_ref().unwrap();
+    let first_hits = renderer.shared().first_hits.as_ref().unwrap();
     let (mut albedo, mut normal, mut position) = <(DVec3, DVec3, DVec3)>::default();
     let (mut depth, share) = (0.0, 1.0 / pixels as f64);
     for pixel in 0..pixels {
-        let (own, (place, away)) = (features.guide(pixel, |_| true), features.place(pixel));
+        let (own, (place, away)) = (features.mean(pixel, |_| true), first_hits.mean(pixel));
         albedo += own.albedo.as_dvec3() * share;
         normal += own.normal.as_dvec3() * share;
         position += place.as_dvec3() * share;
         depth += f64::from(away) * share;
     }
-    let guide = Guide { albedo: albedo.as_vec3(), normal: normal.as_vec3() };
+    let guide = DenoiseFeatures { albedo: albedo.as_vec3(), normal: normal.as_vec3() };
     (guide, position.as_vec3(), depth as f32)
 }
 
@@ -106,7 +116,7 @@ fn nothing_is_told_where_there_is_nothing() {
     let camera = camera(Vec3::Z * 4.0, Vec3::ZERO, 40.0);
     let scene = scene(meshes, vec![gray(0.5, 0.0)], lights, camera);
     let (guide, position, depth) = seen(&scene, settings(8, 8), 2);
-    assert_eq!((guide, position, depth), (Guide::default(), Vec3::ZERO, FAR));
+    assert_eq!((guide, position, depth), (DenoiseFeatures::default(), Vec3::ZERO, FAR));
 }
 
 /// Settings under which light is found in different ways.
@@ -144,7 +154,7 @@ fn the_image_is_the_same_bit_for_bit_and_the_sum_of_its_light() {
     let accel = accel(&scene);
     for (way, settings) in ways().into_iter().enumerate() {
         let mut plain = Renderer::new(&scene, &accel, settings.clone()).unwrap();
-        let mut kept = plain.with_settings(settings).unwrap().with_aovs(ALL).unwrap();
+        let mut kept = plain.with_settings(settings).unwrap().configure(CONFIG).unwrap();
         for iteration in 0..9 {
             let measure = if iteration % 3 == 0 { Measure::Pairs } else { Measure::Off };
             plain.iterate(measure);
@@ -152,7 +162,7 @@ fn the_image_is_the_same_bit_for_bit_and_the_sum_of_its_light() {
         }
         assert_eq!(plain.film(), kept.film(), "{way}");
         let image = CombinedImage::new(kept.blocks(), vec![1.0]);
-        let (mean, light) = (image.mean(), image.light().unwrap());
+        let (mean, light) = (image.mean(), image.light_components().unwrap());
         let mut sums = [DVec3::ZERO; 4];
         for (pixel, light) in mean.iter().zip(&light) {
             let told = light.emission + light.direct + light.caustics;
@@ -180,13 +190,14 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
     for settings in ways() {
         let settings = Settings { light_paths: 4000, ..settings };
         let photon_map = settings.direct == Direct::PhotonMap;
-        let mut renderer = Renderer::new(&scene, &accel, settings).unwrap().with_aovs(ALL).unwrap();
+        let mut renderer =
+            Renderer::new(&scene, &accel, settings).unwrap().configure(CONFIG).unwrap();
         // Means over the image of each iteration.
         let mut means: Vec<[f64; 3]> = Vec::new();
         let mut before = [0.0; 3];
         for _ in 0..60 {
             renderer.iterate(Measure::Off);
-            let light = renderer.block().light.as_ref().unwrap();
+            let light = renderer.block().statistics.light.as_ref().unwrap().folds()[0].values();
             let sum = |of: &dyn Fn(usize) -> f64| {
                 (0..light.len()).map(of).sum::<f64>() / light.len() as f64
             };
@@ -227,17 +238,17 @@ fn light_of_each_kind_is_the_same_however_it_is_found() {
 }
 
 #[test]
-fn measuring_leaves_layers_as_they_are() {
+fn layers_do_not_depend_on_measuring() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let own = Settings { camera_paths: 1, ..settings(20, 15) };
-    let mut plain = Renderer::new(&scene, &accel, own.clone()).unwrap().with_aovs(ALL).unwrap();
-    let mut measured = plain.with_settings(own).unwrap().with_aovs(ALL).unwrap();
+    let mut plain = Renderer::new(&scene, &accel, own.clone()).unwrap().configure(CONFIG).unwrap();
+    let mut measured = plain.with_settings(own).unwrap().configure(CONFIG).unwrap();
     for _ in 0..3 {
         plain.iterate(Measure::Off);
         measured.iterate(Measure::Pairs);
     }
-    assert_eq!(plain.features(), measured.features());
-    assert_eq!(plain.block().light, measured.block().light);
-    assert_eq!(plain.block().parts, measured.block().parts);
+    assert_eq!(plain.shared(), measured.shared());
+    assert_eq!(plain.block().statistics.light, measured.block().statistics.light);
+    assert_eq!(plain.block().statistics.folds, measured.block().statistics.folds);
 }

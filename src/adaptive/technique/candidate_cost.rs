@@ -2,7 +2,7 @@
 
 use super::{Candidate, End, FreeParameters, Technique};
 use crate::noise::Coefficients;
-use crate::render::bias_correction::share;
+use crate::render::bias_correction::shrinkage;
 use crate::settings::Settings;
 use crate::settings::policy::{
     LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, least_iterations_after_choice,
@@ -155,7 +155,7 @@ impl CandidateCost {
             return SquaredError { noise: 0.0, bias: square };
         }
         let outer = square / (1.0 + left).powi(2);
-        let share = share(outer / BIASED_PIXELS, variance);
+        let share = shrinkage(outer / BIASED_PIXELS, variance);
         SquaredError {
             noise: BIASED_PIXELS * share * share * variance,
             bias: (1.0 - share + left).powi(2) * outer,

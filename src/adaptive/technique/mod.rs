@@ -291,7 +291,7 @@ pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Sel
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
             let first = pilot(FIRST_PILOT_TIME)?;
-            let budget = share(first.best().seconds / f64::from(renderer.ranks()));
+            let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
             if budget < LONGER_PILOT * FIRST_PILOT_TIME {
                 return Ok(first);
             }

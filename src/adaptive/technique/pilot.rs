@@ -59,10 +59,10 @@ pub fn run(renderer: &Renderer, open: FreeParameters, end: End, budget: f64) -> 
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
         end: match end {
-            End::Time(time) => End::Time((time - budget) * f64::from(renderer.ranks())),
+            End::Time(time) => End::Time((time - budget) * f64::from(renderer.config().ranks)),
             error => error,
         },
-        ranks: renderer.ranks(),
+        ranks: renderer.config().ranks,
         max_light_paths: renderer.most_light_paths(),
         open,
         corrects_bias: settings.bias == Bias::Reduce,

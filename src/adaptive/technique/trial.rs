@@ -4,9 +4,9 @@ use super::Guided;
 use crate::accel::Intersect;
 use crate::base::error::Result;
 use crate::film::counts::Counts;
-use crate::noise::film::BatchGrain;
 use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
+use crate::render::RenderConfig;
 use crate::render::Renderer;
 use crate::render::guiding::Learned;
 use crate::scene::lights::guide::Guide;
@@ -148,7 +148,7 @@ impl<'a> TrialRunner<'a> {
     /// # Errors
     /// As [`Renderer::new`].
     pub fn new(renderer: &'a Renderer, seconds: f64) -> Result<Self> {
-        let (scene, accel) = renderer.subject();
+        let (scene, accel) = renderer.scene_and_accel();
         let settings = renderer.settings();
         let stride = |paths: f64| {
             let sample = paths / f64::from(TRIAL_CAMERA_PATHS);
@@ -228,11 +228,8 @@ impl<'a> TrialRunner<'a> {
             own.caustic_radius *= RADIUS_RATIO;
         }
         let renderer = self.renderer(own.clone())?.guided(self.guide.clone());
-        let renderer = renderer.with_batches(BatchGrain::Pixel);
-        let mut renderer = match nests {
-            Some(class) => renderer.nested_class(class),
-            None => renderer,
-        };
+        let batches = RenderConfig::with_pixel_batches();
+        let mut renderer = renderer.configure(RenderConfig { nested_class: nests, ..batches })?;
         let elapsed = || start.elapsed().as_secs_f64();
         let (mut iterations, mut photons) = (0, 0);
         let measuring = TRIAL_MEASURING * seconds;
@@ -243,7 +240,7 @@ impl<'a> TrialRunner<'a> {
             photons += renderer.iterate(Measure::Pairs).photons;
             iterations += 1;
         }
-        let noise = renderer.noise_image()?;
+        let noise = renderer.block().noise_image()?;
         let has_caustic_photons = renderer.found_caustic_photons();
         let mut samples = Vec::new();
         let share = 0.5 * (1.0 - TRIAL_MEASURING) * seconds;

@@ -91,7 +91,7 @@ impl Maps {
             }),
             noise,
             bias,
-            is_reduced: image.reduction().is_some(),
+            is_reduced: image.bias_correction().is_some(),
             terms: Terms::new(moment, grid, &weights),
         }
     }

@@ -148,7 +148,7 @@ impl Sums {
 
     fn add(&mut self, folds: &Folds, pixel: usize, weight: f64) {
         let n = folds.len();
-        let [mut residual, mut off] = [[0.0; crate::film::aov::PARTS]; 2];
+        let [mut residual, mut off] = [[0.0; crate::film::folds::DENOISE_FOLDS]; 2];
         let part = |i: usize| f64::from(folds.part[i][pixel]);
         let mean = (0..n).map(part).sum::<f64>() / n as f64;
         for i in 0..n {

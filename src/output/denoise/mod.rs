@@ -1,6 +1,6 @@
 //! Denoising, and how wrong the denoised image is.
 //!
-//! Iterations are dealt out to parts ([`Parts`](crate::film::aov::Parts)). Each part in turn is left out: what is
+//! Iterations are dealt out to parts ([`folds`](crate::film::folds)). Each part in turn is left out: what is
 //! denoised from the others is independent of it, so that the part tells the error without a reference, the
 //! denoiser's own bias included. docs/denoising.md has the formulas.
 
@@ -17,7 +17,7 @@ pub use parts::{Guides, InParts};
 
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::film::aov::FeatureBuffers;
+use crate::film::features::FeatureFolds;
 use crate::film::radiance::{luminance_weights, total};
 use crate::image_io::Layer;
 use crate::render::block::CombinedImage;
@@ -87,7 +87,7 @@ impl ErrorSummary {
 /// Those of the denoiser.
 pub fn denoise(
     image: &CombinedImage,
-    features: Option<&FeatureBuffers>,
+    features: Option<&FeatureFolds>,
     n: impl FnOnce(bool) -> usize,
     mut denoiser: impl FnMut(&[Rgb], &Guides) -> Result<Vec<Rgb>>,
 ) -> Result<Denoised> {

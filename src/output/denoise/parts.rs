@@ -1,7 +1,8 @@
 //! An image in parts of equal composition.
 
 use crate::base::math::Rgb;
-use crate::film::aov::{FeatureBuffers, PARTS};
+use crate::film::features::FeatureFolds;
+use crate::film::folds::DENOISE_FOLDS;
 use crate::film::radiance::{luminance, total};
 use crate::render::block::{Block, CombinedImage};
 use glam::{DVec3, Vec3};
@@ -23,14 +24,14 @@ pub struct Guides {
 /// Guides of the parts that are taken.
 pub(super) fn guides(
     image: &CombinedImage,
-    features: Option<&FeatureBuffers>,
+    features: Option<&FeatureFolds>,
     takes: impl Fn(usize) -> bool + Sync,
 ) -> Guides {
     let Some(features) = features else { return Guides::default() };
     let film = &image.blocks()[0].film;
     let mut both = vec![(Rgb::ZERO, Vec3::ZERO); film.pixels()];
-    film.zip_pixels(&mut both, |both, at| {
-        let guide = features.guide(at, &takes);
+    film.sums.zip_pixels(&mut both, |both, at| {
+        let guide = features.mean(at, &takes);
         *both = (guide.albedo, guide.normal);
     });
     let (albedo, normal) = both.into_iter().unzip();
@@ -38,23 +39,24 @@ pub(super) fn guides(
 }
 
 /// Whether guides of all parts have hardly any noise.
-pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureBuffers>) -> bool {
+pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureFolds>) -> bool {
     guide_noise(image, features).is_some_and(|noise| noise < CLEAN)
 }
 
 /// RMS of the noise that guides of all parts have, per channel; nothing unless parts are told apart.
-fn guide_noise(image: &CombinedImage, features: Option<&FeatureBuffers>) -> Option<f64> {
-    let features = features.filter(|features| features.is_in_parts())?;
+fn guide_noise(image: &CombinedImage, features: Option<&FeatureFolds>) -> Option<f64> {
+    let features = features.filter(|features| features.is_folded())?;
     let film = &image.blocks()[0].film;
     let mut variance = vec![0.0; film.pixels()];
-    film.zip_pixels(&mut variance, |variance, at| {
-        let mean = features.guide(at, |_| true);
+    film.sums.zip_pixels(&mut variance, |variance, at| {
+        let mean = features.mean(at, |_| true);
         let off = |part: usize| {
-            let own = features.guide(at, |p| p == part);
+            let own = features.mean(at, |p| p == part);
             f64::from((own.albedo - mean.albedo).length_squared())
                 + f64::from((own.normal - mean.normal).length_squared())
         };
-        *variance = (0..PARTS).map(off).sum::<f64>() / (PARTS * (PARTS - 1) * 6) as f64;
+        *variance = (0..DENOISE_FOLDS).map(off).sum::<f64>()
+            / (DENOISE_FOLDS * (DENOISE_FOLDS - 1) * 6) as f64;
     });
     Some((total(&variance, |v| *v) / variance.len() as f64).sqrt())
 }
@@ -62,7 +64,7 @@ fn guide_noise(image: &CombinedImage, features: Option<&FeatureBuffers>) -> Opti
 /// An image as `n` images of as many samples.
 pub struct InParts<'a> {
     image: &'a CombinedImage<'a>,
-    features: Option<&'a FeatureBuffers>,
+    features: Option<&'a FeatureFolds>,
     n: usize,
     /// Whether guides are clean, of all parts.
     clean: bool,
@@ -72,12 +74,12 @@ impl<'a> InParts<'a> {
     /// `None` unless all blocks keep parts, and each of `n` of them has at least one iteration.
     pub fn new(
         image: &'a CombinedImage<'a>,
-        features: Option<&'a FeatureBuffers>,
+        features: Option<&'a FeatureFolds>,
         n: usize,
     ) -> Option<Self> {
-        let divides = n >= 4 && PARTS.is_multiple_of(n);
-        let kept = image.blocks().iter().all(|block| block.parts.is_some());
-        let features = features.filter(|features| features.is_in_parts());
+        let divides = n >= 4 && DENOISE_FOLDS.is_multiple_of(n);
+        let kept = image.blocks().iter().all(|block| block.statistics.folds.is_some());
+        let features = features.filter(|features| features.is_folded());
         if !(divides && kept) {
             return None;
         }
@@ -103,8 +105,8 @@ impl<'a> InParts<'a> {
     /// Weight of all iterations of the finest parts that are taken.
     fn weight(&self, takes: impl Fn(usize) -> bool) -> f64 {
         let own = |(block, weight): (&Block, &f64)| {
-            let parts = block.parts.as_ref().expect("kept");
-            let taken = (0..PARTS).filter(|&part| takes(part));
+            let parts = block.statistics.folds.as_ref().expect("kept");
+            let taken = (0..DENOISE_FOLDS).filter(|&part| takes(part));
             weight * taken.map(|part| parts.iterations()[part]).sum::<u64>() as f64
         };
         self.image.blocks().iter().zip(self.image.weights()).map(own).sum()
@@ -115,9 +117,9 @@ impl<'a> InParts<'a> {
         let scale = self.weight(&takes).recip();
         let mut sums = vec![DVec3::ZERO; blocks[0].film.pixels()];
         for (block, weight) in blocks.iter().zip(self.image.weights()) {
-            let parts = block.parts.as_ref().expect("kept");
-            block.film.zip_pixels(&mut sums, |sum, at| {
-                let taken = parts.of(at).iter().enumerate().filter(|(part, _)| takes(*part));
+            let parts = block.statistics.folds.as_ref().expect("kept");
+            block.film.sums.zip_pixels(&mut sums, |sum, at| {
+                let taken = parts.at(at).enumerate().filter(|(part, _)| takes(*part));
                 *sum += taken.map(|(_, part)| part.as_dvec3()).sum::<DVec3>() * (weight * scale);
             });
         }

@@ -1,0 +1,145 @@
+//! The list of all statistics that a render keeps per pixel, beside the sums of the image itself.
+//!
+//! Each statistic has a file of its own, which implements [`PixelStatistic`], and one line in one of the
+//! two lists below. Blocks, tiles, workers, merges, checkpoints and the memory check go over these lists
+//! and name no statistic.
+
+use crate::base::math::Rgb;
+use crate::film::annulus::FoldSums;
+use crate::film::features::{DenoiseFeatures, DepthSample};
+use crate::film::folds::FoldedBuffer;
+use crate::film::light_components::LightComponents;
+use crate::film::statistic::{
+    CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
+};
+use crate::noise::film::{NoiseFilm, PixelMeasurement};
+use crate::settings::Settings;
+use serde::{Deserialize, Serialize};
+use std::iter;
+
+/// Result of one iteration for one pixel: the sample of each kind of statistic.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct IterationSample {
+    /// Value and layers of the pixel.
+    pub pixel: PixelSample,
+    /// Coefficients of the pixel, if they are measured.
+    pub measurement: PixelMeasurement,
+}
+
+impl AsRef<PixelSample> for IterationSample {
+    fn as_ref(&self) -> &PixelSample {
+        &self.pixel
+    }
+}
+
+impl AsRef<PixelMeasurement> for IterationSample {
+    fn as_ref(&self) -> &PixelMeasurement {
+        &self.measurement
+    }
+}
+
+/// Defines a struct with one optional field for each statistic, and the tiles of all of them.
+macro_rules! statistics {
+    (
+        $(#[$meta:meta])* $list:ident, $tile:ident {
+            $($(#[$field_meta:meta])* $field:ident: $kind:ty,)*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        pub struct $list {
+            $($(#[$field_meta])* pub $field: Option<$kind>,)*
+        }
+
+        #[doc = concat!("One tile of each statistic in [`", stringify!($list), "`].")]
+        pub struct $tile<'a> {
+            $($field: Option<<$kind as PixelStatistic>::Tile<'a>>,)*
+        }
+
+        impl $list {
+            /// Starts the statistics that `request` includes and that are not there yet.
+            pub(crate) fn start(&mut self, request: &StatisticRequest) {
+                $(if self.$field.is_none() {
+                    self.$field = PixelStatistic::start(request);
+                })*
+            }
+
+            /// Memory per pixel that `request` takes.
+            pub(super) fn bytes_per_pixel(request: &StatisticRequest) -> usize {
+                0 $(+ <$kind as PixelStatistic>::bytes_per_pixel(request))*
+            }
+
+            /// Whether all statistics belong to an image with these settings.
+            pub(crate) fn fits(&self, settings: &Settings) -> bool {
+                true $(&& PixelStatistic::fits(self.$field.as_ref(), settings))*
+            }
+
+            /// Tiles to add `iteration` to, in the order of the image's tiles; without end.
+            pub(super) fn tiles_mut(
+                &mut self,
+                iteration: CurrentIteration,
+            ) -> impl Iterator<Item = $tile<'_>> {
+                $(let mut $field = self.$field.as_mut()
+                    .map(|statistic| statistic.tiles_mut(iteration))
+                    .into_iter()
+                    .flatten();)*
+                iter::repeat_with(move || $tile { $($field: $field.next(),)* })
+            }
+
+            /// Counts an iteration that all tiles have added.
+            pub(super) fn end_iteration(&mut self, iteration: CurrentIteration) {
+                $(if let Some(statistic) = &mut self.$field {
+                    statistic.end_iteration(iteration);
+                })*
+            }
+
+            /// Whether `other` keeps the same statistics.
+            pub(super) fn can_merge(&self, other: &Self) -> bool {
+                true $(&& PixelStatistic::can_merge(self.$field.as_ref(), other.$field.as_ref()))*
+            }
+
+            /// Adds the sums of other iterations; see [`Self::can_merge`].
+            pub(super) fn merge(&mut self, other: &Self) {
+                $(match (&mut self.$field, &other.$field) {
+                    (Some(own), Some(other)) => own.merge(other),
+                    (own @ None, other) => own.clone_from(other),
+                    (Some(_), None) => {}
+                })*
+            }
+        }
+
+        impl $tile<'_> {
+            /// Adds one iteration to the tile's pixel `index`.
+            #[inline]
+            pub fn add_sample(&mut self, index: usize, sample: &IterationSample) {
+                $(if let Some(tile) = &mut self.$field {
+                    tile.add_sample(index, sample.as_ref());
+                })*
+            }
+        }
+    };
+}
+
+statistics! {
+    /// Statistics of a block: the blocks of an image have weights of their own.
+    BlockStatistics, BlockStatisticsTile {
+        /// Coefficients of the noise, from the measured iterations.
+        noise: NoiseFilm,
+        /// Emission, direct light and caustics.
+        light: FoldedBuffer<LightComponents>,
+        /// Radiance of each fold of the iterations.
+        folds: FoldedBuffer<Rgb>,
+        /// Contribution of photons in the outer annulus of the merge discs.
+        annulus: FoldedBuffer<FoldSums>,
+    }
+}
+
+statistics! {
+    /// Statistics that do not depend on the path counts: kept once for all blocks of an image.
+    SharedStatistics, SharedStatisticsTile {
+        /// Albedo and normal, which the denoiser uses.
+        features: FoldedBuffer<DenoiseFeatures>,
+        /// Position and depth of the first surface.
+        first_hits: FoldedBuffer<DepthSample>,
+    }
+}
