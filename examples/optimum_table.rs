@@ -12,6 +12,7 @@
 
 use bdpm::accel::Intersect;
 use bdpm::adaptive::autopilot::Autopilot;
+use bdpm::adaptive::autopilot::FIRST_ITERATIONS;
 use bdpm::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use bdpm::adaptive::stopping::Stop;
 use bdpm::adaptive::technique::{self, End, FreeParameters};
@@ -22,7 +23,6 @@ use bdpm::noise::{Coefficients, Measure};
 use bdpm::render::block;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::PartialSettings;
-use bdpm::settings::policy::FIRST_ITERATIONS;
 use bdpm::timing::TimeModel;
 use bdpm::{Renderer, Result, Scene, Settings};
 use clap::Parser;

@@ -1,182 +1,215 @@
-//! Automatic counts: those of the settings at first, which a choice of technique found, then the optimum, chosen
-//! again at a few moments from all that is known by then.
+//! Automatic path counts: first those of the settings, from the choice of technique, then the optimum. It is chosen
+//! again a few times from all measurements so far.
 
 use super::stopping::{Convergence, Stop, importance, luminances};
-
 use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use crate::base::error::Result;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
 use crate::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use crate::noise::{Coefficients, Measure};
+use crate::render::MAX_BLOCKS;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::{Block, CombinedImage};
-use crate::settings::policy::*;
 use crate::timing::TimeModel;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
+/// Before the first choice of counts, every second iteration is measured. The times of the iterations come
+/// from the others.
+const MEASURE_FIRST_EVERY: u64 = 2;
+
+/// Iterations at new counts before the next choice or promise. The sample variance of the pooled noise is then
+/// known within a few percent.
+pub const FIRST_ITERATIONS: u64 = 12;
+
+/// Minimum number of iterations that should fit in the time after a choice of counts: some of them are
+/// measured, and counts may be chosen again among them.
+pub const MIN_ITERATIONS_AFTER_CHOICE: f64 = 64.0;
+
+/// Minimum number of iterations of each of several processes, so that none ends long before another.
+const MIN_ITERATIONS_OF_RANK: f64 = 8.0;
+
+/// [`MIN_ITERATIONS_AFTER_CHOICE`] for `ranks` processes that share the iterations.
+pub fn min_iterations_after_choice(ranks: u32) -> f64 {
+    MIN_ITERATIONS_AFTER_CHOICE.max(MIN_ITERATIONS_OF_RANK * f64::from(ranks))
+}
+
+/// Relative standard error of the pooled variance below which the error at the end is promised.
+const PROMISE_ERROR: f64 = 0.1;
+
+/// Share of the time after which the error at the end is promised in any case.
+const PROMISE_SHARE: f64 = 0.2;
+
+/// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own weight.
+const WORTHWHILE: f64 = 0.02;
+
+/// Minimum share of the time that counts per pixel must save. They follow the noise of the data that they are
+/// chosen from, so their predicted gain is too large.
+const WORTHWHILE_PER_PIXEL: f64 = 0.05;
+
+/// Degrees of freedom of the mean over a neighborhood, relative to those of a single pixel, whose values have
+/// heavy tails. Middle of the range in which `examples/optimum_table.rs` shows no difference beyond its noise.
+const PRIOR_FREEDOM: f64 = 200.0;
+
 /// Chooses the counts of a renderer while it renders.
 #[derive(Debug)]
 pub struct Autopilot {
-    goal: Stop,
-    /// Whether counts may differ from pixel to pixel.
+    stop: Stop,
+    /// True if camera paths may differ between pixels.
     per_pixel: bool,
-    /// Times that are known beforehand.
+    /// Known times, which replace the measured ones.
     times: Option<TimeModel>,
     /// Rendering time before this run.
     earlier: f64,
     state: AutopilotState,
 }
 
-/// What an interrupted run needs to go on.
+/// State that an interrupted run needs to resume.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AutopilotState {
     /// Rendering time when it was saved, seconds.
     elapsed: f64,
-    /// Rendering time when the block under way began.
+    /// Rendering time when the present block started.
     block_began: f64,
-    /// Rendering time when counts are chosen next, seconds; `None` before the first choice.
+    /// Rendering time of the next choice of counts, seconds; `None` before the first choice.
     next_choice: Option<f64>,
-    /// What is known of the choice that the promise is about.
-    expected: Expected,
-    /// Times on a sample of the image, from a choice of technique before: in proportion to those of the image.
-    sampled: TimeModel,
-    /// Squared relative bias of the image, as far as it is known.
+    /// Costs at the first choice, for the promise.
+    costs: ExpectedCosts,
+    /// Times that the pilot measured on a sample of the pixels. They are proportional to those of the image.
+    pilot_times: TimeModel,
+    /// Latest estimate of the squared relative bias of the image.
     bias2: f64,
-    /// What was promised, once a few iterations at the second choice were rendered.
+    /// The promise, once a few iterations after the first choice were rendered.
     promise: Option<Promise>,
 }
 
-/// Costs, time times variance of an iteration, by model and formula.
+/// Predicted costs: time times variance of an iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Expected {
+struct ExpectedCosts {
     /// Time of an iteration at the chosen counts, seconds.
     tau: f64,
-    /// Cost of as many light paths as pixels and one camera path per pixel.
-    one_each: f64,
-    /// Cost of the best counts that are equal in all pixels.
+    /// Cost of one light path and one camera path per pixel.
+    one_path_each: f64,
+    /// Minimum cost of counts that are equal in every pixel.
     uniform: f64,
 }
 
-/// What was expected after the first iterations at the second choice of counts: these are new
-/// samples, so that a choice which followed the noise of its data does not look better than it is.
+/// Forecast of the end, from the first iterations after the first choice of counts. They are new samples, independent of
+/// those that the choice was made from, so the forecast is not biased by the choice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Promise {
     /// Pooled RMS at the end, W/(m^2 sr).
     pub rms: f64,
-    /// Relative error at the end, noise and bias, if that is what counts.
+    /// Relative error at the end, noise and bias, if the objective is the relative error.
     pub error: Option<f64>,
-    /// Rendering time to the end, from the very first iteration, seconds.
+    /// Rendering time from the first iteration of the image to the end, seconds.
     pub seconds: f64,
-    /// Rendering time when this was said.
+    /// Rendering time when the promise was made, seconds.
     pub said_after: f64,
-    /// Time that as many light paths as pixels and one camera path per pixel would take for the same
-    /// noise, over that of the chosen counts.
+    /// Time for the same noise with one light path and one camera path per pixel, relative to the chosen counts.
     pub gain_over_one_each: f64,
-    /// The same for the best counts that are equal in all pixels.
+    /// Time for the same noise with the best counts that are equal in every pixel, relative to the chosen counts.
     pub gain_over_uniform: f64,
 }
 
-/// Counts, and what they should lead to.
-struct Choice {
+/// A choice of counts.
+struct CountChoice {
     counts: Counts,
-    expected: Expected,
-    /// Whether that is worth a new block.
-    saves: bool,
+    costs: ExpectedCosts,
+    /// True if the counts save enough time to start a new block.
+    is_worthwhile: bool,
 }
 
 impl AutopilotState {
-    /// Before the first iteration.
-    pub fn new(sampled: TimeModel, bias2: f64) -> Self {
+    /// State before the first iteration.
+    pub fn new(pilot_times: TimeModel, bias2: f64) -> Self {
         Self {
             elapsed: 0.0,
             block_began: 0.0,
             next_choice: None,
-            expected: Expected::default(),
-            sampled,
+            costs: ExpectedCosts::default(),
+            pilot_times,
             bias2,
             promise: None,
         }
     }
 
-    /// Rendering time when it was saved, seconds, from the very first iteration.
+    /// Rendering time when the state was saved, seconds, from the first iteration of the image.
     pub fn elapsed(&self) -> f64 {
         self.elapsed
     }
 
-    /// Squared relative bias of the image, as far as a choice of technique found it.
+    /// Squared relative bias of the image, as the pilot estimated it.
     pub fn bias2(&self) -> f64 {
         self.bias2
     }
 }
 
 impl Autopilot {
-    /// Begins with the counts of a renderer's settings; `sampled` are times in proportion to those of its image, of
-    /// a sample of the pixels.
-    pub fn new(goal: Stop, sampled: TimeModel) -> Self {
-        Self::resume(goal, AutopilotState::new(sampled, goal.bias2))
+    /// Starts with the counts of the renderer's settings. `pilot_times` are proportional to the times of the image.
+    pub fn new(stop: Stop, pilot_times: TimeModel) -> Self {
+        Self::resume(stop, AutopilotState::new(pilot_times, stop.bias2))
     }
 
-    /// Goes on from `state`, which knows the bias.
-    pub fn resume(goal: Stop, state: AutopilotState) -> Self {
-        let goal = Stop { bias2: state.bias2, ..goal };
-        Self { goal, per_pixel: true, times: None, earlier: state.elapsed, state }
+    /// Resumes from `state`, which includes the bias.
+    pub fn resume(stop: Stop, state: AutopilotState) -> Self {
+        let stop = Stop { bias2: state.bias2, ..stop };
+        Self { stop, per_pixel: true, times: None, earlier: state.elapsed, state }
     }
 
-    /// Takes the same counts in all pixels.
+    /// Chooses equal counts for every pixel.
     #[must_use]
     pub fn uniform(self) -> Self {
         Self { per_pixel: false, ..self }
     }
 
-    /// Chooses by times that are known beforehand, instead of by those of the iterations.
+    /// Chooses by known times instead of measured ones.
     #[must_use]
     pub fn with_times(self, times: TimeModel) -> Self {
         Self { times: Some(times), ..self }
     }
 
-    /// Expectations from the first iterations at the chosen counts, once these tell the noise well or a part of the
-    /// time is over.
-    /// theory.md (89).
-    fn promised(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
-        let standing = self.standing(renderer);
-        let goal = standing.with_measured_bias(&self.goal);
-        let (variance, tau) = (standing.per_iteration?, self.iteration_time(renderer, elapsed)?);
-        let forecast = standing.forecast(&goal, variance, tau, elapsed)?;
+    /// A promise from the first iterations at the chosen counts; `None` until the noise is known well enough or a part
+    /// of the time is over. theory.md (89).
+    fn make_promise(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
+        let convergence = self.convergence(renderer);
+        let stop = convergence.with_measured_bias(&self.stop);
+        let (variance, tau) = (convergence.per_iteration?, self.iteration_time(renderer, elapsed)?);
+        let forecast = convergence.forecast(&stop, variance, tau, elapsed)?;
         let (pooled, error) = renderer.film().pooled_variance()?;
         let is_late = elapsed > PROMISE_SHARE * (elapsed + forecast.seconds);
         if error > PROMISE_ERROR * pooled && !is_late {
             return None;
         }
-        let Expected { tau, one_each, uniform } = self.state.expected;
+        let ExpectedCosts { tau, one_path_each, uniform } = self.state.costs;
         let gain = |other: f64| if variance > 0.0 { other / (variance * tau) } else { 1.0 };
         let said_after = self.earlier + elapsed;
         Some(Promise {
             rms: forecast.rms,
-            error: standing.error(&goal, forecast.left),
+            error: convergence.error(&stop, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
-            gain_over_one_each: gain(one_each),
+            gain_over_one_each: gain(one_path_each),
             gain_over_uniform: gain(uniform),
         })
     }
 
-    fn standing(&self, renderer: &Renderer) -> Convergence {
-        let importance = importance(renderer.blocks(), self.goal.objective);
+    fn convergence(&self, renderer: &Renderer) -> Convergence {
+        let importance = importance(renderer.blocks(), self.stop.objective);
         let weights = block::weights(renderer.blocks(), &importance);
         Convergence::new(renderer.blocks(), weights, &importance)
     }
 
-    /// The best counts by all that has been measured.
-    fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<Choice> {
-        let standing = self.standing(renderer);
+    /// The best counts from all measurements so far.
+    fn choose(&self, renderer: &Renderer, elapsed: f64) -> Result<CountChoice> {
+        let convergence = self.convergence(renderer);
         let blocks = renderer.blocks();
         let settings = renderer.settings();
         let times =
             self.times.map(|times| times.scaled(f64::from(renderer.config().ranks).recip()));
-        let model = times.unwrap_or_else(|| scaled(&self.state.sampled, blocks));
+        let model = times.unwrap_or_else(|| fitted_times(&self.state.pilot_times, blocks));
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
@@ -186,24 +219,24 @@ impl Autopilot {
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };
-            Problem::new(&smoothed, &luminance, self.goal.objective, model, &bounds)
+            Problem::new(&smoothed, &luminance, self.stop.objective, model, &bounds)
         };
-        // Enough iterations must fit in the rest, whose length depends on the counts where a
-        // target ends it: a few rounds settle that.
-        let mut longest = f64::INFINITY;
-        let least = problem(longest).least_sensible_time();
+        // Enough iterations must fit in the remaining time. If a target ends the render, this time depends on the
+        // counts. A few rounds of this loop suffice for convergence.
+        let mut max_time = f64::INFINITY;
+        let min_time = problem(max_time).least_sensible_time();
         for _ in 0..4 {
-            let best = problem(longest).uniform();
+            let best = problem(max_time).uniform();
             let (variance, tau) = (best.variance * scale, best.iteration_time);
-            let rest = standing.forecast(&self.goal, variance, tau, elapsed);
+            let rest = convergence.forecast(&self.stop, variance, tau, elapsed);
             let share =
                 // theory.md (86), (90)
                 rest.map_or(f64::INFINITY, |rest| {
-                    rest.seconds / least_iterations_after_choice(renderer.config().ranks)
+                    rest.seconds / min_iterations_after_choice(renderer.config().ranks)
                 });
-            longest = share.max(least);
+            max_time = share.max(min_time);
         }
-        let problem = problem(longest);
+        let problem = problem(max_time);
         let uniform = problem.shortest_uniform(NEAR_OPTIMUM);
         let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
@@ -218,24 +251,24 @@ impl Autopilot {
         let tau = |counts: &Counts| {
             model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
         };
-        let one_each = scale * problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
-        // The samples of the block tell what its counts cost.
+        let one_path_each = scale * problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
+        // The cost of the present counts is measured from the samples of the block.
         // theory.md (88)
         let present_tau = tau(&renderer.block().counts);
-        let present = standing.per_iteration.unwrap_or(0.0) * present_tau;
-        let saves = scale * cost < present * (1.0 - WORTHWHILE);
-        let tau = if saves { tau(&counts) } else { present_tau };
-        let expected = Expected { tau, one_each, uniform: scale * uniform.cost };
-        Ok(Choice { saves, counts, expected })
+        let present = convergence.per_iteration.unwrap_or(0.0) * present_tau;
+        let is_worthwhile = scale * cost < present * (1.0 - WORTHWHILE);
+        let tau = if is_worthwhile { tau(&counts) } else { present_tau };
+        let costs = ExpectedCosts { tau, one_path_each, uniform: scale * uniform.cost };
+        Ok(CountChoice { is_worthwhile, counts, costs })
     }
 
-    /// Luminance of each pixel to allot camera paths by, and the mean of the weights that follow from it.
+    /// Luminance of each pixel for the allocation of camera paths, and the mean of the weights that follow from it.
     fn luminance(&self, blocks: &[Block], (width, height): (u32, u32)) -> (Vec<f64>, f64) {
         let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
-        let own: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
+        let unfiltered: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
         let luminance: Vec<f64> =
-            box_filter(&own, width, height).into_iter().map(|[l]| l).collect();
-        let scale = match self.goal.objective {
+            box_filter(&unfiltered, width, height).into_iter().map(|[l]| l).collect();
+        let scale = match self.stop.objective {
             Objective::Relative => {
                 luminance_weights(&luminance).iter().sum::<f64>() / luminance.len() as f64
             }
@@ -243,10 +276,8 @@ impl Autopilot {
         };
         (luminance, scale)
     }
-}
 
-impl Autopilot {
-    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns what to measure in it.
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement.
     ///
     /// # Errors
     /// If other counts are chosen and do not fit in the memory.
@@ -254,49 +285,49 @@ impl Autopilot {
         let (now, entered) = (self.earlier + elapsed, Instant::now());
         if renderer.iterations() == 0 {
             self.state.block_began = now;
-        } else if self.is_choice_due(renderer, now) {
+        } else if self.update_promise_and_check_choice(renderer, now) {
             let is_first = self.state.next_choice.is_none();
             self.state.next_choice = Some(2.0 * now);
-            if is_first || renderer.blocks().len() < MOST_BLOCKS {
+            if is_first || renderer.blocks().len() < MAX_BLOCKS {
                 let choice = self.choose(renderer, elapsed)?;
                 if is_first {
-                    self.state.expected = choice.expected;
+                    self.state.costs = choice.costs;
                 }
-                if choice.saves {
+                if choice.is_worthwhile {
                     self.state.block_began = now + entered.elapsed().as_secs_f64();
                     renderer.begin_block(choice.counts)?;
                 }
             }
         }
-        // The first iteration of a block is measured, so that its start-up is not in the times.
+        // The first iteration of a block is measured, so that its start-up is not part of the times.
         let measures = renderer.film().iterations.is_multiple_of(self.schedule().every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
 
-    /// Whether counts are to be chosen before the next iteration. On the way, makes the promise once enough is known.
+    /// Makes the promise if it is due, and returns true if counts should be chosen before the next iteration.
     ///
-    /// The pilot saw a sample of the pixels only, so that the first choice, from iterations of the whole image, comes
-    /// before any promise.
-    fn is_choice_due(&mut self, renderer: &Renderer, now: f64) -> bool {
+    /// The pilot used only a sample of the pixels, so a promise is made only after the first choice, which uses the
+    /// whole image.
+    fn update_promise_and_check_choice(&mut self, renderer: &Renderer, now: f64) -> bool {
         if renderer.film().iterations < FIRST_ITERATIONS {
             return false;
         }
         let Some(next_choice) = self.state.next_choice else { return true };
-        if self.state.promise.is_none() && is_time_to_look(renderer) {
-            self.state.promise = self.promised(renderer, now - self.earlier);
+        if self.state.promise.is_none() && is_promise_check_due(renderer) {
+            self.state.promise = self.make_promise(renderer, now - self.earlier);
         }
         now >= next_choice
     }
 
-    /// Which iterations are measured before the next decision.
+    /// The iterations that are measured before the next decision.
     pub fn schedule(&self) -> MeasureSchedule {
         let is_first = self.state.next_choice.is_none();
         let every = if is_first { MEASURE_FIRST_EVERY } else { MEASURE_EVERY };
         MeasureSchedule { pilot: 0, every, estimator: Measure::Pairs }
     }
 
-    /// Seconds per iteration from now on, with production and measured iterations in the shares that they have in the
-    /// long run; `None` before the block has enough iterations.
+    /// Seconds per iteration from now on, with the long-run shares of production and measured iterations; `None` before
+    /// the block has enough iterations.
     pub fn iteration_time(&self, renderer: &Renderer, elapsed: f64) -> Option<f64> {
         let Block { film, clock, .. } = renderer.block();
         let measured = film.iterations.saturating_sub(clock.iterations);
@@ -310,37 +341,39 @@ impl Autopilot {
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
 
-    /// AutopilotState for a checkpoint, after `elapsed` seconds of this run.
+    /// State for a checkpoint, after `elapsed` seconds of this run.
     pub fn state(&self, elapsed: f64) -> AutopilotState {
         AutopilotState { elapsed: self.earlier + elapsed, ..self.state }
     }
 
-    /// The promise, once enough is known to make one.
+    /// The promise, once it was made.
     pub fn promise(&self) -> Option<&Promise> {
         self.state.promise.as_ref()
     }
 }
 
-/// After so many iterations of a block, twice as many, and so on: a look takes a pass over the image.
-fn is_time_to_look(renderer: &Renderer) -> bool {
+/// Returns true after [`FIRST_ITERATIONS`] iterations of a block, twice as many, and so on, since each check takes a
+/// pass over the image.
+fn is_promise_check_due(renderer: &Renderer) -> bool {
     let iterations = renderer.film().iterations;
     iterations.is_multiple_of(FIRST_ITERATIONS) && (iterations / FIRST_ITERATIONS).is_power_of_two()
 }
 
-/// Times in proportion to `sampled` that explain those of the production iterations of all blocks.
-fn scaled(sampled: &TimeModel, blocks: &[Block]) -> TimeModel {
-    let (mut found, mut expected) = (0.0, 0.0);
+/// Times proportional to `pilot_times` that match the times of the production iterations of all blocks.
+fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
+    let (mut measured, mut predicted) = (0.0, 0.0);
     for Block { counts, clock, .. } in blocks {
-        let each = sampled.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
-        found += clock.times.wall.as_secs_f64();
-        expected += clock.iterations as f64 * each;
+        let iteration =
+            pilot_times.iteration(f64::from(counts.light_paths), counts.camera_paths.mean());
+        measured += clock.times.wall.as_secs_f64();
+        predicted += clock.iterations as f64 * iteration;
     }
-    let scale = if found > 0.0 && expected > 0.0 { found / expected } else { 1.0 };
-    sampled.scaled(scale)
+    let scale = if measured > 0.0 && predicted > 0.0 { measured / predicted } else { 1.0 };
+    pilot_times.scaled(scale)
 }
 
-/// Coefficients to allot camera paths by, at least 0: those of the neighborhood of 5 by 5 pixels as
-/// long as little is known about the pixel itself, then more and more its own.
+/// Coefficients for the allocation of camera paths, at least 0. With few measurements, a pixel has those of its 5 by 5
+/// neighborhood. With more, the weight of its own coefficients increases.
 fn smoothed(
     blocks: &[Block],
     measured: &[Coefficients],
@@ -350,10 +383,10 @@ fn smoothed(
     let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
     let pooled = box_filter(&values, width, height);
     let freedom = block::degrees_of_freedom(blocks);
-    let mixed = |((&own, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
+    let mixed = |((&pixel, [a, b, f]), freedom): ((&Coefficients, [f64; 3]), f64)| {
         // theory.md (87)
         let share = freedom / (freedom + PRIOR_FREEDOM);
-        (own * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
+        (pixel * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
     };
     measured.iter().zip(pooled).zip(freedom).map(mixed).collect()
 }

@@ -1,4 +1,4 @@
-//! Who decides, before each iteration, about counts and about measuring.
+//! The policy that decides before each iteration on path counts and on measuring.
 
 use super::autopilot::{Autopilot, AutopilotState, Promise};
 use super::plan::Plan;
@@ -11,19 +11,19 @@ use crate::render::block;
 use crate::render::block::Block;
 use std::ops::Range;
 
-/// Decides about counts and measuring while an image is rendered.
+/// Decides on path counts and measuring while an image is rendered.
 #[derive(Debug)]
 pub enum CountPolicy {
-    /// The counts of the settings throughout.
+    /// The counts of the settings for all iterations.
     Fixed(MeasureSchedule),
     /// The steps of a plan, one after the other; the last one has no end.
     Plan(Replay),
-    /// The counts with the least error for the time, chosen while rendering.
+    /// The counts with the minimum error for the time, chosen during the render.
     Automatic(Box<Autopilot>),
 }
 
 impl CountPolicy {
-    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns what to measure in it.
+    /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement.
     ///
     /// # Errors
     /// If other counts are due and do not fit in the memory.
@@ -36,7 +36,7 @@ impl CountPolicy {
         Ok(self.schedule().measure(renderer.block_iteration(), &renderer.block().counts))
     }
 
-    /// What is measured of the iterations that follow before the next decision.
+    /// The iterations that are measured before the next decision.
     pub fn schedule(&self) -> MeasureSchedule {
         match self {
             Self::Fixed(schedule) => *schedule,
@@ -45,7 +45,7 @@ impl CountPolicy {
         }
     }
 
-    /// Iterations that the block may have that begins with iteration `first`.
+    /// Iterations that the block with the first iteration `first` may have.
     pub fn range(&self, first: u64) -> Range<u64> {
         match self {
             Self::Plan(replay) => replay.range(first),
@@ -53,7 +53,7 @@ impl CountPolicy {
         }
     }
 
-    /// Weight of an iteration of each block, for pixels of this importance.
+    /// Weight of an iteration of each block, for this importance of the pixels.
     pub fn weights(&self, blocks: &[Block], importance: &[f64]) -> Vec<f64> {
         match self {
             Self::Plan(replay) => replay.plan.weights(blocks),
@@ -61,8 +61,8 @@ impl CountPolicy {
         }
     }
 
-    /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run; `None` until
-    /// that is known.
+    /// Seconds per iteration from now on, after `done` iterations in `elapsed` seconds of this run; `None` until they
+    /// are known.
     pub fn iteration_time(&self, renderer: &Renderer, done: u64, elapsed: f64) -> Option<f64> {
         match self {
             Self::Automatic(autopilot) => autopilot.iteration_time(renderer, elapsed),
@@ -104,7 +104,7 @@ pub struct Replay {
 }
 
 impl Replay {
-    /// Begins with the first step that has iterations to render.
+    /// Starts with the first step that has iterations to render.
     pub fn new(plan: Plan) -> Self {
         let ranges = plan.ranges();
         Self { plan, ranges }
@@ -128,7 +128,7 @@ impl Replay {
     }
 }
 
-/// Whether the renderer still has iterations of a step to render.
+/// Returns true if the renderer has iterations of a step left to render.
 fn has_remaining(range: &Range<u64>, renderer: &Renderer) -> bool {
     let block = renderer.blocks().iter().find(|block| block.first == range.start);
     let assigned = renderer.assigned().within(&IterationSet::from(range.clone()));

@@ -1,9 +1,9 @@
-//! Plans: which counts for how many iterations with which weight. A render that chose its own
-//! counts records its plan in the image file; replaying it gives the same image bit for bit.
+//! Plans: path counts, number of iterations and weight of each step of a render. A render that chose its counts writes
+//! its plan to the image file. A render with this plan is bit-identical.
 //!
-//! In an EXR file, the attribute `bdpm.plan` is a JSON list of steps with the keys `light_paths`,
-//! `camera_paths`, and for what has been rendered `iterations` and `weight`. Where camera paths
-//! differ from pixel to pixel, `camera_paths` is the name of a layer whose channel `Y` holds them.
+//! In an EXR file, the attribute `bdpm.plan` is a JSON list of steps with the keys `light_paths` and `camera_paths`.
+//! Steps that were rendered also have `iterations` and `weight`. If camera paths differ between pixels, `camera_paths`
+//! is the name of a layer whose channel `Y` holds them.
 
 use crate::base::error::{Error, Result};
 use crate::film::counts::{CameraCounts, Counts};
@@ -15,7 +15,7 @@ use std::ops::Range;
 /// Name of the attribute.
 const ATTRIBUTE: &str = "plan";
 
-/// What to render, step by step.
+/// The steps of a render.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// At least one.
@@ -27,20 +27,20 @@ pub struct Plan {
 pub struct Step {
     /// The counts.
     pub counts: Counts,
-    /// How many iterations, and the weight of each in the image; `None` if that is open.
+    /// Number and weight of the iterations; `None` if the number is open.
     pub rendered: Option<Rendered>,
 }
 
-/// What has been made of a step.
+/// Number and weight of the iterations of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rendered {
-    /// Iterations.
+    /// Number of iterations.
     pub iterations: u64,
-    /// Weight of each of them.
+    /// Weight of each iteration in the image.
     pub weight: f64,
 }
 
-/// A step as it is written.
+/// A step in the file.
 #[derive(Serialize, Deserialize)]
 struct WrittenStep {
     light_paths: u32,
@@ -62,7 +62,7 @@ impl Plan {
         Self { steps: vec![Step { counts, rendered: None }] }
     }
 
-    /// What was done for an image of `blocks`, given the weight of an iteration of each.
+    /// The plan of an image of `blocks`, with the weight of an iteration of each block.
     pub fn of_blocks(blocks: &[Block], weights: &[f64]) -> Self {
         let step = |(block, &weight): (&Block, &f64)| Step {
             counts: block.counts.clone(),
@@ -72,12 +72,12 @@ impl Plan {
         Self { steps: rendered.map(step).collect() }
     }
 
-    /// Iterations in all, unless that is open.
+    /// Total number of iterations, unless it is open.
     pub fn iterations(&self) -> Option<u64> {
         self.steps.iter().map(|step| Some(step.rendered?.iterations)).sum()
     }
 
-    /// IterationSet of the iterations of each step; the last has no end.
+    /// Iterations of each step. The last range has no end.
     pub fn ranges(&self) -> Vec<Range<u64>> {
         let mut start = 0;
         let mut range = |(index, step): (usize, &Step)| {
@@ -88,7 +88,7 @@ impl Plan {
         self.steps.iter().enumerate().map(&mut range).collect()
     }
 
-    /// Weights of the iterations of each block, 1 where that is open.
+    /// Weights of the iterations of each block; 1 if the number of iterations is open.
     pub fn weights(&self, blocks: &[Block]) -> Vec<f64> {
         let starts = self.ranges();
         let weight = |block: &Block| {
@@ -99,7 +99,7 @@ impl Plan {
         blocks.iter().map(weight).collect()
     }
 
-    /// Whether all weights are positive, and only a single step is open (it may come from a file).
+    /// Returns true if a plan from a file is valid: positive weights and iterations, or a single open step.
     pub fn is_consistent(&self) -> bool {
         let positive = |weight: f64| weight > 0.0 && weight.is_finite();
         let valid = |step: &Step| match step.rendered {
@@ -113,7 +113,7 @@ impl Plan {
             && self.steps.iter().try_fold(0, sum).is_some()
     }
 
-    /// Adds it to the attributes and layers of an image.
+    /// Adds the plan to the attributes and layers of an image.
     pub fn write_to(&self, image: &mut Image) {
         let mut written = Vec::new();
         for (index, step) in self.steps.iter().enumerate() {
@@ -121,7 +121,7 @@ impl Plan {
                 CameraCounts::Uniform(count) => WrittenCounts::Uniform(*count),
                 CameraCounts::PerPixel(counts) => {
                     let name = format!("{ATTRIBUTE}{index}");
-                    // Exact up to 2^24, far beyond what is worth taking.
+                    // Exact up to 2^24, far above useful counts.
                     let values = counts.iter().map(|&count| count as f32).collect();
                     let channels = vec![("Y".into(), values)];
                     image.layers.push(Layer { name: name.clone(), channels });
@@ -135,16 +135,16 @@ impl Plan {
         image.metadata.insert(ATTRIBUTE.into(), Value::Text(text));
     }
 
-    /// Reads what [`Self::write_to`] added.
+    /// Reads a plan that [`Self::write_to`] added.
     ///
     /// # Errors
-    /// If there is no plan, or it is not a valid one.
+    /// If there is no plan, or it is not valid.
     pub fn read_from(image: &Image) -> Result<Self> {
         let advice = "give an .exr file that `bdpm render` or `bdpm optimize` wrote";
         let Some(Value::Text(text)) = image.metadata.get(ATTRIBUTE) else {
             return Err(Error::new("this image holds no plan", advice));
         };
-        let broken = |what: String| Error::new(format!("the plan is broken: {what}"), advice);
+        let broken = |problem: String| Error::new(format!("the plan is broken: {problem}"), advice);
         let written: Vec<WrittenStep> =
             serde_json::from_str(text).map_err(|e| broken(e.to_string()))?;
         let step = |step: WrittenStep| {
@@ -154,9 +154,11 @@ impl Plan {
                     let values = image.layer(&name).and_then(|layer| layer.channel("Y"));
                     let values =
                         values.ok_or_else(|| broken(format!("there is no layer {name}")))?;
-                    let whole = |&x: &f32| x.fract() == 0.0 && (1.0..=16_777_216.0).contains(&x);
-                    if !values.iter().all(whole) {
-                        return Err(broken(format!("layer {name} holds no whole numbers")));
+                    let is_count = |&x: &f32| x.fract() == 0.0 && (1.0..=16_777_216.0).contains(&x);
+                    if !values.iter().all(is_count) {
+                        return Err(broken(format!(
+                            "layer {name} holds values other than positive integers"
+                        )));
                     }
                     CameraCounts::PerPixel(values.iter().map(|&x| x as u32).collect())
                 }
@@ -195,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn images_keep_plans_exactly() {
+    fn plan_survives_writing_and_reading() {
         for plan in [plan(), Plan::new(Counts::uniform(3, 4))] {
             let mut image = image();
             plan.write_to(&mut image);
@@ -206,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_plans_are_refused() {
+    fn broken_plan_is_refused() {
         let refused = |image: &Image| Plan::read_from(image).unwrap_err().to_string();
         assert!(refused(&image()).contains("holds no plan"));
         for (text, expected) in [
@@ -228,6 +230,6 @@ mod tests {
         let mut fractions = image();
         plan().write_to(&mut fractions);
         fractions.layers.last_mut().unwrap().channels[0].1[2] = 1.5;
-        assert!(refused(&fractions).contains("no whole numbers"));
+        assert!(refused(&fractions).contains("other than positive integers"));
     }
 }

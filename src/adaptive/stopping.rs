@@ -1,16 +1,26 @@
-//! When to stop, how far the image is, and what is to come.
+//! Stop conditions, the convergence of an image, and forecasts of its error and time.
 
 use crate::adaptive::optimize::Objective;
 use crate::base::error::{Error, Result};
 use crate::film::radiance::{box_filtered, luminance, luminance_weights, total};
+use crate::noise::bias::UPPER_BOUND;
 use crate::render::block::{Block, CombinedImage};
-use crate::settings::policy::{
-    LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, PLAIN_SHARE, UPPER_BOUND,
-};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 use std::time::Duration;
+
+/// Minimum number of iterations before a target counts as reached. Stopping at the first low estimate would
+/// stop too early on average.
+pub const MIN_ITERATIONS_TO_TARGET: u64 = 32;
+
+/// Minimum of the noise's share of the squared target error. It keeps a target reachable whose square is
+/// smaller than the squared bias.
+pub const MIN_NOISE_SHARE: f64 = 0.1;
+
+/// Minimum share of a pixel's squared luminance that is not noise. Below it, the luminance of the
+/// neighborhood is the better estimate.
+const MIN_SIGNAL_SHARE: f64 = 0.9;
 
 /// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,9 +33,9 @@ pub struct Stop {
     pub target: Option<Target>,
     /// Relative RMS error, noise and bias together: 0.01 for 1 %.
     pub error: Option<f64>,
-    /// The noise that is to be small: the pooled or the relative one.
+    /// The noise to minimize: pooled or relative.
     pub objective: Objective,
-    /// Squared relative bias of the image, as far as it is known.
+    /// Latest estimate of the squared relative bias of the image.
     pub bias2: f64,
 }
 
@@ -53,15 +63,15 @@ impl Stop {
         Self { iterations: Some(iterations), ..Self::default() }
     }
 
-    /// Relative variance that an error allows beside the bias; a small part of it even if the bias alone exceeds the
-    /// error.
+    /// Relative variance that a total error leaves for noise beside the bias. It is at least [`MIN_NOISE_SHARE`] of the
+    /// squared error, even if the bias alone exceeds the error.
     pub fn noise2(&self, error: f64) -> f64 {
         let error2 = error * error;
-        (error2 - self.bias2).max(LEAST_NOISE_SHARE * error2)
+        (error2 - self.bias2).max(MIN_NOISE_SHARE * error2)
     }
 }
 
-/// Weights of the squared errors of the pixels of an image, by what counts: 1, or by their luminance.
+/// Weights of the squared errors of the pixels: by their luminance for the relative objective, else 1.
 pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
     let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
     let pixels = blocks[0].film.pixels();
@@ -71,8 +81,9 @@ pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
     luminance_weights(&luminances(&image))
 }
 
-/// Luminance of each pixel, W/(m^2 sr), without what noise adds to its square; that of its neighborhood where noise
-/// hides its own. Of the image as it was merged: what is taken off for its bias decides about no weight.
+/// Luminance of each pixel, W/(m^2 sr), without the contribution of noise to its square. If noise dominates a pixel, the
+/// luminance of its neighborhood takes its place. The image is used before bias correction, so that the correction does
+/// not change weights.
 pub fn luminances(image: &CombinedImage) -> Vec<f64> {
     let mean: Vec<f64> =
         image.uncorrected_mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
@@ -82,14 +93,15 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
     }
 }
 
-/// Roots of squared means less their variances, which are what noise adds to the squares; of the neighborhood's where
-/// the variance is most of the square.
+/// Roots of the squared means minus their variances, since noise adds its variance to the square. The neighborhood is
+/// used if the variance exceeds `1 - MIN_SIGNAL_SHARE` of the square.
 pub fn without_noise(mean: &[f64], variance: &[f64], (width, height): (u32, u32)) -> Vec<f64> {
     let squares: Vec<_> = mean.par_iter().zip(variance).map(|(l, v)| [l * l - v]).collect();
     let clean = |(index, luminance): (usize, &f64)| {
-        let [own] = squares[index];
-        let is_plain = own > PLAIN_SHARE * luminance * luminance;
-        let [square] = if is_plain { [own] } else { box_filtered(&squares, index, width, height) };
+        let [pixel] = squares[index];
+        let is_clean = pixel > MIN_SIGNAL_SHARE * luminance * luminance;
+        let [square] =
+            if is_clean { [pixel] } else { box_filtered(&squares, index, width, height) };
         square.max(0.0).sqrt()
     };
     mean.par_iter().enumerate().map(clean).collect()
@@ -105,22 +117,22 @@ pub enum Target {
     Share(f64),
 }
 
-/// Why rendering ended.
+/// Reason for the end of a render.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StoppedBy {
-    /// All iterations are done.
+    /// All iterations were rendered.
     Iterations,
     /// The time is over.
     Time,
     /// The noise is low enough.
     Target,
-    /// The user had enough.
+    /// The user interrupted the render.
     Interrupt,
 }
 
 impl Target {
-    /// As luminance, for an image of this mean luminance.
+    /// The target as luminance, for an image of this mean luminance.
     pub fn absolute(self, mean_luminance: f64) -> f64 {
         match self {
             Self::Absolute(rms) => rms,
@@ -144,45 +156,45 @@ impl FromStr for Target {
                 Ok(if percent { Self::Share(value / 100.0) } else { Self::Absolute(value) })
             }
             _ => Err(Error::new(
-                format!("`{text}` is no RMS"),
+                format!("`{text}` is not an RMS"),
                 "give a positive luminance, or a share of the mean luminance such as 1%",
             )),
         }
     }
 }
 
-/// How far an image is; luminances, W/(m^2 sr).
+/// Noise and bias of an image; luminances, W/(m^2 sr).
 #[derive(Clone, Debug)]
 pub struct Convergence {
     /// Weight of an iteration of each block.
     pub weights: Vec<f64>,
     /// Iterations of all blocks.
     pub iterations: u64,
-    /// Mean over the image.
+    /// Mean luminance of the image.
     pub mean_luminance: f64,
-    /// Pooled variance of the image, and its standard error, once it is known.
+    /// Pooled variance of the image and its standard error, once they are known.
     pub variance: Option<(f64, f64)>,
-    /// Mean over pixels of their variance by its importance, once it is known: the pooled or the relative one.
+    /// Mean over pixels of their variance times their importance, once it is known: pooled or relative.
     pub weighted_variance: Option<f64>,
-    /// Squared relative bias that is left where it is taken off, once it is known.
+    /// Squared relative bias that remains after bias correction, once it is known.
     pub bias2: Option<f64>,
-    /// The same of one iteration at the present counts, once it is known.
+    /// Weighted variance of one iteration at the present path counts, once it is known.
     pub per_iteration: Option<f64>,
 }
 
-/// What the rest of the rendering leads to.
+/// Forecast of the end of a render.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Forecast {
     /// Pooled RMS at the end, W/(m^2 sr).
     pub rms: f64,
-    /// Of the variance that counts, the part that is left at the end.
+    /// Share of the present weighted variance that remains at the end.
     pub left: f64,
     /// Rendering time from now to the end, seconds.
     pub seconds: f64,
 }
 
 impl Convergence {
-    /// Of an image with given weights of its blocks, by the importance of its pixels.
+    /// Convergence of an image with these weights of its blocks and importance of its pixels.
     pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = CombinedImage::new(blocks, weights);
         let mean_of = |variance: &[f64]| {
@@ -190,19 +202,23 @@ impl Convergence {
             total(&weighted.collect::<Vec<f64>>(), |term| *term) / importance.len() as f64
         };
         let film = blocks.last().map(|block| &block.film);
-        let own = film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
-        let of_all = match blocks {
+        let block_variance =
+            film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
+        let image_variance = match blocks {
             [_] if combined.bias_correction().is_none() => {
-                own.as_ref().map(|(variance, _)| variance.clone())
+                block_variance.as_ref().map(|(variance, _)| variance.clone())
             }
             _ => combined.variance_of_mean(),
         };
-        let bias2 = combined.bias_correction().map(|reduction| mean_of(&reduction.bias2).max(0.0));
-        // An iteration leaves the less of its noise, the more of that is taken off.
-        let shown = match (combined.bias_correction(), combined.uncorrected_variance()) {
-            (Some(_), Some(merged)) => {
-                let all = mean_of(&merged);
-                of_all.as_deref().map_or(1.0, |of_all| mean_of(of_all) / all)
+        let bias2 =
+            combined.bias_correction().map(|correction| mean_of(&correction.bias2).max(0.0));
+        // Bias correction scales the variance of the image. Scale that of one iteration by the same factor.
+        let noise_factor = match (combined.bias_correction(), combined.uncorrected_variance()) {
+            (Some(_), Some(uncorrected)) => {
+                let uncorrected = mean_of(&uncorrected);
+                image_variance
+                    .as_deref()
+                    .map_or(1.0, |image_variance| mean_of(image_variance) / uncorrected)
             }
             _ => 1.0,
         };
@@ -210,43 +226,43 @@ impl Convergence {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            weighted_variance: of_all.as_deref().map(mean_of),
+            weighted_variance: image_variance.as_deref().map(mean_of),
             bias2,
-            per_iteration: own
-                .map(|(variance, iterations)| shown * mean_of(&variance) * iterations),
+            per_iteration: block_variance
+                .map(|(variance, iterations)| noise_factor * mean_of(&variance) * iterations),
             weights: combined.into_weights(),
         }
     }
 
-    /// The goal with the bias that the image itself shows, if it does.
-    pub fn with_measured_bias(&self, goal: &Stop) -> Stop {
-        Stop { bias2: self.bias2.unwrap_or(goal.bias2), ..*goal }
+    /// The stop conditions with the bias that was measured in the image, if there is one.
+    pub fn with_measured_bias(&self, stop: &Stop) -> Stop {
+        Stop { bias2: self.bias2.unwrap_or(stop.bias2), ..*stop }
     }
 
-    /// Whether an image of this bias has the goal's noise or error.
-    pub fn is_good_enough(&self, goal: &Stop) -> bool {
-        goal.target.is_some_and(|target| self.reaches(target))
-            || goal.error.is_some_and(|error| self.comes_to(goal.noise2(error)))
+    /// Returns true if the image has reached the target of its noise or error.
+    pub fn is_good_enough(&self, stop: &Stop) -> bool {
+        stop.target.is_some_and(|target| self.reaches(target))
+            || stop.error.is_some_and(|error| self.reaches_variance(stop.noise2(error)))
     }
 
-    /// Whether the upper 90 % bound of the variance that counts lies under `allowed`. Its relative standard error
-    /// is at most about that of the pooled one, in which few pixels weigh most.
-    fn comes_to(&self, allowed: f64) -> bool {
+    /// Returns true if the upper 90 % bound of the weighted variance is at most `allowed`. Its relative standard error is
+    /// taken from the pooled variance, whose error is larger since few pixels dominate it.
+    fn reaches_variance(&self, allowed: f64) -> bool {
         let bound = |(weighted, (variance, error)): (f64, (f64, f64))| {
             weighted * (1.0 + UPPER_BOUND * error / variance)
         };
-        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
             // theory.md (91)
             && self.weighted_variance.zip(self.variance).map(bound).is_some_and(|bound| bound <= allowed)
     }
 
-    /// Relative error, noise and bias, when a part `left` of the noise's square is left, if that is what counts.
-    pub fn error(&self, goal: &Stop, left: f64) -> Option<f64> {
-        let noise2 = self.weighted_variance.filter(|_| goal.objective == Objective::Relative)?;
-        Some((noise2 * left + goal.bias2).sqrt())
+    /// Relative error, noise and bias, when the share `left` of the variance remains; `None` for other objectives.
+    pub fn error(&self, stop: &Stop, left: f64) -> Option<f64> {
+        let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
+        Some((noise2 * left + stop.bias2).sqrt())
     }
 
-    /// The variance that counts as a share: of each pixel's luminance, or of the mean.
+    /// The weighted variance relative to the squared luminance of each pixel, or of the mean.
     pub fn relative_variance(&self, objective: Objective) -> Option<f64> {
         let scale = match objective {
             Objective::Relative => 1.0,
@@ -260,40 +276,40 @@ impl Convergence {
         self.variance.map(|(variance, _)| variance.sqrt())
     }
 
-    /// Whether the upper 90 % bound of the pooled RMS lies under the target.
+    /// Returns true if the upper 90 % bound of the pooled RMS is at most the target.
     pub fn reaches(&self, target: Target) -> bool {
         let allowed = target.absolute(self.mean_luminance).powi(2);
-        self.iterations >= LEAST_ITERATIONS_TO_TARGET
+        self.iterations >= MIN_ITERATIONS_TO_TARGET
             // theory.md (91)
             && self.variance.is_some_and(|(v, error)| v + UPPER_BOUND * error <= allowed)
     }
 
-    /// What is to come if every further iteration takes `tau` seconds and has, of what counts, the variance
-    /// `variance`, after `elapsed` seconds of rendering; `None` before the noise is known.
+    /// Forecast after `elapsed` seconds of rendering if each further iteration takes `tau` seconds and has the weighted
+    /// variance `variance`; `None` before the noise is known.
     ///
     /// Information, the reciprocal of the variance, adds up over iterations.
-    pub fn forecast(&self, goal: &Stop, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
+    pub fn forecast(&self, stop: &Stop, variance: f64, tau: f64, elapsed: f64) -> Option<Forecast> {
         let ((pooled, error), now) = (self.variance?, self.weighted_variance?);
         if !(now > 0.0 && variance > 0.0 && tau > 0.0) {
             return Some(Forecast { rms: pooled.sqrt(), left: 1.0, seconds: 0.0 });
         }
-        let by_count = goal.iterations.map(|n| n.saturating_sub(self.iterations) as f64);
-        let by_time = goal.time.map(|time| ((time.as_secs_f64() - elapsed) / tau).max(0.0));
+        let by_count = stop.iterations.map(|n| n.saturating_sub(self.iterations) as f64);
+        let by_time = stop.time.map(|time| ((time.as_secs_f64() - elapsed) / tau).max(0.0));
         let by_target = [
-            goal.target.map(|target| target.absolute(self.mean_luminance).powi(2) * now / pooled),
-            goal.error.map(|error| goal.noise2(error)),
+            stop.target.map(|target| target.absolute(self.mean_luminance).powi(2) * now / pooled),
+            stop.error.map(|error| stop.noise2(error)),
         ];
         let by_target = by_target.map(|allowed| {
             let allowed = allowed?;
-            // The upper bound must come down to the target; its relative distance falls as the
-            // root of the iterations.
+            // The upper bound must decrease to the target. Its relative distance from the estimate decreases with
+            // the root of the number of iterations.
             let distance = UPPER_BOUND * if error.is_finite() { error / pooled } else { 0.0 };
             let iterations = self.iterations as f64;
             // theory.md (90)
             let needed = |margin: f64| ((margin / allowed - 1.0 / now) * variance).max(0.0);
-            let more = needed(1.0);
-            let more = needed(1.0 + distance * (iterations / (iterations + more)).sqrt());
-            Some(more.max(LEAST_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
+            let first = needed(1.0);
+            let more = needed(1.0 + distance * (iterations / (iterations + first)).sqrt());
+            Some(more.max(MIN_ITERATIONS_TO_TARGET as f64 - iterations).max(0.0))
         });
         let ends = [by_count, by_time].into_iter().chain(by_target);
         let more = ends.flatten().fold(f64::NAN, f64::min);
@@ -308,7 +324,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_are_luminances_or_shares() {
+    fn target_is_a_luminance_or_a_share() {
         assert_eq!("0.25".parse::<Target>().unwrap(), Target::Absolute(0.25));
         assert_eq!(" 1 %".parse::<Target>().unwrap(), Target::Share(0.01));
         assert_eq!(Target::Share(0.01).absolute(30.0), 0.3);
@@ -318,7 +334,7 @@ mod tests {
         }
     }
 
-    fn standing(iterations: u64, variance: f64, error: f64) -> Convergence {
+    fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
         Convergence {
             weights: vec![1.0],
             iterations,
@@ -331,21 +347,21 @@ mod tests {
     }
 
     #[test]
-    fn a_target_takes_32_iterations_and_certainty() {
+    fn target_needs_32_iterations_and_a_small_standard_error() {
         let target = Target::Share(0.05); // variance 0.01
-        assert!(standing(32, 0.009, 0.0005).reaches(target));
-        assert!(!standing(31, 0.009, 0.0005).reaches(target));
-        assert!(!standing(32, 0.009, 0.001).reaches(target));
-        assert!(!standing(32, 0.009, f64::INFINITY).reaches(target));
+        assert!(convergence(32, 0.009, 0.0005).reaches(target));
+        assert!(!convergence(31, 0.009, 0.0005).reaches(target));
+        assert!(!convergence(32, 0.009, 0.001).reaches(target));
+        assert!(!convergence(32, 0.009, f64::INFINITY).reaches(target));
         let unknown =
-            Convergence { variance: None, weighted_variance: None, ..standing(32, 0.0, 0.0) };
+            Convergence { variance: None, weighted_variance: None, ..convergence(32, 0.0, 0.0) };
         assert!(!unknown.reaches(target));
     }
 
     #[test]
-    fn forecasts_end_at_whatever_comes_first() {
-        let now = standing(100, 0.04, 0.0);
-        let forecast = |goal: Stop| now.forecast(&goal, 4.0, 0.5, 50.0).unwrap();
+    fn forecast_ends_at_the_first_condition() {
+        let now = convergence(100, 0.04, 0.0);
+        let forecast = |stop: Stop| now.forecast(&stop, 4.0, 0.5, 50.0).unwrap();
         let by_count = forecast(Stop { iterations: Some(400), ..Stop::default() });
         assert!((by_count.rms - 0.1).abs() < 1e-12 && by_count.seconds == 150.0);
         let time = Some(Duration::from_secs(150));
@@ -359,11 +375,13 @@ mod tests {
     }
 
     #[test]
-    fn an_uncertain_variance_makes_it_take_longer() {
+    fn uncertain_variance_prolongs_the_forecast() {
         let target = Some(Target::Absolute(0.1));
-        let goal = Stop { target, ..Stop::default() };
-        let certain = standing(100, 0.04, 0.0).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
-        let unsure = standing(100, 0.04, 0.004).forecast(&goal, 4.0, 0.5, 50.0).unwrap();
-        assert!(unsure.seconds > 1.05 * certain.seconds && unsure.seconds < 1.2 * certain.seconds);
+        let stop = Stop { target, ..Stop::default() };
+        let certain = convergence(100, 0.04, 0.0).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
+        let uncertain = convergence(100, 0.04, 0.004).forecast(&stop, 4.0, 0.5, 50.0).unwrap();
+        assert!(
+            uncertain.seconds > 1.05 * certain.seconds && uncertain.seconds < 1.2 * certain.seconds
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! How long iterations will take, before any is rendered: by a moment's look at a sample of the image.
+//! A quick estimate of the time of iterations, from a sample of the pixels, before any iteration is rendered.
 
 use crate::accel::Intersect;
 use crate::base::error::Result;
@@ -12,38 +12,38 @@ use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, Recorder, TimeSample};
 use std::sync::Arc;
 
-/// Pixels of the sample along a side, about.
-const SIDE: u32 = 32;
+/// Approximate side of the sample, pixels.
+const SAMPLE_SIDE: u32 = 32;
 
-/// Light paths at the most.
-const MOST_LIGHT_PATHS: u32 = 16_384;
+/// Maximum number of light paths.
+const MAX_LIGHT_PATHS: u32 = 16_384;
 
-/// Light paths over the least number, and camera paths over one.
-const RATIO: u32 = 4;
+/// Ratio between the two numbers of light paths and of camera paths that are timed.
+const COUNT_RATIO: u32 = 4;
 
-/// Iterations at each pair of counts, after one at the first that meets cold memory.
+/// Timed iterations at each pair of counts. One more before them warms up the memory.
 const ITERATIONS: usize = 3;
 
-/// The times of iterations of the image of `settings` on the threads of the current rayon pool: of its
-/// phases, without what threads wait for each other and without the areas around gather points. What
-/// takes long takes at least about this long.
+/// Approximate lower bound of the times of iterations with `settings` on the threads of the current rayon pool. It
+/// includes the phases, but neither waiting between threads nor the areas around gather points.
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn least_times(
+pub fn min_times(
     scene: &Arc<Scene>,
     accel: &Arc<dyn Intersect>,
     settings: &Settings,
 ) -> Result<TimeModel> {
-    let stride = (settings.width.min(settings.height) / SIDE).max(1);
-    let many = settings.light_paths.clamp(RATIO, MOST_LIGHT_PATHS);
-    let few = many / RATIO;
-    let own =
+    let stride = (settings.width.min(settings.height) / SAMPLE_SIDE).max(1);
+    let many = settings.light_paths.clamp(COUNT_RATIO, MAX_LIGHT_PATHS);
+    let few = many / COUNT_RATIO;
+    let sample_settings =
         Settings { light_paths: few, camera_paths: 1, kernel: Kernel::Disc, ..settings.clone() };
-    let mut renderer = Renderer::new(scene, accel, own.clone())?.sample(own, stride)?;
+    let mut renderer =
+        Renderer::new(scene, accel, sample_settings.clone())?.sample(sample_settings, stride)?;
     renderer.iterate(Measure::Off);
     let mut recorder = Recorder::new(rayon::current_num_threads());
-    for (light_paths, camera_paths) in [(few, 1), (many, 1), (few, RATIO)] {
+    for (light_paths, camera_paths) in [(few, 1), (many, 1), (few, COUNT_RATIO)] {
         renderer.begin_block(Counts::uniform(light_paths, camera_paths))?;
         for _ in 0..ITERATIONS {
             let times = renderer.iterate(Measure::Off).times;

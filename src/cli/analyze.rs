@@ -28,30 +28,30 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Iterations when neither --iterations nor --time is given. Standard errors come from 16 batches;
-/// with 16 iterations in each, sums over regions are near enough to normal.
+/// Iterations if neither --iterations nor --time is given. Standard errors come from 16 batches. With 16
+/// iterations per batch, sums over regions are approximately normal.
 const DEFAULT_ITERATIONS: u64 = 256;
 
-/// A sample variance takes two iterations.
+/// Minimum number of iterations for a sample variance.
 const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
-    /// Write the noise to this EXR file, with pictures in NAME.terms.png and NAME.rms.png
+    /// Write the noise to this EXR file, NAME.terms.png and NAME.rms.png
     #[arg(long, short, value_name = "NOISE.exr")]
     output: PathBuf,
-    /// Measure at least 2 iterations; errors take 32 [default: 256, without --time]
+    /// Measure N iterations; standard errors need 32 [default: 256, without --time]
     #[arg(long, value_name = "N")]
     iterations: Option<u64>,
-    /// Estimate coefficients from all pairs, or from halves of the paths as published
+    /// Estimate coefficients from all pairs of paths, or from halves of the paths
     #[arg(long, default_value = "pairs", value_parser = word::<Measure>(ESTIMATOR))]
     estimator: Measure,
     /// Show statistics of this part of the image [default: the whole image]
     ///
     /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
-    /// origin at the top left.
+    /// provenance at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
 }
@@ -117,7 +117,7 @@ pub fn run(args: &Args) -> Result<String> {
         return Err(too_few(film.iterations));
     }
     if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
-        progress.note("note: standard errors take at least 32 iterations");
+        progress.note("note: standard errors need at least 32 iterations");
     }
 
     let noise = state.renderer.block().noise_image()?;
@@ -156,14 +156,14 @@ pub fn run(args: &Args) -> Result<String> {
     })
 }
 
-/// The measured noise with scene and settings, so that it can be measured again.
+/// The measured noise with the scene and settings that reproduce it.
 pub fn noise_file(
-    (origin, regions): (&Provenance, &[Region]),
+    (provenance, regions): (&Provenance, &[Region]),
     film: &Film,
     noise: NoiseImage,
     estimator: Measure,
 ) -> NoiseFile {
-    let mut facts = origin.to_metadata();
+    let mut facts = provenance.to_metadata();
     facts.insert("iterations".into(), Value::Number(film.iterations as f64));
     let estimator = serde_json::to_value(estimator).expect("a plain name");
     let estimator = estimator.as_str().unwrap_or_default().to_owned();
@@ -174,7 +174,7 @@ pub fn noise_file(
 
 fn too_few(iterations: u64) -> Error {
     Error::new(
-        format!("{iterations} measured iterations have no sample variance"),
-        "measure at least 2 iterations; standard errors take 32, good ones 256",
+        format!("the sample variance of {iterations} measured iterations is undefined"),
+        "measure at least 2 iterations; standard errors need 32, accurate ones 256",
     )
 }

@@ -89,11 +89,9 @@ pub fn text(report: &AnalyzeReport) -> String {
             "two standard errors of the pooled RMS by formula are 5 % after {five} iterations, 1 % \
              after {one}"
         )),
-        _ => line("standard errors take at least 32 iterations"),
+        _ => line("standard errors need at least 32 iterations"),
     }
-    line(
-        "the mean of roots is low at few iterations; the pooled root is not, and is what to aim for",
-    );
+    line("the mean of roots is biased low for few iterations; use the pooled root for comparisons");
     line(&format!("\n{}, {} and {}", report.exr, report.terms_png, report.rms_png));
     text
 }
@@ -107,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_two_digits_and_values_end_at_the_same_digit() {
+    fn value_with_error_ends_at_the_second_digit_of_the_error() {
         assert_eq!(with_error(1.23456, Some(0.0123)).trim(), "1.235 +- 0.012");
         assert_eq!(with_error(1234.5, Some(210.0)).trim(), "1234 +- 210");
         assert_eq!(with_error(0.5, None).trim(), "0.5000");

@@ -61,7 +61,7 @@ struct CalibrateReport {
 
 pub fn run(args: &Args) -> Result<String> {
     let SessionArgs { scene, quiet, .. } = &args.session;
-    if scene.wishes.light_paths.is_some() || scene.wishes.camera_paths.is_some() {
+    if scene.settings.light_paths.is_some() || scene.settings.camera_paths.is_some() {
         return Err(Error::new(
             "calibrate chooses the numbers of paths itself",
             "leave out --light-paths and --camera-paths; its result is for all of them",
@@ -69,10 +69,10 @@ pub fn run(args: &Args) -> Result<String> {
     }
     let files = [Output::new("--output", &args.output, Some("json"))];
     outputs::check(&files)?;
-    let prepared = LoadedScene::new(&args.session)?;
+    let loaded = LoadedScene::new(&args.session)?;
     outputs::spare_inputs(&files)?;
-    let setup = MeasurementSetup::new(&prepared.origin, prepared.threads.current_num_threads());
-    let (recorder, rounds, time) = measure(&prepared, &setup, args)?;
+    let setup = MeasurementSetup::new(&loaded.provenance, loaded.threads.current_num_threads());
+    let (recorder, rounds, time) = measure(&loaded, &setup, args)?;
     let timings = Timings::new(fit(&recorder.samples(), setup.pixels())?, setup);
     timings.save(&args.output)?;
 
@@ -95,7 +95,7 @@ pub fn run(args: &Args) -> Result<String> {
 /// Iterates at one size after the other, round by round: a machine that slows down or has other work
 /// affects all sizes alike.
 fn measure(
-    prepared: &LoadedScene,
+    loaded: &LoadedScene,
     setup: &MeasurementSetup,
     args: &Args,
 ) -> Result<(Recorder, u64, Duration)> {
@@ -104,7 +104,7 @@ fn measure(
     let mut progress = Progress::new(args.session.progress_format());
     progress.start();
     let interrupted = catch_interrupts(progress.clone())?;
-    let sizes = sizes(prepared.origin.settings.pixels());
+    let sizes = sizes(loaded.provenance.settings.pixels());
     progress.note(&format!("measuring the times of {} sizes: {setup}", sizes.len()));
 
     let mut recorder = Recorder::new(setup.threads);
@@ -116,9 +116,9 @@ fn measure(
     while rounds < MIN_ROUNDS || start.elapsed().as_secs_f64() + half(rounds) < time.as_secs_f64() {
         for &size in &sizes {
             // One renderer at a time: images at a high resolution are large.
-            let mut renderer = renderer(prepared, size)?;
+            let mut renderer = renderer(loaded, size)?;
             for iteration in 0..=ITERATIONS {
-                let report = prepared.threads.install(|| renderer.iterate(Measure::Off));
+                let report = loaded.threads.install(|| renderer.iterate(Measure::Off));
                 totals.add(&report);
                 let status = Status { iterations: totals.iterations, ..Status::default() };
                 progress.show(&stop, &totals, &status, start.elapsed());
@@ -141,8 +141,8 @@ fn measure(
     Ok((recorder, rounds, start.elapsed()))
 }
 
-fn renderer(prepared: &LoadedScene, size: SampleSize) -> Result<Renderer> {
+fn renderer(loaded: &LoadedScene, size: SampleSize) -> Result<Renderer> {
     let SampleSize { light_paths, camera_paths } = size;
-    let settings = Settings { light_paths, camera_paths, ..prepared.origin.settings.clone() };
-    Renderer::new(&prepared.scene, &prepared.accel, settings)
+    let settings = Settings { light_paths, camera_paths, ..loaded.provenance.settings.clone() };
+    Renderer::new(&loaded.scene, &loaded.accel, settings)
 }

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Image to judge (EXR)
+    /// Compare this EXR image
     a: PathBuf,
-    /// Reference image (EXR) of the same size
+    /// Use this EXR image of the same size as the reference
     b: PathBuf,
     /// Print the result as one JSON object on stdout
     #[arg(long)]
@@ -20,7 +20,7 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct CompareReport {
     a: String,
     b: String,
     #[serde(flatten)]
@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> Result<String> {
     let comparison = compare((&a, a_size), (&b, b_size))?;
     if args.json {
         let name = |path: &Path| path.to_string_lossy().into_owned();
-        return Ok(super::json(&Report { a: name(&args.a), b: name(&args.b), comparison }));
+        return Ok(super::json(&CompareReport { a: name(&args.a), b: name(&args.b), comparison }));
     }
     Ok(text(&comparison))
 }

@@ -9,19 +9,19 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Scene: a .toml, .gltf, .glb, .obj or Mitsuba's .xml file, or a folder that holds scene.toml
+    /// Read this .toml, .gltf, .glb, .obj or .xml file, or a folder with scene.toml
     scene: PathBuf,
-    /// Folder to write: scene.toml, meshes as OBJ and textures as PNG
+    /// Write scene.toml, OBJ meshes and PNG textures to this folder
     out: PathBuf,
-    /// The camera of a glTF file to keep [default: its first]
+    /// Keep this camera of a glTF or Mitsuba file [default: the first]
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// Refuse scenes of which anything is skipped
+    /// Refuse a scene if a part of it would be skipped
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     light: LightArgs,
-    /// Replace files that are there
+    /// Replace existing files
     #[arg(long)]
     force: bool,
     /// Print the result as one JSON object on stdout
@@ -30,13 +30,14 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct ConvertReport<'a> {
     folder: String,
     files: usize,
-    /// Of the scene, and of what was written as it is read again.
+    /// Fingerprints of the scene, and of the written folder when it is read again.
     fingerprints: [String; 2],
     read: &'a SceneSummary,
-    notes: Vec<Warning>,
+    #[serde(rename = "notes")]
+    warnings: Vec<Warning>,
 }
 
 pub fn run(args: &Args) -> Result<String> {
@@ -46,27 +47,33 @@ pub fn run(args: &Args) -> Result<String> {
     let origin = origin.unwrap_or_else(|| loaded.scene.name.clone());
     let exported = export(&loaded, &origin, &args.out, args.force)?;
 
-    let mut notes = loaded.warnings;
-    notes.extend(exported.warnings);
+    let mut warnings = loaded.warnings;
+    warnings.extend(exported.warnings);
     if let [name, others @ ..] = &loaded.summary.cameras[..]
         && !others.is_empty()
     {
         let name = loaded.summary.camera.as_ref().unwrap_or(name);
-        notes.push(Warning::chosen(format!("of all cameras only `{name}` is in the folder")));
+        warnings.push(Warning::chosen(format!("the folder contains only the camera `{name}`")));
     }
     let fingerprint = loaded.scene.fingerprint();
     drop(loaded.scene);
     let again = load(&args.out)?.scene.fingerprint();
     if again != fingerprint {
-        let note = "the copy is not the same bit by bit, and its image may differ by rounding";
-        notes.push(Warning::chosen(note));
+        let warning = "the copy is not bit-identical, so its image may differ by rounding";
+        warnings.push(Warning::chosen(warning));
     }
-    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
     let folder = args.out.display().to_string();
     let fingerprints = [fingerprint, again].map(|bits| format!("{bits:016x}"));
     let read = &loaded.summary;
     if args.json {
-        return Ok(json(&Report { folder, files: exported.files, fingerprints, read, notes }));
+        return Ok(json(&ConvertReport {
+            folder,
+            files: exported.files,
+            fingerprints,
+            read,
+            warnings,
+        }));
     }
     let files = counted(exported.files, "file");
     Ok(format!("{folder}: {read}\n{files}, fingerprint {}\n", fingerprints[1]))

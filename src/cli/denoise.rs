@@ -12,13 +12,12 @@ use std::time::Instant;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Image to denoise (EXR); layers called albedo and normal guide the denoiser
+    /// Denoise this EXR image; its layers albedo and normal guide the denoiser
     image: PathBuf,
-    /// Image to write, with all layers of the other and what was denoised as the layer `denoised`; its PNG preview has
-    /// the same name [default: IMAGE.denoised.exr]
+    /// Write all layers and the layer `denoised` here [default: IMAGE.denoised.exr]
     #[arg(long, short, value_name = "OUT.exr")]
     output: Option<PathBuf>,
-    /// Number of threads [default: all processors]
+    /// Use this many threads [default: all processors]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Print the result as one JSON object on stdout
@@ -27,11 +26,11 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report {
+struct DenoiseReport {
     exr: String,
     png: String,
     denoiser: String,
-    /// Whether albedo and normals guided it.
+    /// True if albedo and normals guided the denoiser.
     guided: bool,
     seconds: f64,
 }
@@ -52,7 +51,7 @@ pub fn run(args: &Args) -> Result<String> {
     let size = (image.width, image.height);
     let denoised = Denoised { image: oidn.denoise(size, &radiance, &guides)?, error: None };
     let (seconds, guided) = (start.elapsed().as_secs_f64(), !guides.albedo.is_empty());
-    // Errors that were told are those of what was denoised before.
+    // Layers and errors of an earlier denoised image no longer hold.
     image.layers.retain(|layer| !layer.name.starts_with("denoised"));
     image.metadata.retain(|name, _| !name.starts_with("denoised"));
     image.layers.extend(bdpm::output::denoise::layers(&denoised));
@@ -62,11 +61,11 @@ pub fn run(args: &Args) -> Result<String> {
     attempts.finish()?;
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let denoiser = format!("Open Image Denoise {}", oidn.version());
-    let report = Report { exr: name(&exr), png: name(&png), denoiser, guided, seconds };
+    let report = DenoiseReport { exr: name(&exr), png: name(&png), denoiser, guided, seconds };
     Ok(if args.json { super::json(&report) } else { text(&report) })
 }
 
-/// Radiance, and albedo and normals if both are there.
+/// The radiance, and the guides if the image has both albedo and normals.
 fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
     let finite = |values: Vec<Vec3>| -> Vec<Vec3> {
         values.into_iter().map(|value| if value.is_finite() { value } else { Vec3::ZERO }).collect()
@@ -84,16 +83,16 @@ fn inputs(image: &Image) -> Result<(Vec<Vec3>, Guides)> {
     let guides = albedo.zip(normal).map_or_else(Guides::default, |(albedo, normal)| Guides {
         albedo: finite(albedo),
         normal: finite(normal),
-        clean: false, // Nobody knows.
+        clean: false, // Their noise is not known.
     });
     Ok((finite(radiance), guides))
 }
 
-fn text(report: &Report) -> String {
-    let Report { exr, png, denoiser, guided, seconds } = report;
+fn text(report: &DenoiseReport) -> String {
+    let DenoiseReport { exr, png, denoiser, guided, seconds } = report;
     let by = if *guided { "guided by albedo and normals" } else { "without albedo and normals" };
     format!(
         "{exr} and {png}: denoised by {denoiser} {by}, in {seconds:.2}s\n\
-         its error is not known: that takes parts of the samples (render --denoise)\n"
+         the error is not known: render with --denoise to estimate it\n"
     )
 }

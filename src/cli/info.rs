@@ -6,7 +6,7 @@ use bdpm::base::error::Result;
 use bdpm::import::counted;
 use bdpm::import::{Loaded, SceneSummary, Warning};
 use bdpm::scene::backend;
-use bdpm::scene::{Emitter, FieldOfView, Optics as SceneOptics};
+use bdpm::scene::{Emitter, FieldOfView, Optics};
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::fmt::Write;
@@ -19,34 +19,34 @@ pub struct Args {
 }
 
 #[derive(Serialize)]
-struct Report<'a> {
+struct InfoReport<'a> {
     scene: &'a str,
     fingerprint: String,
-    /// Counted at each of their places.
+    /// Meshes and triangles, counted once per instance.
     meshes: usize,
     triangles: usize,
-    /// Those at several places are held once.
+    /// Meshes and triangles in memory, where instances share them.
     stored_meshes: usize,
     stored_triangles: usize,
     materials: usize,
-    /// What was read, by name, and what was skipped or chosen.
     read: &'a SceneSummary,
-    notes: &'a [Warning],
-    /// Time to read the files, and to make triangles and lights of them.
+    #[serde(rename = "notes")]
+    warnings: &'a [Warning],
+    /// Times to read the files, and to build the triangles and lights.
     read_seconds: f64,
     assembly_seconds: f64,
     /// Lower and upper corner, scene units.
     bounds: [[f32; 3]; 2],
     size: f32,
-    accel: Accel<'a>,
-    lights: Lights,
-    camera: Camera,
+    accel: AccelSummary<'a>,
+    lights: LightSummary,
+    camera: CameraSummary,
     regions: Vec<&'a str>,
     settings: &'a Settings,
 }
 
 #[derive(Serialize)]
-struct Accel<'a> {
+struct AccelSummary<'a> {
     name: &'a str,
     packet_size: usize,
     triangles: usize,
@@ -55,7 +55,7 @@ struct Accel<'a> {
 }
 
 #[derive(Serialize)]
-struct Lights {
+struct LightSummary {
     points: usize,
     spots: usize,
     suns: usize,
@@ -65,7 +65,7 @@ struct Lights {
     power: [f32; 3],
 }
 
-impl Lights {
+impl LightSummary {
     fn text(&self) -> String {
         let all = [
             (self.points, "point"),
@@ -83,39 +83,39 @@ impl Lights {
 }
 
 #[derive(Serialize)]
-struct Camera {
+struct CameraSummary {
     position: [f32; 3],
     direction: [f32; 3],
     up: [f32; 3],
     #[serde(flatten)]
-    optics: Optics,
+    optics: OpticsSummary,
 }
 
-/// Angles in degrees across the image's width or height, lengths in scene units, times in seconds.
+/// Camera optics: angles in degrees across the width or height of the image, lengths in scene units, times in seconds.
 #[derive(Serialize)]
 #[serde(tag = "type", rename_all = "kebab-case")]
-enum Optics {
+enum OpticsSummary {
     Pinhole { field_of_view: f32, across: &'static str },
     ThinLens { field_of_view: f32, across: &'static str, aperture_radius: f32, focus_distance: f32 },
     Sensor { sensor_width: f32, disc_distance: f32, disc_radius: f32, exposure: f32 },
 }
 
-impl Optics {
-    fn new(optics: SceneOptics) -> Self {
+impl OpticsSummary {
+    fn new(optics: Optics) -> Self {
         let angle = |field_of_view| match field_of_view {
             FieldOfView::X(degrees) => (degrees, "width"),
             FieldOfView::Y(degrees) => (degrees, "height"),
         };
         match optics {
-            SceneOptics::Pinhole(field_of_view) => {
+            Optics::Pinhole(field_of_view) => {
                 let (field_of_view, across) = angle(field_of_view);
                 Self::Pinhole { field_of_view, across }
             }
-            SceneOptics::ThinLens { field_of_view, aperture_radius, focus_distance } => {
+            Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => {
                 let (field_of_view, across) = angle(field_of_view);
                 Self::ThinLens { field_of_view, across, aperture_radius, focus_distance }
             }
-            SceneOptics::Sensor { width, disc_distance, disc_radius, exposure } => {
+            Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 Self::Sensor { sensor_width: width, disc_distance, disc_radius, exposure }
             }
         }
@@ -127,7 +127,7 @@ impl Optics {
                 format!("pinhole, {field_of_view} degrees across the {across}")
             }
             Self::ThinLens { field_of_view, across, aperture_radius, focus_distance } => format!(
-                "thin lens of radius {aperture_radius}, sharp at {focus_distance}, {field_of_view} \
+                "thin lens of radius {aperture_radius}, focused at {focus_distance}, {field_of_view} \
                  degrees across the {across}"
             ),
             Self::Sensor { sensor_width, disc_distance, disc_radius, exposure } => format!(
@@ -142,15 +142,16 @@ pub fn run(args: &Args) -> Result<String> {
     let start = Instant::now();
     let loaded = args.scene.load()?;
     let loading = start.elapsed();
-    loaded.warnings.iter().for_each(|note| say(&format!("note: {note}")));
+    loaded.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
     let scene = &loaded.scene;
-    let settings = Settings::resolve(&(&args.scene.wishes).into(), &loaded.defaults, scene.size())?;
+    let settings =
+        Settings::resolve(&(&args.scene.settings).into(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
-    let report = Report::new(&loaded, loading, &accel, &settings);
+    let report = InfoReport::new(&loaded, loading, &accel, &settings);
     Ok(if args.scene.json { json(&report) } else { text(&report) })
 }
 
-impl<'a> Report<'a> {
+impl<'a> InfoReport<'a> {
     fn new(
         loaded: &'a Loaded,
         loading: Duration,
@@ -169,19 +170,19 @@ impl<'a> Report<'a> {
             stored_triangles: scene.stored_triangle_count(),
             materials: scene.materials().len(),
             read: &loaded.summary,
-            notes: &loaded.warnings,
+            warnings: &loaded.warnings,
             read_seconds: loading.saturating_sub(loaded.assembly).as_secs_f64(),
             assembly_seconds: loaded.assembly.as_secs_f64(),
             bounds: [scene.bounds().min.to_array(), scene.bounds().max.to_array()],
             size: scene.size(),
-            accel: Accel {
+            accel: AccelSummary {
                 name: &accel.name,
                 packet_size: accel.packet_size,
                 triangles: accel.triangles,
                 bytes: accel.bytes,
                 build_seconds: accel.build_time.as_secs_f64(),
             },
-            lights: Lights {
+            lights: LightSummary {
                 points: count(|e| matches!(e, Emitter::Point { .. })),
                 spots: count(|e| matches!(e, Emitter::Spot(_))),
                 suns: count(|e| matches!(e, Emitter::Directional(_))),
@@ -189,11 +190,11 @@ impl<'a> Report<'a> {
                 environment: scene.lights().environment().is_some(),
                 power: scene.lights().power().to_array(),
             },
-            camera: Camera {
+            camera: CameraSummary {
                 position: scene.camera.position().to_array(),
                 direction: scene.camera.direction().to_array(),
                 up: scene.camera.up().to_array(),
-                optics: Optics::new(scene.camera.optics()),
+                optics: OpticsSummary::new(scene.camera.optics()),
             },
             regions: scene.regions.iter().map(|region| &region.name[..]).collect(),
             settings,
@@ -201,8 +202,8 @@ impl<'a> Report<'a> {
     }
 }
 
-fn text(report: &Report) -> String {
-    let Report { bounds: [min, max], accel, lights, camera, .. } = report;
+fn text(report: &InfoReport) -> String {
+    let InfoReport { bounds: [min, max], accel, lights, camera, .. } = report;
     let numbers = |values: &[f32; 3]| {
         let [x, y, z] = values.map(|value| (f64::from(value) * 1e4).round() / 1e4);
         format!("({x}, {y}, {z})")
@@ -223,10 +224,10 @@ fn text(report: &Report) -> String {
     );
     if report.stored_meshes < report.meshes {
         let held = counted(report.stored_triangles, "triangle");
-        row("held once each", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
+        row("in memory", format!("{held} in {}", counted(report.stored_meshes, "mesh")));
     }
     let [read, assembly] = [report.read_seconds, report.assembly_seconds].map(short_time);
-    row("loading", format!("read in {read}, put together in {assembly}"));
+    row("loading", format!("read in {read}, assembled in {assembly}"));
     row("materials", names(&report.read.materials));
     row("textures", report.read.textures.to_string());
     row("bounds", format!("{} to {}, scene units", numbers(min), numbers(max)));
@@ -244,7 +245,7 @@ fn text(report: &Report) -> String {
         [] => String::new(),
         some => format!(": {}", names(some)),
     };
-    row("lights", format!("{}, {} W in all{named}", lights.text(), numbers(&lights.power)));
+    row("lights", format!("{}, {} W in total{named}", lights.text(), numbers(&lights.power)));
     row(
         "camera",
         format!(
@@ -275,7 +276,7 @@ fn short_time(seconds: f64) -> String {
     if seconds < 0.1 { format!("{:.2}ms", 1e3 * seconds) } else { human_time(seconds) }
 }
 
-/// The first few names.
+/// The first names of a list, and the number of the others.
 fn names(all: &[String]) -> String {
     const SHOWN: usize = 12;
     let shown = all[..all.len().min(SHOWN)].join(", ");

@@ -21,7 +21,7 @@ pub fn catch_interrupts(progress: Progress) -> Result<Arc<AtomicBool>> {
             flag.store(true, Ordering::Relaxed);
             let after = SAME_REQUEST.as_secs();
             progress.note(&format!(
-                "finishing this iteration; press Ctrl-C again after {after} seconds to abort"
+                "finishing this iteration; press Ctrl-C again after {after} seconds to stop at once"
             ));
         }
         Some(first) if first.elapsed() < SAME_REQUEST => {}

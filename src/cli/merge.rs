@@ -18,20 +18,19 @@ use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Checkpoints of `render --part`, in any order, or of images that were merged of them
+    /// Merge these checkpoints of `render --part` or `merge`, in any order
     #[arg(value_name = "PART", required = true)]
     parts: Vec<PathBuf>,
-    /// Image to write; the PNG preview beside it has the same name, or ends in .preview.png where that
-    /// is another picture
+    /// Write the image to this file, and a PNG preview beside it
     #[arg(long, short, value_name = "OUT.exr")]
     output: PathBuf,
-    /// Write the noise coefficients of all parts to this file; the parts must have been rendered with --noise
+    /// Write the noise coefficients to this file, if the parts had --noise
     #[arg(long, value_name = "NOISE.exr")]
     noise: Option<PathBuf>,
-    /// Write a checkpoint of the whole, with which `render --resume` goes on
+    /// Write a checkpoint of the merged image, for `render --resume`
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Show nothing but errors
+    /// Show only errors
     #[arg(long, short)]
     quiet: bool,
     /// Print the result as one JSON object on stdout
@@ -41,13 +40,13 @@ pub struct Args {
 
 /// The result.
 #[derive(Serialize)]
-struct Report {
+struct MergeReport {
     version: String,
     scene: String,
     /// Files that were merged.
     files: usize,
     iterations: u64,
-    /// What is missing to the whole image, in words.
+    /// Iterations and parts that the image lacks, in words.
     missing: Vec<String>,
     /// W/(m^2 sr).
     mean_luminance: f64,
@@ -69,20 +68,20 @@ pub fn run(args: &Args) -> Result<String> {
     let all = args.files(&png);
     outputs::check(&all)?;
     outputs::spare_inputs(&all)?;
-    let tell = |line: &str| {
+    let warn = |line: &str| {
         if !args.quiet {
             say(line);
         }
     };
     if png != beside {
-        tell(&format!(
-            "note: the preview is {}: {} is another picture",
+        warn(&format!(
+            "note: the preview is {}, since {} is not a preview",
             png.display(),
             beside.display()
         ));
     }
-    for what in &missing {
-        tell(&format!("warning: {what} is missing"));
+    for missing in &missing {
+        warn(&format!("warning: {missing} is missing"));
     }
     let mut attempts = Attempts::default();
     let outputs = Outputs { exr: args.output.clone(), png, checkpoint: args.checkpoint.clone() };
@@ -91,21 +90,21 @@ pub fn run(args: &Args) -> Result<String> {
         return Err(Error::new("the parts hold no iteration", "render them first"));
     }
     let mut writer = Writer::new(outputs, &[]);
-    let shown = (&image, &*checkpoint.shared);
-    writer.save(&checkpoint.origin, shown, None, &mut attempts);
+    let sums = (&image, &*checkpoint.shared);
+    writer.save(&checkpoint.provenance, sums, None, &mut attempts);
     if let Some(path) = &args.noise {
         attempts.add(path, || {
             let block = bdpm::job::best_measured(&checkpoint.blocks).ok_or_else(|| {
-                let problem = "too few iterations were measured to tell the noise";
-                Error::new(problem, "leave --noise out, or render more iterations").at(path)
+                let problem = "too few iterations were measured to estimate the noise";
+                Error::new(problem, "render more iterations, or merge without --noise").at(path)
             })?;
-            save_noise(path, (&checkpoint.origin, &checkpoint.regions), block)
+            save_noise(path, (&checkpoint.provenance, &checkpoint.regions), block)
         });
     }
     if let Some(path) = &args.checkpoint {
         attempts.add(path, || checkpoint.save(path));
     }
-    let report = Report::new(args, &checkpoint, &image, files, missing, &writer.outputs.png);
+    let report = MergeReport::new(args, &checkpoint, &image, files, missing, &writer.outputs.png);
     for error in unreadable {
         attempts.add(&args.output, || Err::<(), _>(error));
     }
@@ -117,7 +116,7 @@ pub fn run(args: &Args) -> Result<String> {
     })
 }
 
-/// The image of all blocks, weighted as one run does.
+/// The image of all blocks, with the weights that a single run would use.
 fn combined<'a>(checkpoint: &'a Checkpoint) -> CombinedImage<'a> {
     let blocks = &checkpoint.blocks[..];
     let weights = match &checkpoint.plan {
@@ -141,7 +140,7 @@ impl Args {
     }
 }
 
-impl Report {
+impl MergeReport {
     fn new(
         args: &Args,
         checkpoint: &Checkpoint,
@@ -156,8 +155,8 @@ impl Report {
         let error = variance.map(|(variance, error)| 0.5 * error / variance.sqrt());
         let mean_luminance = image.mean_luminance();
         Self {
-            version: checkpoint.origin.version.clone(),
-            scene: checkpoint.origin.scene.clone(),
+            version: checkpoint.provenance.version.clone(),
+            scene: checkpoint.provenance.scene.clone(),
             files,
             iterations: image.iterations(),
             missing,
@@ -178,7 +177,7 @@ impl Report {
             _ => String::new(),
         };
         format!(
-            "{} and {}: {} iterations of {} files, mean luminance {:.4}{rms}\n",
+            "{} and {}: {} iterations from {} files, mean luminance {:.4}{rms}\n",
             self.exr, self.png, self.iterations, self.files, self.mean_luminance
         )
     }

@@ -14,6 +14,7 @@ mod interrupts;
 mod layers;
 mod merge;
 mod optimize;
+mod option_hints;
 mod optimize_plot;
 mod optimize_rows;
 mod optimize_text;
@@ -35,13 +36,15 @@ mod view;
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
+use clap::{CommandFactory, FromArgMatches};
+use option_hints::with_options;
 use serde::Serialize;
 use settings_args::SettingsArgs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Bidirectional photon mapping that knows its own noise.
+/// Renders scenes by bidirectional photon mapping and estimates its own noise.
 #[derive(clap::Parser)]
 #[command(name = "bdpm", version, arg_required_else_help = true)]
 struct Cli {
@@ -53,23 +56,23 @@ struct Cli {
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
     Render(Box<render::Args>),
-    /// Make one image of the parts that several machines rendered with `render --part`
+    /// Merge the parts that `render --part` rendered on several machines
     Merge(merge::Args),
-    /// Measure the noise of a scene: coefficients that predict it at any numbers of paths
+    /// Measure noise coefficients of a scene, which predict it at any path counts
     Analyze(analyze::Args),
-    /// Predict the noise at other numbers of paths from what `analyze` measured
+    /// Predict the noise at other path counts from the file of `analyze`
     Predict(predict::Args),
-    /// Find the numbers of paths with the least noise after a time, also for each pixel
+    /// Find the path counts with the least noise after a time, also per pixel
     Optimize(optimize::Args),
     /// Measure how long the phases of an iteration take, for `--timings`
     Calibrate(calibrate::Args),
-    /// Repeat the paper's experiment and report it beside the published values
+    /// Repeat the paper's experiment and compare it with the published values
     Reproduce(paper::Args),
-    /// Tell what a scene holds and how it would be rendered
+    /// Show the contents of a scene and the settings it would be rendered with
     Info(info::Args),
     /// Write a scene as a folder that can be edited: TOML, OBJ and PNG files
     Convert(convert::Args),
-    /// Tell how far an image is from a reference
+    /// Compare an image with a reference
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
     Denoise(denoise::Args),
@@ -77,7 +80,12 @@ enum Command {
 
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
-    let output = match <Cli as clap::Parser>::parse().command {
+    let matches = Cli::command().get_matches();
+    let command = match Cli::from_arg_matches(&matches) {
+        Ok(cli) => cli.command,
+        Err(error) => error.exit(),
+    };
+    let output = match command {
         Command::Render(args) => render::run(*args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
@@ -93,13 +101,17 @@ pub fn run() -> ExitCode {
     match output.and_then(|text| print(&text)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            say(&format!("error: {error}"));
+            let cli = Cli::command();
+            let subcommand = matches.subcommand_name().and_then(|name| cli.find_subcommand(name));
+            let shown = error.to_string();
+            let shown = subcommand.map_or(shown.clone(), |command| with_options(&shown, command));
+            say(&format!("error: {shown}"));
             ExitCode::FAILURE
         }
     }
 }
 
-/// Prints to stdout; a reader that has heard enough is no error.
+/// Prints to stdout. A reader that closes the pipe early is no error.
 fn print(text: &str) -> Result<()> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
@@ -110,7 +122,7 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Prints a line to stderr. There is nobody to tell when that fails.
+/// Prints a line to stderr. A failure cannot be reported anywhere, so it is ignored.
 fn say(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
 }
@@ -120,22 +132,22 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).expect("plain numbers and texts") + "\n"
 }
 
-/// What a scene is and how to look at it.
+/// Arguments for the scene and its settings.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Scene: a .toml, .gltf, .glb, .obj or Mitsuba's .xml file, or a folder that holds scene.toml
+    /// Read this .toml, .gltf, .glb, .obj or .xml file, or a folder with scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
-    /// The camera of a glTF file to render with [default: its first]
+    /// Render with this camera of a glTF or Mitsuba file [default: the first]
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// Refuse scenes of which anything is skipped
+    /// Refuse a scene if a part of it would be skipped
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     light: LightArgs,
     #[command(flatten)]
-    wishes: SettingsArgs,
+    settings: SettingsArgs,
     /// Intersect rays by this backend [default: embree if built with it, else bvh]
     #[arg(long, value_parser = settings_args::backend())]
     accel: Option<Backend>,
@@ -151,20 +163,19 @@ impl SceneArgs {
     }
 }
 
-/// Light that is not the scene's own.
+/// Arguments for light that the scene file does not define.
 #[derive(clap::Args)]
 struct LightArgs {
-    /// Light from all around in place of the scene's: an .exr or .hdr file, or a radiance such as 1 or
-    /// 0.8,0.9,1
+    /// Replace the environment by an .exr or .hdr file, or a radiance such as 1
     #[arg(long, value_name = "FILE|RADIANCE", allow_negative_numbers = true)]
     environment: Option<EnvironmentSource>,
-    /// Give no light to a glTF or OBJ file that brings none worth the name
+    /// Add no default light to a glTF or OBJ file without a usable light source
     #[arg(long)]
     no_fallback_light: bool,
 }
 
 impl LightArgs {
-    /// How to load a scene.
+    /// Options for loading a scene.
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
         let Self { environment, no_fallback_light } = self;
         let (environment, no_fallback_light) = (environment.as_ref(), *no_fallback_light);
@@ -172,7 +183,7 @@ impl LightArgs {
     }
 }
 
-/// A length of time for people, such as `1m 5s`.
+/// A duration in words, such as `1m 5s`.
 fn human_time(seconds: f64) -> String {
     if seconds < 10.0 {
         return format!("{seconds:.1}s");
@@ -183,15 +194,14 @@ fn human_time(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
-    fn the_argument_definitions_are_consistent() {
+    fn argument_definitions_are_consistent() {
         Cli::command().debug_assert();
     }
 
     #[test]
-    fn times_are_short_to_read() {
+    fn human_time_rounds_to_seconds_above_10_seconds() {
         assert_eq!(human_time(0.25), "0.2s");
         assert_eq!(human_time(75.4), "1m 15s");
     }

@@ -1,5 +1,5 @@
-//! Files that a command writes: that they can be written is found out before any work is done, and one
-//! that fails at the end keeps none of the others from being written.
+//! Files that a command writes. They are checked before any work is done. If one of them fails at the end, the
+//! others are written all the same.
 
 use super::say;
 use bdpm::base::atomic::check_writable;
@@ -8,13 +8,13 @@ use bdpm::base::file_id::FileId;
 use bdpm::base::input::check_not_read;
 use std::path::{Path, PathBuf};
 
-/// A file to be written.
+/// A file to write.
 #[derive(Clone, Copy)]
 pub struct Output<'a> {
-    /// What it is, for messages: the option that names it.
+    /// Name for messages: the option that gives the path.
     pub what: &'a str,
     pub path: &'a Path,
-    /// That its name must have.
+    /// Required extension of the file name.
     pub extension: Option<&'a str>,
 }
 
@@ -24,7 +24,7 @@ impl<'a> Output<'a> {
     }
 }
 
-/// Refuses files that cannot be written, and two that are one.
+/// Refuses files that cannot be written, and two paths to one file.
 pub fn check(outputs: &[Output]) -> Result<()> {
     for (index, output) in outputs.iter().enumerate() {
         let Output { what, path, extension } = *output;
@@ -39,12 +39,12 @@ pub fn check(outputs: &[Output]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses to replace what was read. All that is read must have been by now.
+/// Refuses to replace a file that was read. Call it after all inputs were read.
 pub fn spare_inputs(outputs: &[Output]) -> Result<()> {
     outputs.iter().try_for_each(|output| check_not_read(output.path, output.what))
 }
 
-/// Files that were written, and those that could not be.
+/// Written files, and the errors of those that could not be written.
 #[derive(Default)]
 pub struct Attempts {
     written: Vec<PathBuf>,
@@ -52,12 +52,12 @@ pub struct Attempts {
 }
 
 impl Attempts {
-    /// Writes a file if that is possible; returns what `write` does.
+    /// Writes a file and keeps the error if that fails. Returns the value of `write`.
     pub fn add<T>(&mut self, path: &Path, write: impl FnOnce() -> Result<T>) -> Option<T> {
         match write() {
-            Ok(told) => {
+            Ok(value) => {
                 self.written.push(path.to_owned());
-                Some(told)
+                Some(value)
             }
             Err(error) => {
                 self.failures.push(error);
@@ -66,12 +66,12 @@ impl Attempts {
         }
     }
 
-    /// All failures.
+    /// Returns all errors.
     pub fn failures(self) -> Result<()> {
         Error::all(self.failures)
     }
 
-    /// The same; says what there is nevertheless.
+    /// Returns all errors. If there are any, first prints the files that were written.
     pub fn finish(self) -> Result<()> {
         if !(self.failures.is_empty() || self.written.is_empty()) {
             let names = self.written.iter().map(|path| path.display().to_string());
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_file_by_two_names_is_refused() {
+    fn two_paths_to_one_file_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let (a, b, same) = (at("a.exr"), at("b.exr"), at("./a.exr"));
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failure_keeps_nothing_else_from_being_written() {
+    fn failed_write_does_not_stop_the_others() {
         let mut attempts = Attempts::default();
         let mut tried = 0;
         for file in ["a", "b", "c"] {

@@ -72,25 +72,25 @@ struct ReproduceReport<'a> {
 
 pub fn run(args: &Args) -> Result<String> {
     let scene = &args.session.scene;
-    if scene.wishes.light_paths.is_some()
-        || scene.wishes.camera_paths.is_some()
+    if scene.settings.light_paths.is_some()
+        || scene.settings.camera_paths.is_some()
         || args.session.time.is_some()
     {
         return Err(Error::new(
-            "reproduce takes the numbers of paths from the paper",
+            "reproduce takes the path counts from the paper",
             "leave out --light-paths, --camera-paths and --time; --time-budget is for all of them",
         ));
     }
     let (time, resolution) = if args.quick { QUICK } else { FULL };
     let time = args.time_budget.unwrap_or(time);
-    let mut prepared = LoadedScene::with_default_resolution(&args.session, Some(resolution))?;
-    as_published(&mut prepared.origin.settings, &scene.wishes);
-    let conditions = experiment_conditions(&prepared, time)?;
+    let mut loaded = LoadedScene::with_default_resolution(&args.session, Some(resolution))?;
+    as_published(&mut loaded.provenance.settings, &scene.settings);
+    let conditions = experiment_conditions(&loaded, time)?;
     let folder = Folder::new(&args.output)?;
     let experiment = folder.open(conditions)?;
 
     let context =
-        SceneContext { scene: &prepared.scene, accel: &prepared.accel, threads: &prepared.threads };
+        SceneContext { scene: &loaded.scene, accel: &loaded.accel, threads: &loaded.threads };
     let mut run = Run::new(context, folder.clone(), experiment);
     if let Some(budget) = args.time_budget
         && run.experiment().done.is_empty()
@@ -118,24 +118,24 @@ pub fn run(args: &Args) -> Result<String> {
 }
 
 /// The paper merges over discs of one radius. Explicit options change that.
-fn as_published(settings: &mut Settings, wishes: &SettingsArgs) {
-    settings.kernel = wishes.kernel.unwrap_or(Kernel::Disc);
-    if wishes.caustic_radius.is_none() {
+fn as_published(settings: &mut Settings, requested: &SettingsArgs) {
+    settings.kernel = requested.kernel.unwrap_or(Kernel::Disc);
+    if requested.caustic_radius.is_none() {
         settings.caustic_radius = settings.radius;
     }
 }
 
 /// Everything that the experiment depends on.
-fn experiment_conditions(prepared: &LoadedScene, time: Duration) -> Result<Conditions> {
-    let LoadedScene { scene, origin, threads, accel, .. } = prepared;
+fn experiment_conditions(loaded: &LoadedScene, time: Duration) -> Result<Conditions> {
+    let LoadedScene { scene, provenance, threads, accel, .. } = loaded;
     let settings = Settings {
         light_paths: LIGHT_PATHS,
         camera_paths: CAMERA_PATHS[0],
-        ..origin.settings.clone()
+        ..provenance.settings.clone()
     };
     check_memory(settings.width, settings.height)?;
     Ok(Conditions {
-        setup: MeasurementSetup::new(origin, threads.current_num_threads()),
+        setup: MeasurementSetup::new(provenance, threads.current_num_threads()),
         accel: accel.describe().name,
         settings,
         region: region::find(Some(REGION), &scene.regions)?,

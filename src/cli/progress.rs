@@ -1,4 +1,4 @@
-//! Progress on stderr: a bar on a terminal, else a line now and then.
+//! Progress on stderr: a bar on a terminal, else lines of text or JSON.
 
 use super::{human_time, say};
 use bdpm::adaptive::stopping::{Convergence, Forecast, Stop};
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Time between plain lines.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// Time between objects for programs.
+/// Time between JSON objects.
 const OBJECT_EVERY: Duration = Duration::from_millis(500);
 
 /// Format of the progress on stderr.
@@ -24,21 +24,21 @@ pub enum ProgressFormat {
     Text,
     /// A JSON object per line, every half a second, for programs that run this one
     Json,
-    /// Nothing
+    /// No progress
     #[value(skip)]
     Nothing,
 }
 
-/// Shows how far the image is.
+/// Shows the progress of an image.
 #[derive(Clone)]
 pub struct Progress {
     shown: Shown,
     last_line: Instant,
-    /// Expected end; the bar counts down to it while an iteration is under way.
+    /// Expected end. The bar counts down to it during an iteration.
     end: Arc<Mutex<Option<Instant>>>,
-    /// Whether nobody reads the objects any more.
+    /// True once the reader of the JSON objects has closed the pipe.
     is_orphan: bool,
-    /// Lines of the picture right above the bar.
+    /// Number of lines of the picture above the bar.
     picture: Arc<Mutex<usize>>,
 }
 
@@ -51,7 +51,7 @@ enum Shown {
 }
 
 impl Progress {
-    /// Shows nothing but notes before [`Self::start`].
+    /// Shows only notes before [`Self::start`].
     pub fn new(format: ProgressFormat) -> Self {
         let end = Arc::new(Mutex::new(None));
         let shown = if format == ProgressFormat::Nothing {
@@ -66,19 +66,19 @@ impl Progress {
         Self { shown, last_line: Instant::now(), end, is_orphan: false, picture: Arc::default() }
     }
 
-    /// Begins to show how far the image is.
+    /// Starts to show the progress.
     pub fn start(&self) {
         if let Shown::Bar(bar) = &self.shown {
             bar.enable_steady_tick(Duration::from_millis(200));
         }
     }
 
-    /// Shows where a render stands after an iteration.
+    /// Shows the progress of a render after an iteration.
     pub fn update(&mut self, state: &RenderState) {
         self.show(&state.stop, &state.totals, &state.status, state.elapsed());
     }
 
-    /// Shows the work of `elapsed` time on the way to `stop`.
+    /// Shows the progress toward `stop` after `elapsed` time.
     pub fn show(&mut self, stop: &Stop, totals: &Totals, status: &Status, elapsed: Duration) {
         let (left, fraction) = time_left(stop, status, elapsed.as_secs_f64());
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
@@ -110,30 +110,30 @@ impl Progress {
         }
     }
 
-    /// Whether the program that read its objects is gone, so that nobody waits for the image.
+    /// Returns true if the program that read the JSON objects is gone, so the image is no longer needed.
     pub fn is_orphan(&self) -> bool {
         self.is_orphan
     }
 
-    /// Says something of interest.
+    /// Prints a note for the user.
     pub fn note(&self, text: &str) {
         match &self.shown {
             Shown::Nothing => {}
             Shown::Lines | Shown::Json => say(text),
             Shown::Bar(bar) => {
                 let mut picture = self.picture.lock().expect("no holder panics");
-                *picture = 0; // the next one begins below this
+                *picture = 0; // the next picture begins below the note
                 bar.suspend(|| say(text));
             }
         }
     }
 
-    /// Whether there is a terminal to show pictures in.
+    /// Returns true if there is a terminal for pictures.
     pub fn has_terminal(&self) -> bool {
         matches!(self.shown, Shown::Bar(_))
     }
 
-    /// Shows a picture above the bar, in the place of the one before.
+    /// Shows a picture above the bar. It replaces the previous picture.
     pub fn picture(&self, lines: &[String]) {
         let Shown::Bar(bar) = &self.shown else { return };
         let mut before = self.picture.lock().expect("no holder panics");
@@ -152,7 +152,7 @@ impl Progress {
     }
 }
 
-/// Seconds that are left, if that is known, and the share of the work that is done, after `elapsed` seconds.
+/// The remaining seconds, if they are known, and the share of the work that is done after `elapsed` seconds.
 pub fn time_left(stop: &Stop, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
     let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
     let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
@@ -167,7 +167,7 @@ pub fn time_left(stop: &Stop, status: &Status, elapsed: f64) -> (Option<f64>, f6
     (left, fraction)
 }
 
-/// An object for programs: errors as shares, times in seconds, `null` for what is not known yet.
+/// Progress as a JSON object: errors as shares, times in seconds, `null` for unknown values.
 fn object(stop: &Stop, status: &Status, left: Option<Duration>, done: f64) -> serde_json::Value {
     let convergence = status.convergence.as_ref();
     let error = |left| convergence.and_then(|convergence| convergence.error(stop, left));
@@ -180,7 +180,7 @@ fn object(stop: &Stop, status: &Status, left: Option<Duration>, done: f64) -> se
     })
 }
 
-/// Count, noise now and at the end, speed, and what takes the time.
+/// Iterations, noise now and at the end, speed, and the shares of the phases in the time.
 fn describe(stop: &Stop, totals: &Totals, status: &Status) -> String {
     let mut state = match stop.iterations {
         Some(n) => format!("{}/{n}", status.iterations),
@@ -214,7 +214,7 @@ fn bar(end: Arc<Mutex<Option<Instant>>>) -> ProgressBar {
     let left = move |_: &ProgressState, to: &mut dyn Write| {
         if let Some(end) = *end.lock().expect("no holder panics") {
             let left = end.saturating_duration_since(Instant::now());
-            // A failed write would show as an incomplete bar; there is nobody to tell.
+            // A failed write shows as an incomplete bar and has no other consequence.
             let _ = write!(to, "  {} left", human_time(left.as_secs_f64().round()));
         }
     };

@@ -25,7 +25,7 @@ use bdpm::timing::Timings;
 use bdpm::{RenderJob, Stop};
 use std::path::{Path, PathBuf};
 
-/// The error that is to be small.
+/// The error to minimize.
 #[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
 enum ErrorMeasure {
     /// Relative to each pixel's luminance: dark parts count as much as bright ones
@@ -41,7 +41,7 @@ pub struct Args {
     /// Write the image to this file, and a PNG preview beside it
     #[arg(long, short, value_name = "OUT.exr")]
     pub output: PathBuf,
-    /// Stop after N iterations, those of a resumed image included; fixes the counts
+    /// Stop after N iterations, including resumed ones; path counts are then fixed
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
     /// Stop at this relative RMS error, noise and merge bias [default: 1%]
@@ -53,16 +53,16 @@ pub struct Args {
     /// Minimize this error
     #[arg(long, default_value = "relative")]
     objective: ErrorMeasure,
-    /// Take counts, settings and iterations from this image, and render it again
+    /// Render with the path counts, settings and iterations of this image
     #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
     plan: Option<PathBuf>,
-    /// Choose counts by these times, from `calibrate` or `cargo bench --bench tau`
+    /// Choose path counts by these times of `calibrate` or `cargo bench --bench tau`
     #[arg(long, value_name = "TIMES", conflicts_with = "plan")]
     timings: Option<PathBuf>,
-    /// Denoise the image and estimate its error; time and error are then about it
+    /// Denoise the image and estimate its error; --target-error then applies to it
     #[arg(long)]
     pub denoise: bool,
-    /// Write these layers beside the image [default: all]
+    /// Add these layers to the image file [default: all]
     #[arg(long, value_name = "LAYER", value_delimiter = ',', value_parser = layer_parser())]
     pub layers: Vec<LayerName>,
     /// Write the noise coefficients to this file, for `predict`
@@ -82,18 +82,18 @@ pub struct Args {
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     pub resume: Option<PathBuf>,
     /// Render part I of N of the iterations, for `merge`
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
-    part: Option<Shard>,
+    #[arg(long = "part", value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
+    shard: Option<Shard>,
 }
 
-/// What the image begins with.
-enum Begun {
-    Nothing,
+/// Start of an image.
+enum ImageStart {
+    New,
     Plan(Plan, Provenance),
     Checkpoint(Checkpoint<'static>),
 }
 
-/// Renders by all processes that were started together.
+/// Renders on all processes that were started together.
 pub fn run(mut args: Args) -> Result<String> {
     let ranks = mpi::join()?;
     let result = if ranks.is_first() {
@@ -112,18 +112,18 @@ pub fn run(mut args: Args) -> Result<String> {
 }
 
 fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
-    // Problems with files are found before any work is done.
+    // Check the files before any work is done.
     let mut outputs = Outputs::new(args)?;
-    let begun = args.begun()?;
+    let start = args.image_start()?;
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
     let input = SceneInput::load(&args.session)?;
     if outputs.spare_inputs(args)? && !args.session.quiet {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
-        say(&format!("note: the preview is {preview}: {} is another picture", other.display()));
+        say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
     let progress = Progress::new(args.session.progress_format());
     let interrupt = catch_interrupts(progress.clone())?;
-    let job = args.job(&input, begun, times).interrupted_by(interrupt);
+    let job = args.job(&input, start, times).interrupted_by(interrupt);
     let mut observer = RenderObserver::new(args, &input, outputs, progress);
     let result = job.run_on(ranks, |event| observer.observe(event))?;
     observer.finish(result)
@@ -137,69 +137,71 @@ fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
 }
 
 impl Args {
-    /// The shard as it is written on the command line.
-    pub fn part_name(&self) -> String {
-        self.part.map_or(String::new(), |part| part.to_string())
+    /// The shard from the command line.
+    pub fn shard_name(&self) -> String {
+        self.shard.map_or(String::new(), |shard| shard.to_string())
     }
 
-    fn begun(&self) -> Result<Begun> {
+    fn image_start(&self) -> Result<ImageStart> {
         Ok(match (&self.resume, &self.plan) {
-            (Some(path), _) => Begun::Checkpoint(Checkpoint::load(path)?),
+            (Some(path), _) => ImageStart::Checkpoint(Checkpoint::load(path)?),
             (None, Some(path)) => {
-                let (plan, origin) = self.read_plan(path)?;
-                Begun::Plan(plan, origin)
+                let (plan, provenance) = self.read_plan(path)?;
+                ImageStart::Plan(plan, provenance)
             }
-            (None, None) => Begun::Nothing,
+            (None, None) => ImageStart::New,
         })
     }
 
-    /// Reads a plan with what its image was made of. Where the number of iterations is open, seed and version are too.
+    /// Reads a plan and the provenance of its image. A plan without a number of iterations fixes neither seed nor
+    /// version.
     fn read_plan(&self, path: &Path) -> Result<(Plan, Provenance)> {
         let image = image_io::read_exr(path)?;
         let plan = Plan::read_from(&image).map_err(|e| e.at(path))?;
-        let mut origin = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
-        let Settings { width, height, .. } = origin.settings;
+        let mut provenance = Provenance::from_metadata(&image.metadata).map_err(|e| e.at(path))?;
+        let Settings { width, height, .. } = provenance.settings;
         if (image.width, image.height) != (width, height) {
             let size = format!("{}x{}", image.width, image.height);
             return Err(Error::new(
-                format!("the image has {size} pixels, but its settings say {width}x{height}"),
-                "give the file as bdpm wrote it",
+                format!("the image has {size} pixels, but its settings have {width}x{height}"),
+                "give the unchanged file that bdpm wrote",
             )
             .at(path));
         }
         if plan.iterations().is_none() {
-            origin.version = env!("CARGO_PKG_VERSION").into();
-            origin.settings.seed = self.session.scene.wishes.seed.unwrap_or(origin.settings.seed);
+            provenance.version = env!("CARGO_PKG_VERSION").into();
+            provenance.settings.seed =
+                self.session.scene.settings.seed.unwrap_or(provenance.settings.seed);
         }
-        Ok((plan, origin))
+        Ok((plan, provenance))
     }
 
-    fn job(&self, input: &SceneInput, begun: Begun, times: Option<Timings>) -> RenderJob {
+    fn job(&self, input: &SceneInput, start: ImageStart, times: Option<Timings>) -> RenderJob {
         let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
         let job = input
             .job(&self.session)
             .stop(self.stop())
-            .aovs(self.aovs(matches!(begun, Begun::Checkpoint(_))))
+            .aovs(self.aovs(matches!(start, ImageStart::Checkpoint(_))))
             .denoise(self.denoise)
             .pixel_noise(self.noise.is_some())
-            .shard(self.part);
+            .shard(self.shard);
         let job = match times {
             Some(times) => job.times(times, &path(&self.timings)),
             None => job,
         };
-        match begun {
-            Begun::Nothing => job,
-            Begun::Plan(plan, origin) => job.plan(plan, origin, &path(&self.plan)),
-            Begun::Checkpoint(checkpoint) => job.resume(checkpoint, &path(&self.resume)),
+        match start {
+            ImageStart::New => job,
+            ImageStart::Plan(plan, provenance) => job.plan(plan, provenance, &path(&self.plan)),
+            ImageStart::Checkpoint(checkpoint) => job.resume(checkpoint, &path(&self.resume)),
         }
     }
 
-    /// Layers to accumulate. A resumed image has those of its checkpoint, unless some are asked for.
+    /// Layers to accumulate. A resumed image has those of its checkpoint, unless --layers names others.
     fn aovs(&self, is_resumed: bool) -> AovSelection {
         if is_resumed && self.layers.is_empty() {
             return AovSelection::default();
         }
-        LayerSelection::new(&self.layers).kept()
+        LayerSelection::new(&self.layers).aovs()
     }
 
     fn stop(&self) -> Stop {
@@ -221,6 +223,8 @@ impl Args {
 fn share(text: &str) -> Result<f64> {
     match text.parse::<Target>() {
         Ok(Target::Share(share)) => Ok(share),
-        _ => Err(Error::new(format!("`{text}` is no share"), "give a positive share such as 2%")),
+        _ => {
+            Err(Error::new(format!("`{text}` is not a share"), "give a positive share such as 2%"))
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The files that `bdpm render` writes, and when.
+//! The files of `bdpm render`, and the times at which they are written.
 
 use super::outputs::{self, Attempts, Output};
 use super::preview;
@@ -28,7 +28,7 @@ const FIRST_WRITE: Duration = Duration::from_secs(10);
 /// Minimum rendering time over writing time: writing takes at most 2 % of the time.
 const WRITE_SHARE: u32 = 50;
 
-/// Time to write a pixel, assumed until it is known.
+/// Time to write a pixel, assumed until a measurement replaces it.
 const WRITE_PIXEL: Duration = Duration::from_nanos(200);
 
 /// Files to write.
@@ -39,7 +39,7 @@ pub struct Outputs {
 }
 
 impl Outputs {
-    /// Finds problems with the files before any work is done.
+    /// Checks the files before any work is done.
     pub fn new(args: &Args) -> Result<Self> {
         let (exr, checkpoint) = (args.output.clone(), args.checkpoint.clone());
         let files = Self { png: preview::beside(&exr), exr, checkpoint };
@@ -61,8 +61,8 @@ impl Outputs {
         all
     }
 
-    /// Refuses to replace files that were read, except for the checkpoint that is continued. The preview has no name of
-    /// its own, so it moves out of the way of a file that is no preview; returns whether it did.
+    /// Refuses to replace files that were read, except for the checkpoint that is continued. The preview gets another
+    /// name if its file is not a preview; returns true in this case.
     pub fn spare_inputs(&mut self, args: &Args) -> Result<bool> {
         let beside = self.png.clone();
         self.png = preview::aside(&beside)?;
@@ -79,7 +79,7 @@ impl Outputs {
     }
 }
 
-/// When files are written while a job renders.
+/// Times at which files are written while a job renders.
 pub struct FileSchedule {
     next_image: Duration,
     next_checkpoint: Duration,
@@ -91,8 +91,7 @@ impl FileSchedule {
         Self { next_image, next_checkpoint: CHECKPOINT_EVERY }
     }
 
-    /// Writes the files that are due. A failure is a warning, since its cause may be gone at the end: only the last
-    /// write must succeed.
+    /// Writes the files that are due. A failure is only a warning, since its cause may be gone at the last write.
     pub fn write_when_due(
         &mut self,
         writer: &mut Writer,
@@ -126,7 +125,7 @@ impl FileSchedule {
     }
 }
 
-/// Writes the files of a render, and keeps the time that takes.
+/// Writes the files of a render, and sums up the time of writing.
 pub struct Writer {
     pub outputs: Outputs,
     layers: LayerSelection,
@@ -171,7 +170,7 @@ impl Writer {
         if let Some(rms) = combined.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        layers.extend(self.layers.of(shared, combined, &pixels));
+        layers.extend(self.layers.layers(shared, combined, &pixels));
         layers.extend(denoised.into_iter().flat_map(denoise::layers));
         let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = provenance.to_metadata();
@@ -180,7 +179,7 @@ impl Writer {
             for (name, value) in [
                 ("denoised squared error", error.squared),
                 ("denoised squared error's standard error", error.standard_error),
-                ("denoised parts", error.parts as f64),
+                ("denoised parts", error.folds as f64),
             ] {
                 metadata.insert(name.into(), Value::Number(value));
             }

@@ -1,4 +1,4 @@
-//! What `bdpm render` shows and writes while a job renders, and at its end.
+//! Output of `bdpm render` while a job renders, and at its end.
 
 use super::analyze::noise_file;
 use super::black_image;
@@ -7,7 +7,7 @@ use super::page::{Page, Snapshot};
 use super::progress::Progress;
 use super::render::Args;
 use super::render_files::{FileSchedule, Outputs, Writer};
-use super::render_report::{Report, announce, text};
+use super::render_report::{RenderReport, announce, text};
 use super::scene_input::SceneInput;
 use super::view::View;
 use super::{human_time, json};
@@ -49,9 +49,8 @@ impl<'a> RenderObserver<'a> {
         match event {
             Event::Warning(warning) => self.progress.note(&format!("warning: {warning}")),
             Event::Choosing(free, provenance) => {
-                let what =
-                    if free.any() { "strategies and radii" } else { "light and camera paths" };
-                self.progress.note(&format!("trying {what} on a sample of the image"));
+                let subject = if free.any() { "techniques and merge radii" } else { "path counts" };
+                self.progress.note(&format!("trying {subject} on a sample of the image"));
                 self.announce_page(provenance);
             }
             Event::Started(state) => self.start(state),
@@ -70,9 +69,10 @@ impl<'a> RenderObserver<'a> {
             1 => String::new(),
             ranks => format!(", {ranks} processes"),
         };
-        if let Some(whole) = state.whole {
-            let (part, own) = (self.args.part_name(), state.renderer.assigned());
-            self.progress.note(&format!("part {part}: iterations {own} of {}", whole.iterations));
+        if let Some(sharded) = state.sharded {
+            let (part, assigned) = (self.args.shard_name(), state.renderer.assigned());
+            self.progress
+                .note(&format!("part {part}: iterations {assigned} of {}", sharded.iterations));
         }
         announce(&self.progress, self.input, state, "rendering", &processes);
         if state.selection.is_none() {
@@ -85,7 +85,7 @@ impl<'a> RenderObserver<'a> {
         self.progress.start();
     }
 
-    /// Writes a page before there is anything to see. It cannot be written later either if that fails.
+    /// Writes the page before the first image. A failure is a warning, since the last write reports it as an error.
     fn announce_page(&mut self, provenance: &Provenance) {
         if let Some(page) = &mut self.page
             && let Err(error) = page.announce(self.input, provenance)
@@ -124,7 +124,7 @@ impl<'a> RenderObserver<'a> {
     pub fn finish(self, mut result: RenderResult) -> Result<String> {
         let Self { args, input, mut writer, mut page, view, progress, .. } = self;
         progress.finish();
-        // The image comes first, and every file is tried, whatever fails.
+        // Write the image first, and try every file even if another one fails.
         let mut attempts = Attempts::default();
         let image = result.state.image();
         writer.save_image(&result.state, &image, result.state.denoised(), &mut attempts);
@@ -142,7 +142,7 @@ impl<'a> RenderObserver<'a> {
                     attempts.add(path, || save_noise(path, (provenance, regions), block));
                 }
                 None => progress.note(
-                    "warning: too few iterations to estimate the noise; --noise wrote nothing",
+                    "warning: too few iterations to estimate the noise, so --noise wrote no file",
                 ),
             }
         }
@@ -150,7 +150,7 @@ impl<'a> RenderObserver<'a> {
         if page.is_some() {
             result.state.estimate();
         }
-        let report = Report::new(args, input, &result, &writer);
+        let report = RenderReport::new(args, input, &result, &writer);
         let (state, image) = (&result.state, result.state.image());
         if let Some(page) = &mut page {
             let snapshot = Snapshot { input, state, image: &image, report: Some(&report) };
@@ -169,8 +169,8 @@ impl<'a> RenderObserver<'a> {
     }
 }
 
-/// Writes the noise that a block's measured iterations show.
-pub fn save_noise(path: &Path, of: (&Provenance, &[Region]), block: &Block) -> Result<()> {
+/// Writes the noise from the measured iterations of a block.
+pub fn save_noise(path: &Path, scene: (&Provenance, &[Region]), block: &Block) -> Result<()> {
     let noise = block.noise_image()?;
-    noise_file(of, &block.film, noise, Measure::Pairs).write(path)
+    noise_file(scene, &block.film, noise, Measure::Pairs).write(path)
 }

@@ -1,4 +1,4 @@
-//! What `bdpm render` tells at the end, for programs and for people.
+//! Report of `bdpm render` at the end, as JSON and as text.
 
 use super::human_time;
 use super::progress::Progress;
@@ -11,34 +11,34 @@ use bdpm::adaptive::autopilot::Promise;
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
+use bdpm::noise::bias::UPPER_BOUND;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::Settings;
-use bdpm::settings::policy::UPPER_BOUND;
 use serde::Serialize;
 use std::path::Path;
 
-/// The result.
+/// The result of a render, as JSON.
 #[derive(Serialize)]
-pub struct Report<'a> {
+pub struct RenderReport<'a> {
     #[serde(flatten)]
     pub run: RunReport<'a>,
-    /// Whether counts were chosen automatically.
+    /// True if the path counts were chosen automatically.
     pub automatic: bool,
     pub blocks: Vec<BlockReport>,
-    /// Pooled RMS of the image and its standard error, W/(m^2 sr); RMS over the mean luminance.
+    /// Pooled RMS of the image and its standard error, W/(m^2 sr), and the RMS relative to the mean luminance.
     pub rms: Option<f64>,
     pub rms_error: Option<f64>,
     pub relative_rms: Option<f64>,
-    /// Relative error of the image, if that was to be small.
+    /// Relative error of the image, if it was minimized.
     pub error: Option<RelativeError>,
-    /// What was expected when the counts were first chosen.
+    /// The promise that was made at the first choice of path counts.
     pub promise: Option<Promise>,
-    /// What became of it by denoising.
+    /// Error and time of denoising.
     pub denoised: Option<DenoisedReport>,
     /// Techniques that were tried, the chosen one first.
     pub technique: Option<&'a Selection>,
-    /// What was expected of this run's time when half of it had passed.
+    /// Forecast of the rendering time of this run, when half of it had passed.
     pub half_way: Option<TimeForecast>,
     pub merge_bias: Option<&'a MergeBias>,
     pub exr: String,
@@ -48,8 +48,8 @@ pub struct Report<'a> {
     pub checkpoint: Option<String>,
 }
 
-impl<'a> Report<'a> {
-    /// Reports a job that has ended and whose files were written.
+impl<'a> RenderReport<'a> {
+    /// Report of a job that has ended and whose files were written.
     pub fn new(args: &Args, input: &SceneInput, result: &'a RenderResult, writer: &Writer) -> Self {
         let state = &result.state;
         let image = state.image();
@@ -83,7 +83,7 @@ impl<'a> Report<'a> {
 pub struct BlockReport {
     pub iterations: u64,
     pub light_paths: u32,
-    /// Mean, least and greatest number of camera paths of any pixel.
+    /// Mean, minimum and maximum of the camera paths per pixel.
     pub camera_paths: f64,
     pub least_camera_paths: u32,
     pub most_camera_paths: u32,
@@ -93,7 +93,7 @@ pub struct BlockReport {
     pub variance: Option<f64>,
 }
 
-/// What was rendered at which counts.
+/// Path counts and iterations of each block.
 pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport> {
     let report = |(block, &weight): (&Block, &f64)| BlockReport {
         iterations: block.film.iterations,
@@ -107,7 +107,7 @@ pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport
     blocks.iter().zip(image.weights()).map(report).collect()
 }
 
-/// Prints what begins: the scene, `verb` as what is done to it, its counts, and `more`.
+/// Prints the scene, its path counts and `more` at the start of a job. `verb` says what the job does.
 pub fn announce(
     progress: &Progress,
     input: &SceneInput,
@@ -117,7 +117,7 @@ pub fn announce(
 ) {
     let Settings { width, height, .. } = state.provenance.settings;
     let counts = match state.is_automatic {
-        true => "numbers of paths chosen automatically".to_owned(),
+        true => "path counts chosen automatically".to_owned(),
         false => describe_counts(state.renderer.block()),
     };
     progress.note(&format!("read {}", input.loaded.summary));
@@ -132,20 +132,17 @@ pub fn announce(
 /// The counts of a block in words.
 pub fn describe_counts(block: &Block) -> String {
     let camera = &block.counts.camera_paths;
-    let (least, most) = (camera.least(), camera.most());
+    let (min, max) = (camera.least(), camera.most());
     let light = block.counts.light_paths;
-    if least == most {
-        format!("{light} light paths, {least} camera paths per pixel")
+    if min == max {
+        format!("{light} light paths, {min} camera paths per pixel")
     } else {
-        format!(
-            "{light} light paths, {:.2} ({least} to {most}) camera paths per pixel",
-            camera.mean()
-        )
+        format!("{light} light paths, {:.2} ({min} to {max}) camera paths per pixel", camera.mean())
     }
 }
 
 /// The report in a few lines.
-pub fn text(report: &Report) -> String {
+pub fn text(report: &RenderReport) -> String {
     let run = &report.run;
     let stopped = if run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
     let rms = match (report.rms, report.relative_rms) {
@@ -172,13 +169,13 @@ pub fn text(report: &Report) -> String {
     }
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
     text += &report.technique.map_or(String::new(), technique);
-    text += &choice(report);
+    text += &path_counts(report);
     if let Some(bias) = report.merge_bias
         && bias.share_beyond_noise >= 0.01
     {
         text += &format!(
             "warning: the merge bias exceeds the noise in {:.0} % of the image, up to {:.1} times\n\
-             help: lower --radius; the bias falls with it\n",
+             help: lower --radius, which lowers the bias\n",
             100.0 * bias.share_beyond_noise,
             bias.worst_over_noise
         );
@@ -186,7 +183,7 @@ pub fn text(report: &Report) -> String {
     text
 }
 
-/// How many took part, and what of the time that took.
+/// Number of processes, and the share of the time that they spent on exchanging sums.
 fn processes(run: &RunReport) -> String {
     if run.ranks < 2 {
         return String::new();
@@ -194,7 +191,7 @@ fn processes(run: &RunReport) -> String {
     let Seconds { render, adding, waiting, .. } = run.seconds;
     let percent = |seconds: f64| 100.0 * seconds / (render + adding + waiting);
     format!(
-        "{} processes of {} threads: {:.1} % of the time adding up their sums, {:.1} % waiting for the slowest\n",
+        "{} processes of {} threads: {:.1} % of the time for adding their sums, {:.1} % for waiting\n",
         run.ranks,
         run.threads,
         percent(adding),
@@ -202,16 +199,16 @@ fn processes(run: &RunReport) -> String {
     )
 }
 
-/// The error of the denoised image, and what it was before.
+/// The error of the denoised image, and of the raw image.
 fn denoised(report: &DenoisedReport) -> String {
     let Some(error) = &report.error else {
-        return "denoised; its error is not known: there was no time, or too little was rendered\n"
+        return "denoised; the error is not known: there was too little time or too few iterations\n"
             .into();
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
-    let (n, bound) = (error.parts, error.bound(UPPER_BOUND));
+    let (n, bound) = (error.folds, error.bound(UPPER_BOUND));
     let mut text = format!(
-        "denoised: relative error {:.2} %, at most {:.2} %, after {}/{n} of the samples; {:.2} % before\n",
+        "denoised: relative error {:.2} %, at most {:.2} %, with {}/{n} of the samples; {:.2} % before denoising\n",
         percent(error.squared),
         percent(bound),
         n - 1,
@@ -219,7 +216,7 @@ fn denoised(report: &DenoisedReport) -> String {
     );
     if error.worse >= 0.01 {
         text += &format!(
-            "the denoiser alone was worse in {:.0} % of the image ({:.2} % in all): {:.0} % of the raw image are mixed in\n",
+            "the denoiser alone has a larger error than the raw image in {:.0} % of the image ({:.2} % overall), so {:.0} % of the raw image are mixed in\n",
             100.0 * error.worse,
             percent(error.unmixed),
             100.0 * error.raw_share,
@@ -229,7 +226,7 @@ fn denoised(report: &DenoisedReport) -> String {
         && let Some(total) = report.total_error
     {
         text += &format!(
-            "promised after {}: an error of {:.2} % when denoised; came: {:.2} %\n",
+            "promised after {}: an error of {:.2} % when denoised; result: {:.2} %\n",
             human_time(promise.said_after),
             100.0 * promise.error,
             100.0 * total
@@ -238,7 +235,7 @@ fn denoised(report: &DenoisedReport) -> String {
     text
 }
 
-/// The technique that was chosen, and by how much it beat the next.
+/// The chosen technique, and its advantage over the runner-up.
 fn technique(chosen: &Selection) -> String {
     let best = chosen.best();
     let mut text = format!(
@@ -252,7 +249,7 @@ fn technique(chosen: &Selection) -> String {
     if let Some(guided) = &chosen.guide {
         text += &format!("; {}", guided.describe());
     }
-    // What was not tried at its best radii may have promised too much.
+    // The runner-up may look too good if it was not tried at its best radii, so only its disadvantages are shown.
     if let Some(next) = chosen.runner_up() {
         let name = next.technique.describe();
         let (error, seconds) = (next.error / best.error, next.seconds / best.seconds);
@@ -265,32 +262,32 @@ fn technique(chosen: &Selection) -> String {
     text + "\n"
 }
 
-/// The counts that were chosen, and how what was promised compares to what came.
-fn choice(report: &Report) -> String {
+/// The chosen path counts, and the promise beside the result.
+fn path_counts(report: &RenderReport) -> String {
     let (Some(promise), Some(last)) = (&report.promise, report.blocks.last()) else {
         return String::new();
     };
     let camera = if last.least_camera_paths == last.most_camera_paths {
         last.least_camera_paths.to_string()
     } else {
-        let (least, most) = (last.least_camera_paths, last.most_camera_paths);
-        format!("{:.2} ({least} to {most})", last.camera_paths)
+        let (min, max) = (last.least_camera_paths, last.most_camera_paths);
+        format!("{:.2} ({min} to {max})", last.camera_paths)
     };
     let mut text = format!(
         "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
          path per pixel would take {:.2} times as long\n",
         last.light_paths, promise.gain_over_one_each
     );
-    if let (Some(error), Some(shares)) = (promise.error, report.error) {
+    if let (Some(error), Some(result)) = (promise.error, report.error) {
         text += &format!(
-            "promised after {}: an error of {:.2} %; came: {:.2} %\n",
+            "promised after {}: an error of {:.2} %; result: {:.2} %\n",
             human_time(promise.said_after),
             100.0 * error,
-            100.0 * shares.total
+            100.0 * result.total
         );
     } else if let Some(rms) = report.rms {
         text += &format!(
-            "promised after {}: RMS {:.4} in {}; came: {rms:.4} in {}\n",
+            "promised after {}: RMS {:.4} in {}; result: {rms:.4} in {}\n",
             human_time(promise.said_after),
             promise.rms,
             human_time(promise.seconds),

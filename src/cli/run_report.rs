@@ -1,4 +1,4 @@
-//! The part of a report that `render` and `analyze` share.
+//! Fields that the reports of `render` and `analyze` share.
 
 use super::scene_input::SceneInput;
 use bdpm::adaptive::stopping::StoppedBy;
@@ -14,9 +14,9 @@ pub struct RunReport<'a> {
     scene: &'a str,
     fingerprint: String,
     backend: &'a str,
-    /// Threads of each process.
+    /// Number of threads of each process.
     pub threads: usize,
-    /// Processes.
+    /// Number of processes.
     pub ranks: u32,
     /// Bytes that rank 0 received from the others.
     received_bytes: u64,
@@ -46,7 +46,7 @@ pub struct Seconds {
     merge: f64,
     pub render: f64,
     write: f64,
-    /// Of several processes: until the others had done their part, and until their sums were added.
+    /// Times until the other processes were done, and until their sums were added.
     pub waiting: f64,
     pub adding: f64,
 }
@@ -60,19 +60,19 @@ impl<'a> RunReport<'a> {
         write_time: Duration,
     ) -> Self {
         let Totals { iterations: new, rays, photons, non_finite, times } = state.totals;
-        let origin = &state.provenance;
+        let provenance = &state.provenance;
         let threads = input.threads.current_num_threads();
         let busy = |time: Duration| time.as_secs_f64() / threads as f64;
         let image = state.image();
         Self {
-            version: &origin.version,
-            scene: &origin.scene,
-            fingerprint: format!("{:016x}", origin.fingerprint),
-            backend: &origin.backend,
+            version: &provenance.version,
+            scene: &provenance.scene,
+            fingerprint: format!("{:016x}", provenance.fingerprint),
+            backend: &provenance.backend,
             threads,
             ranks: state.exchanged.ranks,
             received_bytes: state.exchanged.bytes,
-            settings: &origin.settings,
+            settings: &provenance.settings,
             iterations: image.iterations(),
             new_iterations: new,
             stopped_by,

@@ -1,4 +1,4 @@
-//! The scene of a command: loaded, with the threads to render it on.
+//! The loaded scene of a command, with the threads that render it.
 
 use super::progress::ProgressFormat;
 use super::{SceneArgs, say};
@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Render for about this time, such as 30s, 2m or 1h; at least one iteration
+    /// Render for about this time, such as 30s, 2m or 1h (at least one iteration)
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
-    /// Use this many threads; the image does not depend on it [default: all processors]
+    /// Use this many threads, without effect on the image [default: all processors]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Show nothing but errors
+    /// Show only errors
     #[arg(long, short)]
     pub quiet: bool,
     /// Show progress in this format
@@ -38,7 +38,7 @@ impl SessionArgs {
     }
 }
 
-/// A scene as it was loaded.
+/// A loaded scene.
 pub struct SceneInput {
     pub threads: Arc<ThreadPool>,
     pub loaded: Loaded,
@@ -58,10 +58,10 @@ impl SceneInput {
         Ok(Self { threads, loaded, load_time })
     }
 
-    /// A job that renders it, with the settings of the command line.
+    /// A job that renders the scene with the settings of the command line.
     pub fn job(&self, args: &SessionArgs) -> RenderJob {
         RenderJob::new(&self.loaded)
-            .settings((&args.scene.wishes).into())
+            .settings((&args.scene.settings).into())
             .backend(args.scene.accel)
             .threads(Arc::clone(&self.threads))
     }
@@ -72,7 +72,7 @@ pub struct LoadedScene {
     pub threads: Arc<ThreadPool>,
     pub scene: Arc<Scene>,
     pub accel: Arc<dyn Intersect>,
-    pub origin: Provenance,
+    pub provenance: Provenance,
 }
 
 impl LoadedScene {
@@ -81,19 +81,19 @@ impl LoadedScene {
         Self::with_default_resolution(args, None)
     }
 
-    /// As [`Self::new`]; `resolution` takes the place of that of the scene file.
+    /// As [`Self::new`]; `resolution` replaces the one of the scene file.
     pub fn with_default_resolution(
         args: &SessionArgs,
         resolution: Option<[u32; 2]>,
     ) -> Result<Self> {
         let SceneInput { threads, loaded, .. } = SceneInput::load(args)?;
-        let mut asked = PartialSettings::from(&args.scene.wishes);
-        asked.resolution = asked.resolution.or(resolution);
+        let mut requested = PartialSettings::from(&args.scene.settings);
+        requested.resolution = requested.resolution.or(resolution);
         let scene = loaded.scene;
-        let settings = Settings::resolve(&asked, &loaded.defaults, scene.size())?;
+        let settings = Settings::resolve(&requested, &loaded.defaults, scene.size())?;
         let backend = args.scene.accel.unwrap_or_default();
         let accel = threads.install(|| backend::build(backend, &scene))?;
-        let origin = job::provenance(&scene, backend, settings);
-        Ok(Self { threads, scene, accel, origin })
+        let provenance = job::provenance(&scene, backend, settings);
+        Ok(Self { threads, scene, accel, provenance })
     }
 }

@@ -6,7 +6,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
 
-/// Settings of an image. Those without an option are taken from the scene file, or have a default.
+/// Settings of an image. A setting without an option is that of the scene file, or the default.
 #[derive(clap::Args)]
 pub struct SettingsArgs {
     /// Render this many pixels [default: scene file, else 512x512]
@@ -18,13 +18,13 @@ pub struct SettingsArgs {
     /// Trace NB camera paths per pixel and iteration [default: scene file, else 4]
     #[arg(long, value_name = "NB")]
     pub camera_paths: Option<u32>,
-    /// Merge photons within R, in scene units or % of the scene size [default: 0.5%]
+    /// Merge photons within R scene units, or % of the scene size [default: 0.5%]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub radius: Option<Length>,
     /// Merge caustic photons within R [default: a quarter of --radius]
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub caustic_radius: Option<Length>,
-    /// Keep or reduce the merge bias [default: keep, or reduce with chosen radii]
+    /// Keep or reduce the merge bias [default: reduce if radii are chosen, else keep]
     #[arg(long, value_parser = word::<Bias>(BIAS))]
     pub bias: Option<Bias>,
     /// Divide merged flux by the area of the surface or of a disc [default: area]
@@ -66,7 +66,7 @@ impl From<&SettingsArgs> for PartialSettings {
     }
 }
 
-/// Words of an enumeration, which files have as well, with their meaning.
+/// Values of an enumeration, as files spell them, with their meaning.
 type Words = &'static [(&'static str, &'static str)];
 
 const BIAS: Words = &[
@@ -74,7 +74,7 @@ const BIAS: Words = &[
     ("reduce", "Subtract the bias where it exceeds the noise"),
 ];
 const KERNEL: Words = &[
-    ("area", "Surface within the radius that could have sent a photon: no bias at edges"),
+    ("area", "Lit surface area within the radius: no bias at edges"),
     ("disc", "Disc of the merge radius, as in the paper"),
 ];
 const STRATEGY: Words = &[
@@ -83,13 +83,13 @@ const STRATEGY: Words = &[
 ];
 const DIRECT: Words = &[
     ("connect", "Shadow ray from each diffuse vertex of the camera path"),
-    ("photon-map", "Photon map, as for all other light"),
+    ("photon-map", "Photon map, as for indirect light"),
 ];
 pub const OBJECTIVE: Words = &[
     ("pooled", "Mean variance"),
     ("relative", "Mean variance relative to the squared luminance"),
     ("mean-rms", "Mean RMS, as in the paper"),
-    ("max-rms", "RMS that 99.5 % of the pixels stay below"),
+    ("max-rms", "99.5th percentile of the RMS of the pixels"),
 ];
 pub const ESTIMATOR: Words = &[
     ("pairs", "All pairs of light and camera paths"),

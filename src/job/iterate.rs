@@ -1,4 +1,4 @@
-//! From the first iteration of a job to its last.
+//! The loop over the iterations of a job.
 
 use super::Event;
 use super::leader::Leader;
@@ -67,14 +67,14 @@ fn iterate(
     Ok(())
 }
 
-/// A warning about the first pixel value that was left out, with what it takes to reproduce it.
+/// A warning about the first non-finite pixel value, with the seed and iteration that reproduce it.
 fn bad_pixel(state: &RenderState, report: &IterationReport, iteration: u64) -> Option<String> {
     let (x, y) = report.non_finite.first()?;
     let is_first = state.totals.non_finite == report.non_finite.len() as u64;
     is_first.then(|| {
         format!(
-            "pixel ({x}, {y}) was not finite in iteration {iteration} with seed {} and was left \
-             out\nhelp: please report this with the scene; further ones are counted only",
+            "pixel ({x}, {y}) is not finite in iteration {iteration} with seed {} and was left \
+             out\nhelp: please report this with the scene; further pixels are only counted",
             state.provenance.settings.seed
         )
     })

@@ -1,5 +1,5 @@
-//! A render by several processes, as rank 0 sees it. It decides what all of them render, in rounds that are long
-//! enough that exchanging the sums takes a hundredth of the time.
+//! Rank 0 of several processes. It assigns iterations to all of them, in rounds so long that the exchange of the sums
+//! takes a hundredth of the time.
 
 use super::state::{RenderState, Totals};
 use crate::adaptive::stopping::Stop;
@@ -16,25 +16,25 @@ use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// Time of iterations over the time of the exchange after them.
-const ITERATE_SHARE: f64 = 100.0;
+/// Ratio of the time of a round to the time of the exchange after it.
+const ROUND_RATIO: f64 = 100.0;
 
-/// Longest round, seconds, so that the image is shown and checkpoints are written.
-const LONGEST: f64 = 60.0;
+/// Maximum time of a round, seconds, so that the image is shown and checkpoints are written.
+const MAX_ROUND: f64 = 60.0;
 
-/// Longest round over the time of one exchange, if that is more than [`LONGEST`].
-const LONGEST_SHARE: f64 = 50.0;
+/// Maximum ratio of a round to one exchange, if that is longer than [`MAX_ROUND`].
+const MAX_ROUND_RATIO: f64 = 50.0;
 
-/// Largest growth from one round to the next: the first rounds tell which counts are best.
-const GROWTH: u64 = 4;
+/// Maximum growth from one round to the next, since the choice of path counts needs the results of short rounds.
+const MAX_GROWTH: u64 = 4;
 
-/// Largest share of the time that is left until a target that goes into one round.
-const TOWARD_TARGET: f64 = 0.5;
+/// Maximum share of a round in the remaining time until a target.
+const MAX_TARGET_SHARE: f64 = 0.5;
 
-/// Answer of a worker that prepared its scene: how it would make the image, or why it cannot.
+/// Answer of a worker that loaded its scene: the provenance of its image, or an error.
 pub(super) type Ready = std::result::Result<Provenance, String>;
 
-/// How all processes render.
+/// Settings of all processes.
 #[derive(Serialize, Deserialize)]
 pub(super) struct RenderSetup {
     pub backend: String,
@@ -42,13 +42,13 @@ pub(super) struct RenderSetup {
     pub config: RenderConfig,
 }
 
-/// What all processes render next.
+/// The next round of iterations.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Round {
-    /// Number of the first iteration and counts of the block, if a block begins.
+    /// First iteration and path counts of a new block, if one starts.
     pub block: Option<(u64, Counts)>,
     pub schedule: MeasureSchedule,
-    /// Iterations of all processes; each takes its share by its rank.
+    /// Iterations of all processes. Each process renders a share of them by its rank.
     pub numbers: IterationSet,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Round {
 pub(super) struct WorkerResult {
     pub sums: PartialRender,
     pub totals: Totals,
-    /// Whether any process was interrupted.
+    /// True if any process was interrupted.
     pub is_interrupted: bool,
 }
 
@@ -69,7 +69,7 @@ impl WorkerResult {
     }
 }
 
-/// Renders the iterations `assigned` unless `is_over` ends that, and returns their reports with their numbers.
+/// Renders the `assigned` iterations until `is_over` returns true. Returns their reports and numbers.
 pub(super) fn render_assigned(
     threads: &ThreadPool,
     renderer: &mut Renderer,
@@ -95,7 +95,7 @@ pub(super) fn render_assigned(
 pub(super) struct Leader<'a> {
     ranks: &'a dyn Ranks,
     exchange: Exchange,
-    /// First iteration of the block that the workers know of.
+    /// First iteration of the block that the workers render.
     known_block: Option<u64>,
     /// Iterations of each process in the next round.
     each: u64,
@@ -106,7 +106,7 @@ pub(super) struct Leader<'a> {
 }
 
 impl<'a> Leader<'a> {
-    /// Leads `ranks`, if they are several.
+    /// A leader of `ranks`; `None` for a single process.
     pub fn new(ranks: &'a dyn Ranks) -> Option<Self> {
         let exchange = Exchange::default();
         (ranks.count() > 1).then_some(Self {
@@ -119,9 +119,9 @@ impl<'a> Leader<'a> {
         })
     }
 
-    /// Waits until all workers have prepared the scene, and refuses those with another scene or version.
+    /// Waits until all workers have loaded the scene. Refuses workers with another scene or version.
     pub fn check_workers(&self, provenance: &Provenance) -> Result<()> {
-        // Settings and backend of a resumed image are known to rank 0 alone, which sends them with the setup.
+        // Only rank 0 knows the settings and backend of a resumed image. It sends them with the setup.
         let Provenance { settings, backend, .. } = provenance;
         for rank in 1..self.ranks.count() {
             self.ranks.wait(rank);
@@ -139,14 +139,14 @@ impl<'a> Leader<'a> {
         Ok(())
     }
 
-    /// Sends all workers how to render.
-    pub fn set_up(&self, made: &Provenance, config: RenderConfig) -> Result<()> {
-        let (backend, settings) = (made.backend.clone(), made.settings.clone());
+    /// Sends the setup to all workers.
+    pub fn set_up(&self, provenance: &Provenance, config: RenderConfig) -> Result<()> {
+        let (backend, settings) = (provenance.backend.clone(), provenance.settings.clone());
         self.ranks.broadcast(Some(RenderSetup { backend, settings, config })).map(|_| ())
     }
 
-    /// Lets all processes render their shares of the next iterations, and adds up the sums. Returns the reports of
-    /// this process; the work of the others is in the state's totals already.
+    /// Renders one round on all processes and adds up their sums. Returns the reports of this process. The work of the
+    /// others is added to the totals of the state.
     pub fn round(&mut self, state: &mut RenderState) -> Result<Vec<(IterationReport, u64)>> {
         let numbers = self.next_numbers(state);
         let schedule = state.policy.schedule();
@@ -192,14 +192,14 @@ impl<'a> Leader<'a> {
         self.ranks.broadcast::<Option<Round>>(Some(None)).map(|_| ())
     }
 
-    /// Lengthens the rounds until the exchange takes its share of the time.
+    /// Makes the next round longer, until the exchange takes only its share of the time.
     fn grow_round(&mut self) {
-        let longest = LONGEST.max(LONGEST_SHARE * self.adding);
-        let seconds = (ITERATE_SHARE * self.adding).min(longest);
-        self.each = ((seconds / self.iteration_time) as u64).clamp(1, GROWTH * self.each);
+        let max = MAX_ROUND.max(MAX_ROUND_RATIO * self.adding);
+        let seconds = (ROUND_RATIO * self.adding).min(max);
+        self.each = ((seconds / self.iteration_time) as u64).clamp(1, MAX_GROWTH * self.each);
     }
 
-    /// Numbers of the next iterations of all processes: no more than the stop conditions may still want.
+    /// The next iterations of all processes, within the stop conditions.
     fn next_numbers(&self, state: &RenderState) -> IterationSet {
         let Stop { iterations, time, target, error, .. } = state.stop;
         let renderer = &state.renderer;
@@ -215,7 +215,7 @@ impl<'a> Leader<'a> {
             && (target.is_some() || error.is_some())
             && self.iteration_time > 0.0
         {
-            each = each.min(within(TOWARD_TARGET * forecast.seconds));
+            each = each.min(within(MAX_TARGET_SHARE * forecast.seconds));
         }
         let wanted = iterations.map_or(u64::MAX, |wanted| wanted - renderer.iterations());
         let range = IterationSet::from(state.policy.range(renderer.block().first));

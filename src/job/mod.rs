@@ -4,8 +4,8 @@
 //! scene -> pilot (technique, radii, guide) -> iterations (counts chosen on the way) -> RenderResult
 //! ```
 //!
-//! A job loads nothing and writes nothing: scenes come from [`import`](crate::import), files and pages are made of
-//! its [`RenderResult`] by [`output`](crate::output). An observer sees the [`RenderState`] after every iteration.
+//! A job reads and writes no files: [`import`](crate::import) loads scenes, and [`output`](crate::output) writes images
+//! and pages from the [`RenderResult`]. An observer sees the [`RenderState`] after every iteration.
 
 mod denoising;
 mod iterate;
@@ -59,13 +59,13 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-/// The relative error that a job stops at if nothing else ends it: 1 %.
+/// Relative error at which a job stops if no stop condition was given: 1 %.
 const DEFAULT_ERROR: f64 = 0.01;
 
 /// Renders a scene until a [`Stop`] condition holds.
 ///
-/// Without further settings, the job chooses technique, merge radii, guide and counts by their total error (noise and
-/// merge bias). What [`Self::settings`] fixes is not chosen.
+/// By default, the job chooses the technique, merge radii, guide and path counts that minimize the total error (noise
+/// and merge bias). Settings that [`Self::settings`] fixes are not chosen.
 ///
 /// ```no_run
 /// use bdpm::{RenderJob, Stop};
@@ -88,7 +88,7 @@ pub struct RenderJob {
     start: Start,
     times: Option<(Timings, PathBuf)>,
     free: Option<FreeParameters>,
-    least_iterations: u64,
+    min_iterations: u64,
     schedule: MeasureSchedule,
     pixel_noise: bool,
     aovs: AovSelection,
@@ -97,7 +97,7 @@ pub struct RenderJob {
     interrupt: Arc<AtomicBool>,
 }
 
-/// What a job begins with.
+/// Start of an image.
 #[derive(Clone)]
 enum Start {
     New,
@@ -105,18 +105,18 @@ enum Start {
     Checkpoint { checkpoint: Box<Checkpoint<'static>>, file: PathBuf },
 }
 
-/// What an observer of a job sees.
+/// Events that a job reports to its observer.
 pub enum Event<'a> {
-    /// Something that the user should know; the job goes on.
+    /// A warning for the user. The job continues.
     Warning(String),
-    /// The pilot begins to try techniques, as far as these parameters are free, for an image that is otherwise made like
-    /// this.
+    /// The pilot starts to try techniques. The parameters are those that it may choose; the provenance holds the
+    /// settings before the choice.
     Choosing(FreeParameters, &'a Provenance),
-    /// Iterating begins.
+    /// The first iteration is about to start.
     Started(&'a RenderState),
     /// The error of the denoised image was estimated, after this rendering time.
     Denoised(&'a ErrorSummary, Duration),
-    /// An iteration is done, or a round of iterations of several processes.
+    /// An iteration is done, or with several processes a round of iterations.
     Iterated(&'a mut RenderState),
 }
 
@@ -130,12 +130,12 @@ struct Prepared {
 }
 
 impl RenderJob {
-    /// Renders a scene that was loaded from a file, with the settings of that file as a start.
+    /// Renders a scene that was loaded from a file. The settings of the file are the defaults.
     pub fn new(loaded: &Loaded) -> Self {
         Self { scene_settings: loaded.defaults.clone(), ..Self::from_scene(&loaded.scene) }
     }
 
-    /// Renders a scene that was made by a program, with the default settings as a start.
+    /// Renders a scene that a program built, with the default settings.
     pub fn from_scene(scene: &Arc<Scene>) -> Self {
         Self {
             scene: Arc::clone(scene),
@@ -148,7 +148,7 @@ impl RenderJob {
             start: Start::New,
             times: None,
             free: None,
-            least_iterations: 1,
+            min_iterations: 1,
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
             aovs: AovSelection::default(),
@@ -158,19 +158,20 @@ impl RenderJob {
         }
     }
 
-    /// Fixes settings: those that are given here are not chosen.
+    /// Fixes settings, which the job then does not choose.
     #[must_use]
     pub fn settings(self, settings: PartialSettings) -> Self {
         Self { settings, ..self }
     }
 
-    /// Lets the pilot choose these parameters and no others, whatever the settings fix; a start for what is chosen.
+    /// Lets the pilot choose exactly these parameters, even if the settings fix them. The settings are then the start of
+    /// the search.
     #[must_use]
     pub fn free_parameters(self, free: FreeParameters) -> Self {
         Self { free: Some(free), ..self }
     }
 
-    /// Ends the job when one of these conditions holds. Without any, it ends at a relative error of 1 %.
+    /// Ends the job when one of these conditions holds [default: at a relative error of 1 %].
     #[must_use]
     pub fn stop(self, stop: Stop) -> Self {
         Self { stop, ..self }
@@ -182,7 +183,7 @@ impl RenderJob {
         Self { backend, ..self }
     }
 
-    /// Uses an acceleration structure of the scene that is there already.
+    /// Uses an existing acceleration structure of the scene.
     #[must_use]
     pub fn acceleration(self, backend: Backend, accel: Arc<dyn Intersect>) -> Self {
         Self { accel: Some((backend, accel)), ..self }
@@ -194,43 +195,43 @@ impl RenderJob {
         Self { threads: Some(threads), ..self }
     }
 
-    /// Renders the steps of a plan, which was read from `file`, an image made by `made_by`.
+    /// Renders the steps of a plan. It was read from the image `file` with the provenance `made_by`.
     #[must_use]
     pub fn plan(self, plan: Plan, made_by: Provenance, file: &Path) -> Self {
         Self { start: Start::Plan { plan, made_by, file: file.to_owned() }, ..self }
     }
 
-    /// Continues the image of a checkpoint, which was read from `file`, with its settings.
+    /// Continues the image of a checkpoint that was read from `file`, with its settings.
     #[must_use]
     pub fn resume(self, checkpoint: Checkpoint<'static>, file: &Path) -> Self {
         let checkpoint = Box::new(checkpoint);
         Self { start: Start::Checkpoint { checkpoint, file: file.to_owned() }, ..self }
     }
 
-    /// Chooses counts by known times, read from `file`, instead of by those of the iterations. The times are those of the
-    /// present settings, so that nothing but the counts is chosen.
+    /// Chooses path counts by known times, read from `file`, instead of measured ones. Known times hold for the present
+    /// settings, so only the path counts are chosen.
     #[must_use]
     pub fn times(self, times: Timings, file: &Path) -> Self {
         Self { times: Some((times, file.to_owned())), ..self }
     }
 
-    /// Measures every iteration with this estimator, at fixed counts, and keeps the noise of each pixel.
+    /// Measures every iteration with this estimator, at fixed path counts, and keeps the noise of each pixel.
     #[must_use]
     pub fn measure_always(self, estimator: Measure) -> Self {
         Self { schedule: MeasureSchedule::always(estimator), pixel_noise: true, ..self }
     }
 
-    /// Keeps the noise of each pixel instead of that of each tile, for
-    /// [`coefficients`](RenderResult::noise_image); counts are then equal in all pixels.
+    /// Keeps the noise of each pixel instead of each tile, for [`RenderResult::noise_image`]. Path counts are then equal
+    /// in every pixel.
     #[must_use]
     pub fn pixel_noise(self, pixel_noise: bool) -> Self {
         Self { pixel_noise, ..self }
     }
 
-    /// Renders at least this many iterations, whatever the time.
+    /// Renders at least this many iterations, even if the time is over.
     #[must_use]
     pub fn at_least(self, iterations: u64) -> Self {
-        Self { least_iterations: iterations, ..self }
+        Self { min_iterations: iterations, ..self }
     }
 
     /// Accumulates these layers beside the image.
@@ -239,7 +240,7 @@ impl RenderJob {
         Self { aovs, ..self }
     }
 
-    /// Denoises the image. Time and error of [`Self::stop`] are then about the denoised image.
+    /// Denoises the image. The conditions of [`Self::stop`] then apply to the denoised image.
     #[must_use]
     pub fn denoise(self, denoise: bool) -> Self {
         Self { denoise, ..self }
@@ -265,16 +266,18 @@ impl RenderJob {
         self.run(|_| ControlFlow::Continue(()))
     }
 
-    /// Renders; `observer` sees what happens and may end the job.
+    /// Renders, and reports events to `observer`, which may end the job.
     ///
     /// # Errors
-    /// If settings are invalid or contradict what the job begins with, the memory does not suffice, one iteration
-    /// would take far longer than the time, or the denoiser fails.
+    /// - if settings are invalid, or differ from those of the plan or checkpoint;
+    /// - if the memory does not suffice;
+    /// - if one iteration would take far longer than the time;
+    /// - if the denoiser fails.
     pub fn run(self, observer: impl FnMut(Event) -> ControlFlow<()>) -> Result<RenderResult> {
         self.run_on(&SingleProcess, observer)
     }
 
-    /// Renders as rank 0 of several processes, which decides; the others [`follow`](Self::follow).
+    /// Renders as rank 0 of several processes, which leads the others. They [`follow`](Self::follow).
     ///
     /// # Errors
     /// As [`Self::run`], and if another process has another scene or version.
@@ -311,7 +314,8 @@ impl RenderJob {
         if is_automatic && matches!(self.start, Start::New) {
             let free = self.chosen_parameters();
             let _ = observer(Event::Choosing(free, &provenance));
-            let chosen = threads.install(|| technique::choose(&renderer, free, end(&stop)))?;
+            let chosen =
+                threads.install(|| technique::choose(&renderer, free, pilot_end(&stop)))?;
             provenance.settings = chosen.apply(&provenance.settings);
             stop.bias2 = chosen.best().bias.powi(2);
             let settings = provenance.settings.clone();
@@ -321,7 +325,7 @@ impl RenderJob {
         if let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(&provenance)) {
             let check = || {
                 let settings = &provenance.settings;
-                check_time(&scene, &accel, settings, time, (self.least_iterations, &counts))
+                check_time(&scene, &accel, settings, time, (self.min_iterations, &counts))
             };
             if let Some(warning) = threads.install(check)? {
                 let _ = observer(Event::Warning(warning));
@@ -333,7 +337,7 @@ impl RenderJob {
         if let Some(iterations) = &iterations {
             renderer.assign(iterations.assigned.clone());
         }
-        let times = self.fitting_times(&provenance)?;
+        let times = self.time_model(&provenance)?;
         let policy = self.policy(
             &mut renderer,
             (&mut stop, selection.as_ref()),
@@ -354,7 +358,7 @@ impl RenderJob {
             is_automatic,
             selection,
             denoising,
-            whole: iterations.map(|iterations| iterations.whole),
+            sharded: iterations.map(|iterations| iterations.sharded),
             regions: scene.regions.clone(),
             totals: Totals::default(),
             status: Status::default(),
@@ -362,12 +366,12 @@ impl RenderJob {
             exchanged: Exchanged::new(ranks.count()),
             interrupt: self.interrupt,
             threads,
-            clock: RunClock::new(start, self.least_iterations),
+            clock: RunClock::new(start, self.min_iterations),
         };
         iterate::run(state, leader, &mut observer)
     }
 
-    /// Renders as any but rank 0 of several processes, until rank 0 has no more work for it.
+    /// Renders as a rank other than 0 of several processes, until rank 0 has no more work for it.
     ///
     /// # Errors
     /// As [`Self::run_on`].
@@ -376,44 +380,44 @@ impl RenderJob {
         worker::follow(ranks, prepared, &self.interrupt)
     }
 
-    /// Resolves settings, builds the acceleration structure, and checks that both fit what the job begins with.
+    /// Resolves settings, builds the acceleration structure, and checks both against the plan or checkpoint.
     fn prepare(&mut self) -> Result<Prepared> {
         let threads = match self.threads.take() {
             Some(threads) => threads,
             None => Arc::new(thread_pool(0)?),
         };
         let scene = Arc::clone(&self.scene);
-        let begun = match &self.start {
+        let earlier = match &self.start {
             Start::New => None,
             Start::Plan { made_by, file, .. } => Some((made_by, file, Reuse::Plan)),
             Start::Checkpoint { checkpoint, file } => {
-                Some((&checkpoint.origin, file, Reuse::Resume))
+                Some((&checkpoint.provenance, file, Reuse::Resume))
             }
         };
-        // A resumed image has its own settings; settings that agree with them do no harm.
-        let defaults = match begun {
+        // An image that is continued has its own settings. Settings that agree with them are accepted.
+        let defaults = match earlier {
             Some((made_by, ..)) => Cow::Owned((&made_by.settings).into()),
             None => Cow::Borrowed(&self.scene_settings),
         };
         let settings = Settings::resolve(&self.settings, &defaults, scene.size())?;
-        let begun_backend = begun.and_then(|(made_by, ..)| Backend::named(&made_by.backend));
+        let earlier_backend = earlier.and_then(|(made_by, ..)| Backend::named(&made_by.backend));
         let start = Instant::now();
         let (backend, accel) = match self.accel.take() {
             Some((backend, accel)) => (backend, accel),
             None => {
-                let backend = self.backend.or(begun_backend).unwrap_or_default();
+                let backend = self.backend.or(earlier_backend).unwrap_or_default();
                 (backend, threads.install(|| backend::build(backend, &scene))?)
             }
         };
         let build_time = start.elapsed();
         let provenance = provenance(&scene, backend, settings);
-        if let Some((made_by, file, reuse)) = begun {
+        if let Some((made_by, file, reuse)) = earlier {
             made_by.check_agrees(&provenance, reuse).map_err(|e| e.at(file))?;
         }
         Ok(Prepared { scene, accel, threads, provenance, build_time })
     }
 
-    /// Whether the counts are chosen while rendering.
+    /// Returns true if the path counts are chosen during the render.
     fn is_automatic(&self) -> bool {
         match &self.start {
             Start::Plan { .. } => false,
@@ -446,7 +450,7 @@ impl RenderJob {
             return free;
         }
         let fixed = &self.settings;
-        // Known times are those of the settings that they were measured with.
+        // Known times hold only for the settings that they were measured with.
         let any = self.times.is_none();
         let radius = any && fixed.radius.is_none();
         let caustic_radius = any && fixed.caustic_radius.is_none();
@@ -456,8 +460,8 @@ impl RenderJob {
             radius,
             caustic_radius,
             guide: any && fixed.guide.is_none(),
-            // An image at radii that the user chose is merged at these radii. A denoiser takes the image as it was
-            // merged, fold by fold.
+            // At radii that the user chose, the image keeps its bias. The denoiser needs the uncorrected image of
+            // each fold.
             bias: (radius || caustic_radius) && fixed.bias.is_none() && !self.denoise,
         }
     }
@@ -477,18 +481,18 @@ impl RenderJob {
         let Some(shard) = self.shard else { return Ok(None) };
         if is_automatic {
             return Err(Error::new(
-                "shards cannot choose their counts: all must use the same",
-                "fix the number of iterations, or use the plan of an image that chose its counts",
+                "parts of an image cannot choose their path counts, which must be equal",
+                "fix the number of iterations, or use the plan of an image that chose its path counts",
             ));
         }
-        let begun = match &self.start {
-            Start::Checkpoint { checkpoint, .. } => checkpoint.whole,
+        let earlier = match &self.start {
+            Start::Checkpoint { checkpoint, .. } => checkpoint.sharded,
             _ => None,
         };
-        shard.iterations(stop.iterations, begun).map(Some)
+        shard.iterations(stop.iterations, earlier).map(Some)
     }
 
-    /// The counts of all iterations, if they are the same and their number is open.
+    /// The path counts of all iterations, if they are equal and the number of iterations is open.
     fn fixed_counts(&self, provenance: &Provenance) -> Option<Counts> {
         let Settings { light_paths, camera_paths, .. } = provenance.settings;
         match self.planned() {
@@ -499,7 +503,7 @@ impl RenderJob {
         }
     }
 
-    /// Layers to accumulate: those that are asked for and those that the denoiser needs.
+    /// Layers to accumulate: the selected ones and those that the denoiser needs.
     fn kept_aovs(&self) -> AovSelection {
         let AovSelection { features, folds, .. } = self.aovs;
         AovSelection {
@@ -520,7 +524,7 @@ impl RenderJob {
         Ok(BatchGrain::Pixel)
     }
 
-    /// The policy of counts; lets the renderer go on where a checkpoint ends.
+    /// The policy for path counts. If the job resumes a checkpoint, hands its sums to the renderer.
     fn policy(
         &mut self,
         renderer: &mut Renderer,
@@ -548,7 +552,7 @@ impl RenderJob {
             (None, None, Some(state)) => Autopilot::resume(*stop, state),
             (None, None, None) => return Ok(CountPolicy::Fixed(self.schedule)),
         };
-        // Coefficients of single pixels are kept for one pair of counts.
+        // Coefficients of single pixels belong to one pair of path counts.
         let autopilot = if self.pixel_noise { autopilot.uniform() } else { autopilot };
         let autopilot = match times {
             Some(times) => autopilot.with_times(times),
@@ -558,14 +562,14 @@ impl RenderJob {
     }
 
     /// The model of known times, if they belong to this scene and these settings.
-    fn fitting_times(&self, provenance: &Provenance) -> Result<Option<TimeModel>> {
+    fn time_model(&self, provenance: &Provenance) -> Result<Option<TimeModel>> {
         let Some((times, file)) = &self.times else { return Ok(None) };
         let Settings { width, height, .. } = provenance.settings;
         times.check_fits(&provenance.to_metadata(), width, height).map_err(|e| e.at(file))?;
         Ok(Some(times.model))
     }
 
-    /// Refuses a checkpoint that cannot become what is asked for.
+    /// Refuses a checkpoint that lacks statistics of the job, or has too many iterations.
     fn check_resumed(
         &self,
         checkpoint: &Checkpoint,
@@ -577,7 +581,7 @@ impl RenderJob {
         if let Some(wanted) = stop.iterations.filter(|wanted| *wanted < done) {
             return Err(Error::new(
                 format!("the checkpoint holds {done} iterations, more than {wanted}"),
-                format!("render {done} iterations or more, or until a time is over"),
+                format!("render at least {done} iterations, or set a time instead"),
             ));
         }
         let by_tile = |block: &Block| {
@@ -586,13 +590,13 @@ impl RenderJob {
         if self.pixel_noise && blocks.iter().any(by_tile) {
             return Err(Error::new(
                 "the checkpoint lacks the noise of single pixels",
-                "resume without a noise file, or start again with it",
+                "resume without a noise file, or start a new image",
             ));
         }
         iterations.map_or(Ok(()), |iterations| iterations.check_holds(blocks))
     }
 
-    /// Refuses layers that a checkpoint did not keep.
+    /// Refuses a checkpoint that lacks layers of the job.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
         let lacks = if self.denoise && !kept.folds {
             "the folds for the denoiser"
@@ -603,13 +607,13 @@ impl RenderJob {
         };
         Err(Error::new(
             format!("the checkpoint lacks {lacks}"),
-            "resume without them, or start again with them",
+            "resume without them, or start a new image",
         ))
     }
 }
 
-/// What the pilot aims at.
-fn end(stop: &Stop) -> End {
+/// Target of the pilot.
+fn pilot_end(stop: &Stop) -> End {
     match (stop.time, stop.error, stop.target) {
         (Some(time), _, _) => End::Time(time.as_secs_f64()),
         (None, Some(error), _) => End::Error(error),
@@ -629,7 +633,7 @@ pub fn thread_pool(threads: usize) -> Result<ThreadPool> {
         .map_err(|e| Error::new(format!("cannot start the threads: {e}"), "use fewer threads"))
 }
 
-/// How this version of the program makes an image of a scene.
+/// Provenance of an image of the scene by this version of the program.
 pub fn provenance(scene: &Scene, backend: Backend, settings: Settings) -> Provenance {
     Provenance {
         version: env!("CARGO_PKG_VERSION").into(),
@@ -640,18 +644,19 @@ pub fn provenance(scene: &Scene, backend: Backend, settings: Settings) -> Proven
     }
 }
 
-/// Refuses counts at which noise cannot be measured: coefficients are about pairs of paths of the same kind.
+/// Refuses path counts at which noise cannot be measured: coefficients need two paths of each kind.
 ///
 /// # Errors
 /// If there is only one light path, or one camera path per pixel.
 pub fn check_measurable(settings: &Settings) -> Result<()> {
-    for (count, what) in
-        [(settings.light_paths, "light path"), (settings.camera_paths, "camera path per pixel")]
-    {
+    for (count, singular, plural) in [
+        (settings.light_paths, "light path", "light paths"),
+        (settings.camera_paths, "camera path per pixel", "camera paths per pixel"),
+    ] {
         if count < 2 {
             return Err(Error::new(
-                format!("cannot measure the noise with {count} {what}"),
-                format!("use 2 or more {what}s; the result predicts the noise at 1 as well"),
+                format!("cannot measure the noise with {count} {singular}"),
+                format!("use at least 2 {plural}; the result predicts the noise at 1 as well"),
             ));
         }
     }

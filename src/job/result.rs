@@ -13,7 +13,7 @@ use crate::output::layers::LayerSelection;
 use crate::render::bias::MergeBias;
 use serde::Serialize;
 
-/// An image with its error, and how it was made.
+/// An image with its error and its plan.
 pub struct RenderResult {
     /// Width and height, pixels.
     pub resolution: (u32, u32),
@@ -22,15 +22,15 @@ pub struct RenderResult {
     /// Error of the image relative to each pixel's luminance; `None` for a pooled objective, before the noise is
     /// known, or if the merge bias is not known.
     pub error: Option<RelativeError>,
-    /// RMS of the noise, pooled over all pixels, as luminance, W/(m^2 sr), and its standard error.
+    /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels, and its standard error.
     pub rms: Option<(f64, f64)>,
-    /// Merge bias as nested radii show it, unless it was corrected.
+    /// Merge bias, estimated from nested radii; `None` if the image is corrected.
     pub merge_bias: Option<MergeBias>,
-    /// Counts, number and weight of all iterations: a job with this plan and seed renders the same image.
+    /// Path counts, number and weight of all iterations. A job with this plan and seed renders the same image.
     pub plan: Plan,
-    /// Why rendering ended.
+    /// Reason for the end of the render.
     pub stopped_by: StoppedBy,
-    /// Everything else: sums, technique, promise, denoiser, history.
+    /// Sums, technique, promise, denoiser and history.
     pub state: RenderState,
 }
 
@@ -39,9 +39,9 @@ pub struct RenderResult {
 pub struct RelativeError {
     /// Noise and bias together.
     pub total: f64,
-    /// The part that is noise.
+    /// Noise alone.
     pub noise: f64,
-    /// The part that is merge bias: as the pilot estimated it, or as the image shows it where bias is corrected.
+    /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected.
     pub bias: f64,
 }
 
@@ -55,7 +55,7 @@ impl RenderResult {
             let rms = variance.sqrt();
             (rms, 0.5 * error / rms)
         });
-        // Bias that stands out from the noise is corrected already where the image is corrected.
+        // A corrected image has no bias left that exceeds the noise.
         let merge_bias = match image.bias_correction() {
             None => MergeBias::new(blocks, &image),
             Some(_) => None,
@@ -68,22 +68,22 @@ impl RenderResult {
             None => image.mean(),
         };
         drop(image);
-        // A failure of the denoiser loses neither the image nor what was asked for beside it.
+        // If the denoiser fails, the image and its layers are still returned.
         if let (Err(error), Some(denoising)) = (denoised, &mut state.denoising) {
             denoising.failure = Some(error);
         }
         Ok(Self { resolution, image: pixels, error, rms, merge_bias, plan, stopped_by, state })
     }
 
-    /// The technique that the pilot chose with the others that it compared, if it ran.
+    /// The technique that the pilot chose, and the others that it compared, if it ran.
     pub fn selection(&self) -> Option<&Selection> {
         self.state.selection.as_ref()
     }
 
-    /// Layers beside the image, as far as the job accumulated them; the denoised image with its error among them.
+    /// Selected layers that the job accumulated, and the denoised image with its error.
     pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
         let image = self.state.image();
-        let mut layers = selection.of(self.state.renderer.shared(), &image, &image.mean());
+        let mut layers = selection.layers(self.state.renderer.shared(), &image, &image.mean());
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         layers
     }

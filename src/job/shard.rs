@@ -2,7 +2,7 @@
 
 use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
-use crate::output::checkpoint::Whole;
+use crate::output::checkpoint::ShardedImage;
 use crate::render::block::Block;
 use std::fmt;
 use std::str::FromStr;
@@ -10,9 +10,9 @@ use std::str::FromStr;
 /// One of several shards of an image, written as `3/16`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// From 1.
+    /// Number of this shard, from 1.
     number: u32,
-    /// Number of shards.
+    /// Number of all shards.
     of: u32,
 }
 
@@ -25,7 +25,7 @@ impl FromStr for Shard {
         });
         parsed.filter(|shard| (1..=shard.of).contains(&shard.number)).ok_or_else(|| {
             let problem = format!("`{text}` is not a part of an image");
-            Error::new(problem, "give the part's number and how many there are, such as 1/16")
+            Error::new(problem, "give the number of the part and the number of parts, such as 1/16")
         })
     }
 }
@@ -39,26 +39,26 @@ impl fmt::Display for Shard {
 /// The iterations of a shard.
 pub(super) struct ShardIterations {
     shard: Shard,
-    pub whole: Whole,
+    pub sharded: ShardedImage,
     pub assigned: IterationSet,
 }
 
 impl Shard {
-    /// Its iterations of the image's, or of those that it was begun for.
+    /// The iterations of this shard: of an image of `iterations` iterations, or of the image that was started before.
     pub(super) fn iterations(
         self,
         iterations: Option<u64>,
-        begun: Option<Whole>,
+        begun: Option<ShardedImage>,
     ) -> Result<ShardIterations> {
         let of = self.of;
-        if let Some(begun) = begun.filter(|begun| begun.parts != of) {
-            let problem = format!("the checkpoint is one of {} parts, not of {of}", begun.parts);
-            return Err(Error::new(problem, "resume the part with the numbers it was begun with"));
+        if let Some(begun) = begun.filter(|begun| begun.shards != of) {
+            let problem = format!("the checkpoint is one of {} parts, not of {of}", begun.shards);
+            return Err(Error::new(problem, "resume the part with its own numbers"));
         }
         let iterations = iterations.or(begun.map(|begun| begun.iterations)).ok_or_else(|| {
             let advice =
                 "give the number of iterations of all parts together, or the plan of an image";
-            Error::new("parts of an image take a known number of iterations", advice)
+            Error::new("parts of an image need a fixed number of iterations", advice)
         })?;
         if let Some(begun) = begun.filter(|begun| begun.iterations != iterations) {
             let problem = format!(
@@ -67,20 +67,20 @@ impl Shard {
             );
             return Err(Error::new(
                 problem,
-                "give the number of iterations that it was begun with",
+                "give the number of iterations that the image was started with",
             ));
         }
         if iterations < of.into() {
             let problem = format!("{iterations} iterations are fewer than {of} parts");
-            return Err(Error::new(problem, "render in fewer parts, or more iterations"));
+            return Err(Error::new(problem, "use fewer parts or more iterations"));
         }
-        let whole = Whole { iterations, parts: of };
-        Ok(ShardIterations { shard: self, whole, assigned: whole.part(self.number - 1) })
+        let sharded = ShardedImage { iterations, shards: of };
+        Ok(ShardIterations { shard: self, sharded, assigned: sharded.shard(self.number - 1) })
     }
 }
 
 impl ShardIterations {
-    /// Refuses to go on with iterations of other shards.
+    /// Refuses a checkpoint with iterations of other shards.
     pub fn check_holds(&self, blocks: &[Block]) -> Result<()> {
         let held =
             blocks.iter().fold(IterationSet::default(), |all, block| all.with(&block.numbers));
@@ -89,7 +89,10 @@ impl ShardIterations {
             return Ok(());
         }
         Err(Error::new(
-            format!("the checkpoint holds iterations {others}, which part {} has not", self.shard),
+            format!(
+                "the checkpoint holds iterations {others}, which are not in part {}",
+                self.shard
+            ),
             "resume each part from its own checkpoint",
         ))
     }

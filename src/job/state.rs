@@ -1,4 +1,4 @@
-//! A render under way.
+//! State of a job during and after the render.
 
 use super::denoising::Denoising;
 use crate::adaptive::autopilot::Promise;
@@ -7,7 +7,7 @@ use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importan
 use crate::adaptive::technique::Selection;
 use crate::base::error::Result;
 use crate::film::PhaseTimes;
-use crate::output::checkpoint::{Checkpoint, Whole};
+use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use crate::render::block::{Block, CombinedImage};
 use crate::render::{IterationReport, Renderer};
@@ -20,19 +20,19 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// Relative growth of the time between two values that are remembered.
-const REMEMBER_EVERY: f64 = 1.02;
+/// Ratio of the times of two values of the history.
+const HISTORY_GROWTH: f64 = 1.02;
 
-/// Longest time between two estimates of the whole image's noise, seconds.
-const ESTIMATE_EVERY: f64 = 0.5;
+/// Maximum time between two estimates of the noise of the image, seconds.
+const MAX_ESTIMATE_PAUSE: f64 = 0.5;
 
-/// Share of the elapsed time between two estimates, while that is shorter.
-const ESTIMATE_AFTER: f64 = 0.02;
+/// Time between two estimates relative to the elapsed time, up to the maximum.
+const ESTIMATE_PAUSE_SHARE: f64 = 0.02;
 
-/// Share of the time that these estimates may take, since each is a pass over the image.
+/// Maximum share of these estimates in the time. Each is a pass over the image.
 const ESTIMATE_COST: f64 = 0.05;
 
-/// What a job knows while it renders and when it has rendered.
+/// The image of a job, its progress and its statistics, during and after the render.
 pub struct RenderState {
     /// How the image is made: version, scene, backend and the chosen settings.
     pub provenance: Provenance,
@@ -42,28 +42,28 @@ pub struct RenderState {
     pub build_time: Duration,
     /// The sums of the image.
     pub renderer: Renderer,
-    /// Who decides about counts.
+    /// The policy for path counts.
     pub policy: CountPolicy,
-    /// When to stop, with the merge bias as far as it is known.
+    /// Stop conditions, with the latest estimate of the merge bias.
     pub stop: Stop,
-    /// Whether counts are chosen while rendering.
+    /// True if path counts are chosen during the render.
     pub is_automatic: bool,
-    /// What the pilot chose, if it ran.
+    /// The choice of the pilot, if it ran.
     pub selection: Option<Selection>,
-    /// What this run has done.
+    /// Work of this run.
     pub totals: Totals,
-    /// Where the image stands.
+    /// Progress of the image.
     pub status: Status,
-    /// How the noise fell, at times that grow by 2 %.
+    /// Noise of the image at times that grow by 2 %.
     pub history: Vec<NoiseAt>,
     /// The denoiser, if the image is denoised, and its latest result.
     pub denoising: Option<Denoising>,
-    /// What several processes exchanged.
+    /// Exchange between several processes.
     pub exchanged: Exchanged,
     /// Rendering time of earlier runs, seconds.
     pub earlier: f64,
-    /// The image of which this is a shard, if it is one.
-    pub whole: Option<Whole>,
+    /// Size of the whole image, if this job renders a shard.
+    pub sharded: Option<ShardedImage>,
     /// The scene's named regions, for files.
     pub regions: Vec<Region>,
     pub(super) threads: Arc<ThreadPool>,
@@ -71,13 +71,13 @@ pub struct RenderState {
     pub(super) clock: RunClock,
 }
 
-/// Times of a run, and what was forecast of them.
+/// Times of a run and their forecasts.
 pub(super) struct RunClock {
-    /// With the pilot.
+    /// Start of the job, before the pilot.
     start: Instant,
     first_iteration: Instant,
-    least_iterations: u64,
-    /// At times that grow by 2 %.
+    min_iterations: u64,
+    /// Forecasts at times that grow by 2 %.
     forecasts: Vec<TimeForecast>,
     /// Time of the latest estimate of the noise, seconds, and its duration.
     last_estimate: f64,
@@ -85,22 +85,22 @@ pub(super) struct RunClock {
 }
 
 impl RunClock {
-    /// A clock of a run that began at `start` and begins to iterate now.
-    pub fn new(start: Instant, least_iterations: u64) -> Self {
+    /// A clock for a run that started at `start` and renders its first iteration now.
+    pub fn new(start: Instant, min_iterations: u64) -> Self {
         let (first_iteration, forecasts) = (Instant::now(), Vec::new());
         let (last_estimate, estimate_time) = (0.0, 0.0);
-        Self { start, first_iteration, least_iterations, forecasts, last_estimate, estimate_time }
+        Self { start, first_iteration, min_iterations, forecasts, last_estimate, estimate_time }
     }
 }
 
-/// Where an image stands after an iteration.
+/// Progress of an image after an iteration.
 #[derive(Clone, Debug, Default)]
 pub struct Status {
     /// Iterations of the image.
     pub iterations: u64,
     /// Latest estimate of noise and bias.
     pub convergence: Option<Convergence>,
-    /// Noise and time at the end, once they can be foretold.
+    /// Forecast of noise and time at the end, once it is known.
     pub forecast: Option<Forecast>,
 }
 
@@ -135,7 +135,7 @@ pub struct TimeForecast {
 pub struct NoiseAt {
     /// Rendering time of this run, seconds.
     pub seconds: f64,
-    /// Relative variance, of each pixel's luminance or of the mean, as the objective has it.
+    /// Variance relative to the squared luminance of each pixel or of the mean, by the objective.
     pub noise2: f64,
 }
 
@@ -144,7 +144,7 @@ pub struct NoiseAt {
 pub struct Exchanged {
     /// Number of processes.
     pub ranks: u32,
-    /// Time until the others had done their part.
+    /// Time until the other processes were done.
     pub waiting: Duration,
     /// Time until their sums were added.
     pub adding: Duration,
@@ -190,7 +190,7 @@ impl RenderState {
         &self.threads
     }
 
-    /// Time since rendering began, with the pilot.
+    /// Time since the start of the job, including the pilot.
     pub fn elapsed(&self) -> Duration {
         self.clock.start.elapsed()
     }
@@ -220,15 +220,15 @@ impl RenderState {
         self.with_denoiser(|denoising, renderer, image| denoising.preview(renderer, image))
     }
 
-    /// All that it takes to resume this render.
+    /// The state from which a later job can resume.
     pub fn checkpoint(&self) -> Checkpoint<'_> {
         Checkpoint {
-            origin: self.provenance.clone(),
+            provenance: self.provenance.clone(),
             blocks: Cow::Borrowed(self.renderer.blocks()),
             shared: Cow::Borrowed(self.renderer.shared()),
             autopilot: self.policy.state(self.elapsed().as_secs_f64()),
             plan: self.policy.plan().cloned(),
-            whole: self.whole,
+            sharded: self.sharded,
             regions: self.regions.clone(),
         }
     }
@@ -238,7 +238,7 @@ impl RenderState {
         best_measured(self.renderer.blocks())
     }
 
-    /// The forecast of the time that was made when half of it had passed.
+    /// The forecast of the time that was made at half of the time.
     pub fn half_way(&self) -> Option<TimeForecast> {
         let took = self.clock.start.elapsed().as_secs_f64();
         let half =
@@ -246,7 +246,7 @@ impl RenderState {
         Some(TimeForecast { took, ..*half })
     }
 
-    /// Estimates noise and bias of the image now, which takes a pass over it.
+    /// Estimates noise and bias of the image. This takes a pass over the image.
     pub fn estimate(&mut self) {
         let elapsed = self.elapsed().as_secs_f64();
         self.clock.last_estimate = elapsed;
@@ -258,15 +258,16 @@ impl RenderState {
         });
         self.clock.estimate_time = entered.elapsed().as_secs_f64();
         if convergence.variance.is_none() && self.status.convergence.is_some() {
-            return; // A block's first iteration: the estimate before is the better one.
+            return; // After the first iteration of a block, the previous estimate is the better one.
         }
         self.stop = convergence.with_measured_bias(&self.stop);
-        let each = self.policy.iteration_time(&self.renderer, self.totals.iterations, elapsed);
+        let iteration_time =
+            self.policy.iteration_time(&self.renderer, self.totals.iterations, elapsed);
         self.status.forecast =
-            convergence.per_iteration.zip(each).and_then(|(variance, iteration_time)| {
+            convergence.per_iteration.zip(iteration_time).and_then(|(variance, iteration_time)| {
                 convergence.forecast(&self.stop, variance, iteration_time, elapsed)
             });
-        self.remember(&convergence, elapsed);
+        self.record_history(&convergence, elapsed);
         self.status.convergence = Some(convergence);
     }
 
@@ -278,41 +279,42 @@ impl RenderState {
         self.interrupt.load(Ordering::Relaxed)
     }
 
-    /// [`Self::estimate`], but not so often that it takes a notable part of the time.
+    /// Calls [`Self::estimate`] at intervals, so that it takes little of the time.
     pub(super) fn estimate_if_due(&mut self) {
         self.status.iterations = self.renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
-        let pause = ESTIMATE_EVERY.min(ESTIMATE_AFTER * elapsed);
+        let pause = MAX_ESTIMATE_PAUSE.min(ESTIMATE_PAUSE_SHARE * elapsed);
         if elapsed >= self.clock.last_estimate + pause.max(self.clock.estimate_time / ESTIMATE_COST)
         {
             self.estimate();
         }
     }
 
-    /// Why no further iteration is to be begun, if so.
+    /// The reason to stop before the next iteration, if there is one.
     pub(super) fn finished(&self) -> Option<StoppedBy> {
         let Stop { iterations, time, .. } = self.stop;
         let done = self.totals.iterations;
         if iterations.is_some_and(|wanted| self.renderer.iterations() >= wanted) {
             return Some(StoppedBy::Iterations);
         }
-        if done < self.clock.least_iterations {
+        if done < self.clock.min_iterations {
             return None;
         }
         let convergence = self.status.convergence.as_ref();
         if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
             return Some(StoppedBy::Target);
         }
-        // An iteration that would end past the time by more than half of its own is not begun.
+        // Stop if more than half of the next iteration would be after the end of the time.
         let elapsed = self.elapsed().as_secs_f64();
         // theory.md (92)
-        let each = self.clock.first_iteration.elapsed().as_secs_f64() / done.max(1) as f64;
-        let half = 0.5 * each * f64::from(self.exchanged.ranks);
+        let iteration_time =
+            self.clock.first_iteration.elapsed().as_secs_f64() / done.max(1) as f64;
+        let half = 0.5 * iteration_time * f64::from(self.exchanged.ranks);
         let is_over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
         is_over.then_some(StoppedBy::Time)
     }
 
-    /// Estimates the error of the denoised image if that is due. Returns it with whether it is small enough to stop.
+    /// Estimates the error of the denoised image if that is due. Returns the error, and true if it reaches the target.
     pub(super) fn denoised_error(&mut self) -> Result<Option<(ErrorSummary, bool)>> {
         let (elapsed, stop) = (self.elapsed(), self.stop);
         let iterations = self.renderer.iterations();
@@ -321,7 +323,7 @@ impl RenderState {
         }
         let suffices = self.with_denoiser(|denoising, renderer, image| {
             denoising.denoise(renderer, image)?;
-            Ok(denoising.reaches(elapsed, &stop))
+            Ok(denoising.check_target(elapsed, &stop))
         })?;
         let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
         Ok(error.zip(suffices))
@@ -344,16 +346,16 @@ impl RenderState {
         done.map(Some)
     }
 
-    fn remember(&mut self, convergence: &Convergence, elapsed: f64) {
+    fn record_history(&mut self, convergence: &Convergence, elapsed: f64) {
         let last = self.history.last().map_or(0.0, |last| last.seconds);
         if let Some(noise2) = convergence.relative_variance(self.stop.objective)
-            && elapsed > last * REMEMBER_EVERY
+            && elapsed > last * HISTORY_GROWTH
         {
             self.history.push(NoiseAt { seconds: elapsed, noise2 });
         }
         let last = self.clock.forecasts.last().map_or(0.0, |last| last.said_after);
         if let Some(forecast) = self.status.forecast
-            && elapsed > last * REMEMBER_EVERY
+            && elapsed > last * HISTORY_GROWTH
         {
             let seconds = elapsed + forecast.seconds;
             self.clock.forecasts.push(TimeForecast { said_after: elapsed, seconds, took: 0.0 });

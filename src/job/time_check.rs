@@ -1,4 +1,4 @@
-//! Whether anything can be rendered in the time that is given.
+//! Checks that the given time suffices for an iteration.
 
 use crate::accel::Intersect;
 use crate::adaptive::time_probe;
@@ -9,17 +9,17 @@ use crate::settings::Settings;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Factor over the given time from which on an iteration is refused.
-const FAR_OVER: f64 = 4.0;
+/// Ratio of the estimated to the given time above which a job is refused.
+const MAX_OVER: f64 = 4.0;
 
-/// Factor over the given time from which on there is a warning.
-const OVER: f64 = 1.5;
+/// Ratio of the estimated to the given time above which the job warns.
+const WARN_OVER: f64 = 1.5;
 
-/// Times below this count as this, seconds: a time of 0 asks for the shortest render possible.
-const SHORTEST_TIME: f64 = 1.0;
+/// Minimum time for the comparison, seconds: a time of 0 requests the shortest possible render.
+const MIN_TIME: f64 = 1.0;
 
-/// Estimates by a short measurement how long the `least` number of iterations at these counts takes. Returns a warning
-/// if that is notably longer than `time`.
+/// Estimates by a short measurement the time of `min_iterations` iterations at these path counts. Returns a warning if
+/// it is notably longer than `time`.
 ///
 /// # Errors
 /// If it is more than 4 times as long, or the measurement fails.
@@ -28,27 +28,27 @@ pub fn check_time(
     accel: &Arc<dyn Intersect>,
     settings: &Settings,
     time: Duration,
-    (least, counts): (u64, &Counts),
+    (min_iterations, counts): (u64, &Counts),
 ) -> Result<Option<String>> {
-    let times = time_probe::least_times(scene, accel, settings)?;
+    let times = time_probe::min_times(scene, accel, settings)?;
     let (light, camera) = (counts.light_paths, counts.camera_paths.mean());
-    let seconds = least as f64 * times.iteration(light.into(), camera);
-    let over = seconds / time.as_secs_f64().max(SHORTEST_TIME);
-    if over < OVER {
+    let seconds = min_iterations as f64 * times.iteration(light.into(), camera);
+    let over = seconds / time.as_secs_f64().max(MIN_TIME);
+    if over < WARN_OVER {
         return Ok(None);
     }
-    let (what, take) = match least {
+    let (what, take) = match min_iterations {
         1 => ("one iteration".into(), "takes"),
-        _ => (format!("the first {least} iterations"), "take"),
+        _ => (format!("the first {min_iterations} iterations"), "take"),
     };
     let problem = format!(
         "{what} of {light} light paths and {camera} camera paths per pixel {take} about {seconds:.1} s, longer \
          than the time of {:.1} s",
         time.as_secs_f64()
     );
-    let advice = "lower the camera paths, the light paths or the resolution, or allow more time; a number of \
-                  iterations instead of a time takes as long as it takes";
-    if over >= FAR_OVER {
+    let advice = "use fewer camera paths, fewer light paths or a lower resolution, allow more time, or set a number \
+                  of iterations instead";
+    if over >= MAX_OVER {
         return Err(Error::new(problem, advice));
     }
     Ok(Some(format!("{problem}\nhelp: {advice}")))

@@ -1,4 +1,4 @@
-//! A render by several processes, as all but rank 0 see it: they render what rank 0 assigns to them.
+//! The other ranks of several processes, which render the iterations that rank 0 assigns to them.
 
 use super::Prepared;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
@@ -10,7 +10,7 @@ use crate::scene::backend;
 use crate::scene::backend::Backend;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Renders assigned iterations until there are none left. An interrupt ends a round after the iteration under way.
+/// Renders assigned iterations until rank 0 ends the job. An interrupt ends a round after the current iteration.
 pub(super) fn follow(
     ranks: &dyn Ranks,
     prepared: Result<Prepared>,

@@ -2,12 +2,14 @@
 
 use super::film::BATCHES;
 use super::image::{NoiseImage, Statistic};
-use crate::settings::policy::UPPER_BOUND;
 use serde::Serialize;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Standard errors by which a bias must stand out to count as significant.
 pub const BIAS_CERTAINTY: f64 = 2.0;
+
+/// Standard errors between an estimate and the upper bound of its one-sided 90 % confidence interval.
+pub const UPPER_BOUND: f64 = 1.2816;
 
 /// Bounds of the share of the bias that is left at `1/sqrt(2)` of a radius: the bias is proportional
 /// to the squared radius, or to the radius.

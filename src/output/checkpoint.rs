@@ -1,7 +1,7 @@
-//! Checkpoints: an image under way with all that must agree for it to be continued.
+//! Checkpoints: an unfinished image with the data that is needed to continue it.
 //!
-//! A file is `magic, format version, payload (postcard), XXH3 of all before`. The checksum is
-//! verified before anything is decoded, so a damaged file is always recognized as one.
+//! A file consists of magic bytes, format version, payload (postcard) and the XXH3 checksum of these. The checksum is
+//! verified before anything is decoded, so a damaged file is always recognized.
 
 use crate::adaptive::autopilot;
 use crate::adaptive::plan::Plan;
@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
-/// Raised whenever the payload's layout changes.
+/// Version of the payload's layout. Increase it with every change.
 const FORMAT: u32 = 11;
 
 /// Bytes before the payload.
@@ -32,95 +32,95 @@ const HEADER: usize = MAGIC.len() + size_of::<u32>();
 /// Bytes after the payload.
 const TRAILER: usize = size_of::<u64>();
 
-/// An image under way.
+/// An unfinished image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint<'a> {
-    /// What it was made of.
-    pub origin: Provenance,
-    /// Its sums.
+    /// Version, scene, backend and settings.
+    pub provenance: Provenance,
+    /// Sums of the blocks.
     pub blocks: Cow<'a, [Block]>,
     /// Statistics over all blocks.
     pub shared: Cow<'a, SharedStatistics>,
-    /// How far the choice of counts has come, if it is automatic.
+    /// State of the choice of path counts, if it is automatic.
     pub autopilot: Option<autopilot::AutopilotState>,
-    /// What was to be rendered step by step, if that is known.
+    /// The plan, if the image has one.
     pub plan: Option<Plan>,
-    /// What it is a part of, if it is.
-    pub whole: Option<Whole>,
+    /// Size of the whole image, if this is a shard.
+    pub sharded: Option<ShardedImage>,
     /// The scene's named regions.
     pub regions: Vec<Region>,
 }
 
-/// An image that is rendered in parts.
+/// An image whose iterations are split into shards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Whole {
-    /// Its iterations.
+pub struct ShardedImage {
+    /// Number of iterations of the image.
     pub iterations: u64,
-    /// How many parts.
-    pub parts: u32,
+    /// Number of shards.
+    pub shards: u32,
 }
 
-impl Whole {
-    /// IterationSet of the iterations of a part, by its index.
+impl ShardedImage {
+    /// The iterations of a shard, by its index.
     ///
     /// # Panics
-    /// Unless there are more parts than that.
-    pub fn part(self, index: u32) -> IterationSet {
-        IterationSet::from(0..self.iterations).share(index, self.parts)
+    /// If the index is not less than the number of shards.
+    pub fn shard(self, index: u32) -> IterationSet {
+        IterationSet::from(0..self.iterations).share(index, self.shards)
     }
 }
 
-/// A checkpoint as it is written.
+/// The payload of a file.
 #[derive(Serialize, Deserialize)]
 struct Payload<'a> {
-    origin: Cow<'a, Provenance>,
+    provenance: Cow<'a, Provenance>,
     blocks: Cow<'a, [Block]>,
     shared: Cow<'a, SharedStatistics>,
     autopilot: Option<autopilot::AutopilotState>,
     plan: Option<Cow<'a, Plan>>,
-    whole: Option<Whole>,
+    sharded: Option<ShardedImage>,
     regions: Cow<'a, [Region]>,
-    /// Times of the blocks, which only automatic counts depend on: without them, equal images have equal
-    /// checkpoints.
+    /// Times of the blocks; empty unless path counts are automatic, so that equal images have equal checkpoints.
     clocks: Vec<PhaseClock>,
 }
 
 impl<'a> Checkpoint<'a> {
-    /// Of sums at fixed counts, with nothing beside.
-    pub fn new(origin: Provenance, blocks: impl Into<Cow<'a, [Block]>>) -> Self {
+    /// A checkpoint of sums at fixed path counts, without further statistics.
+    pub fn new(provenance: Provenance, blocks: impl Into<Cow<'a, [Block]>>) -> Self {
         Self {
-            origin,
+            provenance,
             blocks: blocks.into(),
             shared: Cow::Owned(SharedStatistics::default()),
             autopilot: None,
             plan: None,
-            whole: None,
+            sharded: None,
             regions: Vec::new(),
         }
     }
 
-    /// Writes it to `path` in place of what was there. Times of iterations are kept only where the counts
+    /// Writes the checkpoint to `path`, and replaces the file there. Times of iterations are written only if path counts
     /// are chosen by them.
     ///
     /// # Errors
-    /// If the file cannot be written; names it. The old one is then still there.
+    /// If the file cannot be written; the old file is then unchanged. The error names the file.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let Self { origin, blocks, shared, autopilot, plan, whole, regions } = self;
+        let Self { provenance, blocks, shared, autopilot, plan, sharded, regions } = self;
         let clocks = match autopilot {
             Some(_) => blocks.iter().map(|block| block.clock).collect(),
             None => Vec::new(),
         };
-        let (origin, blocks) = (Cow::Borrowed(origin), Cow::Borrowed(&blocks[..]));
+        let (provenance, blocks) = (Cow::Borrowed(provenance), Cow::Borrowed(&blocks[..]));
         let shared = Cow::Borrowed(&**shared);
         let plan = plan.as_ref().map(Cow::Borrowed);
-        let (autopilot, whole, regions) = (*autopilot, *whole, Cow::Borrowed(&regions[..]));
-        let payload = Payload { origin, blocks, shared, autopilot, plan, whole, regions, clocks };
+        let (autopilot, sharded, regions) = (*autopilot, *sharded, Cow::Borrowed(&regions[..]));
+        let payload =
+            Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks };
         write_atomically(path, |to| {
             let mut hashing = Hashing { to, hash: Xxh3Default::new(), failure: None };
             hashing.write_all(&MAGIC)?;
             hashing.write_all(&FORMAT.to_le_bytes())?;
             if let Err(e) = postcard::to_io(&payload, &mut hashing) {
-                // The encoder does not say why it could not write.
+                // The encoder hides the cause of a failed write.
                 return Err(hashing.failure.unwrap_or_else(|| io::Error::other(e)));
             }
             let digest = hashing.hash.digest();
@@ -138,8 +138,8 @@ impl Checkpoint<'static> {
     /// Reads a checkpoint.
     ///
     /// # Errors
-    /// If the file cannot be read, is no checkpoint, is from another format version, or is
-    /// damaged; names it.
+    /// If the file cannot be read, is not a checkpoint, has another format version, or is damaged. The error names the
+    /// file.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = read_if_begins(path, &MAGIC)?;
         Self::decode(&bytes).map_err(|e| e.at(path))
@@ -149,13 +149,13 @@ impl Checkpoint<'static> {
         let damaged = || {
             Error::new(
                 "the checkpoint is damaged: its checksum does not match",
-                "use another copy of it, or render anew without --resume",
+                "use another copy of it, or start a new image",
             )
         };
         if !bytes.starts_with(&MAGIC) {
             return Err(Error::new(
-                "this is no checkpoint",
-                "give a file that --checkpoint has written",
+                "this is not a checkpoint",
+                "give a checkpoint that `bdpm render` wrote",
             ));
         }
         if bytes.len() < HEADER + TRAILER {
@@ -174,19 +174,21 @@ impl Checkpoint<'static> {
                 "continue it with the version of bdpm that wrote it",
             ));
         }
-        // Only a file whose checksum somebody has forged fails below.
+        // Below, only a file with a forged checksum fails.
         let (payload, rest): (Payload, _) =
             postcard::take_from_bytes(payload).map_err(|_| damaged())?;
-        let Payload { origin, blocks, shared, autopilot, plan, whole, regions, clocks } = payload;
-        let (origin, mut blocks) = (origin.into_owned(), blocks.into_owned());
+        let Payload { provenance, blocks, shared, autopilot, plan, sharded, regions, clocks } =
+            payload;
+        let (provenance, mut blocks) = (provenance.into_owned(), blocks.into_owned());
         let (plan, regions) = (plan.map(Cow::into_owned), regions.into_owned());
-        origin.settings.validate()?;
+        provenance.settings.validate()?;
         let shared: Cow<SharedStatistics> = Cow::Owned(shared.into_owned());
-        let fits = blocks.iter().all(|block| block.is_consistent(&origin.settings))
+        let fits = blocks.iter().all(|block| block.is_consistent(&provenance.settings))
             && blocks.is_sorted_by(|one, next| one.first < next.first)
-            && shared.fits(&origin.settings)
+            && shared.fits(&provenance.settings)
             && plan.as_ref().is_none_or(Plan::is_consistent)
-            && whole.is_none_or(|whole| (1..=whole.iterations).contains(&whole.parts.into()));
+            && sharded
+                .is_none_or(|sharded| (1..=sharded.iterations).contains(&sharded.shards.into()));
         let timed = if autopilot.is_some() { blocks.len() } else { 0 };
         if blocks.is_empty() || !fits || clocks.len() != timed || !rest.is_empty() {
             return Err(damaged());
@@ -195,15 +197,15 @@ impl Checkpoint<'static> {
             block.clock = clock;
         }
         let blocks = Cow::Owned(blocks);
-        Ok(Self { origin, blocks, shared, autopilot, plan, whole, regions })
+        Ok(Self { provenance, blocks, shared, autopilot, plan, sharded, regions })
     }
 }
 
-/// Hashes what passes through.
+/// Hashes the bytes that are written.
 struct Hashing<W> {
     to: W,
     hash: Xxh3Default,
-    /// Of the last write.
+    /// Error of the last write.
     failure: Option<io::Error>,
 }
 
@@ -293,7 +295,7 @@ mod tests {
         second.statistics.noise = Some(noise);
         let mut shared = SharedStatistics::default();
         shared.start(&request);
-        let origin = Provenance {
+        let provenance = Provenance {
             version: "1.2.3".into(),
             scene: "box".into(),
             fingerprint: 0x1234_5678_9abc_def0,
@@ -302,21 +304,21 @@ mod tests {
         };
         let blocks = Cow::Owned(vec![first, second]);
         let plan = Some(Plan::new(counts));
-        let whole = Some(Whole { iterations: 100, parts: 9 });
+        let sharded = Some(ShardedImage { iterations: 100, shards: 9 });
         let regions = vec![Region { name: "ball".into(), rectangles: vec![[0.0, 0.0, 0.5, 1.0]] }];
         Checkpoint {
-            origin,
+            provenance,
             blocks,
             shared: Cow::Owned(shared),
             autopilot: Some(state()),
             plan,
-            whole,
+            sharded,
             regions,
         }
     }
 
     #[test]
-    fn times_are_kept_where_counts_are_chosen_by_them() {
+    fn times_are_written_only_for_automatic_counts() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ckpt");
         let with = |iterations: u64, autopilot| {
@@ -342,29 +344,29 @@ mod tests {
     }
 
     #[test]
-    fn any_changed_byte_and_any_other_length_is_an_error() {
-        let whole = saved();
-        assert_eq!(Checkpoint::decode(&whole).unwrap(), checkpoint());
-        for position in 0..whole.len() {
+    fn changed_byte_or_length_is_an_error() {
+        let sharded = saved();
+        assert_eq!(Checkpoint::decode(&sharded).unwrap(), checkpoint());
+        for position in 0..sharded.len() {
             for flip in [1, 0x80, 0xff] {
-                let mut bytes = whole.clone();
+                let mut bytes = sharded.clone();
                 bytes[position] ^= flip;
                 let shown = Checkpoint::decode(&bytes).unwrap_err().to_string();
                 assert!(shown.contains("checkpoint"), "{position}: {shown}");
             }
-            assert!(Checkpoint::decode(&whole[..position]).is_err(), "cut at {position}");
+            assert!(Checkpoint::decode(&sharded[..position]).is_err(), "cut at {position}");
         }
-        assert!(Checkpoint::decode(&[&whole[..], &[0]].concat()).is_err());
+        assert!(Checkpoint::decode(&[&sharded[..], &[0]].concat()).is_err());
     }
 
     #[test]
-    fn forged_contents_are_errors_and_never_panics() {
-        let whole = saved();
-        let hashed = whole.len() - TRAILER;
+    fn forged_content_never_panics() {
+        let sharded = saved();
+        let hashed = sharded.len() - TRAILER;
         let mut accepted = 0;
         for position in MAGIC.len()..hashed {
             for byte in [0, 1, 0x7f, 0x80, 0xff] {
-                let mut bytes = whole[..hashed].to_vec();
+                let mut bytes = sharded[..hashed].to_vec();
                 bytes[position] = byte;
                 bytes.extend(xxh3_64(&bytes).to_le_bytes());
                 accepted += usize::from(Checkpoint::decode(&bytes).is_ok());
@@ -374,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_files_and_formats_are_named() {
+    fn foreign_file_and_format_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("notes.txt");
         fs::write(&path, "hello").unwrap();

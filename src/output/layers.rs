@@ -1,4 +1,4 @@
-//! Layers of an image file beside the image.
+//! Layers of an image file.
 
 use crate::base::math::Rgb;
 use crate::film::aov::AovSelection;
@@ -9,36 +9,36 @@ use crate::render::accumulators::SharedStatistics;
 use crate::render::block::CombinedImage;
 use glam::Vec3;
 
-/// A layer, or a choice of them.
+/// Name of a layer, or of all or no layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LayerName {
-    /// All of those below
+    /// All layers.
     All,
-    /// None of those below
+    /// No layer.
     None,
-    /// Color of the first surface that is no mirror and no clear glass
+    /// Color of the first surface that is neither a mirror nor clear glass.
     Albedo,
-    /// Shading normal of that surface, in world space
+    /// Shading normal of the first surface that is neither a mirror nor clear glass, in world space.
     Normal,
-    /// Distance of the first surface along the camera's axis
+    /// Distance of the first surface along the axis of the camera.
     Depth,
-    /// Where the first surface is, in world space
+    /// Position of the first surface, in world space.
     Position,
-    /// Share of the camera paths that meet a surface
+    /// Share of the camera paths that hit a surface.
     Alpha,
-    /// Light sources, seen directly or by mirrors and clear glass
+    /// Light sources, seen directly or through mirrors and clear glass.
     Emission,
-    /// Light of one bounce
+    /// Light with one bounce.
     Direct,
-    /// Light of several bounces
+    /// Light with several bounces.
     Indirect,
-    /// Light of one bounce that came through mirrors and glass
+    /// Light with one bounce that passed mirrors or glass.
     Caustics,
 }
 
 impl LayerName {
     /// All names.
-    pub const EVERY: [Self; 11] = [
+    pub const ALL: [Self; 11] = [
         Self::All,
         Self::None,
         Self::Albedo,
@@ -71,23 +71,23 @@ impl LayerName {
 
     /// The layer of this name.
     pub fn named(name: &str) -> Option<Self> {
-        Self::EVERY.into_iter().find(|layer| layer.name() == name)
+        Self::ALL.into_iter().find(|layer| layer.name() == name)
     }
 
     /// A description for users.
     pub fn describe(self) -> &'static str {
         match self {
-            Self::All => "All of those below",
-            Self::None => "None of those below",
-            Self::Albedo => "Color of the first surface that is no mirror and no clear glass",
-            Self::Normal => "Shading normal of that surface, in world space",
-            Self::Depth => "Distance of the first surface along the camera's axis",
+            Self::All => "All layers",
+            Self::None => "No layer",
+            Self::Albedo => "Color of the first surface that is neither a mirror nor clear glass",
+            Self::Normal => "Shading normal of the same surface, in world space",
+            Self::Depth => "Distance of the first surface along the axis of the camera",
             Self::Position => "Position of the first surface, in world space",
-            Self::Alpha => "Share of the camera paths that meet a surface",
-            Self::Emission => "Light sources, seen directly or by mirrors and clear glass",
-            Self::Direct => "Light of one bounce",
-            Self::Indirect => "Light of several bounces",
-            Self::Caustics => "Light of one bounce that came through mirrors and glass",
+            Self::Alpha => "Share of the camera paths that hit a surface",
+            Self::Emission => "Light sources, seen directly or through mirrors and clear glass",
+            Self::Direct => "Light with one bounce",
+            Self::Indirect => "Light with several bounces",
+            Self::Caustics => "Light with one bounce that passed mirrors or glass",
         }
     }
 
@@ -96,12 +96,12 @@ impl LayerName {
     }
 }
 
-/// The layers that are asked for.
+/// The layers that the user selected.
 #[derive(Clone, Debug)]
 pub struct LayerSelection(Vec<LayerName>);
 
 impl LayerSelection {
-    /// All of these; without any, all that there are.
+    /// Selects these layers, or all layers if there are none.
     pub fn new(names: &[LayerName]) -> Self {
         let names = if names.is_empty() { &[LayerName::All] } else { names };
         Self(names.to_vec())
@@ -111,8 +111,8 @@ impl LayerSelection {
         self.0.contains(&name) || self.0.contains(&LayerName::All)
     }
 
-    /// What has to be kept for them.
-    pub fn kept(&self) -> AovSelection {
+    /// Statistics that a job must accumulate for these layers.
+    pub fn aovs(&self) -> AovSelection {
         let all = self.0.contains(&LayerName::All);
         let light = all || self.0.iter().any(|name| name.is_light());
         let features =
@@ -120,25 +120,26 @@ impl LayerSelection {
         AovSelection { light, features, folds: false }
     }
 
-    /// Of what was kept, `pixels` being the image; the sum of all light is the image.
-    pub fn of(
+    /// The selected layers, as far as their statistics were accumulated. `pixels` is the image; the sum of the light
+    /// layers is equal to it.
+    pub fn layers(
         &self,
         shared: &SharedStatistics,
         image: &CombinedImage,
         pixels: &[Rgb],
     ) -> Vec<Layer> {
-        let mut layers = self.seen(shared);
-        if self.kept().light
+        let mut layers = self.first_hit_layers(shared);
+        if self.aovs().light
             && let Some(light) = image.light_components()
         {
-            layers.extend(self.light(&light, pixels));
+            layers.extend(self.light_layers(&light, pixels));
         }
         layers
     }
 
-    fn seen(&self, shared: &SharedStatistics) -> Vec<Layer> {
+    fn first_hit_layers(&self, shared: &SharedStatistics) -> Vec<Layer> {
         let kept = shared.features.as_ref().zip(shared.first_hits.as_ref());
-        let Some((features, first_hits)) = kept.filter(|_| self.kept().features) else {
+        let Some((features, first_hits)) = kept.filter(|_| self.aovs().features) else {
             return Vec::new();
         };
         let first = &first_hits.folds()[0];
@@ -173,7 +174,7 @@ impl LayerSelection {
         layers
     }
 
-    fn light(&self, light: &[LightComponents], pixels: &[Rgb]) -> Vec<Layer> {
+    fn light_layers(&self, light: &[LightComponents], pixels: &[Rgb]) -> Vec<Layer> {
         let mut layers = Vec::new();
         let mut add = |name, of: &dyn Fn(&LightComponents, Rgb) -> Rgb, layer: &str| {
             if self.has(name) {
@@ -184,7 +185,7 @@ impl LayerSelection {
         };
         add(LayerName::Emission, &|light, _| light.emission.as_vec3(), "emission");
         add(LayerName::Direct, &|light, _| light.direct.as_vec3(), "direct");
-        // What rounding leaves is not light.
+        // Rounding errors are not light.
         let rest = |light: &LightComponents, pixel: Rgb| {
             let others = light.emission + light.direct + light.caustics;
             (pixel.as_dvec3() - others).as_vec3().max(Rgb::ZERO)

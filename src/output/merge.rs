@@ -1,6 +1,6 @@
-//! One image of parts that were rendered apart, each in a checkpoint.
+//! Merges the parts of an image that were rendered separately. Each part is a checkpoint.
 
-use super::checkpoint::{Checkpoint, Whole};
+use super::checkpoint::{Checkpoint, ShardedImage};
 use crate::adaptive::plan::Plan;
 use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
@@ -9,43 +9,43 @@ use crate::settings::provenance::{Provenance, Reuse};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// What the parts make together.
+/// The merged image.
 #[derive(Debug)]
 pub struct Merged {
-    /// As if one machine had rendered all of their iterations.
+    /// Checkpoint that a single machine would have written after these iterations.
     pub checkpoint: Checkpoint<'static>,
-    /// What is missing to the whole, in words.
+    /// Parts and iterations that the image lacks, in words.
     pub missing: Vec<String>,
-    /// Files that could not be read, and are left out.
+    /// Errors of files that could not be read and are left out.
     pub unreadable: Vec<Error>,
-    /// How many files were merged.
+    /// Number of merged files.
     pub files: usize,
 }
 
-/// What must agree, and what is in which file: read before any sums are added.
-struct Head<'a> {
+/// Identity and iterations of a part, which are checked before any sums are added.
+struct ShardHeader<'a> {
     path: &'a Path,
-    origin: Provenance,
+    provenance: Provenance,
     plan: Option<Plan>,
-    whole: Option<Whole>,
+    sharded: Option<ShardedImage>,
     numbers: IterationSet,
 }
 
-/// Merges checkpoints in the order of their first iterations, whatever the order of `paths`: equal files give an
-/// equal result. At most two are in the memory at a time; each is read twice.
+/// Merges checkpoints in the order of their first iterations, so that the order of `paths` does not matter. At most two
+/// of them are in the memory at a time, and each is read twice.
 ///
-/// Sums of f64 are those of one run within `2^-52` times the number of iterations, relative to the sums of their
-/// terms' magnitudes, those of f32 (batches, guides, parts for the denoiser) within `2^-23` times as many.
+/// Sums of f64 differ from those of a single run by at most `2^-52` times the number of iterations, relative to the sums
+/// of the magnitudes of their terms. For sums of f32 (batches, guides, folds for the denoiser), the factor is `2^-23`.
 ///
 /// # Errors
-/// If no file can be read, or one does not belong to the others: it is of another scene, settings, version, counts
-/// or number of parts, keeps other things, chose its counts by itself, or holds an iteration that another one holds.
-/// Files are named.
+/// If no file can be read, or if the files do not belong to one image: they differ in scene, settings, version, path
+/// counts, number of parts or statistics, one of them chose its path counts, or two of them have common iterations.
+/// The error names the file.
 pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     let (mut heads, mut unreadable) = (Vec::new(), Vec::new());
     for path in paths {
         match Checkpoint::load(path) {
-            Ok(checkpoint) => heads.push(Head::new(path, checkpoint)?),
+            Ok(checkpoint) => heads.push(ShardHeader::new(path, checkpoint)?),
             Err(error) => unreadable.push(error),
         }
     }
@@ -58,17 +58,17 @@ pub fn merge(paths: &[PathBuf]) -> Result<Merged> {
     heads.sort_by_key(|head| head.numbers.first().unwrap_or(u64::MAX));
     let mut checkpoint = Checkpoint::load(heads[0].path)?;
     let mut sums = checkpoint.take_partial();
-    for Head { path, .. } in &heads[1..] {
+    for ShardHeader { path, .. } in &heads[1..] {
         let next = Checkpoint::load(path)?.take_partial();
         sums.merge(next).map_err(|e| e.at(*path))?;
     }
     let all = numbers(&sums.blocks);
-    let whole = heads.iter().find_map(|head| head.whole);
-    let missing = missing(&all, whole);
-    // Nothing is a part any more that lacks nothing.
-    let whole = whole.filter(|_| !missing.is_empty());
+    let sharded = heads.iter().find_map(|head| head.sharded);
+    let missing = missing(&all, sharded);
+    // A complete image is not a part.
+    let sharded = sharded.filter(|_| !missing.is_empty());
     let (blocks, shared) = (Cow::Owned(sums.blocks), Cow::Owned(sums.shared));
-    let checkpoint = Checkpoint { blocks, shared, whole, ..checkpoint };
+    let checkpoint = Checkpoint { blocks, shared, sharded, ..checkpoint };
     Ok(Merged { checkpoint, missing, unreadable, files: heads.len() })
 }
 
@@ -77,37 +77,39 @@ fn numbers(blocks: &[Block]) -> IterationSet {
     blocks.iter().fold(IterationSet::default(), |all, block| all.with(&block.numbers))
 }
 
-impl<'a> Head<'a> {
+impl<'a> ShardHeader<'a> {
     fn new(path: &'a Path, checkpoint: Checkpoint) -> Result<Self> {
-        let Checkpoint { origin, blocks, autopilot, plan, whole, .. } = checkpoint;
+        let Checkpoint { provenance, blocks, autopilot, plan, sharded, .. } = checkpoint;
         if autopilot.is_some() {
             let problem =
-                "its numbers of paths were chosen on the way: no other part can have the same";
-            let advice = "render its image again in parts, with --plan";
+                "its path counts were chosen during the render, so no other part has the same";
+            let advice = "render the image again in parts, with the plan of this image";
             return Err(Error::new(problem, advice).at(path));
         }
-        Ok(Self { path, origin, plan, whole, numbers: numbers(&blocks) })
+        Ok(Self { path, provenance, plan, sharded, numbers: numbers(&blocks) })
     }
 }
 
-/// Whether all are of one image, and no iteration is there twice.
-fn check_agree(heads: &[Head]) -> Result<()> {
+/// Checks that all parts belong to one image and have no common iterations.
+fn check_agree(heads: &[ShardHeader]) -> Result<()> {
     let first = &heads[0];
-    let whole = heads.iter().find_map(|head| Some((head.path, head.whole?)));
+    let sharded = heads.iter().find_map(|head| Some((head.path, head.sharded?)));
     for (index, head) in heads.iter().enumerate() {
         let refuse = |problem: String, advice: &str| Err(Error::new(problem, advice).at(head.path));
-        head.origin.check_agrees(&first.origin, Reuse::Merge).map_err(|e| e.at(head.path))?;
+        head.provenance
+            .check_agrees(&first.provenance, Reuse::Merge)
+            .map_err(|e| e.at(head.path))?;
         if head.plan != first.plan {
-            let problem = format!("its --plan is not that of {}", first.path.display());
+            let problem = format!("its plan differs from that of {}", first.path.display());
             return refuse(problem, "render all parts by the same plan");
         }
-        if let (Some((path, whole)), Some(own)) = (whole, head.whole)
-            && whole != own
+        if let (Some((path, sharded)), Some(own)) = (sharded, head.sharded)
+            && sharded != own
         {
-            let told = |whole: Whole| {
-                format!("one of {} parts of {} iterations", whole.parts, whole.iterations)
+            let describe = |sharded: ShardedImage| {
+                format!("one of {} parts of {} iterations", sharded.shards, sharded.iterations)
             };
-            let (own, other, path) = (told(own), told(whole), path.display());
+            let (own, other, path) = (describe(own), describe(sharded), path.display());
             let problem = format!("it is {own}, but {path} is {other}");
             return refuse(problem, "merge the parts of one image");
         }
@@ -123,18 +125,18 @@ fn check_agree(heads: &[Head]) -> Result<()> {
     Ok(())
 }
 
-/// What is missing to a whole, or else between the first iteration and the last.
-fn missing(held: &IterationSet, whole: Option<Whole>) -> Vec<String> {
-    let Some(whole) = whole else {
+/// Parts and iterations that an image lacks. If its size is not known, gaps before its last iteration.
+fn missing(held: &IterationSet, sharded: Option<ShardedImage>) -> Vec<String> {
+    let Some(sharded) = sharded else {
         let end = held.ranges().last().map_or(0, |range| range.end);
         let missing = IterationSet::from(0..end).without(held);
-        let told = (!missing.is_empty()).then(|| format!("iterations {missing}"));
-        return told.into_iter().collect();
+        let gaps = (!missing.is_empty()).then(|| format!("iterations {missing}"));
+        return gaps.into_iter().collect();
     };
-    let told = |index: u32| {
-        let part = whole.part(index);
+    let missing_of_part = |index: u32| {
+        let part = sharded.shard(index);
         let missing = part.without(held);
-        let name = format!("part {}/{}", index + 1, whole.parts);
+        let name = format!("part {}/{}", index + 1, sharded.shards);
         if missing.is_empty() {
             None
         } else if missing == part {
@@ -143,7 +145,7 @@ fn missing(held: &IterationSet, whole: Option<Whole>) -> Vec<String> {
             Some(format!("iterations {missing} of {name}"))
         }
     };
-    (0..whole.parts).filter_map(told).collect()
+    (0..sharded.shards).filter_map(missing_of_part).collect()
 }
 
 #[cfg(test)]
@@ -151,16 +153,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_named() {
-        let whole = Some(Whole { iterations: 10, parts: 4 });
+    fn missing_parts_and_iterations_are_named() {
+        let sharded = Some(ShardedImage { iterations: 10, shards: 4 });
         // 0 1 | 2 3 4 | 5 6 | 7 8 9
         let held = IterationSet::from(0..2).with(&IterationSet::from(4..7));
         assert_eq!(
-            missing(&held, whole),
+            missing(&held, sharded),
             ["iterations 2 to 3 of part 2/4", "part 4/4 (iterations 7 to 9)"]
         );
         assert_eq!(missing(&held, None), ["iterations 2 to 3"]);
-        assert!(missing(&IterationSet::from(0..10), whole).is_empty());
+        assert!(missing(&IterationSet::from(0..10), sharded).is_empty());
         assert!(missing(&IterationSet::from(0..3), None).is_empty());
     }
 }

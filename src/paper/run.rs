@@ -73,7 +73,7 @@ impl<'a> Run<'a> {
     pub fn least_time(&self) -> Result<f64> {
         let SceneContext { scene, accel, threads } = self.context;
         let settings = &self.experiment.conditions.settings;
-        let times = threads.install(|| time_probe::least_times(scene, accel, settings))?;
+        let times = threads.install(|| time_probe::min_times(scene, accel, settings))?;
         let measured = MIN_IN_BATCH * BATCHES as u64;
         let time = |measurement: Measurement| {
             let iterations = (0..).scan(0, |done, iteration| {
@@ -177,7 +177,7 @@ impl<'a> Run<'a> {
     /// Continues with the sums of an earlier run, if they belong to this measurement.
     fn resume(&mut self, renderer: &mut Renderer, origin: &Provenance) -> Result<()> {
         match self.folder.under_way()? {
-            Some(mut sums) if sums.origin == *origin && self.experiment.under_way > 0.0 => {
+            Some(mut sums) if sums.provenance == *origin && self.experiment.under_way > 0.0 => {
                 renderer.resume(sums.take_partial())
             }
             _ => {

@@ -11,14 +11,24 @@ use crate::film::tiled_buffer::Tile;
 use crate::noise::Measure;
 use crate::noise::pair_table::PairTable;
 use crate::scene::lights::guide::{Guide, GuideSample};
-use crate::settings::policy::{
-    LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND,
-};
 use crate::settings::{Kernel, Settings};
 use crate::transport::camera_paths::CameraPaths;
 use crate::transport::merge::MergeOutput;
 use rayon::prelude::*;
 use std::sync::Arc;
+
+/// Light paths of a learning iteration: enough that each round improves the guide of the round before.
+pub const LEARNING_LIGHT_PATHS: u32 = 8192;
+
+/// Approximate number of pixels of a learning iteration.
+pub const LEARNING_PIXELS: f64 = 4096.0;
+
+/// Camera paths per pixel of a learning iteration.
+pub const LEARNING_CAMERA_PATHS: u32 = 2;
+
+/// Iterations of the first round. Each further round has as many iterations as all rounds before it, and
+/// its light paths start from the guide that they learned.
+pub const LEARNING_ROUND: u32 = 4;
 
 /// Merge radii while learning, relative to those of the settings. More photons reach each pixel, and
 /// their mean contribution depends little on the radius.

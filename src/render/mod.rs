@@ -31,7 +31,6 @@ use crate::film::radiance::Film;
 use crate::film::statistic::{BatchGrain, StatisticRequest};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Scene, View};
-use crate::settings::policy::MOST_BLOCKS;
 use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::Areas;
 use crate::transport::light_paths::LightPaths;
@@ -43,6 +42,9 @@ use memory::{bytes_per_light_path, check_memory, film_bytes};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use worker::Worker;
+
+/// Maximum number of blocks of a render that chooses its counts. Each block keeps its own sums in memory.
+pub const MAX_BLOCKS: usize = 7;
 
 /// Statistics that are kept beside the image, and other choices that do not change the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -263,7 +265,7 @@ impl Renderer {
     /// Maximum number of light paths that take no more than half of the available memory.
     pub fn most_light_paths(&self) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(&self.request(), MOST_BLOCKS)).max(0.0);
+        let for_light = 0.5 * (available - film_bytes(&self.request(), MAX_BLOCKS)).max(0.0);
         let most = for_light / bytes_per_light_path(&self.scene, &self.settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }

@@ -4,7 +4,6 @@ mod checks;
 mod fixed_array;
 mod length;
 pub mod provenance;
-pub mod policy;
 mod table;
 
 pub use checks::MAX_LIGHT_PATHS;

@@ -6,7 +6,7 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::output::denoise::{Folds, InParts, Mix, Oidn, importance};
+use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, importance};
 use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
@@ -82,10 +82,12 @@ pub fn compare(
         Renderer::new(scene, accel, settings.clone()).unwrap().configure(config).unwrap();
     (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Off)));
     let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
-    let parts = InParts::new(&image, renderer.shared().features.as_ref(), DENOISE_FOLDS).unwrap();
+    let parts =
+        FoldedImage::new(&image, renderer.shared().features.as_ref(), DENOISE_FOLDS).unwrap();
     let size = image.resolution();
     let folds =
-        Folds::new(&parts, |radiance, guides| oidn.denoise(size, radiance, guides)).unwrap();
+        CrossValidation::new(&parts, |radiance, guides| oidn.denoise(size, radiance, guides))
+            .unwrap();
     let raw = image.mean();
     let guides = parts.guides();
     let denoised = oidn.denoise(size, &raw, &guides).unwrap();
@@ -98,7 +100,7 @@ pub fn compare(
     let of_folds = |weights: &[f64]| {
         let each = mixed.images().iter();
         let each = each.map(|image| reference.error(image.iter().map(|l| f64::from(*l)), weights));
-        each.sum::<f64>() / mixed.len() as f64
+        each.sum::<f64>() / mixed.fold_count() as f64
     };
     let estimate = mixed.estimate(&weights);
     let (mut z2, mut blocks) = (0.0, 0);

@@ -131,7 +131,7 @@ pub fn white_metal(alpha: f32) -> Bsdf {
 }
 
 /// Smooth surfaces of all kinds, in a furnace.
-pub fn smooth_surfaces_in_a_furnace_keep_its_radiance() -> Arc<Scene> {
+pub fn smooth_things() -> Arc<Scene> {
     let bsdfs = [
         Bsdf::Mirror { reflectance: Vec3::ONE },
         Bsdf::Dielectric(Dielectric::new(1.5)),

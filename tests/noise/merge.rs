@@ -9,7 +9,7 @@ use bdpm::film::counts::{CameraCounts, Counts};
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::noise::film::{BatchCounts, BatchGrain, BatchSums, NoiseFilm};
 use bdpm::noise::schedule::MeasureSchedule;
-use bdpm::output::checkpoint::{Checkpoint, Whole};
+use bdpm::output::checkpoint::{Checkpoint, ShardedImage};
 use bdpm::output::merge::{Merged, merge};
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::render::{PartialRender, RenderConfig};
@@ -32,7 +32,7 @@ fn part(
     folder: &Path,
     own: IterationSet,
     (grain, mut policy): (BatchGrain, CountPolicy),
-    whole: Option<Whole>,
+    sharded: Option<ShardedImage>,
 ) -> PathBuf {
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
@@ -50,7 +50,7 @@ fn part(
     let checkpoint = Checkpoint {
         shared: Cow::Borrowed(renderer.shared()),
         plan: policy.plan().cloned(),
-        whole,
+        sharded,
         ..Checkpoint::new(origin, renderer.blocks())
     };
     let path = folder.join(format!("{own}.ckpt"));
@@ -233,21 +233,21 @@ fn parts_of_a_plan_are_weighted_as_it_says_and_gaps_are_filled() {
     ];
     let replay =
         || (BatchGrain::Tile, CountPolicy::Plan(Replay::new(Plan { steps: steps.clone() })));
-    let whole = Whole { iterations: 40, parts: 3 };
+    let sharded = ShardedImage { iterations: 40, shards: 3 };
     let one = part(folder.path(), IterationSet::from(0..40), replay(), None);
     let one = Checkpoint::load(&one).unwrap();
-    let parts = [0, 1, 2].map(|i| part(folder.path(), whole.part(i), replay(), Some(whole)));
+    let parts = [0, 1, 2].map(|i| part(folder.path(), sharded.shard(i), replay(), Some(sharded)));
     let merged = merge(&parts).unwrap();
     let firsts = merged.checkpoint.blocks.iter().map(|block| block.first);
     assert_eq!(firsts.collect::<Vec<_>>(), [0, 9, 23]);
-    assert_eq!((merged.missing.len(), merged.checkpoint.whole), (0, None));
+    assert_eq!((merged.missing.len(), merged.checkpoint.sharded), (0, None));
     merged.checkpoint.blocks.iter().zip(&one.blocks[..]).for_each(|(m, w)| assert_same(m, w));
     assert_same_image(&merged.checkpoint, &one);
 
     // The middle part is missing: a run that goes on renders it, in two blocks, and ends with the same.
     let lacking = merge(&[&parts[0], &parts[2]].map(Clone::clone)).unwrap();
     assert_eq!(lacking.missing, ["part 2/3 (iterations 13 to 25)"]);
-    assert_eq!(lacking.checkpoint.whole, Some(whole));
+    assert_eq!(lacking.checkpoint.sharded, Some(sharded));
     let (scene, settings) = small();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let mut renderer = Renderer::new(&scene, &accel, settings).unwrap();

@@ -170,7 +170,7 @@ fn parts_of_different_renders_are_refused_by_name() {
     other("grain", SCENE, "--part 3/3 --iterations 40 --noise x.n.exr");
     other("single", SCENE, "--iterations 2");
     let mut old = Checkpoint::load(&desk.at("2.ckpt")).unwrap();
-    old.origin.version = "0.0.9".into();
+    old.provenance.version = "0.0.9".into();
     old.save(&desk.at("version.ckpt")).unwrap();
     let automatic = "--accel bvh --resolution 16x16 --time 300ms --output x.exr";
     succeed(&desk.run(&format!("render {SCENE} {automatic} --checkpoint auto.ckpt -q")));
@@ -205,7 +205,7 @@ fn parts_of_different_renders_are_refused_by_name() {
     for (arguments, problem) in [
         ("--part 1/3", "known number of iterations"),
         ("--part 1/3 --iterations 2", "2 iterations are fewer than 3 parts"),
-        ("--part 2/3 --resume 1.ckpt", "holds iterations 0 to 12, which part 2/3 has not"),
+        ("--part 2/3 --resume 1.ckpt", "holds iterations 0 to 12, which are not in part 2/3"),
         ("--part 1/4 --resume 1.ckpt", "one of 3 parts, not of 4"),
         ("--part 1/3 --resume 1.ckpt --iterations 41", "a part of 40 iterations, not of 41"),
         ("--part 1/3 --resume auto.ckpt", "cannot choose"),

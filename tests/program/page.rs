@@ -61,8 +61,10 @@ fn page_of_an_automatic_render_agrees_with_the_program() {
     }
     let promise = &found["promise"]["error"];
     assert!(html.contains(&percent(promise)), "{promise}");
-    // The line that fell, and where it was promised to end.
-    assert!(html.contains("polyline class=\"fell\"") && html.contains("circle class=\"promised\""));
+    // The measured curve, and the end of the promised one.
+    assert!(
+        html.contains("polyline class=\"measured\"") && html.contains("circle class=\"promised\"")
+    );
     let command = "bdpm render ";
     assert!(html.contains(command) && html.contains("--report 'a page.html'"));
     for fact in ["fingerprint", "light_paths", "camera_paths", "a/(N_F N_B)", "f/N_F"] {
@@ -104,7 +106,8 @@ fn every_kind_of_render_has_a_page() {
 #[cfg(unix)]
 fn page_under_way(desk: &Desk, child: &mut Child) -> String {
     loop {
-        if let Some(html) = desk.page().filter(|html| html.contains("polyline class=\"fell\"")) {
+        if let Some(html) = desk.page().filter(|html| html.contains("polyline class=\"measured\""))
+        {
             return html;
         }
         assert!(child.try_wait().unwrap().is_none(), "it ended before");

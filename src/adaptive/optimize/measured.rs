@@ -2,11 +2,11 @@
 
 use super::predict::{Predicted, Source};
 use super::{CountLimits, MAX_CAMERA_PATHS, MIN_ITERATIONS, Objective, PerPixel, Problem};
+use crate::adaptive::stopping::MIN_ITERATIONS_TO_TARGET;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::box_filter;
 use crate::noise::Coefficients;
 use crate::noise::image::NoiseSample;
-use crate::settings::policy::LEAST_ITERATIONS_TO_TARGET;
 use crate::timing::TimeModel;
 use serde::Serialize;
 use std::ops::RangeInclusive;
@@ -63,7 +63,7 @@ impl<'a> MeasuredProblem<'a> {
             // The time depends on the counts, which depend on the time: a few rounds settle that.
             Budget::Rms(rms) => (0..4).fold(unlimited.clone(), |found, _| {
                 let time = found.uniform().cost / (rms * rms);
-                unlimited.limited_to(time / LEAST_ITERATIONS_TO_TARGET as f64)
+                unlimited.limited_to(time / MIN_ITERATIONS_TO_TARGET as f64)
             }),
         }
     }

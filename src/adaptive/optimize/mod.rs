@@ -140,7 +140,7 @@ impl Problem {
         }
     }
 
-    /// Time, variance and cost of the same counts in all pixels.
+    /// Time, variance and cost of the same counts in every pixel.
     pub fn evaluate_uniform(&self, light_paths: u32, camera_paths: u32) -> Uniform {
         let (n_light, n_camera) = (f64::from(light_paths), f64::from(camera_paths));
         let iteration_time = self.time.iteration(n_light, n_camera);

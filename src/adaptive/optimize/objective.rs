@@ -57,7 +57,7 @@ fn relative_weights(luminance: &[f64]) -> Vec<f64> {
     if valid { weights.iter().map(|w| w * scale).collect() } else { vec![1.0; luminance.len()] }
 }
 
-/// How many of `count` values lie above their 99.5th percentile.
+/// Number of the `count` values that lie above their 99.5th percentile.
 pub(super) fn above_percentile(count: usize) -> usize {
     count - (count * 199).div_ceil(200)
 }

@@ -1,4 +1,4 @@
-//! Counts that are equal in all pixels.
+//! Counts that are equal in every pixel.
 
 use super::search::{Criterion, Score, minimize};
 use super::{Problem, Uniform};

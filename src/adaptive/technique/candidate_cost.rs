@@ -1,12 +1,11 @@
 //! Finds the best counts of a technique at given radii, and predicts the error or time they lead to.
 
 use super::{Candidate, End, FreeParameters, Technique};
+use crate::adaptive::autopilot::min_iterations_after_choice;
+use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, MIN_NOISE_SHARE};
 use crate::noise::Coefficients;
 use crate::render::bias_correction::shrinkage;
 use crate::settings::Settings;
-use crate::settings::policy::{
-    LEAST_ITERATIONS_TO_TARGET, LEAST_NOISE_SHARE, least_iterations_after_choice,
-};
 use crate::timing::TimeModel;
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -92,7 +91,7 @@ impl CandidateCost {
             let [base, per_light_path] = times.in_light_paths(n_camera);
             let (camera, light) = (b / n_camera, a / n_camera + f);
             let longest = match self.end {
-                End::Time(time) => time / least_iterations_after_choice(self.ranks),
+                End::Time(time) => time / min_iterations_after_choice(self.ranks),
                 End::Error(_) => f64::INFINITY,
             };
             if base > longest && best.is_some() {
@@ -120,9 +119,9 @@ impl CandidateCost {
                 End::Time(time) => (time, error_at(tau / time)),
                 End::Error(error) => {
                     let share = share_for(error * error, &error_at);
-                    let share = share.max(LEAST_NOISE_SHARE * error * error / variance);
+                    let share = share.max(MIN_NOISE_SHARE * error * error / variance);
                     // theory.md (91)
-                    let seconds = (tau / share).max(LEAST_ITERATIONS_TO_TARGET as f64 * tau);
+                    let seconds = (tau / share).max(MIN_ITERATIONS_TO_TARGET as f64 * tau);
                     (seconds, error_at(share))
                 }
             };
@@ -227,7 +226,7 @@ impl Best {
 #[cfg(test)]
 pub mod tests {
     use super::*;
-    use crate::settings::policy::LEAST_ITERATIONS_AFTER_CHOICE;
+    use crate::adaptive::autopilot::MIN_ITERATIONS_AFTER_CHOICE;
 
     /// Times of an iteration for the tests of this folder.
     pub fn times() -> TimeModel {
@@ -259,7 +258,7 @@ pub mod tests {
             for step in 0..400 {
                 let n_light = 10.0 * 1.04f64.powi(step);
                 let tau = times().iteration(n_light, f64::from(n_camera));
-                if tau <= 100.0 / LEAST_ITERATIONS_AFTER_CHOICE {
+                if tau <= 100.0 / MIN_ITERATIONS_AFTER_CHOICE {
                     let cost = tau * coefficients.variance(n_light, f64::from(n_camera));
                     least = least.min(cost / 100.0);
                 }

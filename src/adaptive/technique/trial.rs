@@ -8,13 +8,12 @@ use crate::noise::image::NoiseImage;
 use crate::noise::{Coefficients, Measure};
 use crate::render::RenderConfig;
 use crate::render::Renderer;
-use crate::render::guiding::Learned;
+use crate::render::guiding::{
+    LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND, Learned,
+};
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Emitter, Placement, Scene};
 use crate::settings::Settings;
-use crate::settings::policy::{
-    LEARNING_CAMERA_PATHS, LEARNING_LIGHT_PATHS, LEARNING_PIXELS, LEARNING_ROUND,
-};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};

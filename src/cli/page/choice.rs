@@ -1,4 +1,4 @@
-//! What was chosen, and by how much it beats the others.
+//! The chosen technique, and its advantage over the others.
 
 use super::Snapshot;
 use super::sections::percent;
@@ -10,21 +10,21 @@ use bdpm::output::page::number::count;
 use bdpm::output::page::table;
 use maud::{Markup, html};
 
-/// Less than this share of a difference is none.
+/// Smaller relative differences are not shown.
 const NOTABLE: f64 = 0.005;
 
-/// The technique with all that were tried, and the counts.
-pub fn section(moment: &Snapshot) -> Markup {
-    let block = moment.image.blocks().last().expect("an image has a block");
+/// The technique beside all that were tried, and the path counts.
+pub fn section(snapshot: &Snapshot) -> Markup {
+    let block = snapshot.image.blocks().last().expect("an image has a block");
     html! {
         section {
             h2 { "How it is rendered" }
-            @if let Some(chosen) = moment.state.selection.as_ref() { (technique(chosen)) } @else {
-                p { "Nothing was tried beside the settings that were given." }
+            @if let Some(chosen) = snapshot.state.selection.as_ref() { (technique(chosen)) } @else {
+                p { "No technique was tried: the settings were given." }
             }
             p {
                 "An iteration takes " (describe_counts(block)) "."
-                @if let Some(promise) = moment.state.promise() {
+                @if let Some(promise) = snapshot.state.promise() {
                     " One light path and one camera path per pixel would take "
                     (number(promise.gain_over_one_each)) " times as long to the same noise."
                 }
@@ -46,13 +46,13 @@ fn technique(chosen: &Selection) -> Markup {
                 " " (guided.describe().replacen("light", "Light", 1)) "."
             }
             @if let Some(next) = chosen.runner_up() {
-                " The next best, " (next.technique.describe()) ", " (beaten(best, next)) "."
+                " The next best, " (next.technique.describe()) ", " (disadvantage(best, next)) "."
             }
         }
         @if !others.is_empty() {
             (table("cards candidates", &html! {
-                "All that came into question, by a pilot on a sample of the pixels: the error at the end with "
-                "the best radii and numbers of paths of each"
+                "All candidates, tried on a sample of the pixels: the error at the end with the best radii and path "
+                "counts of each"
             }, &html! {
                 thead {
                     tr {
@@ -71,39 +71,39 @@ fn technique(chosen: &Selection) -> Markup {
     }
 }
 
-/// How far another technique is behind.
-fn beaten(best: &Candidate, other: &Candidate) -> String {
+/// Disadvantage of another technique, in words.
+fn disadvantage(best: &Candidate, other: &Candidate) -> String {
     let (time, error) = (other.seconds / best.seconds, other.error / best.error);
     if time > 1.0 + NOTABLE {
         format!("would take {time:.2} times as long")
     } else if error > 1.0 + NOTABLE {
         format!("would have {error:.2} times the error")
     } else if error < 1.0 - NOTABLE {
-        format!("looked like {error:.2} times the error, but there was no time to try it")
+        format!("has a predicted error {error:.2} times as large, but there was no time to try it")
     } else {
-        "would do as well, within what can be told".to_owned()
+        "would do equally well within the accuracy of the pilot".to_owned()
     }
 }
 
-fn row(best: &Candidate, own: &Candidate) -> Markup {
-    let is_best = std::ptr::eq(best, own);
+fn row(best: &Candidate, candidate: &Candidate) -> Markup {
+    let is_best = std::ptr::eq(best, candidate);
     html! {
         tr .chosen[is_best] {
             th scope="row" .text {
-                (own.technique.describe())
+                (candidate.technique.describe())
                 span .minor {
-                    @if is_best { "chosen" } @else { (beaten(best, own)) }
-                    @if !own.tried { "; not tried at these radii" }
+                    @if is_best { "chosen" } @else { (disadvantage(best, candidate)) }
+                    @if !candidate.tried { "; not tried at these radii" }
                 }
             }
-            td data-label="error" { (percent(own.error)) }
-            td data-label="noise" { (percent(own.noise)) }
-            td data-label="bias" { (percent(own.bias)) }
-            td data-label="time" { (human_time(own.seconds)) }
-            td data-label="radius" { (number(own.radius.into())) }
-            td data-label="caustics" { (number(own.caustic_radius.into())) }
-            td data-label="light paths" { (count(own.light_paths)) }
-            td data-label="camera paths" { (count(own.camera_paths)) }
+            td data-label="error" { (percent(candidate.error)) }
+            td data-label="noise" { (percent(candidate.noise)) }
+            td data-label="bias" { (percent(candidate.bias)) }
+            td data-label="time" { (human_time(candidate.seconds)) }
+            td data-label="radius" { (number(candidate.radius.into())) }
+            td data-label="caustics" { (number(candidate.caustic_radius.into())) }
+            td data-label="light paths" { (count(candidate.light_paths)) }
+            td data-label="camera paths" { (count(candidate.camera_paths)) }
         }
     }
 }

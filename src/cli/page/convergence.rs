@@ -1,4 +1,4 @@
-//! The error against time: as it fell, as it was promised, as it is expected.
+//! Plot of the error against time: measured, promised and forecast.
 
 use super::Snapshot;
 use super::sections::percent;
@@ -11,19 +11,19 @@ use maud::{Markup, html};
 /// Points of a curve that is computed.
 const STEPS: u32 = 40;
 
-/// Relative error, noise and bias, when a part `left` of the noise's square is left.
-pub fn error(state: &RenderState, standing: &Convergence, left: f64) -> Option<f64> {
-    let noise2 = standing.relative_variance(state.stop.objective)?;
+/// Relative error (noise and bias) when the share `left` of the variance remains.
+pub fn error(state: &RenderState, convergence: &Convergence, left: f64) -> Option<f64> {
+    let noise2 = convergence.relative_variance(state.stop.objective)?;
     Some((noise2 * left + state.stop.bias2).sqrt())
 }
 
 /// The plot with its legend.
-pub fn section(moment: &Snapshot) -> Markup {
-    let lines = Lines::new(moment);
+pub fn section(snapshot: &Snapshot) -> Markup {
+    let lines = ErrorCurves::new(snapshot);
     let percents = |ends: [f64; 2]| decimal_ticks(ends, percent);
     let plot = LogPlot {
-        alt: "The error of the picture against the time of rendering, both on logarithmic axes",
-        names: ["time of rendering", "relative error"],
+        alt: "The error of the picture against the rendering time, both on logarithmic axes",
+        names: ["rendering time", "relative error"],
         ticks: [&time_ticks, &percents],
         curves: lines.curves(),
         marks: lines.marks(),
@@ -35,95 +35,99 @@ pub fn section(moment: &Snapshot) -> Markup {
                 (svg)
                 figcaption {
                     (lines.legend())
-                    p { (caption(moment)) }
+                    p { (caption(snapshot)) }
                 }
             }
         } @else {
-            p { "Nothing is known of it yet." }
+            p { "The error is not known yet." }
         }
     }
 }
 
-fn caption(moment: &Snapshot) -> Markup {
-    let promise = moment.state.promise();
+fn caption(snapshot: &Snapshot) -> Markup {
+    let promise = snapshot.state.promise();
     html! {
-        "On these axes, noise falls along a straight line: a quarter of it takes sixteen times as long."
-        @if moment.state.stop.bias2 > 0.0 {
-            " What merging photons smears, the merge bias, does not fall with time."
+        "On these axes, noise decreases along a straight line: a quarter of the noise takes sixteen times as long."
+        @if snapshot.state.stop.bias2 > 0.0 {
+            " The merge bias does not decrease with time."
         }
         @if let Some(promise) = promise {
-            " The promise was made after " (human_time(promise.said_after)) " and stays as it was made."
+            " The promise was made after " (human_time(promise.said_after)) " and is not updated."
         }
-        @if moment.state.earlier > 0.0 {
+        @if snapshot.state.earlier > 0.0 {
             " The line begins with this run."
         }
     }
 }
 
 /// Points of the plot: seconds and relative errors.
-struct Lines {
-    fell: Vec<[f64; 2]>,
+struct ErrorCurves {
+    measured: Vec<[f64; 2]>,
     promised: Vec<[f64; 2]>,
-    expected: Vec<[f64; 2]>,
+    forecast: Vec<[f64; 2]>,
     bias: Vec<[f64; 2]>,
-    asked: Vec<[f64; 2]>,
+    target: Vec<[f64; 2]>,
     names: Vec<(&'static str, &'static str)>,
 }
 
-impl Lines {
-    fn new(moment: &Snapshot) -> Self {
-        let state = moment.state;
-        let goal = &state.stop;
-        let at = |noise2: f64| (noise2 + goal.bias2).sqrt();
+impl ErrorCurves {
+    fn new(snapshot: &Snapshot) -> Self {
+        let state = snapshot.state;
+        let stop = &state.stop;
+        let at = |noise2: f64| (noise2 + stop.bias2).sqrt();
         let past = state.history.iter();
         let noise: Vec<[f64; 2]> =
-            past.map(|past| [moment.state.earlier + past.seconds, past.noise2]).collect();
-        let fell: Vec<[f64; 2]> = noise.iter().map(|&[time, noise2]| [time, at(noise2)]).collect();
-        let promised = promised(moment, &noise).unwrap_or_default();
-        let expected = expected(moment).unwrap_or_default();
+            past.map(|past| [snapshot.state.earlier + past.seconds, past.noise2]).collect();
+        let measured: Vec<[f64; 2]> =
+            noise.iter().map(|&[time, noise2]| [time, at(noise2)]).collect();
+        let promised = promised(snapshot, &noise).unwrap_or_default();
+        let forecast = forecast(snapshot).unwrap_or_default();
         let of_errors = |points: Vec<[f64; 2]>| -> Vec<[f64; 2]> {
             points.into_iter().map(|[time, noise2]| [time, at(noise2)]).collect()
         };
-        let (promised, expected) = (of_errors(promised), of_errors(expected));
-        let all = || fell.iter().chain(&promised).chain(&expected);
+        let (promised, forecast) = (of_errors(promised), of_errors(forecast));
+        let all = || measured.iter().chain(&promised).chain(&forecast);
         let times = all().map(|point| point[0]);
         let [from, to] =
             times.fold([f64::INFINITY, 0.0f64], |[from, to], time| [from.min(time), to.max(time)]);
-        let least = all().map(|point| point[1]).fold(f64::INFINITY, f64::min);
+        let min = all().map(|point| point[1]).fold(f64::INFINITY, f64::min);
         let level = |value: f64| vec![[from, value], [to, value]];
-        // Far below all else, it would only make the rest small.
-        let is_near = |value: &f64| *value > 0.25 * least;
-        let bias = Some(goal.bias2.sqrt()).filter(|bias| *bias > 0.0).filter(is_near);
-        let asked = goal.error.filter(is_near).map_or(Vec::new(), level);
+        // A level far below all curves would only compress them.
+        let is_near = |value: &f64| *value > 0.25 * min;
+        let bias = Some(stop.bias2.sqrt()).filter(|bias| *bias > 0.0).filter(is_near);
+        let target = stop.error.filter(is_near).map_or(Vec::new(), level);
         let bias = bias.map_or(Vec::new(), level);
         let curves = [
-            ("fell", "as it fell", &fell),
-            ("promised", "as it was promised", &promised),
-            ("expected", "as it is expected now", &expected),
+            ("measured", "measured", &measured),
+            ("promised", "promised", &promised),
+            ("forecast", "expected now", &forecast),
             ("bias", "merge bias", &bias),
-            ("asked", "asked for", &asked),
+            ("target", "target", &target),
         ];
         let named = curves.iter().filter(|(_, _, points)| !points.is_empty());
         let names = named.map(|&(class, name, _)| (class, name)).collect();
-        Self { fell, promised, expected, bias, asked, names }
+        Self { measured, promised, forecast, bias, target, names }
     }
 
     fn curves(&self) -> Vec<Curve<'static>> {
-        let Self { fell, promised, expected, bias, asked, .. } = self;
+        let Self { measured, promised, forecast, bias, target, .. } = self;
         let all = [
             ("bias", bias),
-            ("asked", asked),
-            ("expected", expected),
+            ("target", target),
+            ("forecast", forecast),
             ("promised", promised),
-            ("fell", fell),
+            ("measured", measured),
         ];
         all.map(|(class, points)| Curve { class, points: points.clone() }).into()
     }
 
-    /// The ends of what was promised and of what is known.
+    /// The ends of the promised and the measured curve.
     fn marks(&self) -> Vec<Mark<'static>> {
         let last = |class, points: &[[f64; 2]]| points.last().map(|&at| Mark { class, at });
-        [last("promised", &self.promised), last("fell", &self.fell)].into_iter().flatten().collect()
+        [last("promised", &self.promised), last("measured", &self.measured)]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     fn legend(&self) -> Markup {
@@ -142,14 +146,14 @@ impl Lines {
     }
 }
 
-/// Relative variance from when the promise was made to its end, as it was promised. Information, the reciprocal
-/// of the variance, adds up over time.
-fn promised(moment: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
-    let promise = moment.state.promise()?;
-    let then = promise.error.map(|error| error.powi(2) - moment.state.stop.bias2);
+/// The promised relative variance, from the time of the promise to the end. Information, the reciprocal of the
+/// variance, adds up over time.
+fn promised(snapshot: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
+    let promise = snapshot.state.promise()?;
+    let then = promise.error.map(|error| error.powi(2) - snapshot.state.stop.bias2);
     let then = then.or_else(|| {
-        let standing = moment.state.status.convergence.as_ref()?;
-        Some((promise.rms / standing.mean_luminance).powi(2))
+        let convergence = snapshot.state.status.convergence.as_ref()?;
+        Some((promise.rms / convergence.mean_luminance).powi(2))
     })?;
     let to = [promise.seconds, then];
     let from = noise.iter().find(|[time, _]| *time >= promise.said_after);
@@ -157,16 +161,16 @@ fn promised(moment: &Snapshot, noise: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
     Some(if line.is_empty() { vec![to] } else { line })
 }
 
-/// The same from now to the end, as it is expected now.
-fn expected(moment: &Snapshot) -> Option<Vec<[f64; 2]>> {
-    let state = moment.state;
-    let forecast = state.status.forecast.filter(|_| moment.report.is_none())?;
+/// The forecast relative variance, from now to the end.
+fn forecast(snapshot: &Snapshot) -> Option<Vec<[f64; 2]>> {
+    let state = snapshot.state;
+    let forecast = state.status.forecast.filter(|_| snapshot.report.is_none())?;
     let noise2 = state.status.convergence.as_ref()?.relative_variance(state.stop.objective)?;
-    let now = moment.state.earlier + state.elapsed().as_secs_f64();
+    let now = snapshot.state.earlier + state.elapsed().as_secs_f64();
     Some(between([now, noise2], [now + forecast.seconds, noise2 * forecast.left]))
 }
 
-/// Points between two at which information grows evenly with time; none if it does not.
+/// Points between two points if information grows linearly with time; empty if it does not grow.
 fn between([from, many]: [f64; 2], [to, few]: [f64; 2]) -> Vec<[f64; 2]> {
     if !(from > 0.0 && to > from && few > 0.0 && many > few) {
         return Vec::new();
@@ -184,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn information_grows_evenly_between_two_moments() {
+    fn information_grows_linearly_between_two_points() {
         let points = between([1.0, 4.0], [9.0, 0.4]);
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
         assert!(close(points[0][1], 4.0) && close(points[STEPS as usize][1], 0.4));

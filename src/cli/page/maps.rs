@@ -1,7 +1,7 @@
 //! Pictures of the page: the image, the error of each pixel, where its noise comes from.
 
 use super::Snapshot;
-use super::sections::{of_what, percent};
+use super::sections::{error_reference, percent};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::importance;
 use bdpm::base::math::Rgb;
@@ -14,62 +14,62 @@ use bdpm::render::block::coefficients;
 use maud::{Markup, html};
 use rayon::prelude::*;
 
-/// The three terms of the noise: what they are called, and what makes each smaller.
+/// The three terms of the noise: name, formula, and the paths that reduce it.
 const TERMS: [(&str, &str, &str); 3] = [
-    ("pairs of paths", "a/(N_F N_B)", "paths of either kind take it down"),
-    ("camera paths", "b/N_B", "only more camera paths take it down"),
-    ("light paths", "f/N_F", "only more light paths take it down"),
+    ("pairs of paths", "a/(N_F N_B)", "light paths and camera paths reduce it"),
+    ("camera paths", "b/N_B", "only camera paths reduce it"),
+    ("light paths", "f/N_F", "only light paths reduce it"),
 ];
 
-/// All pictures; those of errors once they are known.
+/// All pictures. Those of errors are `None` until the errors are known.
 pub struct Maps {
     image: Picture,
     denoised: Option<Picture>,
     /// Relative RMS of the noise.
     noise: Option<Picture>,
-    /// Relative merge bias where it stands out.
+    /// Relative merge bias of the pixels in which it is significant.
     bias: Option<Picture>,
-    /// Whether that is the bias before it was taken off.
-    is_reduced: bool,
-    terms: Option<Terms>,
+    /// True if the picture shows the bias before its correction.
+    is_corrected: bool,
+    terms: Option<NoiseTerms>,
 }
 
-/// Where the noise of an iteration comes from.
-struct Terms {
+/// The three terms of the noise of an iteration.
+struct NoiseTerms {
     picture: Picture,
-    /// Of the whole image's noise, as it counts.
+    /// Shares of the terms in the noise of the image, by the objective.
     shares: [f64; 3],
 }
 
-/// Pixels at a whole part of their number, so that a picture is not larger than asked for.
+/// Shrinks pictures by an integer factor, so that they are not larger than a limit.
 #[derive(Clone, Copy)]
 struct Grid {
     size: (u32, u32),
-    /// Pixels along the side of what becomes one.
+    /// Side of the square of pixels that becomes one pixel.
     step: u32,
 }
 
 impl Maps {
-    /// Of a moment; while rendering goes on with at most about so many pixels.
-    pub fn new(moment: &Snapshot, live_pixels: u64) -> Self {
-        let image = moment.image;
+    /// Pictures of a snapshot. During the render they have at most about `live_pixels` pixels.
+    pub fn new(snapshot: &Snapshot, live_pixels: u64) -> Self {
+        let image = snapshot.image;
         let size = image.resolution();
         let pixels = u64::from(size.0) * u64::from(size.1);
-        let step = match moment.report {
+        let step = match snapshot.report {
             Some(_) => 1,
             None => pixels.div_ceil(live_pixels).isqrt().max(1) as u32,
         };
         let grid = Grid { size, step };
         let mean = image.mean();
-        let shown = moment.state.denoised().map_or(&mean, |denoised| &denoised.image);
+        let shown = snapshot.state.denoised().map_or(&mean, |denoised| &denoised.image);
         let exposure = auto_exposure(shown);
         let radiance = |name, alt: &str, pixels: &[Rgb]| {
             let pixels = grid.shrink(pixels, |pixel| pixel.to_array().map(f64::from));
             let pixels: Vec<Rgb> = pixels.into_iter().map(|p| p.map(|x| x as f32).into()).collect();
             Picture::exposed((name, alt), grid.shrunk(), &pixels, exposure)
         };
-        let scene = &moment.state.provenance.scene;
-        // Relative to each pixel's luminance, whatever counts.
+        let scene = &snapshot.state.provenance.scene;
+        // Relative to the luminance of each pixel, whatever the objective.
         let weights = importance(image.blocks(), Objective::Relative);
         let noise = image.rms().map(|rms| {
             let relative = |(rms, weight): (&f32, &f64)| [100.0 * f64::from(*rms) * weight.sqrt()];
@@ -86,17 +86,17 @@ impl Maps {
         });
         Self {
             image: radiance("image", &format!("the picture of {scene}"), &mean),
-            denoised: moment.state.denoised().map(|denoised| {
+            denoised: snapshot.state.denoised().map(|denoised| {
                 radiance("denoised", &format!("the picture of {scene}, denoised"), &denoised.image)
             }),
             noise,
             bias,
-            is_reduced: image.bias_correction().is_some(),
-            terms: Terms::new(moment, grid, &weights),
+            is_corrected: image.bias_correction().is_some(),
+            terms: NoiseTerms::new(snapshot, grid, &weights),
         }
     }
 
-    /// The picture with its zoom, and a slider from raw to denoised where there are both.
+    /// The picture with its zoom, and a slider between raw and denoised if there are both.
     pub fn viewer(&self, (width, height): (u32, u32)) -> Markup {
         html! {
             section .viewer style=(format!("--aspect:{width}/{height};--wide:{width};--high:{height}")) {
@@ -113,7 +113,7 @@ impl Maps {
                         label .split {
                             span { "raw" }
                             input #split type="range" min="0" max="100" value="50" step="0.5"
-                                aria-label="where the denoised picture begins";
+                                aria-label="left edge of the denoised picture";
                             span { "denoised" }
                         }
                     }
@@ -129,46 +129,46 @@ impl Maps {
         }
     }
 
-    /// How far off each pixel is.
-    pub fn errors(&self, moment: &Snapshot) -> Markup {
+    /// The errors of each pixel.
+    pub fn errors(&self, snapshot: &Snapshot) -> Markup {
         html! {
             section {
-                h2 { "How far off each part is" }
+                h2 { "Error of each pixel" }
                 @if let Some(noise) = &self.noise {
                     div .figures .maps {
                         (figure(noise, &html! {
-                            "Noise: how far each pixel is from what it would be after a very long time, "
-                            "typically, in percent of its brightness." (noise.beyond())
+                            "Noise: the typical difference of each pixel from its value after a very long time, "
+                            "in percent of its brightness." (noise.above_scale())
                         }))
                         @if let Some(bias) = &self.bias {
                             (figure(bias, &html! {
-                                "Merge bias: what is too bright (positive) or too dark because photons are "
-                                "merged over a small area, where that stands out from the noise. "
-                                @if self.is_reduced {
-                                    "As it was merged: of this the picture has what was not taken off."
+                                "Merge bias: pixels are too bright (positive) or too dark because photons are merged "
+                                "over a small area. Only bias that exceeds the noise is shown. "
+                                @if self.is_corrected {
+                                    "This is the bias before its correction."
                                 } @else {
-                                    "More time does not take it down, a smaller radius does."
+                                    "A smaller merge radius reduces it, more time does not."
                                 }
-                                (bias.beyond())
+                                (bias.above_scale())
                             }))
                         }
                     }
-                    @if self.bias.is_none() && moment.report.is_some() {
-                        p { "Too few iterations were measured to tell the merge bias of each part." }
+                    @if self.bias.is_none() && snapshot.report.is_some() {
+                        p { "Too few iterations were measured to estimate the merge bias of each pixel." }
                     }
                 } @else {
-                    p { "That takes a second iteration." }
+                    p { "The error is known after the second iteration." }
                 }
             }
         }
     }
 
-    /// Where the noise comes from.
-    pub fn sources(&self, moment: &Snapshot) -> Markup {
+    /// The three terms of the noise.
+    pub fn sources(&self, snapshot: &Snapshot) -> Markup {
         html! {
             section {
-                h2 { "Where the noise comes from" }
-                @if let Some(Terms { picture, shares }) = &self.terms {
+                h2 { "Sources of the noise" }
+                @if let Some(NoiseTerms { picture, shares }) = &self.terms {
                     div .sources {
                         div {
                             div .stack aria-hidden="true" {
@@ -176,26 +176,26 @@ impl Maps {
                                     div .(format!("term-{k}")) style=(format!("flex-grow:{share:.4}")) {}
                                 }
                             }
-                            (words(shares, of_what(&moment.state.stop)))
+                            (term_list(shares, error_reference(&snapshot.state.stop)))
                         }
                         (figure(picture, &html! {
-                            "The same for each pixel: roots of the three parts, each as a color."
-                            (picture.beyond())
+                            "The three terms in each pixel: the root of each term is a color."
+                            (picture.above_scale())
                         }))
                     }
                 } @else {
-                    p { "No iteration has measured it." }
+                    p { "No iteration has measured the noise." }
                 }
             }
         }
     }
 }
 
-fn words(shares: &[f64; 3], of_what: &str) -> Markup {
+fn term_list(shares: &[f64; 3], reference: &str) -> Markup {
     html! {
         p {
-            "The variance of an iteration with N_F light paths and N_B camera paths per pixel has three parts, "
-            "relative to " (of_what) " here:"
+            "The variance of an iteration with N_F light paths and N_B camera paths per pixel has three terms, "
+            "relative to " (reference) ":"
         }
         dl .terms {
             @for (k, (name, formula, remedy)) in TERMS.iter().enumerate() {
@@ -208,16 +208,16 @@ fn words(shares: &[f64; 3], of_what: &str) -> Markup {
     }
 }
 
-impl Terms {
-    fn new(moment: &Snapshot, grid: Grid, relative: &[f64]) -> Option<Self> {
-        let blocks = moment.image.blocks();
+impl NoiseTerms {
+    fn new(snapshot: &Snapshot, grid: Grid, relative: &[f64]) -> Option<Self> {
+        let blocks = snapshot.image.blocks();
         let measured = coefficients(blocks)?;
         let counts = &blocks.last()?.counts;
         let n_light = f64::from(counts.light_paths);
         let of_pixel =
             |pixel: usize| measured[pixel].terms(n_light, f64::from(counts.camera_paths.at(pixel)));
         let terms: Vec<_> = (0..measured.len()).into_par_iter().map(of_pixel).collect();
-        let counts_relative = moment.state.stop.objective == Objective::Relative;
+        let counts_relative = snapshot.state.stop.objective == Objective::Relative;
         let mut sums = [0.0; 3];
         for (terms, weight) in terms.iter().zip(relative) {
             let weight = if counts_relative { *weight } else { 1.0 };
@@ -230,7 +230,7 @@ impl Terms {
         let pooled: Vec<_> = box_filter(&terms, width, height).iter().map(roots).collect();
         let names = TERMS.map(|(name, ..)| name);
         let picture = Picture::channels(
-            ("terms", "the three parts of the noise as red, green and blue"),
+            ("terms", "the three terms of the noise as red, green and blue"),
             grid.shrunk(),
             &grid.shrink(&pooled, |roots| *roots),
             names,
@@ -248,7 +248,7 @@ impl Grid {
     fn shrink<T: Sync, const N: usize>(
         self,
         values: &[T],
-        of: impl Fn(&T) -> [f64; N] + Sync,
+        value: impl Fn(&T) -> [f64; N] + Sync,
     ) -> Vec<[f64; N]> {
         let (Self { size: (width, height), step }, (across, down)) = (self, self.shrunk());
         let mean = |index: u32| {
@@ -256,7 +256,7 @@ impl Grid {
             let (mut sums, mut count) = ([0.0; N], 0.0);
             for row in y..(y + step).min(height) {
                 for column in x..(x + step).min(width) {
-                    let value = of(&values[row as usize * width as usize + column as usize]);
+                    let value = value(&values[row as usize * width as usize + column as usize]);
                     sums.iter_mut().zip(value).for_each(|(sum, value)| *sum += value);
                     count += 1.0;
                 }
@@ -266,7 +266,7 @@ impl Grid {
         (0..across * down).into_par_iter().map(mean).collect()
     }
 
-    /// A picture of percents.
+    /// A picture of percentages.
     fn values(self, name: &'static str, alt: &str, values: &[[f64; 1]], colors: Colors) -> Picture {
         let values: Vec<f64> = self.shrink(values, |value| *value).into_flattened();
         let unit = "% of the pixel’s brightness";
@@ -274,7 +274,7 @@ impl Grid {
     }
 }
 
-/// A picture that zooms with the others.
+/// A picture whose zoom is shared with the other pictures.
 fn frame(picture: &Picture, label: &str) -> Markup {
     html! {
         div class={ "frame " (label) } tabindex="0" role="group" aria-label="picture: + and − zoom, arrows move" {
@@ -284,7 +284,7 @@ fn frame(picture: &Picture, label: &str) -> Markup {
     }
 }
 
-/// The same with its scale and a caption.
+/// A picture with its scale and a caption.
 fn figure(picture: &Picture, caption: &Markup) -> Markup {
     html! {
         figure .picture {
@@ -300,7 +300,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_denoised_picture_lies_over_the_raw_one_under_a_slider() {
+    fn denoised_picture_overlays_the_raw_one_with_a_slider() {
         let picture =
             |alt, value| Picture::exposed((alt, alt), (4, 3), &[Rgb::splat(value); 12], 1.0);
         let raw = Maps {
@@ -308,7 +308,7 @@ mod tests {
             denoised: None,
             noise: None,
             bias: None,
-            is_reduced: false,
+            is_corrected: false,
             terms: None,
         };
         let html = raw.viewer((4, 3)).into_string();
@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn shrinking_keeps_means_also_at_the_border() {
+    fn shrinking_at_the_border_keeps_means() {
         let grid = Grid { size: (5, 3), step: 2 };
         let values: Vec<f64> = (0..15).map(f64::from).collect();
         let small = grid.shrink(&values, |value| [*value]).into_flattened();

@@ -1,4 +1,4 @@
-//! Sections of words and numbers: how far it is, what came of it, what it was made of.
+//! Sections of text and numbers: progress, result, scene and settings.
 
 use super::Snapshot;
 use super::convergence::error;
@@ -8,8 +8,8 @@ use crate::cli::render_report::text;
 use crate::cli::scene_input::SceneInput;
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
+use bdpm::noise::bias::UPPER_BOUND;
 use bdpm::output::page::number::count;
-use bdpm::settings::policy::UPPER_BOUND;
 use bdpm::settings::provenance::Provenance;
 use maud::{Markup, html};
 
@@ -18,18 +18,18 @@ pub fn percent(share: f64) -> String {
     format!("{}\u{202f}%", number(100.0 * share))
 }
 
-/// The scene's name and what is going on.
+/// The scene's name and the state of the render.
 pub fn heading(provenance: &Provenance, state: &str, class: &str) -> Markup {
     html! {
         h1 { (provenance.scene) " " span .state .(class) { (state) } }
     }
 }
 
-/// How far it is, in a sentence and in numbers.
-pub fn summary(moment: &Snapshot) -> Markup {
-    let state = moment.state;
+/// Progress, in a sentence and in numbers.
+pub fn summary(snapshot: &Snapshot) -> Markup {
+    let state = snapshot.state;
     let elapsed = state.elapsed().as_secs_f64();
-    let (progress, class) = match moment.report.map(|report| report.run.stopped_by) {
+    let (progress, class) = match snapshot.report.map(|report| report.run.stopped_by) {
         None => ("rendering", "running"),
         Some(StoppedBy::Interrupt) => ("stopped by Ctrl-C", "stopped"),
         Some(_) => ("done", "done"),
@@ -38,68 +38,67 @@ pub fn summary(moment: &Snapshot) -> Markup {
     html! {
         header {
             (heading(&state.provenance, progress, class))
-            p .lead { (lead(moment, left)) }
-            @if moment.report.is_none() {
+            p .lead { (lead(snapshot, left)) }
+            @if snapshot.report.is_none() {
                 progress max="1" value=(format!("{:.3}", fraction.clamp(0.0, 1.0)))
                     aria-label="part of the render that is done" {}
             }
-            (tiles(moment))
+            (tiles(snapshot))
         }
     }
 }
 
-fn lead(moment: &Snapshot, left: Option<f64>) -> Markup {
-    let state = moment.state;
+fn lead(snapshot: &Snapshot, left: Option<f64>) -> Markup {
+    let state = snapshot.state;
     let elapsed = state.elapsed().as_secs_f64();
     let now = state.status.convergence.as_ref();
-    let now = now.and_then(|standing| error(state, standing, 1.0));
-    let left = left.filter(|_| moment.report.is_none());
+    let now = now.and_then(|convergence| error(state, convergence, 1.0));
+    let left = left.filter(|_| snapshot.report.is_none());
     html! {
         "After " (human_time(elapsed))
         @if let Some(now) = now {
-            " the picture is off by about " b { (percent(now)) } " of "
-            (of_what(&state.stop)) "."
+            " the error of the picture is about " b { (percent(now)) } " of "
+            (error_reference(&state.stop)) "."
         } @else {
-            " it is too early to tell how far off the picture is."
+            " the error of the picture is not known yet."
         }
-        @if let Some(goal) = asked(&state.stop) { " Asked for: " (goal) "." }
+        @if let Some(stop) = stop_text(&state.stop) { " Target: " (stop) "." }
         @if let Some(left) = left { " About " (human_time(left)) " to go." }
     }
 }
 
-/// What errors are relative to.
-pub fn of_what(goal: &Stop) -> &'static str {
-    match goal.objective {
+/// Quantity that errors are relative to.
+pub fn error_reference(stop: &Stop) -> &'static str {
+    match stop.objective {
         bdpm::adaptive::optimize::Objective::Relative => "each pixel’s brightness",
         _ => "the picture’s mean brightness",
     }
 }
 
-/// When to stop, in words.
-fn asked(goal: &Stop) -> Option<String> {
+/// Stop conditions in words.
+fn stop_text(stop: &Stop) -> Option<String> {
     let mut ends = Vec::new();
-    ends.extend(goal.time.map(|time| human_time(time.as_secs_f64())));
-    ends.extend(goal.iterations.map(|n| format!("{n} iterations")));
-    ends.extend(goal.error.map(|error| format!("an error of {}", percent(error))));
-    ends.extend(goal.target.map(|target| match target {
+    ends.extend(stop.time.map(|time| human_time(time.as_secs_f64())));
+    ends.extend(stop.iterations.map(|n| format!("{n} iterations")));
+    ends.extend(stop.error.map(|error| format!("an error of {}", percent(error))));
+    ends.extend(stop.target.map(|target| match target {
         Target::Share(share) => format!("an RMS of {} of the mean", percent(share)),
         Target::Absolute(rms) => format!("an RMS of {} W/(m² sr)", number(rms)),
     }));
     (!ends.is_empty()).then(|| ends.join(", or "))
 }
 
-fn tiles(moment: &Snapshot) -> Markup {
-    let state = moment.state;
-    let standing = state.status.convergence.as_ref();
-    let noise2 = standing.and_then(|s| s.relative_variance(state.stop.objective));
-    let now = standing.and_then(|standing| error(state, standing, 1.0));
-    let forecast = standing.zip(state.status.forecast).filter(|_| moment.report.is_none());
-    let then = forecast.and_then(|(now, then)| error(state, now, then.left));
+fn tiles(snapshot: &Snapshot) -> Markup {
+    let state = snapshot.state;
+    let convergence = state.status.convergence.as_ref();
+    let noise2 = convergence.and_then(|s| s.relative_variance(state.stop.objective));
+    let now = convergence.and_then(|convergence| error(state, convergence, 1.0));
+    let forecast = convergence.zip(state.status.forecast).filter(|_| snapshot.report.is_none());
+    let final_error = forecast.and_then(|(now, then)| error(state, now, then.left));
     let bias = state.stop.bias2.sqrt();
-    let promised = moment
-        .state
-        .promise()
-        .and_then(|promise| promise.error.or_else(|| Some(promise.rms / standing?.mean_luminance)));
+    let promised = snapshot.state.promise().and_then(|promise| {
+        promise.error.or_else(|| Some(promise.rms / convergence?.mean_luminance))
+    });
     let tile = |name: &str, value: String, more: Option<String>| {
         html! {
             div { dt { (name) } dd { (value) @if let Some(more) = more { span .minor { (more) } } } }
@@ -110,11 +109,11 @@ fn tiles(moment: &Snapshot) -> Markup {
         format!("noise {noise}, merge bias {}", percent(bias))
     });
     let elapsed = human_time(state.elapsed().as_secs_f64());
-    let iterations = count(moment.image.iterations() as f64);
+    let iterations = count(snapshot.image.iterations() as f64);
     let speed = state.totals.rays_per_second() / 1e6;
     html! {
         dl .tiles {
-            @if let Some(denoised) = moment.state.denoised() {
+            @if let Some(denoised) = snapshot.state.denoised() {
                 @let whole = denoised.error.as_ref().map(|error| error.whole);
                 @let shown = whole.map_or("unknown".into(), |error| percent(error.relative()));
                 (tile("error, denoised", shown, whole.map(|error| {
@@ -122,26 +121,26 @@ fn tiles(moment: &Snapshot) -> Markup {
                 })))
             }
             (tile("error", now.map_or("–".into(), percent), split))
-            @if let Some(then) = then { (tile("expected at the end", percent(then), None)) }
-            @if let Some((promise, error)) = moment.state.promise().zip(promised) {
+            @if let Some(error) = final_error { (tile("expected at the end", percent(error), None)) }
+            @if let Some((promise, error)) = snapshot.state.promise().zip(promised) {
                 (tile("promised", percent(error), Some(format!(
                     "after {} for {}", human_time(promise.said_after), human_time(promise.seconds)
                 ))))
             }
-            (tile("time", elapsed, (moment.state.earlier > 0.0).then(|| {
-                format!("and {} in earlier runs", human_time(moment.state.earlier))
+            (tile("time", elapsed, (snapshot.state.earlier > 0.0).then(|| {
+                format!("and {} in earlier runs", human_time(snapshot.state.earlier))
             })))
             (tile("iterations", iterations, Some(format!("{speed:.1} million rays a second"))))
         }
     }
 }
 
-/// What the program says at the end.
-pub fn outcome(moment: &Snapshot) -> Markup {
+/// The report that the program prints at the end.
+pub fn outcome(snapshot: &Snapshot) -> Markup {
     html! {
-        @if let Some(report) = moment.report {
+        @if let Some(report) = snapshot.report {
             section {
-                h2 { "What came of it" }
+                h2 { "Result" }
                 pre { (text(report).trim_end()) }
             }
         }
@@ -175,7 +174,7 @@ pub fn setup(
     ];
     html! {
         section {
-            h2 { "What it was made of" }
+            h2 { "Scene and settings" }
             pre { code { (command) } }
             dl {
                 @for (name, value) in facts {

@@ -1,6 +1,6 @@
 //! `--view`: the image while it renders, in tev or as a small picture in the terminal.
 //!
-//! Neither holds up the render nor makes it fail.
+//! A slow or missing viewer neither delays the render nor makes it fail.
 
 mod terminal;
 mod tev;
@@ -12,10 +12,10 @@ use bdpm::render::block::CombinedImage;
 use std::str::FromStr;
 use std::time::{Duration, Instant};
 
-/// Rendering time per time of preparing what is shown, at least.
+/// Minimum ratio of rendering time to the time for preparing pictures.
 const SHARE: u32 = 100;
 
-/// Time between two pictures, at least.
+/// Minimum time between two pictures.
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// Target that shows the image.
@@ -36,14 +36,14 @@ impl FromStr for ViewTarget {
             ("terminal", _) => Ok(Self::Terminal),
             (address, Some(port)) if port > 0 => Ok(Self::Tev(address.to_owned())),
             _ => Err(Error::new(
-                format!("`{text}` is not a target to show the image in"),
+                format!("`{text}` is neither an address nor `terminal`"),
                 "give tev's address such as 127.0.0.1:14158, or terminal",
             )),
         }
     }
 }
 
-/// Shows the image now and then.
+/// Shows the image at intervals.
 pub struct View {
     screen: Screen,
     next: Duration,
@@ -61,7 +61,9 @@ impl View {
             ViewTarget::Tev(address) => Screen::Tev(tev::Tev::new(address, name, progress)),
             ViewTarget::Terminal => {
                 if !progress.has_terminal() {
-                    progress.note("note: --view=terminal shows nothing: standard error is none");
+                    progress.note(
+                        "note: --view=terminal shows nothing: standard error is not a terminal",
+                    );
                 }
                 Screen::Terminal(progress.clone())
             }
@@ -69,7 +71,7 @@ impl View {
         Self { screen, next: Duration::ZERO }
     }
 
-    /// Whether a picture is to be shown, after so much time of rendering.
+    /// Returns true if a picture should be shown after this rendering time.
     pub fn is_due(&mut self, elapsed: Duration) -> bool {
         elapsed >= self.next
             && match &mut self.screen {
@@ -78,7 +80,7 @@ impl View {
             }
     }
 
-    /// Shows what there is after so much time of rendering.
+    /// Shows the image after this rendering time.
     pub fn show(&mut self, image: &CombinedImage, denoised: Option<&Denoised>, elapsed: Duration) {
         let start = Instant::now();
         match &mut self.screen {
@@ -88,7 +90,7 @@ impl View {
         self.next = elapsed + PAUSE.max(start.elapsed() * SHARE);
     }
 
-    /// Shows the last one; waits a moment until it has come through.
+    /// Shows the final image, and waits a moment until it was sent.
     pub fn finish(mut self, image: &CombinedImage, denoised: Option<&Denoised>, elapsed: Duration) {
         if let Screen::Tev(tev) = &mut self.screen {
             tev.wait();
@@ -107,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_are_addresses_or_the_terminal() {
+    fn view_target_is_an_address_or_the_terminal() {
         let tev = |address: &str| ViewTarget::Tev(address.into());
         for text in ["127.0.0.1:14158", "[::1]:80", "desk.local:14158"] {
             assert_eq!(text.parse::<ViewTarget>().unwrap(), tev(text));

@@ -1,5 +1,5 @@
-//! A small picture in the terminal: two pixels to a character, the upper half of which is inked in one color on
-//! another. It takes 24-bit colors and nothing else.
+//! A small picture in the terminal. Each character shows two pixels: a half block in one color on a background of
+//! another. The terminal must support 24-bit colors.
 
 use crate::cli::progress::Progress;
 use bdpm::base::math::Rgb;
@@ -8,13 +8,13 @@ use bdpm::output::denoise::Denoised;
 use bdpm::render::block::CombinedImage;
 use std::fmt::Write;
 
-/// Characters along a line at the most.
+/// Maximum number of characters in a line.
 const COLUMNS: u32 = 72;
 
-/// Lines that are left for other things.
+/// Lines of the terminal that the picture leaves free.
 const SPARE: u32 = 5;
 
-/// Shows what there is above the bar.
+/// Shows the image above the progress bar.
 pub fn show(progress: &Progress, image: &CombinedImage, denoised: Option<&Denoised>) {
     let (rows, columns) = console::Term::stderr().size();
     let rows = u32::from(rows).saturating_sub(SPARE);
@@ -35,7 +35,7 @@ pub fn show(progress: &Progress, image: &CombinedImage, denoised: Option<&Denois
     progress.picture(&lines(&bytes, small.0 as usize));
 }
 
-/// The largest size of this shape that fits, of even height; `None` if there is hardly room.
+/// The largest size with this aspect ratio and an even height that fits; `None` if there is too little room.
 fn fitting((width, height): (u32, u32), (columns, rows): (u32, u32)) -> Option<(u32, u32)> {
     let scale = (f64::from(columns) / f64::from(width)).min(f64::from(rows) / f64::from(height));
     let along = |pixels: u32| (f64::from(pixels) * scale.min(1.0)).round() as u32;
@@ -43,7 +43,7 @@ fn fitting((width, height): (u32, u32), (columns, rows): (u32, u32)) -> Option<(
     (small.0 >= 4 && small.1 >= 4).then_some(small)
 }
 
-/// Means over the pixels that become one.
+/// Shrinks an image: means over the pixels that become one.
 fn shrunk(pixels: &[Rgb], (width, height): (u32, u32), (across, down): (u32, u32)) -> Vec<Rgb> {
     let span = |index: u32, parts: u32, whole: u32| {
         let end = |index: u32| (u64::from(index) * u64::from(whole) / u64::from(parts)) as usize;
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_fit_and_keep_their_shape() {
+    fn fitted_picture_keeps_its_aspect_ratio() {
         assert_eq!(fitting((400, 300), (72, 200)), Some((72, 54)));
         assert_eq!(fitting((400, 300), (72, 30)), Some((40, 30)));
         assert_eq!(fitting((16, 12), (72, 80)), Some((16, 12)));
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn every_character_is_two_pixels_and_means_are_kept() {
+    fn character_shows_two_pixels_and_shrinking_keeps_means() {
         let pixels: Vec<Rgb> = (0..24).map(|i| Rgb::splat(i as f32)).collect();
         assert_eq!(shrunk(&pixels, (6, 4), (3, 2))[0], Rgb::splat(3.5));
         assert_eq!(shrunk(&pixels, (6, 4), (6, 4)), pixels);

@@ -1,5 +1,5 @@
-//! The image in tev, by its protocol over TCP: an image of named channels is created once, then its pixels are
-//! updated. A thread of its own sends, so that a viewer that hangs holds up nobody.
+//! Shows the image in tev by its TCP protocol: an image of named channels is created once, then its pixels are
+//! updated. A separate thread sends the pixels, so that a viewer that hangs does not delay the render.
 
 use crate::cli::progress::Progress;
 use bdpm::image_io::Layer;
@@ -11,10 +11,10 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
-/// How long to wait for somebody to answer.
+/// Time to wait for a connection.
 const CONNECTING: Duration = Duration::from_secs(1);
 
-/// How long a viewer may take nothing in before it counts as gone, and the program waits for it at its end.
+/// Time after which a viewer that accepts no data counts as gone, and maximum wait at the end of the program.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Pixels for tev.
@@ -52,13 +52,14 @@ pub struct Tev {
 }
 
 impl Tev {
-    /// To an address, as an image of this name. Tells once if nobody answers, and tries again with each frame.
+    /// Shows an image of this name in the viewer at `address`. Warns once if there is no answer, and tries again with
+    /// each frame.
     pub fn new(address: &str, name: &str, progress: &Progress) -> Self {
         let (frames, to_send) = sync_channel::<Frame>(1);
         let (sent, done) = sync_channel(1);
         let (address, name, progress) = (address.to_owned(), name.to_owned(), progress.clone());
         std::thread::spawn(move || {
-            let (mut connection, mut is_told) = (None, false);
+            let (mut connection, mut has_warned) = (None, false);
             while let Ok(frame) = to_send.recv() {
                 if let Err(error) = send(&mut connection, &address, &name, &frame) {
                     connection = None;
@@ -66,7 +67,7 @@ impl Tev {
                         ErrorKind::WouldBlock | ErrorKind::TimedOut => "no answer".to_owned(),
                         _ => error.to_string(),
                     };
-                    if !std::mem::replace(&mut is_told, true) {
+                    if !std::mem::replace(&mut has_warned, true) {
                         progress.note(&format!(
                             "warning: cannot show the image in tev at {address}: {error}\nhelp: start tev, \
                              or give its address by --view=HOST:PORT; rendering goes on"
@@ -81,20 +82,20 @@ impl Tev {
         Self { frames, done, is_sending: false }
     }
 
-    /// Whether it would take a frame.
+    /// Returns true if the thread can take a frame.
     pub fn is_idle(&mut self) -> bool {
         self.is_sending &= self.done.try_recv().is_err();
         !self.is_sending
     }
 
-    /// Hands a frame over. One that comes while another is being sent is left out.
+    /// Sends a frame, or drops it if the previous one is still being sent.
     pub fn send(&mut self, frame: Frame) {
         if self.is_idle() {
             self.is_sending = self.frames.try_send(frame).is_ok();
         }
     }
 
-    /// Waits until the last frame has been sent, but not for long.
+    /// Waits until the last frame was sent, for a few seconds at most.
     pub fn wait(&mut self) {
         if self.is_sending && self.done.recv_timeout(PATIENCE).is_ok() {
             self.is_sending = false;

@@ -1,48 +1,50 @@
-//! The mix of the denoised and the raw image with the least estimated error, neighborhood by neighborhood.
+//! The mix of the denoised and the raw image with the smallest estimated error in each neighborhood.
 
 use super::BOX_RADIUS;
-use super::folds::{Folds, boxes};
+use super::cross_validation::{CrossValidation, boxes};
 use crate::base::math::Rgb;
 use rayon::prelude::*;
 
 /// Shares of the raw image, in [0, 1], row by row.
 #[derive(Clone, Debug)]
 pub struct Mix {
-    /// By all parts: for the image that is delivered.
+    /// Estimated from all folds, for the final image.
     pub shares: Vec<f32>,
-    /// For each part by the others, which its error is then told with.
-    pub of_folds: Vec<Vec<f32>>,
+    /// For each fold, estimated from the other folds. The error of the mix is estimated with these shares.
+    pub fold_shares: Vec<Vec<f32>>,
     /// Share of the pixels in whose neighborhood the denoiser alone has a larger error than the raw image.
     pub worse: f64,
 }
 
 impl Mix {
-    /// Pools over squares of `2 BOX_RADIUS + 1` pixels, by these weights of squared errors.
+    /// Pools over squares of `2 BOX_RADIUS + 1` pixels, with these weights of squared errors.
     ///
-    /// With `u = R_-i - D_-i` and `v = B_i - D_-i` the error of a mix with the share `a` is `(a u - v)^2` but for what
-    /// does not depend on it, so that `a = mean uv / mean u^2`; it is drawn toward 0 by what its standard error over
-    /// parts explains.
-    pub fn new(folds: &Folds, weights: &[f64], (width, height): (u32, u32)) -> Self {
+    /// Let `u = R_-i - D_-i` and `v = B_i - D_-i`. The squared error of a mix with the share `a` is `(a u - v)^2` plus
+    /// terms without `a`, so `a = mean uv / mean u^2` minimizes it. The share is reduced by the part of `a^2` that its
+    /// standard error over the folds explains.
+    pub fn new(validation: &CrossValidation, weights: &[f64], (width, height): (u32, u32)) -> Self {
         let size = (width as usize, height as usize);
-        let pooled = |fold: usize| {
+        let pooled = |index: usize| {
             let value = |pixel: usize| {
-                let [part, raw, denoised] = [&folds.part, &folds.raw, &folds.denoised]
-                    .map(|images| f64::from(images[fold][pixel]));
-                let (u, v) = (raw - denoised, part - denoised);
+                let [fold, raw, denoised] =
+                    [&validation.fold, &validation.raw, &validation.denoised]
+                        .map(|images| f64::from(images[index][pixel]));
+                let (u, v) = (raw - denoised, fold - denoised);
                 (weights[pixel] * u * v, weights[pixel] * u * u)
             };
             let (uv, uu): (Vec<f64>, Vec<f64>) = (0..weights.len()).map(value).unzip();
             [uv, uu].map(|values| boxes(&values, size, BOX_RADIUS as usize))
         };
-        let moments: Vec<[Vec<f64>; 2]> = (0..folds.len()).into_par_iter().map(pooled).collect();
+        let moments: Vec<[Vec<f64>; 2]> =
+            (0..validation.fold_count()).into_par_iter().map(pooled).collect();
         let share = |pixel: usize, left_out: Option<usize>| {
-            let taken = (0..folds.len()).filter(|fold| Some(*fold) != left_out);
+            let taken = (0..validation.fold_count()).filter(|fold| Some(*fold) != left_out);
             best_share(taken.map(|fold| [moments[fold][0][pixel], moments[fold][1][pixel]]))
         };
         let shares = |left_out| {
             (0..weights.len()).into_par_iter().map(|pixel| share(pixel, left_out)).collect()
         };
-        // Without the denoiser (a = 1) against without the raw image (a = 0).
+        // Compare the raw image (a = 1) with the denoised one (a = 0).
         let is_worse = |pixel: &usize| {
             let [uv, uu] = [0, 1].map(|m| moments.iter().map(|of| of[m][*pixel]).sum::<f64>());
             uu < 2.0 * uv
@@ -50,7 +52,7 @@ impl Mix {
         let worse = (0..weights.len()).into_par_iter().filter(is_worse).count();
         Self {
             shares: shares(None),
-            of_folds: (0..folds.len()).map(|fold| shares(Some(fold))).collect(),
+            fold_shares: (0..validation.fold_count()).map(|fold| shares(Some(fold))).collect(),
             worse: worse as f64 / weights.len() as f64,
         }
     }
@@ -62,28 +64,28 @@ impl Mix {
     }
 }
 
-/// The share by the moments `[mean uv, mean u^2]` of some parts.
+/// The share from the moments `[mean uv, mean u^2]` of some folds.
 fn best_share(moments: impl Iterator<Item = [f64; 2]> + Clone) -> f32 {
     let (mut n, mut uv, mut uu) = (0.0, 0.0, 0.0);
-    for [own_uv, own_uu] in moments.clone() {
-        (n, uv, uu) = (n + 1.0, uv + own_uv, uu + own_uu);
+    for [fold_uv, fold_uu] in moments.clone() {
+        (n, uv, uu) = (n + 1.0, uv + fold_uv, uu + fold_uu);
     }
     if uv <= 0.0 || uu <= 0.0 {
         return 0.0;
     }
     let share = uv / uu;
-    let off = |[own_uv, own_uu]: [f64; 2]| (own_uv - share * own_uu).powi(2);
-    let error2 = n / (n - 1.0) * moments.map(off).sum::<f64>() / (uu * uu);
+    let deviation2 = |[fold_uv, fold_uu]: [f64; 2]| (fold_uv - share * fold_uu).powi(2);
+    let error2 = n / (n - 1.0) * moments.map(deviation2).sum::<f64>() / (uu * uu);
     (share * (1.0 - error2 / (share * share)).max(0.0)).min(1.0) as f32
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::folds::tests::{error, folds, truth};
+    use super::super::cross_validation::tests::{error, folds, truth};
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
 
-    /// Squared errors of the raw image, of what is denoised, and of the mix, and what is told of the last.
+    /// Squared errors of the raw image, the denoised image and the mix, and the estimate for the mix.
     fn errors(contrast: f64, noise: (f64, f64), stream: u64) -> [f64; 4] {
         let truth = truth(contrast);
         let weights: Vec<f64> = truth.iter().map(|l| 1.0 / (l * l + 0.04)).collect();
@@ -93,24 +95,24 @@ mod tests {
             let folds = folds(&truth, noise, &mut rng);
             let mix = Mix::new(&folds, &weights, (64, 64));
             let mixed = folds.mixed(&mix);
-            let of = |images: &[Vec<f32>]| error(images, &truth, &weights);
-            sums[0] += of(&folds.raw);
-            sums[1] += of(&folds.denoised);
-            sums[2] += of(&mixed.denoised);
+            let true_error = |images: &[Vec<f32>]| error(images, &truth, &weights);
+            sums[0] += true_error(&folds.raw);
+            sums[1] += true_error(&folds.denoised);
+            sums[2] += true_error(&mixed.denoised);
             sums[3] += mixed.estimate(&weights).squared;
         }
         sums.map(|sum| sum / 40.0)
     }
 
     #[test]
-    fn a_mix_is_no_worse_than_either_where_the_denoiser_fails_and_where_it_does_not() {
-        // A fine grating that a blur destroys, with little noise; and much noise with little to destroy.
-        let [raw, denoised, mixed, told] = errors(1.0, (0.05, 0.0), 0);
+    fn mix_is_no_worse_than_either_image_with_a_good_or_a_bad_denoiser() {
+        // First a fine grating that a blur destroys, with little noise. Then much noise and little detail.
+        let [raw, denoised, mixed, estimated] = errors(1.0, (0.05, 0.0), 0);
         assert!(denoised > 4.0 * raw && mixed < raw, "{raw} {denoised} {mixed}");
-        assert!((told / mixed - 1.0).abs() < 0.05, "{told} {mixed}");
-        let [raw, denoised, mixed, told] = errors(0.02, (0.6, 0.0), 1);
+        assert!((estimated / mixed - 1.0).abs() < 0.05, "{estimated} {mixed}");
+        let [raw, denoised, mixed, estimated] = errors(0.02, (0.6, 0.0), 1);
         assert!(raw > 4.0 * denoised && mixed < 1.02 * denoised, "{raw} {denoised} {mixed}");
-        assert!((told / mixed - 1.0).abs() < 0.1, "{told} {mixed}");
+        assert!((estimated / mixed - 1.0).abs() < 0.1, "{estimated} {mixed}");
         let [raw, denoised, mixed, _] = errors(0.3, (0.2, 0.03), 2);
         assert!(mixed < raw && mixed < denoised, "{raw} {denoised} {mixed}");
     }

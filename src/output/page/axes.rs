@@ -1,84 +1,85 @@
-//! Plots on logarithmic axes, as SVG whose colors and dashes the style sheet gives by class.
+//! Plots with logarithmic axes, as SVG. A style sheet gives the colors and dashes of each class.
 
 use maud::{Markup, PreEscaped, html};
 
-/// Width and height; narrow, so that labels are readable on a phone.
+/// Width and height, small enough that labels are readable on a phone.
 const SIZE: [f64; 2] = [560.0, 360.0];
 
-/// Room beside the plot for labels: left, right, top, bottom.
+/// Margins for labels: left, right, top, bottom.
 const MARGINS: [f64; 4] = [92.0, 18.0, 16.0, 56.0];
 
-/// Distance of the lines of the legend.
+/// Distance between the lines of the legend.
 const LEGEND_LINE: f64 = 22.0;
 
-/// Ticks along an axis at the most.
-const MOST_TICKS: usize = 6;
+/// Maximum number of ticks of an axis.
+const MAX_TICKS: usize = 6;
 
-/// Least ratio of the ends of an axis.
-const LEAST_RATIO: f64 = 1.5;
+/// Minimum ratio of the ends of an axis.
+const MIN_RATIO: f64 = 1.5;
 
-/// IterationSet with their labels, increasing, between the ends of an axis and beyond; as many as have room are shown.
+/// Increasing numbers with their labels, for the ends of an axis. Those outside the axis and those without room are left
+/// out.
 pub type Ticks<'a> = &'a dyn Fn([f64; 2]) -> Vec<(f64, String)>;
 
-/// Positive numbers against positive numbers.
+/// A plot of positive numbers against positive numbers.
 pub struct LogPlot<'a> {
-    /// What it shows, for those who cannot see it.
+    /// Text alternative of the plot.
     pub alt: &'a str,
-    /// What is along each axis.
+    /// Name of each axis.
     pub names: [&'a str; 2],
-    /// What an axis from one number to another is marked at.
+    /// Ticks of each axis.
     pub ticks: [Ticks<'a>; 2],
     pub curves: Vec<Curve<'a>>,
     pub marks: Vec<Mark<'a>>,
-    /// Class and label of each entry of the legend, which is shown inside the plot.
+    /// Class and label of each entry of the legend inside the plot.
     pub legend: Vec<(&'a str, String)>,
 }
 
 /// Points that a line joins.
 pub struct Curve<'a> {
-    /// Of the style sheet.
+    /// Class in the style sheet.
     pub class: &'a str,
     pub points: Vec<[f64; 2]>,
 }
 
 /// A point of interest.
 pub struct Mark<'a> {
-    /// Of the style sheet.
+    /// Class in the style sheet.
     pub class: &'a str,
     pub at: [f64; 2],
 }
 
-/// One axis: its ends, and where they are in the picture.
+/// One axis: its end values, and their coordinates in the picture.
 struct Axis {
     ends: [f64; 2],
-    places: [f64; 2],
+    coordinates: [f64; 2],
 }
 
 impl Axis {
-    fn place(&self, value: f64) -> f64 {
+    fn coordinate(&self, value: f64) -> f64 {
         let [low, high] = self.ends.map(f64::ln);
-        let [from, to] = self.places;
+        let [from, to] = self.coordinates;
         from + (to - from) * (value.ln() - low) / (high - low)
     }
 
-    /// Those of the ticks that lie inside, every so many where they are too many.
+    /// The ticks inside the axis. If there are too many, every n-th of them.
     fn shown(&self, ticks: Ticks) -> Vec<(f64, String)> {
         let [low, high] = self.ends;
         let all = ticks(self.ends).into_iter();
         let inside: Vec<_> = all.filter(|(at, _)| (low..=high).contains(at)).collect();
-        let step = inside.len().div_ceil(MOST_TICKS).max(1);
+        let step = inside.len().div_ceil(MAX_TICKS).max(1);
         inside.into_iter().step_by(step).collect()
     }
 }
 
 impl LogPlot<'_> {
-    /// The SVG element, for pages that have styles for its classes. Points that are not positive and
-    /// finite are left out; `None` if none is left.
+    /// The SVG element, for pages that have styles for its classes. Points that are not positive and finite are left
+    /// out; `None` if no point remains.
     pub fn svg(&self) -> Option<Markup> {
         self.draw(None, None)
     }
 
-    /// The SVG element of a class, with a style sheet inside. It is also a whole SVG file.
+    /// The SVG element with a class and its style sheet, which is also a complete SVG file.
     pub fn svg_with_style(&self, class: &str, style: &str) -> Option<Markup> {
         self.draw(Some(class), Some(style))
     }
@@ -86,20 +87,20 @@ impl LogPlot<'_> {
     fn draw(&self, class: Option<&str>, style: Option<&str>) -> Option<Markup> {
         let [left, right, top, bottom] = MARGINS;
         let [width, height] = SIZE;
-        let x = Axis { ends: self.ends(0)?, places: [left, width - right] };
-        let y = Axis { ends: self.ends(1)?, places: [height - bottom, top] };
+        let x = Axis { ends: self.ends(0)?, coordinates: [left, width - right] };
+        let y = Axis { ends: self.ends(1)?, coordinates: [height - bottom, top] };
         let at = |value: f64| format!("{value:.1}");
         Some(html! {
             svg viewBox=(format!("0 0 {width} {height}")) role="img" aria-label=(self.alt)
                 xmlns=[style.map(|_| "http://www.w3.org/2000/svg")] class=[class] {
                 @if let Some(style) = style { style { (PreEscaped(style)) } }
                 @for (value, label) in x.shown(self.ticks[0]) {
-                    @let place = x.place(value);
+                    @let place = x.coordinate(value);
                     line .mesh x1=(at(place)) x2=(at(place)) y1=(at(top)) y2=(at(height - bottom)) {}
                     text x=(at(place)) y=(at(height - bottom + 20.0)) text-anchor="middle" { (label) }
                 }
                 @for (value, label) in y.shown(self.ticks[1]) {
-                    @let place = y.place(value);
+                    @let place = y.coordinate(value);
                     line .mesh x1=(at(left)) x2=(at(width - right)) y1=(at(place)) y2=(at(place)) {}
                     text x=(at(left - 8.0)) y=(at(place + 5.0)) text-anchor="end" { (label) }
                 }
@@ -117,12 +118,12 @@ impl LogPlot<'_> {
                     @let inside: Vec<_> = points.iter().filter(|point| is_shown(point)).collect();
                     @if inside.len() > 1 {
                         polyline class=(class) fill="none" points=(inside.iter().map(|[a, b]| {
-                            format!("{:.1},{:.1}", x.place(*a), y.place(*b))
+                            format!("{:.1},{:.1}", x.coordinate(*a), y.coordinate(*b))
                         }).collect::<Vec<_>>().join(" ")) {}
                     }
                 }
                 @for Mark { class, at: [a, b] } in self.marks.iter().filter(|mark| is_shown(&mark.at)) {
-                    circle class=(class) cx=(at(x.place(*a))) cy=(at(y.place(*b))) r="6" {}
+                    circle class=(class) cx=(at(x.coordinate(*a))) cy=(at(y.coordinate(*b))) r="6" {}
                 }
                 @for (row, (class, label)) in self.legend.iter().enumerate() {
                     @let place = top + 12.0 + LEGEND_LINE * row as f64;
@@ -133,7 +134,7 @@ impl LogPlot<'_> {
         })
     }
 
-    /// The ends of an axis that holds all points.
+    /// The ends of an axis that contains all points.
     fn ends(&self, axis: usize) -> Option<[f64; 2]> {
         let points = self.curves.iter().flat_map(|curve| &curve.points);
         let all = points.chain(self.marks.iter().map(|mark| &mark.at));
@@ -143,7 +144,7 @@ impl LogPlot<'_> {
         if low > high {
             return None;
         }
-        let spare = (LEAST_RATIO / (high / low)).max(1.0).sqrt() * 1.06;
+        let spare = (MIN_RATIO / (high / low)).max(1.0).sqrt() * 1.06;
         Some([low / spare, high * spare])
     }
 }
@@ -152,7 +153,7 @@ fn is_shown(point: &[f64; 2]) -> bool {
     point.iter().all(|value| *value > 0.0 && value.is_finite())
 }
 
-/// Ticks in steps of about a factor of 2 from `low` to `high`, or of 10 where these are too many.
+/// Ticks from `low` to `high`: powers of 10, or steps between them if these are fewer than 3.
 pub fn decimal_ticks([low, high]: [f64; 2], label: impl Fn(f64) -> String) -> Vec<(f64, String)> {
     let decades = |values: &'static [f64]| {
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
@@ -205,7 +206,7 @@ mod tests {
             alt: "a < b",
             names: ["time", "error"],
             ticks: [&time_ticks, &decimal],
-            curves: vec![Curve { class: "fell", points }],
+            curves: vec![Curve { class: "measured", points }],
             marks: Vec::new(),
             legend: Vec::new(),
         };
@@ -213,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_power_law_is_a_straight_line() {
+    fn power_law_is_a_straight_line() {
         let points = (0..5).map(|n| [4f64.powi(n), 2f64.powi(-n)]).collect();
         let svg = plot(points).unwrap();
         let line = svg.split("points=\"").nth(1).unwrap().split('"').next().unwrap();
@@ -234,14 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_logarithm_is_left_out() {
+    fn points_without_logarithm_are_left_out() {
         assert!(plot(vec![[0.0, 1.0], [1.0, -1.0], [f64::NAN, 1.0]]).is_none());
         let one = plot(vec![[1.0, 1.0], [2.0, f64::INFINITY]]).unwrap();
         assert!(!one.contains("NaN") && !one.contains("polyline"));
     }
 
     #[test]
-    fn every_axis_has_some_ticks() {
+    fn axis_of_any_range_has_ticks() {
         let count = |low: f64, high: f64| decimal_ticks([low, high], |v| v.to_string()).len();
         for (low, high) in [(1.0, 1.5), (0.013, 0.02), (0.9, 1.4), (1.0, 1e4), (0.3, 40.0)] {
             assert!((2..=15).contains(&count(low, high)), "{low} {high}: {}", count(low, high));

@@ -1,5 +1,4 @@
-//! What pages have in common that explain themselves in a browser and need nothing else: the frame, pictures of
-//! pixels with their scales, plots, tables, numbers.
+//! Elements of HTML pages without external resources: frame, pictures with their scales, plots, tables and numbers.
 
 pub mod axes;
 pub mod noise_plot;
@@ -8,10 +7,10 @@ pub mod picture;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Styles that all pages share.
+/// Style sheet of all pages.
 const STYLE: &str = include_str!("style.css");
 
-/// A whole page: `style` and `head` come after what all pages have.
+/// A whole page. `style` and `head` follow the shared style and head.
 pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
@@ -28,7 +27,7 @@ pub fn document(title: &str, style: &str, head: &Markup, body: &Markup) -> Marku
     }
 }
 
-/// One row of column names. Names that begin with `*` head columns of text, names that begin with `?` columns of
+/// One row of column names. A name with the prefix `*` heads a column of text, one with the prefix `?` a column of
 /// published values.
 pub fn header(names: &[&str]) -> Markup {
     html! {
@@ -44,7 +43,7 @@ pub fn header(names: &[&str]) -> Markup {
     }
 }
 
-/// A table that scrolls by itself if it is wider than the page; its caption does not scroll.
+/// A table that scrolls if it is wider than the page. Its caption does not scroll.
 pub fn table(class: &str, caption: &Markup, rows: &Markup) -> Markup {
     html! {
         div .table {

@@ -3,7 +3,7 @@
 use super::axes::{Curve, LogPlot, Mark, decimal_ticks};
 use maud::Markup;
 
-/// Points of a curve.
+/// Number of points of a curve.
 const STEPS: u32 = 100;
 
 /// Classes of the curves in [`STYLE`], one for each number of camera paths.
@@ -36,7 +36,7 @@ pub struct NoisePlot<'a> {
     pub curves: &'a [u32],
     /// Measured values.
     pub points: &'a [NoisePoint],
-    /// Counts with the lowest RMS, and their label in the legend.
+    /// Path counts with the minimum RMS, and their label in the legend.
     pub minimum: (f64, u32, String),
     /// Numbers of light paths from the left to the right end.
     pub light_paths: [f64; 2],

@@ -1,10 +1,10 @@
-//! IterationSet in pages.
+//! Numbers in pages.
 
 use crate::adaptive::optimize::predict::Predicted;
 use crate::image_io::digits;
 use maud::{Markup, html};
 
-/// A value with its standard error in two digits; without one, four digits of the value.
+/// A value with two digits of its standard error, or four digits of a value without a standard error.
 pub fn shown(value: Predicted) -> Markup {
     let error = value.error.filter(|error| error.is_finite() && *error > 0.0);
     let digits = digits(value.value, error.unwrap_or(0.0));
@@ -16,7 +16,7 @@ pub fn shown(value: Predicted) -> Markup {
     }
 }
 
-/// A known number with so many digits after the point.
+/// A number with `digits` digits after the point.
 pub fn fixed(value: f64, digits: usize) -> String {
     format!("{value:.digits$}")
 }
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_have_two_digits_and_counts_groups_of_three() {
+    fn error_has_two_digits_and_count_has_groups_of_three() {
         let value = |value, error| shown(Predicted { value, error }).into_string();
         assert_eq!(value(0.29884, Some(0.00123)), "0.2988<span class=\"error\"> ± 0.0012</span>");
         assert_eq!(value(0.29884, None), "0.2988");

@@ -1,4 +1,4 @@
-//! Pictures in pages: pixels as PNG, with the scale and the caption as text beside them.
+//! Pictures in pages: pixels as PNG, scale and caption as text.
 
 use super::number::count;
 use crate::base::math::Rgb;
@@ -9,43 +9,43 @@ use colorgrad::Gradient;
 use maud::{Markup, html};
 use rayon::prelude::*;
 
-/// Colors along a scale.
+/// Number of color stops of a scale.
 const STOPS: u32 = 24;
 
-/// Share of the values that a scale covers: the bright spot on the ceiling, under the light, is left
-/// out.
+/// Share of the values that a scale covers. A few very large values would otherwise determine the scale.
 const COVERED: f64 = 0.97;
 
-/// Steps of a scale at the most, so that their numbers have room on a phone.
-const STEPS: f64 = 5.0;
+/// Maximum number of steps of a scale, so that their numbers have room on a phone.
+const MAX_STEPS: f64 = 5.0;
 
-/// Pixels with their scale.
+/// A picture with its scale.
 pub struct Picture {
-    /// File name, and what it shows for those who cannot see it.
+    /// File name.
     pub name: &'static str,
+    /// Text alternative.
     pub alt: String,
     width: u32,
     height: u32,
     /// The PNG file.
     pub png: Vec<u8>,
     scale: Scale,
-    /// Pixels that exceed it.
+    /// Number of pixels whose value exceeds the scale.
     above: usize,
 }
 
 enum Scale {
-    /// CSS colors from left to right, ticks with their places in percent, and a unit.
+    /// CSS colors from left to right, ticks with their positions in percent, and a unit.
     Bar { colors: Vec<String>, ticks: Vec<(f64, String)>, unit: &'static str },
-    /// What the channels are, and what their full color stands for.
+    /// Names of the channels, and the value of their full color.
     Channels { names: [&'static str; 3], full: String },
 }
 
-/// What colors stand for.
+/// Color map of a picture.
 #[derive(Clone, Copy)]
 pub enum Colors {
-    /// From 0 to the most.
+    /// From 0 to the maximum.
     Sequential,
-    /// To either side of 0.
+    /// Symmetric about 0.
     Diverging,
 }
 
@@ -55,7 +55,7 @@ impl Picture {
         Self::exposed(names, size, pixels, auto_exposure(pixels))
     }
 
-    /// The same with an exposure of one's choice.
+    /// Radiance, W/(m^2 sr), tone-mapped with this exposure.
     pub fn exposed(
         (name, alt): (&'static str, &str),
         (width, height): (u32, u32),
@@ -64,12 +64,12 @@ impl Picture {
     ) -> Self {
         let mapped: Vec<_> = pixels.par_iter().map(|&pixel| tone_map(pixel, exposure)).collect();
         let bytes = mapped.into_flattened();
-        // Gray is white from twice the display's white on, nearly.
-        let most = 2.0 / f64::from(exposure);
+        // Twice the white of the display is nearly white after tone mapping.
+        let max = 2.0 / f64::from(exposure);
         let gray = |x: f64| tone_map(Rgb::splat(x as f32), exposure);
-        let colors = stops(|share| gray(share * most));
-        let step = tick_step(most, STEPS);
-        let ticks = ticks((0.0, most), step, number);
+        let colors = stops(|share| gray(share * max));
+        let step = tick_step(max, MAX_STEPS);
+        let ticks = ticks((0.0, max), step, number);
         Self {
             name,
             alt: alt.into(),
@@ -81,19 +81,19 @@ impl Picture {
         }
     }
 
-    /// A value for each pixel, in colors that the color-blind can tell apart.
+    /// A value for each pixel, in colors that color-blind people can distinguish.
     pub fn values(
         (name, alt): (&'static str, &str),
         (width, height): (u32, u32),
         values: &[f64],
         (colors, unit): (Colors, &'static str),
     ) -> Self {
-        let most = quantile(values.iter().map(|value| value.abs()).collect(), COVERED);
-        let step = tick_step(most, STEPS);
-        let most = (most / step).ceil() * step;
-        let least = match colors {
+        let max = quantile(values.iter().map(|value| value.abs()).collect(), COVERED);
+        let step = tick_step(max, MAX_STEPS);
+        let max = (max / step).ceil() * step;
+        let min = match colors {
             Colors::Sequential => 0.0,
-            Colors::Diverging => -most,
+            Colors::Diverging => -max,
         };
         let color = |share: f64| {
             let share = share.clamp(0.0, 1.0) as f32;
@@ -105,11 +105,11 @@ impl Picture {
         };
         // Looked up: a gradient is slow for every pixel.
         let table: Vec<[u8; 3]> = (0..=255).map(|i| color(f64::from(i) / 255.0)).collect();
-        let index = |value: f64| (255.0 * ((value - least) / (most - least))).round() as usize;
+        let index = |value: f64| (255.0 * ((value - min) / (max - min))).round() as usize;
         let bytes: Vec<u8> =
             values.iter().flat_map(|&value| table[index(value).min(255)]).collect();
-        let step = if least < 0.0 { tick_step(2.0 * most, STEPS) } else { step };
-        let ticks = ticks((least, most), step, number);
+        let step = if min < 0.0 { tick_step(2.0 * max, MAX_STEPS) } else { step };
+        let ticks = ticks((min, max), step, number);
         Self {
             name,
             alt: alt.into(),
@@ -117,7 +117,7 @@ impl Picture {
             height,
             png: encode_png(width, height, &bytes),
             scale: Scale::Bar { colors: stops(color), ticks, unit },
-            above: values.iter().filter(|value| value.abs() > most).count(),
+            above: values.iter().filter(|value| value.abs() > max).count(),
         }
     }
 
@@ -143,7 +143,7 @@ impl Picture {
         }
     }
 
-    /// Figure with its scale and caption; `boxes` in fractions of the image are outlined.
+    /// Figure with scale and caption. `boxes`, in fractions of the image, are outlined.
     pub fn figure(&self, boxes: &[[f64; 4]], caption: &Markup) -> Markup {
         let percent = |x: f64| format!("{:.3}%", 100.0 * x);
         html! {
@@ -158,12 +158,12 @@ impl Picture {
                     }
                 }
                 (self.scale())
-                figcaption { (caption) (self.beyond()) }
+                figcaption { (caption) (self.above_scale()) }
             }
         }
     }
 
-    /// The pixels alone.
+    /// The picture without its scale.
     pub fn image(&self) -> Markup {
         html! {
             img src=(format!("data:image/png;base64,{}", STANDARD.encode(&self.png)))
@@ -171,14 +171,14 @@ impl Picture {
         }
     }
 
-    /// What colors stand for.
+    /// The scale.
     pub fn scale(&self) -> Markup {
         self.scale.markup()
     }
 
-    /// A sentence about pixels beyond the scale, if there are any.
-    pub fn beyond(&self) -> Markup {
-        html! { @if self.above > 0 { " " (count(self.above as f64)) " pixels lie beyond the scale." } }
+    /// A sentence about pixels above the scale, if there are any.
+    pub fn above_scale(&self) -> Markup {
+        html! { @if self.above > 0 { " " (count(self.above as f64)) " pixels lie outside the scale." } }
     }
 }
 
@@ -217,16 +217,12 @@ fn stops(color: impl Fn(f64) -> [u8; 3]) -> Vec<String> {
     (0..=STOPS).map(stop).collect()
 }
 
-/// Multiples of the step, with their places in percent.
-fn ticks(
-    (least, most): (f64, f64),
-    step: f64,
-    label: impl Fn(f64) -> String,
-) -> Vec<(f64, String)> {
-    let (first, last) = ((least / step - 1e-9).ceil() as i64, (most / step + 1e-9).floor() as i64);
+/// Multiples of the step, with their positions in percent.
+fn ticks((min, max): (f64, f64), step: f64, label: impl Fn(f64) -> String) -> Vec<(f64, String)> {
+    let (first, last) = ((min / step - 1e-9).ceil() as i64, (max / step + 1e-9).floor() as i64);
     let tick = |i: i64| {
         let value = i as f64 * step;
-        (100.0 * (value - least) / (most - least), label(value).replace('-', "\u{2212}"))
+        (100.0 * (value - min) / (max - min), label(value).replace('-', "\u{2212}"))
     };
     (first..=last).map(tick).collect()
 }
@@ -236,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ticks_are_round_and_inside() {
+    fn ticks_are_round_numbers_inside_the_scale() {
         let found = ticks((-3.0, 3.0), 2.0, number);
         let labels: Vec<&str> = found.iter().map(|(_, label)| &label[..]).collect();
         assert_eq!(labels, ["\u{2212}2", "0", "2"]);
@@ -245,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_decode_to_their_colors() {
+    fn picture_decodes_to_its_colors() {
         let values: Vec<f64> = (0..256).map(f64::from).collect();
         for colors in [Colors::Sequential, Colors::Diverging] {
             let picture = Picture::values(("a", "b"), (16, 16), &values, (colors, "%"));

@@ -1,7 +1,7 @@
-//! The library's functions, found at run time: who never denoises needs no such library.
+//! The functions of the library, loaded at run time, so that renders without denoising do not need it.
 //!
-//! Declarations are made by hand from the reference of Open Image Denoise 2, for the few functions that are used: the
-//! library is published without its header where it is published as a package.
+//! The few declarations are written by hand from the reference of Open Image Denoise 2, since the package of the library
+//! has no header.
 
 use crate::base::error::{Error, Result};
 use libloading::Library;
@@ -9,13 +9,13 @@ use std::env;
 use std::ffi::{OsString, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 
-/// What all handles are.
+/// Handle of a device or a filter.
 pub type Handle = *mut c_void;
 
-/// Declares the functions that are used, and finds them in a library by their names.
+/// Declares functions, and looks them up in a library by their names.
 macro_rules! functions {
     ($($(#[$what:meta])* $field:ident = $name:literal: fn($($argument:ty),*) $(-> $result:ty)?;)*) => {
-        /// Functions of the library; it stays loaded as long as this lives.
+        /// Functions of the library, which stays loaded for the lifetime of this value.
         #[derive(Debug)]
         pub struct Functions {
             $($(#[$what])* pub $field: unsafe extern "C" fn($($argument),*) $(-> $result)?,)*
@@ -66,13 +66,13 @@ const NAME: &str = if cfg!(windows) {
     "libOpenImageDenoise.so.2"
 };
 
-/// Where `make denoiser` puts it.
+/// Folder in which `make denoiser` installs the library.
 const PREFIX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.oidn");
 
-/// Finds the library: in `OIDN_DIR` if that is set, else where `make denoiser` puts it, else where the system looks.
+/// Loads the library from `OIDN_DIR` if it is set, else from the folder of `make denoiser`, else from the system's folders.
 ///
 /// # Errors
-/// If there is none, or it cannot be loaded; says what to do.
+/// If the library is not installed or cannot be loaded, with advice.
 pub fn load() -> Result<Functions> {
     load_from(env::var_os("OIDN_DIR"), Path::new(PREFIX))
 }
@@ -85,7 +85,10 @@ fn load_from(folder: Option<OsString>, prefix: &Path) -> Result<Functions> {
     let place = match &folder {
         Some(folder) => first(inside(Path::new(folder))).ok_or_else(|| {
             Error::new(
-                format!("OIDN_DIR is {}, but no {NAME} is in it", Path::new(folder).display()),
+                format!(
+                    "OIDN_DIR is {}, but it does not contain {NAME}",
+                    Path::new(folder).display()
+                ),
                 "set it to the folder whose lib folder has the library, or unset it",
             )
         })?,
@@ -107,7 +110,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_told_with_what_to_do() {
+    fn missing_library_is_an_error_with_advice() {
         let folder = tempfile::tempdir().unwrap();
         let shown = load_from(Some(folder.path().into()), folder.path()).unwrap_err().to_string();
         assert!(shown.contains("OIDN_DIR is ") && shown.contains("\nhelp: "), "{shown}");

@@ -1,6 +1,6 @@
 //! Intel Open Image Denoise 2 on the processor, loaded at run time.
 //!
-//! Besides Embree's layer this is the only place with `unsafe`: nothing of it leaves [`Oidn`].
+//! Besides the Embree layer, this is the only module with `unsafe`. [`Oidn`] is its safe interface.
 
 mod library;
 
@@ -37,44 +37,44 @@ impl Drop for Oidn {
 }
 
 impl Oidn {
-    /// Loads the library; it will use so many threads.
+    /// Loads the library for this number of threads.
     ///
     /// # Errors
-    /// If it is not to be found (tells how to get it), or does not run on this processor.
+    /// If the library is not installed (with advice how to install it), or does not run on this processor.
     pub fn new(threads: usize) -> Result<Self> {
         let functions = library::load()?;
         // SAFETY: takes a number that the reference lists.
         let device = unsafe { (functions.new_device)(CPU) };
         if device.is_null() {
             let problem = "Open Image Denoise does not run on this processor";
-            return Err(Error::new(problem, "render without --denoise"));
+            return Err(Error::new(problem, "render without denoising"));
         }
-        let own = Self { device, functions };
+        let oidn = Self { device, functions };
         let threads = c_int::try_from(threads).unwrap_or(0);
         // SAFETY: the device lives, names end in a zero byte, and types are those that the reference gives.
         unsafe {
-            (own.functions.set_device_int)(device, c"numThreads".as_ptr(), threads);
+            (oidn.functions.set_device_int)(device, c"numThreads".as_ptr(), threads);
             // Other programs may run beside this one.
-            (own.functions.set_device_bool)(device, c"setAffinity".as_ptr(), false);
-            (own.functions.commit_device)(device);
+            (oidn.functions.set_device_bool)(device, c"setAffinity".as_ptr(), false);
+            (oidn.functions.commit_device)(device);
         }
-        own.check()?;
-        Ok(own)
+        oidn.check()?;
+        Ok(oidn)
     }
 
-    /// Its version, such as `2.5.1`.
+    /// The version of the library, such as `2.5.1`.
     pub fn version(&self) -> String {
         // SAFETY: as above.
         let version = unsafe { (self.functions.get_device_int)(self.device, c"version".as_ptr()) };
         format!("{}.{}.{}", version / 10_000, version / 100 % 100, version % 100)
     }
 
-    /// The denoised image of `width` by `height` pixels of linear radiance of any scale, row by row; guided by albedo
-    /// and normals, if there are any, which are denoised themselves before unless they are clean. That takes three times
-    /// as long.
+    /// Denoises an image of `width` by `height` pixels of linear radiance of any scale, row by row. Albedo and normals
+    /// guide the denoiser, if there are any. Unless they are clean, they are denoised first, which takes three times as
+    /// long.
     ///
     /// # Errors
-    /// If the library fails, for want of memory.
+    /// If the library fails, such as for lack of memory.
     ///
     /// # Panics
     /// Unless there is one value per pixel of each image.
@@ -115,7 +115,10 @@ impl Oidn {
         let handle = unsafe { (self.functions.new_filter)(self.device, c"RT".as_ptr()) };
         if handle.is_null() {
             self.check()?;
-            return Err(Error::new("Open Image Denoise makes no filter", "free some memory"));
+            return Err(Error::new(
+                "Open Image Denoise cannot create a filter",
+                "free some memory",
+            ));
         }
         let filter = Filter { handle, functions: &self.functions };
         let set = |name: &CStr, data: *mut c_void| {
@@ -160,7 +163,7 @@ impl Oidn {
             // SAFETY: ends in a zero byte, and lives until the next call.
             unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
         };
-        let help = "lower --resolution, or render without --denoise";
+        let help = "use a lower resolution, or render without denoising";
         Err(Error::new(format!("Open Image Denoise failed: {text} (error {code})"), help))
     }
 }

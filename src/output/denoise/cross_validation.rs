@@ -1,120 +1,120 @@
-//! The error by leaving parts out.
+//! The error of a denoised image, by leaving folds of the iterations out (docs/denoising.md).
 
-use super::{BOX_RADIUS, Guides, InParts, Mix};
+use super::{BOX_RADIUS, FoldedImage, Guides, Mix};
 use crate::base::error::Result;
 use crate::base::math::{Rgb, luminance};
+use crate::film::folds::DENOISE_FOLDS;
 use rayon::prelude::*;
 
-/// Luminances, W/(m^2 sr), for each part `i` of `n`: row by row.
+/// Luminances, W/(m^2 sr), for each fold `i` of `n`: row by row.
 #[derive(Clone, Debug)]
-pub struct Folds {
-    /// `B_i`, the part.
-    pub(super) part: Vec<Vec<f32>>,
-    /// `R_-i`, the mean of the others.
+pub struct CrossValidation {
+    /// `B_i`, the image of the fold.
+    pub(super) fold: Vec<Vec<f32>>,
+    /// `R_-i`, the mean of the other folds.
     pub(super) raw: Vec<Vec<f32>>,
-    /// `D_-i`, denoised from the others.
+    /// `D_-i`, denoised from the other folds.
     pub(super) denoised: Vec<Vec<f32>>,
 }
 
-/// A squared error.
+/// Estimate of a squared error.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// Weighted mean over pixels; may come out negative.
+pub struct SquaredError {
+    /// Weighted mean over pixels. Its noise can make it negative.
     pub squared: f64,
-    /// Its standard error: also where noise is shared by pixels.
+    /// Standard error of `squared`. It holds for correlated noise of pixels as well.
     pub standard_error: f64,
 }
 
-impl Folds {
-    /// Denoises the others of each part.
+impl CrossValidation {
+    /// Denoises, for each fold, the image of the other folds.
     ///
     /// # Errors
     /// Those of the denoiser.
     pub fn new(
-        parts: &InParts,
+        image: &FoldedImage,
         mut denoiser: impl FnMut(&[Rgb], &Guides) -> Result<Vec<Rgb>>,
     ) -> Result<Self> {
         let luminances = |image: &[Rgb]| image.iter().map(|value| luminance(*value)).collect();
-        let mut folds = Self { part: Vec::new(), raw: Vec::new(), denoised: Vec::new() };
-        for part in 0..parts.len() {
-            let (others, guides) = parts.without(part);
-            folds.part.push(parts.luminance_of(part));
-            folds.raw.push(luminances(&others));
-            folds.denoised.push(luminances(&denoiser(&others, &guides)?));
+        let mut validation = Self { fold: Vec::new(), raw: Vec::new(), denoised: Vec::new() };
+        for fold in 0..image.fold_count() {
+            let (others, guides) = image.without(fold);
+            validation.fold.push(image.luminance_of(fold));
+            validation.raw.push(luminances(&others));
+            validation.denoised.push(luminances(&denoiser(&others, &guides)?));
         }
-        Ok(folds)
+        Ok(validation)
     }
 
-    /// How many parts.
-    pub fn len(&self) -> usize {
-        self.part.len()
+    /// Number of folds.
+    pub fn fold_count(&self) -> usize {
+        self.fold.len()
     }
 
-    /// Never.
-    pub fn is_empty(&self) -> bool {
-        self.part.is_empty()
-    }
-
-    /// Luminance of what is denoised from the others of each part, row by row.
+    /// Luminance of the images that are denoised without one of the folds, row by row.
     pub fn images(&self) -> &[Vec<f32>] {
         &self.denoised
     }
 
-    /// The same for mixed images, each with weights that its part was not asked for.
+    /// Cross-validation of the mixed images. The mix of each fold is estimated from the other folds.
     pub fn mixed(&self, mix: &Mix) -> Self {
         let fold = |((denoised, raw), shares): ((&Vec<f32>, &Vec<f32>), &Vec<f32>)| {
             let pixels = denoised.iter().zip(raw).zip(shares);
             pixels.map(|((d, r), share)| d + share * (r - d)).collect()
         };
-        let pairs = self.denoised.par_iter().zip(&self.raw).zip(&mix.of_folds);
+        let pairs = self.denoised.par_iter().zip(&self.raw).zip(&mix.fold_shares);
         Self { denoised: pairs.map(fold).collect(), ..self.clone() }
     }
 
-    /// Of a pixel `mean_i (D_-i - B_i)^2 - s^2`: an unbiased estimate of the squared error of an image made of
-    /// `(n-1)/n` of the samples.
+    /// `mean_i (D_-i - B_i)^2 - s^2` of a pixel: an unbiased estimate of the squared error of an image from `(n-1)/n`
+    /// of the samples.
     pub fn squared(&self, pixel: usize) -> f64 {
-        let n = self.len() as f64;
-        let part = |i: usize| f64::from(self.part[i][pixel]);
-        let mean = (0..self.len()).map(part).sum::<f64>() / n;
-        let spread: f64 = (0..self.len()).map(|i| (part(i) - mean).powi(2)).sum();
-        let distance: f64 =
-            (0..self.len()).map(|i| (f64::from(self.denoised[i][pixel]) - part(i)).powi(2)).sum();
+        let n = self.fold_count() as f64;
+        let fold = |i: usize| f64::from(self.fold[i][pixel]);
+        let mean = (0..self.fold_count()).map(fold).sum::<f64>() / n;
+        let spread: f64 = (0..self.fold_count()).map(|i| (fold(i) - mean).powi(2)).sum();
+        let distance: f64 = (0..self.fold_count())
+            .map(|i| (f64::from(self.denoised[i][pixel]) - fold(i)).powi(2))
+            .sum();
         distance / n - spread / (n - 1.0)
     }
 
-    /// The weighted mean of [`Self::squared`] over all pixels: weights are 0 for those that do not count.
+    /// Weighted mean of [`Self::squared`] over all pixels. Pixels of weight 0 do not count.
     ///
     /// With `B_i = L + e_i`, the estimate is `mean_i [(D_-i - L)^2 - 2 (D_-i - L) e_i] + mean_{i != j} e_i e_j`. The
-    /// variance of the last term is `2 T/(n(n-1))`, with `T` the mean square of `e_i e_j`; that of the middle one `4 C/n`, with `C`
-    /// that of `(D_-i - L) e_i`, products being sums over the pixels. `L` is not known: means of other parts stand for it, of
-    /// parts of their own for each factor, so that both factors are independent and rare bright noise does not
-    /// meet itself. What is rarer than the parts show then counts too little, and if the noise were normal too
-    /// much: the standard error is the geometric mean of both. With `m` parts in each mean, `T` is the mean square over `(1 + 1/m)^2`, and `C` that over
-    /// `1 + 1/m`, less `T/m`. docs/denoising.md
-    pub fn estimate(&self, weights: &[f64]) -> Estimate {
-        let n = self.len();
-        // The same chunks on any number of threads.
+    /// variance of the last term is `2 T/(n(n-1))`, where `T` is the mean square of `e_i e_j`. That of the middle term
+    /// is `4 C/n`, where `C` is the mean square of `(D_-i - L) e_i`. Products are sums over the pixels.
+    ///
+    /// `L` is not known. The mean of other folds takes its place, of different folds for each factor: both factors are
+    /// then independent, and rare bright noise is not multiplied by itself. With `m` folds in each mean, `T` is the mean
+    /// square over `(1 + 1/m)^2`, and `C` is the mean square over `1 + 1/m`, minus `T/m`.
+    ///
+    /// This variance is too small for noise that is rarer than the folds can show, and too large for normal noise. The
+    /// standard error is the geometric mean of this and the one for normal noise (docs/denoising.md).
+    pub fn estimate(&self, weights: &[f64]) -> SquaredError {
+        let n = self.fold_count();
+        // Chunks do not depend on the number of threads, so that the sums do not either.
         let chunk = |(chunk, weights): (usize, &[f64])| {
-            let mut sums = Sums::new(n);
+            let mut sums = ProductSums::new(n);
             for (pixel, &weight) in (chunk * CHUNK..).zip(weights).filter(|(_, w)| **w > 0.0) {
                 sums.add(self, pixel, weight);
             }
             sums
         };
-        let sums: Vec<Sums> = weights.par_chunks(CHUNK).enumerate().map(chunk).collect();
+        let sums: Vec<ProductSums> = weights.par_chunks(CHUNK).enumerate().map(chunk).collect();
         let count = weights.iter().filter(|weight| **weight > 0.0).count().max(1);
-        let mut all = Sums::new(n);
+        let mut all = ProductSums::new(n);
         sums.iter().for_each(|sums| all.append(sums));
         all.estimate(count as f64)
     }
 
-    /// The same of the raw image of as many samples: its variance alone.
+    /// Squared error of the raw image from as many samples, which is its variance.
     pub fn raw(&self, weights: &[f64]) -> f64 {
-        let n = self.len() as f64;
+        let n = self.fold_count() as f64;
         let variance = |pixel: usize| {
-            let part = |i: usize| f64::from(self.part[i][pixel]);
-            let mean = (0..self.len()).map(part).sum::<f64>() / n;
-            (0..self.len()).map(|i| (part(i) - mean).powi(2)).sum::<f64>() / (n - 1.0)
+            let fold = |i: usize| f64::from(self.fold[i][pixel]);
+            let mean = (0..self.fold_count()).map(fold).sum::<f64>() / n;
+            (0..self.fold_count()).map(|i| (fold(i) - mean).powi(2)).sum::<f64>() / (n - 1.0)
         };
         let sum: f64 = (0..weights.len()).map(|pixel| weights[pixel] * variance(pixel)).sum();
         sum / weights.len() as f64 / (n - 1.0)
@@ -123,43 +123,43 @@ impl Folds {
     /// RMS errors pooled over squares of `2 BOX_RADIUS + 1` pixels.
     pub fn map(&self, (width, height): (u32, u32)) -> Vec<f32> {
         let squared: Vec<f64> =
-            (0..self.part[0].len()).into_par_iter().map(|pixel| self.squared(pixel)).collect();
+            (0..self.fold[0].len()).into_par_iter().map(|pixel| self.squared(pixel)).collect();
         let pooled = boxes(&squared, (width as usize, height as usize), BOX_RADIUS as usize);
         pooled.iter().map(|squared| squared.max(0.0).sqrt() as f32).collect()
     }
 }
 
-/// Pixels that a thread takes at once.
+/// Pixels of a parallel task.
 const CHUNK: usize = 4096;
 
 /// Weighted sums over pixels, `n` by `n`.
-struct Sums {
+struct ProductSums {
     squared: f64,
-    /// Products of the parts' residuals `r_i = B_i - mean B`.
+    /// Products of the folds' residuals `r_i = B_i - mean B`.
     gram: Vec<f64>,
     /// Products of `D_-i - mean B` with `r_j`.
     cross: Vec<f64>,
 }
 
-impl Sums {
+impl ProductSums {
     fn new(n: usize) -> Self {
         Self { squared: 0.0, gram: vec![0.0; n * n], cross: vec![0.0; n * n] }
     }
 
-    fn add(&mut self, folds: &Folds, pixel: usize, weight: f64) {
-        let n = folds.len();
-        let [mut residual, mut off] = [[0.0; crate::film::folds::DENOISE_FOLDS]; 2];
-        let part = |i: usize| f64::from(folds.part[i][pixel]);
-        let mean = (0..n).map(part).sum::<f64>() / n as f64;
+    fn add(&mut self, validation: &CrossValidation, pixel: usize, weight: f64) {
+        let n = validation.fold_count();
+        let [mut residual, mut distance] = [[0.0; DENOISE_FOLDS]; 2];
+        let fold = |i: usize| f64::from(validation.fold[i][pixel]);
+        let mean = (0..n).map(fold).sum::<f64>() / n as f64;
         for i in 0..n {
-            residual[i] = part(i) - mean;
-            off[i] = weight * (f64::from(folds.denoised[i][pixel]) - mean);
+            residual[i] = fold(i) - mean;
+            distance[i] = weight * (f64::from(validation.denoised[i][pixel]) - mean);
         }
-        self.squared += weight * folds.squared(pixel);
+        self.squared += weight * validation.squared(pixel);
         for i in 0..n {
             for j in 0..n {
                 self.gram[i * n + j] += weight * residual[i] * residual[j];
-                self.cross[i * n + j] += off[i] * residual[j];
+                self.cross[i * n + j] += distance[i] * residual[j];
             }
         }
     }
@@ -170,14 +170,15 @@ impl Sums {
         self.cross.iter_mut().zip(&other.cross).for_each(|(a, b)| *a += b);
     }
 
-    fn estimate(&self, pixels: f64) -> Estimate {
+    fn estimate(&self, pixels: f64) -> SquaredError {
         let count = self.gram.len().isqrt();
         let n = count as f64;
         let product = |sums: &[f64], i: usize, j: usize| sums[i * count + j] / pixels;
-        // Of factor `i`, less the mean of the residuals `a`, with residual `j` less the mean of the residuals `b`.
+        // Product of factor `i`, minus the mean of the residuals `a`, with residual `j`, minus the mean of the
+        // residuals `b`.
         let centered = |first: &[f64], (i, a): (usize, &[usize]), (j, b): (usize, &[usize])| {
-            let mean = |of: &dyn Fn(usize) -> f64, parts: &[usize]| {
-                parts.iter().map(|&part| of(part)).sum::<f64>() / parts.len() as f64
+            let mean = |of: &dyn Fn(usize) -> f64, folds: &[usize]| {
+                folds.iter().map(|&fold| of(fold)).sum::<f64>() / folds.len() as f64
             };
             product(first, i, j)
                 - mean(&|b| product(first, i, b), b)
@@ -186,24 +187,24 @@ impl Sums {
         let (mut t, mut middle) = (0.0, Vec::new());
         for i in 0..count {
             for j in (0..count).filter(|&j| j != i) {
-                let [a, b] = halves(count, |part| part != i && part != j);
+                let [a, b] = halves(count, |fold| fold != i && fold != j);
                 t += centered(&self.gram, (i, &a), (j, &b)).powi(2) / (n * (n - 1.0));
             }
-            let [a, b] = halves(count, |part| part != i);
+            let [a, b] = halves(count, |fold| fold != i);
             let both = [(&a, &b), (&b, &a)];
             let product = |(a, b): (&Vec<_>, &Vec<_>)| centered(&self.cross, (i, a), (i, b));
             middle.push(both.map(product).iter().sum::<f64>() / 2.0);
         }
-        // Less their mean: what is denoised holds noise of the parts in `b`.
+        // Subtract their mean: the denoised images hold noise of the folds in `b`.
         let mean = middle.iter().sum::<f64>() / n;
         let mut c = middle.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        // Parts in a mean.
+        // Number of folds in a mean.
         let m = ((count - 2) / 2) as f64;
         t /= (1.0 + 1.0 / m).powi(2);
         c = (c / (1.0 + 1.0 / m) - t / m).max(0.0);
         let variance = 2.0 * t / (n * (n - 1.0)) + 4.0 * c / n;
         let both = (variance * self.variance_if_normal(pixels)).sqrt();
-        Estimate { squared: self.squared / pixels, standard_error: both.sqrt() }
+        SquaredError { squared: self.squared / pixels, standard_error: both.sqrt() }
     }
 
     /// The variance of the estimate if noise is normal: `T` from all products of residuals (Bai and Saranadasa 1996),
@@ -217,22 +218,22 @@ impl Sums {
         let norm2 = norm2 / (n - 1.0).powi(2);
         let factor = (n - 1.0).powi(2) / ((n - 2.0) * (n + 1.0));
         let t = (factor * (norm2 - trace * trace / (n - 1.0))).max(0.0);
-        let off = |j: usize| (0..count).map(|i| self.cross[i * count + j]).sum::<f64>() / n;
-        let cross2: f64 = (0..count).map(|j| (off(j) / pixels).powi(2)).sum();
+        let column_mean = |j: usize| (0..count).map(|i| self.cross[i * count + j]).sum::<f64>() / n;
+        let cross2: f64 = (0..count).map(|j| (column_mean(j) / pixels).powi(2)).sum();
         let c = (cross2 / (n - 1.0) - t / n).max(0.0);
         2.0 * t / (n * (n - 1.0)) + 4.0 * c / n
     }
 }
 
-/// Parts that are `wanted`, in two equal halves in turn; an odd one out is left over.
+/// The folds for which `wanted` returns true, in two equal halves. An odd one is left out.
 fn halves(count: usize, wanted: impl Fn(usize) -> bool) -> [Vec<usize>; 2] {
-    let all: Vec<usize> = (0..count).filter(|&part| wanted(part)).collect();
+    let all: Vec<usize> = (0..count).filter(|&fold| wanted(fold)).collect();
     let half = all.len() / 2;
     let of = |first: usize| all.iter().copied().skip(first).step_by(2).take(half).collect();
     [of(0), of(1)]
 }
 
-/// Means over the pixels at most `radius` away along either side.
+/// Means over the pixels at most `radius` away along either axis.
 pub(super) fn boxes(values: &[f64], (width, height): (usize, usize), radius: usize) -> Vec<f64> {
     // Sums over rectangles from the corner, one column and row larger.
     let mut corner = vec![0.0; (width + 1) * (height + 1)];
@@ -280,9 +281,9 @@ pub(super) mod tests {
         (0..SIDE * SIDE).map(value).collect()
     }
 
-    /// Parts of images with noise of each pixel's own and noise that wide waves share, and a blur for a denoiser.
-    pub fn folds(truth: &[f64], (own, shared): (f64, f64), rng: &mut Rng) -> Folds {
-        let part = |rng: &mut Rng| -> Vec<f64> {
+    /// Folds with independent noise per pixel and noise that wide waves correlate. A blur stands in for a denoiser.
+    pub fn folds(truth: &[f64], (own, shared): (f64, f64), rng: &mut Rng) -> CrossValidation {
+        let fold = |rng: &mut Rng| -> Vec<f64> {
             let waves: Vec<[f64; 4]> = (0..12)
                 .map(|k| [1.0 + f64::from(k) / 4.0, normal(rng), normal(rng), TAU * normal(rng)])
                 .collect();
@@ -298,21 +299,21 @@ pub(super) mod tests {
             };
             truth.iter().enumerate().map(value).collect()
         };
-        let parts: Vec<Vec<f64>> = (0..N).map(|_| part(rng)).collect();
+        let noisy: Vec<Vec<f64>> = (0..N).map(|_| fold(rng)).collect();
         let without = |i: usize| -> Vec<f64> {
             let sum =
-                |pixel: usize| (0..N).filter(|j| *j != i).map(|j| parts[j][pixel]).sum::<f64>();
+                |pixel: usize| (0..N).filter(|j| *j != i).map(|j| noisy[j][pixel]).sum::<f64>();
             (0..truth.len()).map(|pixel| sum(pixel) / (N - 1) as f64).collect()
         };
         let single = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
-        Folds {
+        CrossValidation {
             raw: (0..N).map(|i| single(without(i))).collect(),
             denoised: (0..N).map(|i| single(boxes(&without(i), (SIDE, SIDE), 2))).collect(),
-            part: parts.into_iter().map(single).collect(),
+            fold: noisy.into_iter().map(single).collect(),
         }
     }
 
-    /// Mean over parts of the weighted squared error of what is denoised.
+    /// Mean over folds of the weighted squared error of `images`.
     pub fn error(images: &[Vec<f32>], truth: &[f64], weights: &[f64]) -> f64 {
         let of = |image: &Vec<f32>| -> f64 {
             let pixels = image.iter().zip(truth).zip(weights);
@@ -323,10 +324,10 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn errors_are_told_without_a_reference_and_so_is_their_uncertainty() {
+    fn squared_errors_and_their_standard_errors_are_estimated_without_a_reference() {
         let truth = truth(0.4);
         let mut weights: Vec<f64> = truth.iter().map(|l| 1.0 / (l * l + 0.04)).collect();
-        // Own noise, noise that pixels share, both; last a block of 16 by 16 pixels alone.
+        // Independent noise, correlated noise, both, and both in a block of 16 by 16 pixels only.
         for (case, noise) in
             [(0.5, 0.0), (0.05, 0.1), (0.3, 0.05), (0.3, 0.05)].into_iter().enumerate()
         {
@@ -337,22 +338,22 @@ pub(super) mod tests {
             }
             let mut rng = StreamKey::new(7, Stream::Test, case as u64).rng(0);
             let trials = 150;
-            let (mut told, mut came, mut z, mut z2) = (0.0, 0.0, 0.0, 0.0);
+            let (mut estimated, mut true_error, mut z, mut z2) = (0.0, 0.0, 0.0, 0.0);
             for _ in 0..trials {
                 let folds = folds(&truth, noise, &mut rng);
                 let estimate = folds.estimate(&weights);
                 let error = error(&folds.denoised, &truth, &weights);
-                told += estimate.squared;
-                came += error;
-                let off = (estimate.squared - error) / estimate.standard_error;
-                (z, z2) = (z + off, z2 + off * off);
+                estimated += estimate.squared;
+                true_error += error;
+                let deviation = (estimate.squared - error) / estimate.standard_error;
+                (z, z2) = (z + deviation, z2 + deviation * deviation);
             }
             let trials = f64::from(trials);
-            // Means of z have the standard error 1/sqrt(trials); squares are a little less than 1, since no part of
-            // the variance is taken to be negative.
+            // Means of z have the standard error 1/sqrt(trials); squares are a little less than 1, since no term of
+            // the variance may be negative.
             assert!(
                 (z / trials).abs() < 4.0 / trials.sqrt(),
-                "{case}: {told} {came} {}",
+                "{case}: {estimated} {true_error} {}",
                 z / trials
             );
             assert!((0.55..1.4).contains(&(z2 / trials)), "{case}: {}", z2 / trials);
@@ -360,28 +361,28 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn rare_bright_noise_does_not_pass_for_uncertainty() {
-        // Spikes in one pixel of a thousand, a hundred times as bright, in parts of their own.
+    fn rare_bright_noise_does_not_inflate_the_standard_error() {
+        // Spikes in one pixel of a thousand, a hundred times as bright, each in one fold only.
         let truth = truth(0.0);
         let weights = vec![1.0; truth.len()];
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
         let (trials, mut z2, mut ratio) = (60, 0.0, 0.0);
         for _ in 0..trials {
-            let part = |rng: &mut Rng| -> Vec<f64> {
+            let fold = |rng: &mut Rng| -> Vec<f64> {
                 let spike = |rng: &mut Rng| if rng.next_1d() < 1e-3 { 100.0 } else { 0.9 };
                 truth.iter().map(|l| l * spike(rng) / (0.1 + 0.9 * 0.999)).collect()
             };
-            let parts: Vec<Vec<f64>> = (0..N).map(|_| part(&mut rng)).collect();
+            let noisy: Vec<Vec<f64>> = (0..N).map(|_| fold(&mut rng)).collect();
             let without = |i: usize| -> Vec<f64> {
                 let others =
-                    |p: usize| (0..N).filter(|j| *j != i).map(|j| parts[j][p]).sum::<f64>();
+                    |p: usize| (0..N).filter(|j| *j != i).map(|j| noisy[j][p]).sum::<f64>();
                 (0..truth.len()).map(|p| others(p) / (N - 1) as f64).collect()
             };
             let single = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
-            let folds = Folds {
+            let folds = CrossValidation {
                 raw: (0..N).map(|i| single(without(i))).collect(),
                 denoised: (0..N).map(|i| single(boxes(&without(i), (SIDE, SIDE), 4))).collect(),
-                part: parts.iter().cloned().map(single).collect(),
+                fold: noisy.iter().cloned().map(single).collect(),
             };
             let estimate = folds.estimate(&weights);
             let error = error(&folds.denoised, &truth, &weights);
@@ -394,7 +395,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn boxes_are_means_also_at_the_border() {
+    fn boxes_at_the_border_are_means_over_the_inside() {
         let values: Vec<f64> = (0..35).map(|i| f64::from(i * i % 11)).collect();
         for radius in [0, 1, 3, 40] {
             for (index, mean) in boxes(&values, (7, 5), radius).into_iter().enumerate() {

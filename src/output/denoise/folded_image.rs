@@ -1,4 +1,4 @@
-//! An image in parts of equal composition.
+//! The image of each fold of the iterations, and of all other folds, with the guides of the denoiser.
 
 use crate::base::math::Rgb;
 use crate::film::features::FeatureFolds;
@@ -7,21 +7,21 @@ use crate::film::radiance::{luminance, total};
 use crate::render::block::{Block, CombinedImage};
 use glam::{DVec3, Vec3};
 
-/// Noise of guides that need no denoising of their own, RMS: less than a step of 8-bit colors.
-const CLEAN: f64 = 1.0 / 256.0;
+/// Maximum RMS noise of guides that need no denoising of their own: a step of 8-bit colors.
+const MAX_CLEAN_NOISE: f64 = 1.0 / 256.0;
 
-/// What guides a denoiser: albedo and normals, row by row; nothing of what is not known.
+/// Guides of a denoiser: albedo and normals, row by row. Images that are not known are empty.
 #[derive(Clone, Debug, Default)]
 pub struct Guides {
     /// Albedo in [0, 1].
     pub albedo: Vec<Rgb>,
     /// Means of unit normals.
     pub normal: Vec<Vec3>,
-    /// Whether there is hardly any noise in them: where there is, they have to be denoised as well.
+    /// True if they have hardly any noise. Noisy guides have to be denoised as well.
     pub clean: bool,
 }
 
-/// Guides of the parts that are taken.
+/// Guides from the folds for which `takes` returns true.
 pub(super) fn guides(
     image: &CombinedImage,
     features: Option<&FeatureFolds>,
@@ -38,40 +38,40 @@ pub(super) fn guides(
     Guides { albedo, normal, clean: false }
 }
 
-/// Whether guides of all parts have hardly any noise.
+/// Returns true if the guides from all folds have hardly any noise.
 pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureFolds>) -> bool {
-    guide_noise(image, features).is_some_and(|noise| noise < CLEAN)
+    guide_noise(image, features).is_some_and(|noise| noise < MAX_CLEAN_NOISE)
 }
 
-/// RMS of the noise that guides of all parts have, per channel; nothing unless parts are told apart.
+/// RMS noise per channel of the guides from all folds; `None` unless the features are kept in folds.
 fn guide_noise(image: &CombinedImage, features: Option<&FeatureFolds>) -> Option<f64> {
     let features = features.filter(|features| features.is_folded())?;
     let film = &image.blocks()[0].film;
     let mut variance = vec![0.0; film.pixels()];
     film.sums.zip_pixels(&mut variance, |variance, at| {
         let mean = features.mean(at, |_| true);
-        let off = |part: usize| {
-            let own = features.mean(at, |p| p == part);
-            f64::from((own.albedo - mean.albedo).length_squared())
-                + f64::from((own.normal - mean.normal).length_squared())
+        let deviation2 = |fold: usize| {
+            let guide = features.mean(at, |f| f == fold);
+            f64::from((guide.albedo - mean.albedo).length_squared())
+                + f64::from((guide.normal - mean.normal).length_squared())
         };
-        *variance = (0..DENOISE_FOLDS).map(off).sum::<f64>()
+        *variance = (0..DENOISE_FOLDS).map(deviation2).sum::<f64>()
             / (DENOISE_FOLDS * (DENOISE_FOLDS - 1) * 6) as f64;
     });
     Some((total(&variance, |v| *v) / variance.len() as f64).sqrt())
 }
 
-/// An image as `n` images of as many samples.
-pub struct InParts<'a> {
+/// An image whose iterations are dealt out to `n` folds.
+pub struct FoldedImage<'a> {
     image: &'a CombinedImage<'a>,
     features: Option<&'a FeatureFolds>,
     n: usize,
-    /// Whether guides are clean, of all parts.
+    /// True if the guides from all folds are clean.
     clean: bool,
 }
 
-impl<'a> InParts<'a> {
-    /// `None` unless all blocks keep parts, and each of `n` of them has at least one iteration.
+impl<'a> FoldedImage<'a> {
+    /// `None` unless all blocks keep folds, and each of `n` folds has at least one iteration.
     pub fn new(
         image: &'a CombinedImage<'a>,
         features: Option<&'a FeatureFolds>,
@@ -83,33 +83,23 @@ impl<'a> InParts<'a> {
         if !(divides && kept) {
             return None;
         }
-        let own = Self { image, features, n, clean: are_clean(image, features) };
-        (0..n).all(|part| own.weight(|p| p % n == part) > 0.0).then_some(own)
+        let folded = Self { image, features, n, clean: are_clean(image, features) };
+        (0..n).all(|fold| folded.weight(|f| f % n == fold) > 0.0).then_some(folded)
     }
 
-    /// Width and height, pixels.
-    pub fn resolution(&self) -> (u32, u32) {
-        self.image.resolution()
-    }
-
-    /// How many parts.
-    pub fn len(&self) -> usize {
+    /// Number of folds, `n`.
+    pub fn fold_count(&self) -> usize {
         self.n
     }
 
-    /// Never.
-    pub fn is_empty(&self) -> bool {
-        self.n == 0
-    }
-
-    /// Weight of all iterations of the finest parts that are taken.
+    /// Weight of all iterations in the [`DENOISE_FOLDS`] folds for which `takes` returns true.
     fn weight(&self, takes: impl Fn(usize) -> bool) -> f64 {
-        let own = |(block, weight): (&Block, &f64)| {
-            let parts = block.statistics.folds.as_ref().expect("kept");
-            let taken = (0..DENOISE_FOLDS).filter(|&part| takes(part));
-            weight * taken.map(|part| parts.iterations()[part]).sum::<u64>() as f64
+        let block_weight = |(block, weight): (&Block, &f64)| {
+            let folds = block.statistics.folds.as_ref().expect("kept");
+            let taken = (0..DENOISE_FOLDS).filter(|&fold| takes(fold));
+            weight * taken.map(|fold| folds.iterations()[fold]).sum::<u64>() as f64
         };
-        self.image.blocks().iter().zip(self.image.weights()).map(own).sum()
+        self.image.blocks().iter().zip(self.image.weights()).map(block_weight).sum()
     }
 
     fn mean(&self, takes: impl Fn(usize) -> bool + Sync) -> Vec<DVec3> {
@@ -117,28 +107,29 @@ impl<'a> InParts<'a> {
         let scale = self.weight(&takes).recip();
         let mut sums = vec![DVec3::ZERO; blocks[0].film.pixels()];
         for (block, weight) in blocks.iter().zip(self.image.weights()) {
-            let parts = block.statistics.folds.as_ref().expect("kept");
+            let folds = block.statistics.folds.as_ref().expect("kept");
             block.film.sums.zip_pixels(&mut sums, |sum, at| {
-                let taken = parts.at(at).enumerate().filter(|(part, _)| takes(*part));
-                *sum += taken.map(|(_, part)| part.as_dvec3()).sum::<DVec3>() * (weight * scale);
+                let taken = folds.at(at).enumerate().filter(|(fold, _)| takes(*fold));
+                *sum += taken.map(|(_, radiance)| radiance.as_dvec3()).sum::<DVec3>()
+                    * (weight * scale);
             });
         }
         sums
     }
 
-    /// What guides a denoiser of all parts.
+    /// Guides from all folds.
     pub fn guides(&self) -> Guides {
         Guides { clean: self.clean, ..guides(self.image, self.features, |_| true) }
     }
 
-    /// Luminance of a part, row by row.
-    pub fn luminance_of(&self, part: usize) -> Vec<f32> {
-        self.mean(|p| p % self.n == part).iter().map(|value| luminance(*value) as f32).collect()
+    /// Luminance of a fold, row by row.
+    pub fn luminance_of(&self, fold: usize) -> Vec<f32> {
+        self.mean(|f| f % self.n == fold).iter().map(|value| luminance(*value) as f32).collect()
     }
 
-    /// Radiance of all other parts, row by row, and what guides a denoiser of these.
-    pub fn without(&self, part: usize) -> (Vec<Rgb>, Guides) {
-        let others = |p: usize| p % self.n != part;
+    /// Radiance of all other folds, row by row, and the guides from these folds.
+    pub fn without(&self, fold: usize) -> (Vec<Rgb>, Guides) {
+        let others = |f: usize| f % self.n != fold;
         let radiance = self.mean(others).iter().map(|value| value.as_vec3()).collect();
         (radiance, Guides { clean: self.clean, ..guides(self.image, self.features, others) })
     }
