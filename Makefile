@@ -27,11 +27,12 @@ demo: build
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
-# Minutes: every family of tests has a case here.
+# Every family of tests has a case here. `--tests` leaves out the examples and benches, which clippy has compiled.
 test: setup denoiser
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets --test check -- -D warnings
-	$(CARGO) test $(FLAGS) --workspace
+	$(CARGO) test $(FLAGS) --workspace --tests
+	$(CARGO) test $(FLAGS) --workspace --doc
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 
 # The long statistical tables; renders by several processes; the program without Embree, and the library alone; small
@@ -40,7 +41,7 @@ check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
-	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test bvh
+	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
 	$(CARGO) test $(FLAGS) --benches --no-run
 	$(CARGO) build $(FLAGS) --bin bdpm

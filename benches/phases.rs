@@ -1,7 +1,7 @@
-//! The phases of an iteration for Criterion's statistics; and, in turn with each other, the phases and
-//! their limit, raw Embree packets on the same rays; measuring and not; one thread and two, beside
-//! arithmetic alone. Ratios are printed at the end. `BDPM_SCENE` takes another scene than
-//! `scenes/cornell-box`.
+//! The phases of an iteration for Criterion's statistics, and ratios at the end. Each ratio is of two that
+//! run in turn: a phase and its limit, raw Embree packets on the same rays; iterations that measure
+//! noise and that do not; one thread and two, beside arithmetic alone. `BDPM_SCENE` takes another
+//! scene than `scenes/cornell-box`.
 
 #![allow(missing_docs)]
 
@@ -187,8 +187,8 @@ fn arithmetic() {
     });
 }
 
-/// How long `work` takes with one thread over two, each at it for so long that waking up does not matter: a
-/// processor that slept takes milliseconds to come back where others want it, too.
+/// Time of `work` with one thread over its time with two. Each runs long enough that waking up does not
+/// matter: a processor that slept needs milliseconds to come back where others want it, too.
 fn one_over_two(mut work: impl FnMut() + Send) -> Ratio {
     let [one, two] =
         [1, 2].map(|threads| ThreadPoolBuilder::new().num_threads(threads).build().unwrap());

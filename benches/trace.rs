@@ -1,5 +1,5 @@
-//! Rays per second of both backends, single and in packets; and for Embree the same rays as raw
-//! packets that are ready in memory, which is the bound that ours aim at.
+//! Rays per second of both backends, single and in packets. For Embree, also raw packets of the same
+//! rays that are ready in memory: the bound for the safe layer.
 
 #![allow(missing_docs)]
 

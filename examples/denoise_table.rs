@@ -1,4 +1,5 @@
-//! The error that is told of denoised images against that to long references: the tables of docs/denoising.md.
+//! The reported error of denoised images beside their error against long references: the tables of
+//! docs/denoising.md.
 //!
 //! ```sh
 //! cargo run --release --example denoise_table -- scenes/cornell-box scenes/materials
@@ -6,8 +7,8 @@
 //! ```
 //!
 //! What is done is kept in `--folder`: a run that was stopped goes on where it was, and what is there is not made
-//! again. The first table renders at the scene's own counts; the second and third run the program, and take as
-//! reference two long renders of it at a third of the radii that it chose for the first image.
+//! again. The first table renders at the scene's own counts. The second and third run the program; their reference
+//! is two long renders at a third of the radii that it chose for the first image.
 
 #[path = "../tests/common/denoised.rs"]
 mod denoised;
@@ -31,7 +32,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Compares what is told of denoised images with what came.
+/// Compares the reported error of denoised images with the measured one.
 #[derive(Parser)]
 struct Args {
     /// Scenes: files, or folders that hold scene.toml
@@ -40,7 +41,7 @@ struct Args {
     /// Pixels across
     #[arg(long, default_value_t = 96)]
     side: u32,
-    /// IterationSet of iterations, at the scene's own numbers of paths
+    /// Numbers of iterations, at the scene's own numbers of paths
     #[arg(long, value_delimiter = ',', default_value = "8,32,128")]
     iterations: Vec<u64>,
     /// Iterations of the reference, over the most of those
@@ -74,11 +75,13 @@ fn main() -> Result<()> {
     fs::create_dir_all(&args.folder).map_err(|e| Error::io("make", &args.folder, e))?;
     if args.times.is_empty() && args.targets.is_empty() {
         println!(
-            "| scene | iterations | raw | denoised | mixed | told/came (7/8) | standard errors off | z^2 of blocks |"
+            "| scene | iterations | raw | denoised | mixed | reported/measured (7/8) | standard errors off | z^2 of blocks |"
         );
         println!("|---|---|---|---|---|---|---|---|");
     } else {
-        println!("| scene | asked | time | raw, came | told | denoised, came | told |");
+        println!(
+            "| scene | asked | time | raw, measured | reported | denoised, measured | reported |"
+        );
         println!("|---|---|---|---|---|---|---|");
     }
     for scene in &args.scenes {
@@ -146,7 +149,7 @@ fn reference(
     Ok(Reference::of(renderer.film()))
 }
 
-/// What is told against what came, at several numbers of iterations.
+/// Prints the reported and the measured error at several numbers of iterations.
 fn errors(args: &Args, path: &Path) -> Result<()> {
     let (scene, settings) = prepare(args, path)?;
     let most = args.iterations.iter().copied().max().unwrap_or(1);
@@ -156,14 +159,14 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
             let accel = build(Backend::default(), &scene)?;
             let mut oidn = Oidn::new(rayon::current_num_threads())?;
             let found = compare(&scene, &accel, &settings, iterations, (&reference, &mut oidn));
-            let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
+            let Found { raw, unmixed, mixed, measured, reported, error, z2, blocks, share } = found;
             Ok(format!(
                 "| {} | {iterations} | {raw:.2e} | {unmixed:.2e} | {mixed:.2e} ({:.0} % raw) | {:.2} +- {:.2} | {:+.1} | {z2:.2} ({blocks}) |",
                 scene.name,
                 100.0 * share,
-                told / came,
-                error / came,
-                (told - came) / error
+                reported / measured,
+                error / measured,
+                (reported - measured) / error
             ))
         })?;
     }
@@ -218,7 +221,7 @@ fn long_renders(
     };
     let mean: Vec<Rgb> = one.iter().zip(other).map(|(a, b)| 0.5 * (*a + *b)).collect();
     let luminance_of = |value: &Rgb| f64::from(luminance(*value));
-    // Of the mean of two, by their difference.
+    // Variance of the mean of two renders, by their difference.
     let variance = one.iter().zip(other);
     let variance = variance.map(|(a, b)| 0.25 * (luminance_of(a) - luminance_of(b)).powi(2));
     let reference = Reference {
@@ -247,7 +250,7 @@ fn by_program(args: &Args, path: &Path) -> Result<()> {
                 let (report, seconds) = run(args, path, &exr, &options)?;
                 let names = (&scene.name[..], &size[..]);
                 let (reference, weights) = long_renders(args, path, names, &report["settings"])?;
-                let came = |layer: &str| -> Result<Option<f64>> {
+                let measured = |layer: &str| -> Result<Option<f64>> {
                     let error = |pixels: Vec<Rgb>| {
                         let lit = pixels.iter().map(|value| f64::from(luminance(*value)));
                         reference.error(lit, &weights).max(0.0).sqrt()
@@ -260,9 +263,9 @@ fn by_program(args: &Args, path: &Path) -> Result<()> {
                 Ok(format!(
                     "| {} | {value} | {seconds:.1} s | {} | {} | {} | {} |",
                     scene.name,
-                    show(came("")?),
+                    show(measured("")?),
                     show(report["error"]["total"].as_f64()),
-                    show(came("denoised")?),
+                    show(measured("denoised")?),
                     show(report["denoised"]["total_error"].as_f64())
                 ))
             })?;

@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 /// Each is rendered so often; squared errors are averaged.
 const SEEDS: [u64; 2] = [21, 22];
 
-/// What one had, relative.
+/// Relative errors of one run.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Found {
     /// Squared error.
     square: f64,
-    /// What of it is noise, as measured without the reference.
+    /// Part of the squared error that is noise, measured without the reference.
     noise2: f64,
     /// Means of `a`, `b` and `f`.
     parts: [f64; 3],
@@ -36,7 +36,7 @@ struct Found {
     camera_paths: u32,
 }
 
-/// What is compared: a name, vertex, strategy, kernel, and the caustic radius over the radius.
+/// Compared techniques: name, strategy, merge vertex, kernel, and the caustic radius over the radius.
 const RIVALS: [(&str, Strategy, u32, Kernel, f32); 6] = [
     ("disc", Strategy::Single, 1, Kernel::Disc, 1.0),
     ("area", Strategy::Single, 1, Kernel::Area, 1.0),

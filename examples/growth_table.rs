@@ -1,5 +1,5 @@
 //! How time and memory grow with the numbers of light paths, pixels and triangles, and whether the
-//! time model tells so.
+//! time model predicts so.
 //!
 //! ```sh
 //! cargo run --release --example growth_table
@@ -7,7 +7,7 @@
 //!
 //! The model is fitted as `bdpm calibrate` does it for 64x64 pixels, that is with 10,000 light paths
 //! at most: all else is extrapolation. Each table comes from a process of its own, and alone if its
-//! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Linux alone tells peak memory.
+//! name is given (`light-paths`, `pixels`, `triangles` or `memory`). Only Linux reports peak memory.
 
 use bdpm::accel::Intersect;
 use bdpm::import::{Loaded, load};
@@ -33,14 +33,14 @@ const TABLES: [&str; 4] = ["light-paths", "pixels", "triangles", "memory"];
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box");
 /// Width and height of the images that the model is fitted to.
 const SIDE: u32 = 64;
-/// Every size has its turn so many times: a machine that slows down does so for all of them.
+/// Rounds in which every size has its turn: a machine that slows down does so for all of them.
 const ROUNDS: usize = 5;
 /// A turn takes at least one iteration and this long.
 const TURN: Duration = Duration::from_millis(300);
 /// Squares along each side of the hilly ground, of two triangles each: 10^2 to 10^7.
 const GROUNDS: [usize; 6] = [7, 22, 71, 224, 707, 2236];
 const GIB: f64 = (1u64 << 30) as f64;
-/// What 3840x2160 pixels with a million light paths may take, bytes.
+/// Limit for 3840x2160 pixels with a million light paths, bytes.
 const MOST_MEMORY: f64 = 4.0 * GIB;
 
 /// Iterations at one size.

@@ -1,4 +1,5 @@
-//! What renders without options promise and tell of their error, over what it is: the table of `docs/automatic.md`.
+//! Promised and reported errors of renders without options, over the measured ones: the table of
+//! `docs/automatic.md`.
 //!
 //! ```sh
 //! cargo run --release --example promise_table -- cornell-box 128 5s 20s 2%      # scene, pixels along a side, ends
@@ -51,7 +52,7 @@ fn tell((scene, side): (&str, &str), end: &str, reference: &Reference) -> Result
     let pixels = pixels.ok_or("the image has no channels R, G and B")?;
     let pixels: Vec<f64> = pixels.iter().map(|pixel| luminance(pixel.as_dvec3())).collect();
     let found = reference.square(&pixels).max(0.0).sqrt();
-    // What was asked for is a promise, too.
+    // A requested error is a promise, too.
     let promised = report["promise"]["error"].as_f64();
     let promised = target.map(|percent| percent / 100.0).or(promised);
     let over = |value: Option<f64>| value.map_or("-".into(), |v| format!("{:.2}", v / found));
@@ -70,7 +71,7 @@ fn tell((scene, side): (&str, &str), end: &str, reference: &Reference) -> Result
     Ok(())
 }
 
-/// `bdpm`, as it was built with this example.
+/// The program `bdpm` that was built with this example.
 fn program() -> Result<PathBuf> {
     let own = std::env::current_exe()?;
     let folder = own.parent().and_then(Path::parent).ok_or("examples are in a folder")?;

@@ -6,16 +6,12 @@
 //! cargo run --release --example reference_tables -- box hall     # some of them
 //! ```
 
-#[path = "../tests/common/boxes.rs"]
-mod boxes;
-#[path = "../tests/common/committed.rs"]
-mod committed;
 #[path = "../tests/common/mod.rs"]
 mod common;
 
 use bdpm::{Scene, Settings};
 use common::images::Subject;
-use common::table;
+use common::{boxes, committed, table};
 use std::sync::Arc;
 
 /// Paths in each pixel, with the name of the scene.

@@ -1,5 +1,5 @@
-//! How much error a render without options has over the best settings found by search, after the same time: the table
-//! of `docs/regret.md`.
+//! The error of a render without options over that of the best settings found by search, after the same time:
+//! the table of `docs/regret.md`.
 //!
 //! ```sh
 //! cargo run --release --example regret -- cornell-box 128 5 20         # scene, pixels along a side, seconds
@@ -8,7 +8,7 @@
 //! - The *reference* and the error: `examples/references`.
 //! - The *grid* is all strategies at radii over 16-fold, both kernels at the scene's radius, and caustic radii of a
 //!   quarter and of all of it. Each is rendered for [`MEASURED`] seconds at counts that the program chooses for it
-//!   (docs/optimum.md tells what these lose). Its squared error less its noise is its squared bias; its noise falls
+//!   (docs/optimum.md: what these lose). Its squared error less its noise is its squared bias; its noise falls
 //!   with the time.
 //! - The three that should have the least error after the time are rendered, in turn with renders without options,
 //!   each with [`SEEDS`]. The regret is the root mean square of the latter's errors over that of the best of the three.
@@ -31,12 +31,12 @@ const MEASURED: f64 = 2.0;
 const RADII: [f32; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
 /// Caustic radii over these.
 const CAUSTICS: [f32; 2] = [1.0, 0.25];
-/// Of the renders that are compared.
+/// Seeds of the renders that are compared.
 const SEEDS: [u64; 2] = [1, 2];
-/// How many of the grid are rendered.
+/// Number of techniques of the grid that are rendered in full.
 const FINALISTS: usize = 3;
 
-/// What one had in [`MEASURED`] seconds, relative.
+/// Relative errors of one technique after [`MEASURED`] seconds.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Found {
     noise2: f64,

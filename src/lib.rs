@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
 
-// In the order of the stages: no module names one that comes after it (tests/stages.rs).
+// In the order of the stages: no module names one that comes after it (tests/stages).
 pub mod base;
 #[doc(hidden)] // public for tests and benches
 pub mod simd;

@@ -15,7 +15,7 @@ fn resident() -> u64 {
 }
 
 #[test]
-fn nothing_grows_with_the_number_of_iterations() {
+fn memory_does_not_grow_with_the_number_of_iterations() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let mut renderer = Renderer::new(&scene, &accel, settings(16, 16)).unwrap();

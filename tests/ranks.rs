@@ -1,5 +1,6 @@
 //! Renders by several processes under `mpirun`, more of them than this machine may have processors.
 
+#[allow(dead_code)] // renders by processes use a part of it
 #[path = "common/desk.rs"]
 mod desk;
 
@@ -58,7 +59,7 @@ impl Desk {
     }
 }
 
-/// Waits until `is_so`, for a minute at the most.
+/// Waits until `is_so`, for at most a minute.
 fn wait_until(mut is_so: impl FnMut() -> bool) {
     let start = Instant::now();
     while !is_so() {
@@ -200,7 +201,7 @@ fn a_rank_that_dies_ends_the_run_and_spares_the_checkpoint() {
 }
 
 #[test]
-fn a_request_to_end_writes_what_there_is() {
+fn termination_signal_writes_the_finished_iterations() {
     let desk = Desk::new();
     let run = begin(&desk, 3);
     let processes = processes(&run, 3);
@@ -221,7 +222,7 @@ fn a_request_to_end_writes_what_there_is() {
 }
 
 #[test]
-fn an_error_ends_all_and_is_told_once() {
+fn error_ends_all_ranks_and_is_reported_once() {
     let desk = Desk::new();
     for (arguments, problem) in [
         (format!("{SMALL} --output a.png"), "a.png"),

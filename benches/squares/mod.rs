@@ -21,7 +21,7 @@ pub struct Squares<'a> {
 }
 
 impl<'a> Squares<'a> {
-    /// Those of about `together` camera paths, as many as hold [`LOOK_UPS`], from all over the image.
+    /// Chooses squares of about `together` camera paths from all over the image, enough for [`LOOK_UPS`].
     pub fn new(
         scene: &'a Arc<Scene>,
         accel: &'a Arc<dyn Intersect>,

@@ -1,10 +1,10 @@
 //! `caustic-sphere`: a ball of glass and a mirror ball in the Cornell box, under a small lamp.
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::room::{HEIGHT, cornell};
-use crate::scene_text::{Folder, Place, SceneText};
-use crate::shapes::sphere;
+use super::mesh::Mesh;
+use super::obj::Model;
+use super::room::{HEIGHT, cornell};
+use super::scene_text::{Folder, Place, SceneText};
+use super::shapes::sphere;
 use glam::dvec3;
 
 pub fn folder() -> Folder {

@@ -1,8 +1,8 @@
 //! Chessmen as they come from a lathe: centimeters, standing on y = 0.
 
-use crate::mesh::Mesh;
-use crate::profile::{ProfilePoint, arc, line, smooth};
-use crate::shapes::lathe;
+use super::mesh::Mesh;
+use super::profile::{ProfilePoint, arc, line, smooth};
+use super::shapes::lathe;
 use glam::{DVec2, dvec2};
 
 const SEGMENTS: usize = 48;

@@ -3,9 +3,9 @@
 //! Millimeters. The axis is +z, along which light goes to the sensor; the first surface's vertex is
 //! the origin.
 
-use crate::mesh::Mesh;
-use crate::profile::{ProfilePoint, arc, edges};
-use crate::shapes::lathe;
+use super::mesh::Mesh;
+use super::profile::{ProfilePoint, arc, edges};
+use super::shapes::lathe;
 use glam::dvec2;
 
 /// A row of a prescription: a spherical surface, or the stop.
@@ -17,7 +17,7 @@ pub struct Surface {
     pub thickness: f64,
     /// Refractive index behind.
     pub index: f64,
-    /// Of what is ground and polished.
+    /// Diameter of the part that is ground and polished.
     pub diameter: f64,
 }
 
@@ -26,7 +26,7 @@ const fn row(radius: f64, thickness: f64, index: f64, diameter: f64) -> Surface 
 }
 
 /// Double Gauss, f/2, 50 mm: A. W. Tronnier, US patent 2,673,491 (1954), as tabulated by W. J. Smith,
-/// Modern Lens Design (1992), p. 312, at half its size. Kolb, Mitchell and Hanrahan (1995) brought it
+/// Modern Lens Design (1992), p. 312, at half its size. Kolb, Mitchell and Hanrahan (1995) introduced it
 /// to rendering.
 pub const DOUBLE_GAUSS: [Surface; 11] = [
     row(29.475, 3.76, 1.67, 25.2),
@@ -44,8 +44,8 @@ pub const DOUBLE_GAUSS: [Surface; 11] = [
 
 /// Segments around the axis.
 pub const SEGMENTS: usize = 80;
-/// How far the middle of a facet may be from the sphere along a meridian. Interpolated normals are
-/// exact, so rays are displaced by no more and bent as they should.
+/// Largest distance of the middle of a facet from the sphere along a meridian. Interpolated normals
+/// are exact, so rays are displaced by no more than this and bent correctly.
 const SAGITTA: f64 = 0.004;
 
 impl Surface {
@@ -96,8 +96,8 @@ pub fn glass(lens: &[Surface]) -> Vec<Interface> {
     interfaces
 }
 
-/// What holds the glass and the sensor: a tube of the radius `tube`, rings between it and the rims of
-/// the glass, the stop, and behind all that a body of the radius `body` that is closed at `back`.
+/// The mounts of the glass and the sensor: a tube of the radius `tube`, the stop, and rings between the
+/// tube and the rims of the glass. Behind them is a body of the radius `body`, closed at `back`.
 pub fn mounts(lens: &[Surface], tube: f64, body: f64, back: f64) -> Mesh {
     // In the lathe's plane of radius and height.
     let wall = |depth: f64| dvec2(tube, -depth);

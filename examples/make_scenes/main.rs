@@ -6,13 +6,14 @@
 //! ```
 //!
 //! One file per scene says what is in it; `mesh`, `shapes` and `profile` build, `obj` and
-//! `scene_text` write. The test at the end checks that the committed files are those that are made.
+//! `scene_text` write. `tests` checks that the committed files are those that are made;
+//! `tests/suite.rs` includes this program and runs them.
 
 mod caustic_sphere;
 mod chessmen;
 mod hall;
-mod lens;
-mod mesh;
+pub(crate) mod lens;
+pub(crate) mod mesh;
 mod obj;
 mod objective;
 mod point_caustic;

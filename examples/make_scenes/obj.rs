@@ -1,6 +1,6 @@
 //! Writing OBJ files.
 
-use crate::mesh::Mesh;
+use super::mesh::Mesh;
 use glam::DVec3;
 use std::fmt::Write;
 

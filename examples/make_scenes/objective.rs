@@ -3,12 +3,12 @@
 //!
 //! Meters; the lens's first vertex is the origin and looks along -z.
 
-use crate::chessmen::{pawn, queen};
-use crate::lens::{DOUBLE_GAUSS, depths, glass, mounts};
-use crate::mesh::Mesh;
-use crate::obj::{Model, number};
-use crate::scene_text::{Folder, Place, SceneText};
-use crate::shapes::{Side, cuboid, cuboid_without, disc};
+use super::chessmen::{pawn, queen};
+use super::lens::{DOUBLE_GAUSS, depths, glass, mounts};
+use super::mesh::Mesh;
+use super::obj::{Model, number};
+use super::scene_text::{Folder, Place, SceneText};
+use super::shapes::{Side, cuboid, cuboid_without, disc};
 use glam::{DVec3, dvec3};
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! The Cornell box in meters, with straight walls: 5.6 wide and deep, 5.5 high, open toward +z.
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
+use super::mesh::Mesh;
+use super::obj::Model;
 use glam::{DVec3, dvec3};
 
 /// Half its width and depth; the floor is y = 0, centered at the origin.

@@ -1,6 +1,6 @@
 //! Writing scene.toml: what is there once as tables, meshes and lights as one line each.
 
-use crate::obj::number;
+use super::obj::number;
 use std::fmt::Write;
 
 /// A folder of `scenes/`: its name and its files' names and texts.

@@ -1,7 +1,7 @@
 //! Boxes, discs, balls, bars and turned things.
 
-use crate::mesh::{Corner, Mesh, Vertex};
-use crate::profile::{ProfilePoint, arc};
+use super::mesh::{Corner, Mesh, Vertex};
+use super::profile::{ProfilePoint, arc};
 use glam::{DVec2, DVec3, dvec3};
 
 /// The sides of a box: left is -x, bottom -y, back -z.
@@ -20,7 +20,7 @@ pub fn cuboid(min: DVec3, max: DVec3) -> Mesh {
     cuboid_without(min, max, &[])
 }
 
-/// A box without some sides: those that stand on something, or that nobody sees.
+/// A box without some sides: those that stand on something or are never seen.
 pub fn cuboid_without(min: DVec3, max: DVec3, missing: &[Side]) -> Mesh {
     // Bits of a corner's number: 1 for right, 2 for top, 4 for front.
     let corner = |i: usize| {

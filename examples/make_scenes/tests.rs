@@ -1,8 +1,8 @@
-//! What is committed is what is made, and it is sound.
+//! The committed scenes are those that this program makes, and they are sound.
 
-use crate::mesh::{Corner, Mesh};
-use crate::random::Random;
-use crate::{folders, obj, profile, scenes, shapes};
+use super::mesh::{Corner, Mesh};
+use super::random::Random;
+use super::{folders, obj, profile, scenes, shapes};
 use bdpm::accel::{Intersect, Ray};
 use bdpm::import::load;
 use bdpm::scene::Scene;
@@ -29,7 +29,7 @@ fn same(a: &str, b: &str) -> bool {
 }
 
 #[test]
-fn the_committed_scenes_are_those_that_are_made() {
+fn committed_scenes_equal_those_that_are_made() {
     for folder in folders() {
         for (name, made) in &folder.files {
             let path = scenes().join(folder.name).join(name);
@@ -68,7 +68,7 @@ fn walk(scene: &Scene, accel: &dyn Intersect, open: bool) -> (Vec<(Vec3, Vec3)>,
     (places, lost)
 }
 
-/// How many of the places lie on two faces at once, as renderers resolve by chance.
+/// Number of places that lie on two faces at once, where a renderer takes either at random.
 fn coincident(scene: &Scene, places: &[(Vec3, Vec3)]) -> usize {
     let close = 5e-6 * scene.size();
     let mut faces = vec![0; places.len()];

@@ -69,7 +69,7 @@ pub fn with<T>(
 }
 
 impl Subject {
-    /// What `key` led to before, or does now.
+    /// Reads the value that an earlier run kept for `key`, or computes and keeps it.
     pub fn kept<T: Serialize + DeserializeOwned>(
         &self,
         key: &str,
@@ -131,7 +131,7 @@ impl Subject {
         Ok(self.render(narrow, strategy, REFERENCE)?.luminance)
     }
 
-    /// Those of the scene with a technique at its radii.
+    /// Settings of the scene with a technique at its radii.
     pub fn settings(&self, place: &Place, seed: u64) -> Settings {
         let Place { technique, radius, caustic_radius } = *place;
         let Technique { strategy, merge_vertex, direct, kernel } = technique;

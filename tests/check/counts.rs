@@ -1,7 +1,7 @@
 //! The image that blocks of automatic counts make together. More of counts is in `tests/noise/counts.rs`.
 
-use crate::automatic::*;
 use crate::common::Estimate;
+use crate::common::automatic::*;
 use bdpm::Renderer;
 use bdpm::Settings;
 use bdpm::film::radiance::luminance;
@@ -58,6 +58,6 @@ fn the_combined_image_of_automatic_counts_is_unbiased() {
     let predicted = Estimate::from_samples(&predicted);
     println!("scatter {scatter}, predicted {predicted:?}");
     // 48 seeds: a sample variance with a relative standard error of about 1/sqrt(24) per
-    // independent pixel, of which there are at least some 10.
+    // independent pixel, and at least some 10 are independent.
     assert!((scatter / predicted.mean - 1.0).abs() < 0.25, "{scatter} {predicted:?}");
 }

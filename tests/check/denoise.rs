@@ -1,8 +1,8 @@
-//! What is told of the error of denoised images, against long references: docs/denoising.md.
+//! The reported error of denoised images against long references: docs/denoising.md.
 
-use crate::committed::across;
 use crate::common::accel;
-use crate::denoised::{Found, Reference, compare};
+use crate::common::committed::across;
+use crate::common::denoised::{Found, Reference, compare};
 use bdpm::Settings;
 use bdpm::output::denoise::Oidn;
 use std::ops::RangeInclusive;
@@ -31,38 +31,41 @@ fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<
         let to = (reference.as_ref().unwrap(), &mut oidn);
         let found = compare(&scene, &accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
-        let Found { raw, unmixed, mixed, came, told, error, z2, blocks, share } = found;
-        // Of few samples it may not tell more than that.
-        let says = iterations < most || error < came;
+        let Found { raw, unmixed, mixed, measured, reported, error, z2, blocks, share } = found;
+        // From few samples the estimate may say no more than that.
+        let says = iterations < most || error < measured;
         assert!(says, "{name} {iterations}: says nothing, {found:?}");
-        assert!((told - came).abs() < 0.05 * came + 3.0 * error, "{name} {iterations}: {found:?}");
+        assert!(
+            (reported - measured).abs() < 0.05 * measured + 3.0 * error,
+            "{name} {iterations}: {found:?}"
+        );
         assert!((0.0..=1.0).contains(&share) && unmixed > 0.0, "{name} {iterations}: {found:?}");
         assert!(mixed <= 1.02 * raw, "{name} {iterations}: the mix is worse, {found:?}");
         means.push((z2, blocks));
     }
-    // Blocks share light paths. Where noise is rare and bright, standard errors are told larger than they are.
+    // Blocks share light paths. Where noise is rare and bright, the reported standard errors are too large.
     let count: usize = means.iter().map(|(_, blocks)| blocks).sum();
     let z2 = means.iter().map(|(z2, blocks)| z2 * *blocks as f64).sum::<f64>() / count as f64;
     assert!((0.4..2.2).contains(&z2), "{name}: {z2} of {count} blocks");
 }
 
 #[test]
-fn of_a_box_with_a_point_light() {
+fn errors_of_a_box_with_a_point_light_match_references() {
     check("cornell-box-classic", 4000, 1, 1..=1);
 }
 
 #[test]
-fn of_caustics() {
+fn errors_of_caustics_match_references() {
     check("caustic-sphere", 4000, 1, 1..=1);
 }
 
 #[test]
-fn of_all_materials() {
+fn errors_of_all_materials_match_references() {
     // One seed alone has .37 to .62.
     check("materials", 4000, 1, 1..=4);
 }
 
 #[test]
-fn of_noise_that_pixels_share() {
+fn errors_of_noise_that_pixels_share_match_references() {
     check("cornell-box", 100, 16, 1..=1);
 }

@@ -1,7 +1,7 @@
 //! The merge bias of both kernels on a box, as it is and as it is estimated: a row of the table in
 //! `docs/kernel.md`.
 
-use crate::true_bias::{Biases, TINY, biases, reference, settings};
+use crate::common::true_bias::{Biases, TINY, biases, reference, settings};
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::settings::Kernel;

@@ -1,31 +1,9 @@
-//! What `make test` has no time for: the long statistical tables, of which it has a case or two in a
-//! module of the same name, the paper's experiment, and a page of a render. `make check` runs the tables,
-//! `make check-report` the others.
+//! Tests that are too long for `make test`: statistical tables, the paper's experiment, and a page of a
+//! render. `make check` runs the tables, `make check-report` the others. The suite has a case or two of
+//! each table in a module of the same name.
 
-#[path = "../common/automatic.rs"]
-mod automatic;
-#[path = "../common/boxes.rs"]
-mod boxes;
-#[path = "../common/committed.rs"]
-mod committed;
 #[path = "../common/mod.rs"]
 mod common;
-#[path = "../common/denoised.rs"]
-mod denoised;
-#[path = "../common/far_counts.rs"]
-mod far_counts;
-#[path = "../common/material_noise.rs"]
-mod material_noise;
-#[path = "../common/program.rs"]
-mod program;
-#[path = "../common/scene_case.rs"]
-mod scene_case;
-#[path = "../common/several_ways.rs"]
-mod several_ways;
-#[path = "../common/strategies.rs"]
-mod strategies;
-#[path = "../common/true_bias.rs"]
-mod true_bias;
 
 mod choice;
 mod counts;

@@ -1,6 +1,6 @@
 //! The noise of the materials that `tests/transport/materials_light.rs` leaves out.
 
-use crate::material_noise::{assert_predicted, materials};
+use crate::common::material_noise::{assert_predicted, materials};
 
 #[test]
 fn the_noise_of_each_material_is_predicted() {

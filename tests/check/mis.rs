@@ -1,24 +1,24 @@
 //! Furnaces in which paths are found in several ways: those that `tests/transport/mis.rs` has no time for.
 
+use crate::common::several_ways::*;
 use crate::common::*;
-use crate::several_ways::*;
 use bdpm::scene::Material;
 use bdpm::scene::bsdf::{Bsdf, Coated, Glossy, RoughDielectric};
 use glam::Vec3;
 
 #[test]
-fn diffuse_walls_where_all_is_as_bright() {
+fn diffuse_walls_in_a_furnace_have_its_radiance() {
     let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
     assert_furnace("walls", &scene, 0.0, 40, (&WAYS, &WEIGHTINGS));
 }
 
 #[test]
-fn smooth_things_where_all_is_as_bright() {
+fn smooth_objects_in_a_furnace_have_its_radiance() {
     assert_furnace("smooth", &smooth_things(), 0.0, 40, (&WAYS, &WEIGHTINGS));
 }
 
 #[test]
-fn rough_things_where_all_is_as_bright() {
+fn rough_objects_in_a_furnace_have_its_radiance() {
     let bsdfs = [
         white_metal(0.15),
         white_metal(0.6),
@@ -33,7 +33,7 @@ fn rough_things_where_all_is_as_bright() {
 
 /// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
 #[test]
-fn coated_walls_where_all_is_as_bright() {
+fn coated_walls_in_a_furnace_have_its_radiance() {
     let mut meshes = Vec::new();
     for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
         meshes.push(square(axis, -axis, 1.0, 0));

@@ -1,8 +1,8 @@
 //! Far counts by the strategies that `tests/noise/predicts.rs` leaves out, by areas, and of scenes of this project.
 
-use crate::committed;
+use crate::common::committed;
+use crate::common::far_counts::{Subject, assert_far_counts};
 use crate::common::{MIS, furnished_box, settings};
-use crate::far_counts::{Subject, assert_far_counts};
 use bdpm::Settings;
 use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 
@@ -19,9 +19,9 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     }
 }
 
-/// Light paths that start where they bring more have coefficients of their own, which are as good.
+/// Guided light paths have coefficients of their own, which predict as well.
 #[test]
-fn the_noise_of_guided_light_paths_is_known_at_far_counts() {
+fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
     let settings =
         Settings { direct: Direct::PhotonMap, radius: 0.2, guide: 16, ..settings(12, 12) };
     let (name, scene) = ("guided".into(), &furnished_box());
@@ -31,7 +31,7 @@ fn the_noise_of_guided_light_paths_is_known_at_far_counts() {
 
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
 #[test]
-fn the_noise_of_scenes_by_all_ways_is_known_at_far_counts() {
+fn noise_of_every_technique_is_predicted_at_far_counts() {
     for name in ["cornell-box-classic", "caustic-sphere"] {
         let (scene, settings) = committed::small(name);
         let radius = 0.04 * scene.size();

@@ -1,9 +1,9 @@
 //! The renderer against the path tracer: the materials that `tests/transport/reference.rs` leaves
 //! out.
 
-use crate::boxes;
 use crate::common::MIS;
-use crate::strategies::assert_same;
+use crate::common::boxes;
+use crate::common::strategies::assert_same;
 use bdpm::settings::Direct::{Connect, PhotonMap};
 
 #[test]

@@ -1,7 +1,7 @@
 //! `bdpm reproduce`: the quick experiment from beginning to end, and its report, which
 //! `make check-report` opens in a browser then.
 
-use crate::program::{assert_refused, json, text};
+use crate::common::program_output::{assert_refused, json, text};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
@@ -22,7 +22,7 @@ fn numbers(name: &str, value: &Value, visit: &mut impl FnMut(&str, f64)) {
         Value::Object(fields) => fields.iter().for_each(|(key, v)| numbers(key, v, visit)),
         Value::Array(items) => items.iter().for_each(|item| numbers(name, item, visit)),
         Value::Number(number) => visit(name, number.as_f64().unwrap()),
-        // What is not finite is written as null.
+        // Values that are not finite are written as null.
         Value::Null => {
             assert!(["error", "implied", "processor"].contains(&name), "{name} is null");
         }

@@ -1,6 +1,6 @@
 //! The scenes of this project, small: images and noise. One more is in `tests/transport/scenes.rs`.
 
-use crate::scene_case::Case;
+use crate::common::scene_case::Case;
 
 #[test]
 fn keyhole() {

@@ -1,5 +1,4 @@
 //! A small box rendered with automatic counts, the same on every machine.
-#![allow(dead_code)] // each program uses its own part
 
 use bdpm::adaptive::autopilot::Autopilot;
 use bdpm::adaptive::optimize::Objective;

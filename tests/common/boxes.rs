@@ -1,5 +1,4 @@
 //! Scenes in a box whose images are held against the path tracer's, by the names of their tables.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::Scene;
@@ -35,7 +34,7 @@ pub fn named(name: &str) -> Arc<Scene> {
     found.unwrap_or_else(|| panic!("no scene {name}")).1
 }
 
-/// What balls are made of.
+/// Materials of the balls.
 pub fn balls() -> Vec<(&'static str, Bsdf)> {
     let white = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
     vec![
@@ -66,7 +65,7 @@ fn with_ball(bsdf: Bsdf) -> Arc<Scene> {
     ball_lit_by(bsdf, 4.0, vec![])
 }
 
-/// What no ray hits is connected to by narrow facets as well, besides what the base gets.
+/// A point light, which no ray hits: it is connected to narrow facets as well as to the base.
 fn gloss_under_a_point() -> Arc<Scene> {
     ball_lit_by(glossy(0.5, 0.15), 0.0, vec![point_light(Vec3::new(-0.6, -0.3, 0.5), 2.0)])
 }
@@ -91,7 +90,7 @@ fn checkered(colors: [[u8; 3]; 3]) -> Arc<Texture> {
     Arc::new(Texture::new(8, 8, texels.collect()))
 }
 
-/// The same with texture coordinates along its sides.
+/// The mesh with texture coordinates along its sides.
 fn holding_one_picture(mesh: Mesh) -> Mesh {
     let [o, u] = [mesh.positions[0], mesh.positions[1] - mesh.positions[0]];
     let v = mesh.positions[3] - o;

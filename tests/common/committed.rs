@@ -10,12 +10,12 @@ use std::sync::Arc;
 /// Pixels across.
 const WIDTH: u32 = 16;
 
-/// Those that a path tracer makes the same image of, if need be without the lights that no ray can
-/// hit: it misses their caustics.
+/// Scenes whose image a path tracer can make, if necessary without the lights that no ray can hit: it
+/// misses their caustics.
 pub const TRACED: [&str; 6] =
     ["cornell-box", "keyhole", "materials", "caustic-sphere", "objective", "hall"];
 
-/// Of those, the ones that are compared without the lights that no ray can hit.
+/// Traced scenes that are compared without the lights that no ray can hit.
 const LAMPS_ALONE: [&str; 3] = ["materials", "objective", "hall"];
 
 /// A scene with its own settings, but small.
@@ -23,7 +23,7 @@ pub fn small(name: &str) -> (Arc<Scene>, Settings) {
     across(name, WIDTH)
 }
 
-/// The same, so many pixels across.
+/// The scene `name` with settings for an image of `pixels` across.
 pub fn across(name: &str, pixels: u32) -> (Arc<Scene>, Settings) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let loaded = load(&path).unwrap();
@@ -34,8 +34,7 @@ pub fn across(name: &str, pixels: u32) -> (Arc<Scene>, Settings) {
     (loaded.scene, settings)
 }
 
-/// What images of a scene are compared of, where it is not the scene itself. It has the same
-/// geometry.
+/// The scene whose images are compared in place of `scene`, if another one is. It has the same geometry.
 pub fn compared(name: &str, scene: &Arc<Scene>) -> Option<Arc<Scene>> {
     LAMPS_ALONE.contains(&name).then(|| {
         let (meshes, placements) = (scene.meshes().to_vec(), scene.placements().to_vec());

@@ -1,4 +1,4 @@
-//! The error that is told of denoised images against that to a long reference.
+//! The reported error of denoised images beside their error against a long reference.
 
 use bdpm::accel::Intersect;
 use bdpm::base::math::luminance;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 pub struct Reference {
     /// Row by row.
     pub luminance: Vec<f64>,
-    /// Of its own noise.
+    /// Variance of the reference's own noise, per pixel.
     pub variance: Vec<f64>,
 }
 
@@ -27,7 +27,7 @@ impl Reference {
         Self { luminance: luminance.collect(), variance }
     }
 
-    /// Of so many iterations.
+    /// Renders a reference of `iterations`.
     #[allow(dead_code)] // examples go on with theirs
     pub fn render(
         scene: &Arc<Scene>,
@@ -49,18 +49,19 @@ impl Reference {
     }
 }
 
-/// What came of an image.
+/// Measured and reported error of a denoised image.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// Squared relative error of the raw image, of what the denoiser made of it, and of their mix: as they came.
+    /// Squared relative error of the raw image, of what the denoiser made of it, and of their mix: as measured.
     pub raw: f64,
     pub unmixed: f64,
     pub mixed: f64,
-    /// That of the mixes of `(n-1)/n` of the samples: as it came, and as it was told, with its standard error.
-    pub came: f64,
-    pub told: f64,
+    /// Error of the mixes of `(n-1)/n` of the samples: measured, and reported with its standard error.
+    pub measured: f64,
+    pub reported: f64,
     pub error: f64,
-    /// Of blocks of 16 by 16 pixels, how many standard errors what was told was off: mean square and count.
+    /// Deviation of the reported from the measured error in blocks of 16 by 16 pixels, in standard errors: mean
+    /// square, and number of blocks.
     pub z2: f64,
     pub blocks: usize,
     /// Mean share of the raw image.
@@ -111,9 +112,9 @@ pub fn compare(
         };
         let own = weights.iter().enumerate();
         let own: Vec<f64> = own.map(|(p, w)| if inside(p) { *w } else { 0.0 }).collect();
-        let told = mixed.estimate(&own);
-        if told.standard_error > 0.0 {
-            z2 += ((told.squared - of_folds(&own)) / told.standard_error).powi(2);
+        let reported = mixed.estimate(&own);
+        if reported.standard_error > 0.0 {
+            z2 += ((reported.squared - of_folds(&own)) / reported.standard_error).powi(2);
             blocks += 1;
         }
     }
@@ -122,8 +123,8 @@ pub fn compare(
         raw: rgb(&raw, &weights),
         unmixed: rgb(&denoised, &weights),
         mixed: rgb(&delivered, &weights),
-        came: of_folds(&weights),
-        told: estimate.squared,
+        measured: of_folds(&weights),
+        reported: estimate.squared,
         error: estimate.standard_error,
         z2: z2 / f64::from(blocks.max(1) as u32),
         blocks,

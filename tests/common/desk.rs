@@ -1,7 +1,5 @@
 //! A folder where the program renders.
 
-#![allow(dead_code)] // no test uses all of it
-
 use bdpm::image_io::read_exr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

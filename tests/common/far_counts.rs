@@ -1,5 +1,4 @@
 //! Coefficients measured at some counts against the sampled variance at others.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::accel::Intersect;
@@ -46,13 +45,13 @@ fn assert_agree(
     assert!(off.abs() < relative.max(2.0 * error), "{what}: off by {off:+.4} +- {error:.4}");
 }
 
-/// What is measured at some counts, and predicted for others.
+/// A scene whose noise is measured at some counts and predicted for others.
 pub struct Subject<'a> {
     pub name: String,
     pub scene: &'a Arc<Scene>,
     /// All but counts and seeds.
     pub settings: Settings,
-    /// Of the measurement.
+    /// Iterations of the measurement.
     pub iterations: usize,
     /// Share of the pixels that count: those with the least noise in a run of their own. Rare light in the others
     /// would take too long to be sampled.
@@ -90,7 +89,7 @@ impl Subject<'_> {
     }
 }
 
-/// The same of a furnished box, merged on discs or by areas with a radius of their own for caustics.
+/// Asserts predictions in a furnished box, merged on discs or by areas, with another radius for caustics.
 pub fn assert_far_counts(direct: Direct, merge_vertex: u32, kernel: Kernel) {
     let radius = 0.2;
     let caustic_radius = if kernel == Kernel::Area { 0.6 * radius } else { radius };

@@ -1,5 +1,4 @@
 //! Small glTF files, made piece by piece.
-#![allow(dead_code)] // each test binary uses its own part
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;

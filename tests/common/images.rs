@@ -11,11 +11,11 @@ pub struct Pixels {
     pub mean: Vec<f64>,
     /// Standard errors of the means.
     pub variance: Vec<f64>,
-    /// Of the sum of the means, which share light paths.
+    /// Variance of the sum of the means; pixels share light paths.
     pub variance_of_sum: f64,
 }
 
-/// What images are made of.
+/// Everything that an image is made from.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     pub scene: &'a Arc<Scene>,
@@ -100,7 +100,7 @@ pub fn inside(region: &[usize], values: &[f64]) -> Vec<f64> {
 }
 
 impl Pixels {
-    /// How far they are from others.
+    /// Compares these pixels with expected ones.
     pub fn against(&self, expected: &Self) -> Difference {
         let sum = |pixels: &Self| pixels.mean.iter().sum::<f64>();
         let (found, total) = (sum(self), sum(expected));
@@ -114,8 +114,8 @@ impl Pixels {
             let own = self.variance[i] + ratio * ratio * expected.variance[i];
             let variance = own + (error * expected.mean[i]).powi(2);
             errors += variance.sqrt();
-            // What is left of the bias at edges of light and objects. A black pixel has no variance,
-            // and nothing but 0 is no deviation then.
+            // Allow for the bias that is left at edges of light and objects. A black pixel has no
+            // variance; only 0 is no deviation then.
             let excess = ((self.mean[i] - wanted).abs() - 0.02 * wanted).max(0.0);
             if excess > 0.0 {
                 z2 += excess.powi(2) / variance / count;
@@ -143,7 +143,7 @@ impl Last {
 /// The difference of two images.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
-    /// Of the mean luminance, relative.
+    /// Relative deviation of the mean luminance.
     pub off: f64,
     /// Its standard error.
     pub error: f64,

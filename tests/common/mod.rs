@@ -1,8 +1,24 @@
 //! Scenes with known answers, and means with standard errors.
 #![allow(dead_code)] // each test binary uses its own part
 
+pub mod automatic;
+pub mod boxes;
+pub mod committed;
+pub mod denoised;
+pub mod desk;
+pub mod far_counts;
+pub mod gltf;
+pub mod html;
 pub mod images;
+pub mod material_noise;
+pub mod mutate;
+pub mod program_output;
+pub mod scene_case;
+pub mod several_ways;
+pub mod shapes;
+pub mod strategies;
 pub mod table;
+pub mod true_bias;
 
 use bdpm::accel::Intersect;
 use bdpm::film::radiance::luminance;
@@ -153,10 +169,10 @@ pub fn settings(width: u32, height: u32) -> Settings {
     }
 }
 
-/// Stands for a merge vertex where paths are found in several ways.
+/// Stands for a merge vertex; paths are sampled by several techniques.
 pub const MIS: u32 = 0;
 
-/// The same settings, where the merge vertex may be [`MIS`].
+/// Replaces the merge vertex [`MIS`] by multiple importance sampling over all vertices.
 pub fn by_way(settings: Settings) -> Settings {
     if settings.merge_vertex != MIS {
         return settings;

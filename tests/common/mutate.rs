@@ -1,5 +1,4 @@
 //! Files that were tampered with: random changes of bytes, and what must hold after loading.
-#![allow(dead_code)] // each test binary uses its own part
 
 use bdpm::import::load;
 use bdpm::scene::Mesh;
@@ -139,7 +138,7 @@ fn size_of_files(path: &Path) -> usize {
     files.map(|file| file.unwrap().metadata().unwrap().len() as usize).sum()
 }
 
-/// What loads must be fit for rendering, and as small as its files; what does not must say why.
+/// Loads a file. A scene must be fit for rendering and as small as its files, an error must name its cause.
 pub fn load_and_check(path: &Path) {
     match load(path) {
         Ok(loaded) => {

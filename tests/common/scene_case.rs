@@ -1,11 +1,11 @@
 //! Whether every strategy makes the same image of a scene of this project, the path tracer's where it
 //! finds one, and whether formula (1) predicts its noise.
 
-use crate::committed::{self, TRACED};
+use crate::common::committed::{self, TRACED};
 use crate::common::images::{Difference, Subject};
+use crate::common::strategies::ALL;
 use crate::common::table::Table;
 use crate::common::{accel, by_way};
-use crate::strategies::ALL;
 use bdpm::noise::Measure;
 use bdpm::noise::summary::NoiseSummary;
 use bdpm::render::RenderConfig;
@@ -124,7 +124,7 @@ impl Case {
         let image = renderer.block().noise_image().unwrap();
         let summary = NoiseSummary::new(&image, region);
         let [pooled, mean] = [&summary.pooled_rms, &summary.mean_rms].map(|compared| {
-            // Of the variance.
+            // Deviation of the variance, with its standard error.
             (compared.ratio.corrected.powi(2) - 1.0, 2.0 * compared.ratio.error)
         });
         println!("{} noise: mean {mean:+.4?}, pooled {pooled:+.4?}", self.name);

@@ -1,5 +1,4 @@
 //! Furnaces in which paths are found in several ways: the weights add up to 1, whatever they are.
-#![allow(dead_code)] // each program uses its own part
 
 use crate::common::*;
 use bdpm::Settings;
@@ -61,7 +60,7 @@ pub fn assert_zero(
     assert!(square < 4.0, "{what}: {square}");
 }
 
-/// What shows other weights at the same paths; `k = 2` is held against each.
+/// Settings that give the same paths other weights; `k = 2` is compared with each.
 pub const WEIGHTINGS: [Weighting; 3] = [([1.0, 1.0], 1.0), ([0.3, 2.0], 0.02), ([4.0, 0.1], 0.1)];
 
 /// Everything that does not absorb is as bright as the walls, which emit 1 and reflect half: 2.

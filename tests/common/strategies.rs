@@ -1,6 +1,6 @@
 //! Whether strategies make the path tracer's image of the scenes in a box.
 
-use crate::boxes::{self, SIDE};
+use crate::common::boxes::{self, SIDE};
 use crate::common::images::{Difference, Subject};
 use crate::common::table::Table;
 use crate::common::{MIS, accel, by_way, settings};
@@ -18,7 +18,7 @@ pub fn assert_same(name: &str, strategies: &[(Direct, u32)]) {
     assert_same_guided(name, strategies, 0);
 }
 
-/// The same with light paths that learn for so many iterations where to start.
+/// Asserts equal means with light paths that learn for `guide` iterations where to start.
 pub fn assert_same_guided(name: &str, strategies: &[(Direct, u32)], guide: u32) {
     let scene = &boxes::named(name);
     let accel = accel(scene);

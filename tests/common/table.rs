@@ -17,7 +17,7 @@ pub struct Table {
     height: u32,
     paths_per_pixel: u64,
     mean: Vec<f64>,
-    /// Of the means. Pixels are independent: they share no path.
+    /// Variance of the means. Pixels are independent: they share no path.
     variance: Vec<f64>,
 }
 

@@ -72,7 +72,7 @@ fn sums(film: &Film) -> Vec<f64> {
     film.sums.map_rows(|pixel| pixel.radiance.dot(LUMINANCE.as_dvec3()))
 }
 
-/// What biases are measured against: batches of so many iterations at the radius of the settings.
+/// Renders what biases are measured against: batches of iterations at the radius of the settings.
 pub fn reference(
     scene: &Arc<Scene>,
     accel: &Arc<dyn Intersect>,

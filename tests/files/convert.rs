@@ -1,7 +1,7 @@
 //! Scenes written as folders and read again are the same.
 
-use crate::model::*;
-use crate::program::{assert_refused, json, text};
+use crate::common::gltf::*;
+use crate::common::program_output::{assert_refused, json, text};
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use bdpm::import::{Loaded, export, load};
 use bdpm::scene::Material;

@@ -2,8 +2,8 @@
 //! of its JSON replaced, with pieces of its text or bytes deleted, doubled or replaced.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::model::*;
-use crate::mutate::{apply, change, load_and_check};
+use crate::common::gltf::*;
+use crate::common::mutate::{apply, change, load_and_check};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -234,26 +234,26 @@ proptest! {
     })]
 
     #[test]
-    fn changed_values(edits in vec(edit(), 1..5)) {
+    fn changed_values_load_or_are_refused(edits in vec(edit(), 1..5)) {
         check(&as_glb(&edited(&edits)), "a.glb");
     }
 
     #[test]
-    fn changed_text(changes in vec(change(), 1..6)) {
+    fn changed_text_loads_or_is_refused(changes in vec(change(), 1..6)) {
         let mut text = rich_text();
         changes.iter().for_each(|change| apply(&mut text, change));
         check(&text, "a.gltf");
     }
 
     #[test]
-    fn changed_containers(changes in vec(change(), 1..6)) {
+    fn changed_containers_load_or_are_refused(changes in vec(change(), 1..6)) {
         let mut glb = RICH.glb();
         changes.iter().for_each(|change| apply(&mut glb, change));
         check(&glb, "a.glb");
     }
 
     #[test]
-    fn changed_bytes(edits in vec((0.0..1.0, any::<u8>()), 1..40)) {
+    fn changed_bytes_load_or_are_refused(edits in vec((0.0..1.0, any::<u8>()), 1..40)) {
         let mut model = RICH.clone();
         for (at, byte) in edits {
             let at = (at * model.bin.len() as f64) as usize;
@@ -263,7 +263,7 @@ proptest! {
     }
 
     #[test]
-    fn random_bytes(bytes in vec(any::<u8>(), 0..300)) {
+    fn files_of_random_bytes_load_or_are_refused(bytes in vec(any::<u8>(), 0..300)) {
         check(&bytes, "a.gltf");
         check(&[b"glTF\x02\0\0\0", &bytes[..]].concat(), "a.glb");
     }

@@ -1,7 +1,7 @@
 //! No file of Mitsuba's, and no mesh that it names, makes the loader panic: good ones with pieces
 //! deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{apply, change};
+use crate::common::mutate::{apply, change};
 use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -71,21 +71,21 @@ proptest! {
     })]
 
     #[test]
-    fn changed_scenes(which in 0..SCENES.len(), changes in vec(change(), 1..6)) {
+    fn changed_scenes_load_or_are_refused(which in 0..SCENES.len(), changes in vec(change(), 1..6)) {
         let mut scene = SCENES[which].to_vec();
         changes.iter().for_each(|change| apply(&mut scene, change));
         check(&scene, BASE, PLY, SERIALIZED);
     }
 
     #[test]
-    fn changed_included_files(changes in vec(change(), 1..6)) {
+    fn changed_included_files_load_or_are_refused(changes in vec(change(), 1..6)) {
         let mut base = BASE.to_vec();
         changes.iter().for_each(|change| apply(&mut base, change));
         check(LIGHTS, &base, PLY, SERIALIZED);
     }
 
     #[test]
-    fn changed_meshes(changes in vec(change(), 1..6)) {
+    fn changed_meshes_load_or_are_refused(changes in vec(change(), 1..6)) {
         let (mut ply, mut serialized) = (PLY.to_vec(), SERIALIZED.to_vec());
         changes.iter().for_each(|change| apply(&mut ply, change));
         changes.iter().for_each(|change| apply(&mut serialized, change));

@@ -2,7 +2,7 @@
 //! maps of the environment (EXR, HDR) with bytes replaced, deleted and doubled.
 //! `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{apply, change, load_and_check};
+use crate::common::mutate::{apply, change, load_and_check};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::import::load;
 use glam::Vec3;
@@ -117,21 +117,21 @@ proptest! {
     })]
 
     #[test]
-    fn changed_png(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_png_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&PNG, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.png", &picture);
     }
 
     #[test]
-    fn changed_jpeg(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_jpeg_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(JPEG, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.jpg", &picture);
     }
 
     #[test]
-    fn changed_others(changes in vec(change(), 0..4), bytes in bytes(), kind in 0..OTHERS.len()) {
+    fn other_changed_pictures_load_or_are_refused(changes in vec(change(), 0..4), bytes in bytes(), kind in 0..OTHERS.len()) {
         let (name, picture) = &OTHERS[kind];
         let mut picture = replaced(picture, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
@@ -139,14 +139,14 @@ proptest! {
     }
 
     #[test]
-    fn changed_exr(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_exr_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&EXR, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.exr", &picture);
     }
 
     #[test]
-    fn changed_hdr(changes in vec(change(), 0..4), bytes in bytes()) {
+    fn changed_hdr_loads_or_is_refused(changes in vec(change(), 0..4), bytes in bytes()) {
         let mut picture = replaced(&HDR, &bytes);
         changes.iter().for_each(|change| apply(&mut picture, change));
         check("a.hdr", &picture);

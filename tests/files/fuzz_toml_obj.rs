@@ -1,7 +1,7 @@
 //! No scene, OBJ or MTL file makes the loader panic or hold more than its size warrants: random bytes, and
 //! good files with pieces deleted, doubled or replaced. `PROPTEST_CASES=100000` tries far more.
 
-use crate::mutate::{TOKENS, apply, change, load_and_check};
+use crate::common::mutate::{TOKENS, apply, change, load_and_check};
 use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -16,7 +16,7 @@ fn example() -> &'static str {
     TOML.split("```toml\n").nth(1).unwrap().split("```").next().unwrap()
 }
 
-/// Loads `name` from a folder of the four files, of which some were tampered with.
+/// Loads `name` from a folder of the four files after some were tampered with.
 fn check(scene: &[u8], obj: &[u8], mtl: &[u8], name: &str) {
     let folder = tempfile::tempdir().unwrap();
     let files = [("scene.toml", scene), ("a.obj", obj), ("floor.obj", obj), ("block.obj", obj)];
@@ -34,14 +34,14 @@ proptest! {
     })]
 
     #[test]
-    fn random_bytes(bytes in vec(any::<u8>(), 0..300)) {
+    fn files_of_random_bytes_load_or_are_refused(bytes in vec(any::<u8>(), 0..300)) {
         check(&bytes, OBJ.as_bytes(), MTL.as_bytes(), "scene.toml");
         check(b"", &bytes, &bytes, "a.obj");
         check(b"", OBJ.as_bytes(), &bytes, "a.obj");
     }
 
     #[test]
-    fn random_tokens(tokens in vec(0..TOKENS.len(), 0..60)) {
+    fn files_of_random_tokens_load_or_are_refused(tokens in vec(0..TOKENS.len(), 0..60)) {
         let text = tokens.iter().map(|i| TOKENS[*i]).collect::<Vec<_>>().join(" ");
         check(text.as_bytes(), OBJ.as_bytes(), MTL.as_bytes(), "scene.toml");
         check(b"", text.as_bytes(), MTL.as_bytes(), "a.obj");
@@ -49,21 +49,21 @@ proptest! {
     }
 
     #[test]
-    fn changed_scene_files(changes in vec(change(), 1..6)) {
+    fn changed_scene_files_load_or_are_refused(changes in vec(change(), 1..6)) {
         let mut scene = example().as_bytes().to_vec();
         changes.iter().for_each(|change| apply(&mut scene, change));
         check(&scene, OBJ.as_bytes(), MTL.as_bytes(), "scene.toml");
     }
 
     #[test]
-    fn changed_models(changes in vec(change(), 1..6)) {
+    fn changed_models_load_or_are_refused(changes in vec(change(), 1..6)) {
         let mut obj = OBJ.as_bytes().to_vec();
         changes.iter().for_each(|change| apply(&mut obj, change));
         check(b"", &obj, MTL.as_bytes(), "a.obj");
     }
 
     #[test]
-    fn changed_material_libraries(changes in vec(change(), 1..6)) {
+    fn changed_material_libraries_load_or_are_refused(changes in vec(change(), 1..6)) {
         let mut mtl = MTL.as_bytes().to_vec();
         changes.iter().for_each(|change| apply(&mut mtl, change));
         check(b"", OBJ.as_bytes(), &mtl, "a.obj");

@@ -2,7 +2,7 @@
 //! same scene is as OBJ or TOML, it is bit for bit; materials, lights and cameras are in
 //! `gltf_looks.rs`.
 
-use crate::model::*;
+use crate::common::gltf::*;
 use bdpm::import::{LoadOptions, Loaded, WarningKind, load, load_with};
 use bdpm::scene::Scene;
 use glam::{Vec2, Vec3};

@@ -1,6 +1,6 @@
 //! Whatever is wrong with a glTF file, the error names the file, the element and what to do.
 
-use crate::model::*;
+use crate::common::gltf::*;
 use serde_json::{Value, json};
 
 /// The square after a change must be refused with all parts in the message.

@@ -1,6 +1,6 @@
 //! glTF: what materials, lights and cameras become.
 
-use crate::model::*;
+use crate::common::gltf::*;
 use bdpm::import::{LoadOptions, WarningKind, load_with};
 use bdpm::scene::bsdf::{Bsdf, Coated, Dielectric, Glossy, RoughDielectric, ThinDielectric};
 use bdpm::scene::{Emitter, FieldOfView, Material, Optics, Sampling, Wrap};

@@ -1,7 +1,7 @@
 //! Default light of scenes without a usable light source, and environments of all kinds.
 
-use crate::model::*;
-use crate::program::{json as output, succeed};
+use crate::common::gltf::*;
+use crate::common::program_output::{json as output, succeed};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::import::{EnvironmentSource, LoadOptions, WarningKind, load, load_with};
 use bdpm::scene::Emitter;

@@ -42,7 +42,7 @@ fn corners(scene: &Arc<Scene>) -> Vec<Vec3> {
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
 
 #[test]
-fn many_ways_to_write_a_square() {
+fn equivalent_spellings_of_a_square_load_alike() {
     let expected = corners(&obj(SQUARE).scene);
     assert_eq!(
         expected,
@@ -91,7 +91,7 @@ fn texture_coordinates_of_one_to_three_numbers() {
 #[test]
 fn vertices_are_shared_by_faces_that_agree_on_all_of_them() {
     let head = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nvn 0 0 1\nvn 0 1 1\n";
-    // The same object is left and taken up again; only one corner differs.
+    // An object is left and taken up again; only one corner differs.
     let faces = "o a\nf 1/1/1 2/1/1 3/1/1\no b\nf 1 2 3\no a\nf 1/1/1 3/1/1 4/1/1\n\
                  f 1/2/1 3/1/1 4/1/1\n";
     let scene = obj(format!("{head}{faces}")).scene;
@@ -193,7 +193,7 @@ fn degenerate_faces_go_and_the_rest_stays() {
 }
 
 #[test]
-fn what_is_missing_is_noted_once_by_name() {
+fn missing_items_are_noted_once_by_name() {
     let content =
         format!("usemtl early\nmtllib no.mtl\n{SQUARE}mtllib no.mtl\nusemtl m\nf 1 2 4\n");
     let loaded = obj(content);
@@ -203,7 +203,7 @@ fn what_is_missing_is_noted_once_by_name() {
     assert_eq!(notes.matches("`early`, `m` undefined; used gray of albedo 0.5").count(), 1);
     assert_eq!(loaded.scene.triangle_count(), 3);
 
-    // Of several libraries in one line those that exist are read.
+    // A line may name several libraries; those that exist are read.
     let content = format!("mtllib no.mtl a.mtl gone.mtl\nusemtl m\n{SQUARE}");
     let loaded = load_files(&[("a.mtl", b"newmtl m\n"), ("a.obj", content.as_bytes())]).unwrap();
     let notes = loaded.warnings_text();

@@ -1,6 +1,6 @@
 //! Colors of vertices, instances, morph targets and skins.
 
-use crate::model::*;
+use crate::common::gltf::*;
 use bdpm::import::{export, load};
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use glam::Vec3;

@@ -1,6 +1,6 @@
 //! Files with small errors that other programs open load here as well, with a warning.
 
-use crate::model::*;
+use crate::common::gltf::*;
 use bdpm::import::{Loaded, WarningKind};
 use bdpm::scene::Material;
 use glam::{Vec2, Vec3};

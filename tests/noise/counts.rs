@@ -1,8 +1,8 @@
 //! Counts per pixel, blocks of different counts, and the image that they make together, whose mean
 //! `tests/check/counts.rs` holds against that of fixed counts.
 
-use crate::automatic::*;
 use crate::common::Estimate;
+use crate::common::automatic::*;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::Plan;
 use bdpm::film::counts::{CameraCounts, Counts};
@@ -33,7 +33,7 @@ fn a_map_of_equal_counts_gives_the_uniform_image_bit_for_bit() {
 }
 
 #[test]
-fn threads_and_measuring_do_not_change_an_image_with_a_map() {
+fn image_with_a_map_ignores_threads_and_measuring() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();
     let image = |threads, measure| {

@@ -108,7 +108,7 @@ fn sparse(rng: &mut Rng, n: usize, m: usize) -> Pairs {
 }
 
 #[test]
-fn both_estimators_are_their_definitions() {
+fn both_estimators_match_their_definitions() {
     let mut rng = StreamKey::new(1, Stream::Test, 0).rng(0);
     let (mut pairs, mut halves) = (AllPairs::default(), Halves::default());
     for (n, m) in [(2, 2), (3, 2), (2, 5), (7, 4), (12, 9)] {
@@ -183,7 +183,7 @@ fn both_estimators_are_unbiased_at_any_counts() {
 }
 
 #[test]
-fn all_pairs_need_fewer_iterations_and_do_not_feel_the_direct_light() {
+fn all_pairs_need_fewer_iterations_and_ignore_direct_light() {
     let root = Coefficients { a: 2.0, b: 0.5, f: 0.4 };
     let without = Ensemble { mean: 1.0, root, d: 0.01 };
     let with = Ensemble { mean: 1.0, root, d: 10.0 };

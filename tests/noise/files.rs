@@ -77,13 +77,13 @@ fn a_round_trip_keeps_the_noise_to_single_precision() {
             assert_close(a, b);
         }
     }
-    // What was read is written without further change.
+    // A file that was read is written without further change.
     read.write(&path).unwrap();
     assert_eq!(NoiseFile::read(&path).unwrap(), read);
 }
 
 #[test]
-fn the_layers_are_what_their_names_say() {
+fn layers_match_their_names() {
     let file = measured();
     let image = file.to_image();
     let value = |layer: &str, channel: &str, i: usize| {
@@ -169,7 +169,7 @@ fn other_images_are_refused() {
 
 /// Section 5 of the paper: coefficients from its Figure 3, times from its Table 2.
 #[test]
-fn the_published_numbers_come_out() {
+fn published_numbers_are_reproduced() {
     let source = Source::Given(Coefficients { a: 3595.0, b: 37.18, f: 0.3788 });
     // 6.0 s for the camera paths and 0.2 s for their look-ups at N_B = 25, as for one pixel.
     let model = TimeModel {

@@ -1,6 +1,6 @@
 //! Parts of an image, rendered apart and merged: all that is kept is what one run keeps.
 
-use crate::automatic::*;
+use crate::common::automatic::*;
 use bdpm::adaptive::count_policy::{CountPolicy, Replay};
 use bdpm::adaptive::plan::{Plan, Rendered, Step};
 use bdpm::base::iteration_set::IterationSet;

@@ -253,7 +253,7 @@ fn per_pixel_counts_cost_at_most_5_percent_more_than_the_optimum() {
         });
         let least = all.min_by(f64::total_cmp).unwrap();
         let found = problem.shortest_per_pixel(SLACK);
-        assert!(found.iteration_time <= iteration_time, "{index}: {found:?}");
+        assert!(found.iteration_time <= iteration_time * ROUNDING, "{index}: {found:?}");
         // One percent is the slack that the shorter iteration may cost.
         assert!(found.cost < 1.05 * least, "{index}: {} {found:?}", found.cost / least);
     }

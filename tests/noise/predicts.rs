@@ -1,8 +1,8 @@
 //! The measured coefficients against the sampled variance of the renderer itself. The other strategies are
 //! in `tests/check/predicts.rs`.
 
+use crate::common::far_counts::*;
 use crate::common::*;
-use crate::far_counts::*;
 use bdpm::Settings;
 use bdpm::noise::Measure;
 use bdpm::noise::image::NoiseImage;
@@ -43,8 +43,8 @@ fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
         let mean = deviations.iter().sum::<f64>() / n;
         let square = deviations.iter().map(|z| z * z).sum::<f64>() / n;
         println!("{estimator:?}: deviations {mean:.3} +- {:.3}", square.sqrt());
-        // Student's t with 15 degrees of freedom has the variance 15/13; pixels are hardly
-        // correlated here, so a mean of 144 has a standard error of 0.09 and a mean square of 0.15.
+        // Student's t with 15 degrees of freedom has the variance 15/13. Pixels are hardly correlated
+        // here: a mean of 144 has a standard error of 0.09, a mean square one of 0.15.
         assert!(mean.abs() < 0.4, "{mean}");
         assert!((square - 15.0 / 13.0).abs() < 0.6, "{square}");
     }

@@ -77,10 +77,10 @@ fn run(path: &Path, stop: usize) -> (Experiment, usize) {
 }
 
 #[test]
-fn stopping_and_going_on_changes_nothing_but_times() {
+fn stopped_experiment_continues_with_equal_results() {
     let [whole, pieces] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let (expected, _) = run(whole.path(), usize::MAX);
-    // Cells begin anew; the longest takes 48 iterations.
+    // Cells begin again; the longest takes 48 iterations.
     let (found, starts) = run(pieces.path(), 50);
     assert!(starts > 20, "{starts}");
     assert_eq!(found.done.len(), Measurement::all().len());

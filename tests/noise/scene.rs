@@ -120,8 +120,8 @@ fn coefficients_do_not_depend_on_the_number_of_threads() {
 }
 
 /// A floor that a small bright patch above it lights past the edge of a black plate. The patch is
-/// square with a corner toward the plate's edge, so that its visible part, and with it the
-/// irradiance of the floor, goes with the square of the position across the penumbra.
+/// square with a corner toward the plate's edge. So its visible part and the irradiance of the floor
+/// go with the square of the position across the penumbra.
 fn penumbra() -> Arc<Scene> {
     let floor = square(Vec3::ZERO, Vec3::Z, 2.0, 0);
     let plate = square(Vec3::new(2.0, 0.0, 0.5), Vec3::Z, 2.0, 1);
@@ -155,7 +155,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
     let radius = 0.1;
     let renderer = Renderer::new(&scene, &accel, at(radius)).unwrap();
     let mut wide = renderer.configure(RenderConfig::with_pixel_batches()).unwrap();
-    // The same photons: their common noise cancels in the difference.
+    // Both radii see the same photons: their common noise cancels in the difference.
     let mut narrow = Renderer::new(&scene, &accel, at(0.25 * radius)).unwrap();
     let mut samples: Vec<[f64; 256]> = Vec::new();
     let mut before = [0.0; 256];

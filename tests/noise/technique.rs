@@ -1,4 +1,5 @@
-//! What choices of technique rest on: samples of the pixels, and nested radii for one kind of photons.
+//! The measurements behind a choice of technique: samples of the pixels, and nested radii for one class of
+//! photons.
 
 use crate::common::*;
 use bdpm::film::radiance::luminance;
@@ -9,7 +10,7 @@ use bdpm::transport::photon::PhotonClass;
 use bdpm::{Renderer, Settings};
 
 #[test]
-fn a_sample_of_the_pixels_is_what_the_image_has_there() {
+fn sampled_pixels_equal_those_of_the_image() {
     let scene = furnished_box();
     let accel = accel(&scene);
     let all = Settings { radius: 0.2, caustic_radius: 0.2, ..settings(24, 16) };
@@ -29,7 +30,7 @@ fn a_sample_of_the_pixels_is_what_the_image_has_there() {
     let mut squares = 0.0;
     for y in 0..4 {
         for x in 0..6 {
-            // Of each square another column by the row of squares, another row by their column.
+            // Each square has another column by its row of squares, and another row by its column.
             let (own, whole) = (y * 6 + x, (4 * y + x % 4) * 24 + 4 * x + y % 4);
             let error2 = variance[own] + all_variance[whole];
             squares += (some[own] - all[whole]).powi(2) / error2 / 24.0;

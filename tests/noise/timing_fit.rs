@@ -47,7 +47,7 @@ fn samples(
     samples_of_iterations(counts, |seconds, _| change(seconds))
 }
 
-/// The same; `change` also gets the time of the whole iteration.
+/// Samples at `counts`; `change` also gets the time of the whole iteration.
 fn samples_of_iterations(
     counts: &[(f64, f64)],
     mut change: impl FnMut(f64, f64) -> (f64, Option<f64>),
@@ -128,8 +128,8 @@ fn deviations(mut noisy: impl FnMut(f64, f64, &mut Normal) -> (f64, Option<f64>)
 }
 
 #[test]
-fn noisy_times_deviate_as_their_errors_say() {
-    // Two percent of each time, known: what Criterion tells.
+fn noisy_times_deviate_by_their_reported_errors() {
+    // Two percent of each time, known as Criterion reports it.
     for [mean, square] in deviations(|t, _, normal| {
         let error = 0.02 * t;
         (t + error * normal.next(), Some(error))
@@ -147,7 +147,7 @@ fn noisy_times_deviate_as_their_errors_say() {
 }
 
 #[test]
-fn what_the_sizes_do_not_tell_is_said() {
+fn coefficients_that_sizes_do_not_determine_are_noted() {
     // As in a render's pilot: two numbers of light paths, one of camera paths, one iteration each.
     let pilot = fit(&samples(&[(1e4, 4.0), (1e5, 4.0)], |t| (t, None)), TRUTH.pixels).unwrap();
     let [_, light, camera, look_up, pair] = coefficients(&pilot).map(|(_, value, _)| value);
@@ -176,7 +176,7 @@ fn what_the_sizes_do_not_tell_is_said() {
     near(model.light_path * 1e4, seconds(Phase::Light, 1e4, 4.0));
     near(model.merge_pair * 1e4 * camera_paths, seconds(Phase::Merge, 1e4, 4.0));
     near(model.iteration(1e4, 4.0), TRUTH.iteration(1e4, 4.0));
-    // The same size twice is no other.
+    // One size given twice does not count as two sizes.
     let twice = fit(&samples(&[(1e4, 4.0); 2], |t| (t, None)), TRUTH.pixels).unwrap();
     assert_eq!(twice.notes, single.notes);
 }
@@ -193,7 +193,7 @@ fn no_coefficient_is_negative() {
 }
 
 #[test]
-fn what_is_no_measurement_is_refused() {
+fn invalid_measurements_are_refused() {
     let good = samples(&COUNTS, |t| (t, None));
     let refused = |samples: &[TimeSample], expected: &str| {
         let shown = fit(samples, TRUTH.pixels).unwrap_err().to_string();

@@ -1,9 +1,10 @@
 //! Lenses in the renderer and beside it: their meshes, their images' moments, and exact rays.
 
-pub mod sequential;
+mod objective;
+mod sequential;
 
 use crate::common::*;
-use crate::mesh;
+use crate::make_scenes::mesh;
 use bdpm::scene::Mesh;
 use glam::{DVec2, dvec2};
 

@@ -2,7 +2,7 @@
 //!
 //! Millimeters; light goes along +z, the first vertex is the origin.
 
-use crate::lens::{Surface, depths};
+use crate::make_scenes::lens::{Surface, depths};
 use glam::{DVec2, DVec3, dvec3};
 
 /// A ray of light.
@@ -11,7 +11,7 @@ pub struct Ray {
     pub origin: DVec3,
     /// Unit direction.
     pub direction: DVec3,
-    /// What Fresnel's formula left of it.
+    /// Share of the light that is left after Fresnel's formula.
     pub share: f64,
 }
 
@@ -85,7 +85,7 @@ pub fn image(lens: &[Surface], distance: f64) -> [f64; 2] {
     [-height / slope, 1.0 / slope]
 }
 
-/// What arrives of a small Lambertian emitter that faces the lens.
+/// Arriving light of a small Lambertian emitter that faces the lens.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival {
     /// For an emitter of radiance 1 and area 1.

@@ -48,7 +48,7 @@ fn iterations(report: &serde_json::Value) -> u64 {
 }
 
 #[test]
-fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
+fn target_is_reached_with_chosen_counts_and_the_plan_replays() {
     let (_folder, at) = folder();
     let (first, again) = (at("a.exr"), at("b.exr"));
     let wishes = ["--resolution", "40x30", "--target-rms", "4%"];
@@ -71,7 +71,7 @@ fn a_target_is_reached_with_counts_of_its_own_and_the_plan_replays() {
     assert_eq!((&replayed["automatic"], &replayed["blocks"]), (&false.into(), &found["blocks"]));
     assert_eq!(bits(&first), bits(&again));
 
-    // What the plan was made for must agree.
+    // The settings that the plan was made for must agree.
     let shown = fail(render(&again, &["--plan", &plan, "--seed", "5"]), 1);
     assert!(shown.contains("seed is 1, not 5") && shown.contains("a.exr"), "{shown}");
 
@@ -94,7 +94,7 @@ fn a_time_is_kept_and_an_interrupted_choice_goes_on() {
     let more = ["--resume", &checkpoint, "--time", "1s"];
     let second = report(render(&at("b.exr"), &more));
     assert!(second["automatic"].as_bool().unwrap() && iterations(&second) > iterations(&first));
-    // What was promised stays promised, and neither the choice nor its first iterations are repeated.
+    // The promise stays, and neither the choice nor its first iterations are repeated.
     assert!(first["technique"].is_object() && second["technique"].is_null());
     assert!(first["promise"].is_object(), "no promise was made");
     assert_eq!(second["promise"], first["promise"]);
@@ -107,7 +107,7 @@ fn a_time_is_kept_and_an_interrupted_choice_goes_on() {
 }
 
 #[test]
-fn what_a_user_chooses_is_kept() {
+fn explicit_choices_are_kept() {
     let (_folder, at) = folder();
     let own = ["--resolution", "24x24", "--time", "300ms", "--radius", "3", "--strategy", "mis"];
     let found = report(render(&at("a.exr"), &own));
@@ -135,7 +135,7 @@ fn what_a_user_chooses_is_kept() {
 }
 
 #[test]
-fn an_error_is_reached() {
+fn target_error_is_reached() {
     let (_folder, at) = folder();
     let found = report(render(&at("a.exr"), &["--resolution", "32x32", "--target-error", "5%"]));
     assert_eq!(found["stopped_by"], "target");
@@ -147,7 +147,7 @@ fn an_error_is_reached() {
 }
 
 #[test]
-fn whatever_comes_first_ends_the_render() {
+fn first_limit_reached_ends_the_render() {
     let (_folder, at) = folder();
     let fixed = ["--resolution", "16x12", "--light-paths", "500", "--camera-paths", "2"];
     let stop = |more: &[&str]| {
@@ -163,7 +163,7 @@ fn whatever_comes_first_ends_the_render() {
 }
 
 #[test]
-fn the_image_file_tells_its_plan() {
+fn image_file_contains_its_plan() {
     let (_folder, at) = folder();
     report(render(&at("a.exr"), &["--resolution", "16x12", "--iterations", "3"]));
     let image = read_exr(&at("a.exr")).unwrap();
@@ -179,7 +179,7 @@ fn the_image_file_tells_its_plan() {
 }
 
 #[test]
-fn wrong_wishes_are_refused() {
+fn invalid_options_are_refused() {
     let (_folder, at) = folder();
     for bad in ["0", "-1", "0%", "x", "nan"] {
         let shown = fail(render(&at("a.exr"), &["--target-rms", bad]), 2);

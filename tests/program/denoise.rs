@@ -1,6 +1,6 @@
 //! `bdpm render --layers`, `--denoise`, and `bdpm denoise`.
 
-use crate::program::{assert_refused, json, succeed};
+use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::image_io::{Image, read_exr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -100,7 +100,7 @@ fn a_denoised_image_is_a_layer_with_its_error_and_a_resumed_one_is_the_same() {
 }
 
 #[test]
-fn what_a_checkpoint_did_not_keep_is_refused() {
+fn layers_missing_from_a_checkpoint_are_refused() {
     let (_folder, at) = folder();
     let path = at("a.exr");
     let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
@@ -117,7 +117,7 @@ fn what_a_checkpoint_did_not_keep_is_refused() {
 }
 
 #[test]
-fn a_missing_denoiser_is_told_before_anything_is_rendered() {
+fn missing_denoiser_is_reported_before_rendering() {
     let (folder, at) = folder();
     let mut command = run(&["render", SCENE, "--denoise", "--quiet", "--output"]);
     let output = command.arg(at("a.exr")).env("OIDN_DIR", folder.path()).output().unwrap();
@@ -139,7 +139,7 @@ fn a_target_is_about_the_denoised_image() {
 }
 
 #[test]
-fn any_image_is_denoised_and_its_error_not_made_up() {
+fn any_image_is_denoised_and_unknown_errors_are_not_invented() {
     let (_folder, at) = folder();
     let (image, out) = (at("a.exr"), at("b.exr"));
     for (layers, guided) in [("all", true), ("none", false)] {

@@ -1,7 +1,7 @@
 //! Renders that are asked to end.
 #![cfg(unix)]
 
-use crate::render::{SCENE, bdpm, bits, folder, json, names, render, succeed, text};
+use super::render::{SCENE, bdpm, bits, folder, json, names, render, succeed, text};
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -28,7 +28,7 @@ fn interrupt(child: &std::process::Child) {
 }
 
 #[test]
-fn an_interrupt_writes_what_there_is() {
+fn interrupt_writes_the_finished_iterations() {
     let (folder, at) = folder();
     let checkpoint = at("c.ckpt");
     let checkpoint = checkpoint.to_str().unwrap();
@@ -44,7 +44,7 @@ fn an_interrupt_writes_what_there_is() {
     let iterations = report["iterations"].as_u64().unwrap();
     assert!(iterations >= 1);
     assert_eq!(names(&folder), ["a.exr", "a.png", "c.ckpt"]);
-    // What was written is what so many iterations give, and can be continued.
+    // The image written is that of the same number of iterations, and it can be continued.
     let count = iterations.to_string();
     succeed(render(&at("b.exr"), &["--iterations", &count]));
     assert_eq!(bits(&at("a.exr")), bits(&at("b.exr")));
@@ -94,7 +94,7 @@ fn a_second_interrupt_ends_the_program_at_once() {
     wait_for("rendering");
     interrupt(&child);
     wait_for("finishing this iteration");
-    // What comes at once is of the same wish.
+    // Signals that follow at once are one request.
     interrupt(&child);
     std::thread::sleep(std::time::Duration::from_millis(2500));
     assert!(child.try_wait().unwrap().is_none());

@@ -1,6 +1,6 @@
-//! What has no end, does not fit in the memory, or takes longer than the time that is given.
+//! Inputs without end, renders that do not fit in memory, and renders that take longer than their time.
 
-use crate::program::{assert_refused, text};
+use crate::common::program_output::{assert_refused, text};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -20,7 +20,7 @@ fn bdpm(arguments: &[&str], folder: &Path) -> Output {
 
 #[cfg(unix)]
 #[test]
-fn what_has_no_end_is_refused() {
+fn endless_inputs_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let zero = "/dev/zero";
     std::os::unix::fs::symlink(zero, folder.path().join("scene.toml")).unwrap();
@@ -38,7 +38,7 @@ fn what_has_no_end_is_refused() {
     ] {
         assert_refused(&bdpm(&arguments, folder.path()), problem, "");
     }
-    // What would be replaced by a file is not to be.
+    // A device is not replaced by a file.
     let device = [&render[..], &["--checkpoint", "/dev/null"]].concat();
     assert_refused(
         &bdpm(&device, folder.path()),
@@ -82,7 +82,7 @@ fn pipes_are_read() {
 fn textures_count_before_they_are_decoded() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    // The beginning tells the size; there are no pixels.
+    // The beginning gives the size; there are no pixels.
     let file = fs::File::create(at("huge.png")).unwrap();
     let mut writer = png::Encoder::new(file, 16_384, 16_384).write_header().unwrap();
     writer.write_chunk(png::chunk::IDAT, &[]).unwrap();
@@ -123,7 +123,7 @@ fn an_iteration_far_longer_than_the_time_is_refused() {
 }
 
 #[test]
-fn an_experiment_says_how_long_it_takes_at_the_least() {
+fn experiment_reports_its_minimum_time() {
     let folder = tempfile::tempdir().unwrap();
     let hasty = ["--output", "out", "--resolution", "32x32", "--time-budget", "1ms"];
     let mut command = command(&[&["reproduce", SCENE], &hasty[..]].concat(), folder.path());

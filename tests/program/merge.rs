@@ -1,7 +1,7 @@
 //! `bdpm render --part` and `bdpm merge`: an image of several machines.
 
-use super::program::{assert_refused, json, succeed};
-use crate::desk::Desk;
+use crate::common::desk::Desk;
+use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::image_io::{Value, read_exr};
 use bdpm::noise::file::NoiseFile;
 use bdpm::output::checkpoint::Checkpoint;
@@ -117,7 +117,7 @@ fn a_missing_part_is_named_and_can_be_rendered_later() {
 }
 
 #[test]
-fn a_damaged_part_is_named_and_spoils_nothing() {
+fn damaged_part_is_named_and_spoils_nothing() {
     let desk = Desk::new();
     (1..=3).for_each(|i| desk.part(i, ""));
     succeed(&desk.run("merge 1.ckpt 3.ckpt --output rest.exr"));
@@ -153,7 +153,7 @@ fn a_damaged_part_is_named_and_spoils_nothing() {
 }
 
 #[test]
-fn what_does_not_belong_together_is_refused_by_name() {
+fn parts_of_different_renders_are_refused_by_name() {
     let desk = Desk::new();
     (1..=2).for_each(|i| desk.part(i, ""));
     let other = |name: &str, scene: &str, arguments: &str| {
@@ -240,7 +240,7 @@ fn a_plan_is_rendered_in_parts() {
     desk.assert_same_image("all.exr", "chosen.exr");
     let plan = |name: &str| read_exr(&desk.at(name)).unwrap().metadata["plan"].clone();
     assert_eq!(plan("all.exr"), plan("chosen.exr"));
-    // One part goes on to the whole plan, of which its checkpoint knows.
+    // One part goes on to the whole plan, which its checkpoint holds.
     succeed(&desk.run(&format!("render {SCENE} --resume 1.ckpt --output on.exr")));
     desk.assert_same_image("on.exr", "chosen.exr");
 }

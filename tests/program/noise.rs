@@ -1,6 +1,6 @@
 //! `bdpm analyze` and `bdpm predict` as their users meet them.
 
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use std::fs::{self, File};
@@ -94,7 +94,7 @@ fn the_table_has_every_row_and_quiet_has_none() {
 }
 
 #[test]
-fn what_cannot_be_measured_is_refused_before_the_work() {
+fn impossible_measurements_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("noise.exr");
     for (arguments, problem, advice) in [

@@ -1,6 +1,6 @@
 //! `bdpm optimize` as its users meet it.
 
-use crate::program::{assert_refused, json, succeed};
+use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::adaptive::plan::Plan;
 use bdpm::image_io::{read_exr, write_exr};
 use serde_json::Value;

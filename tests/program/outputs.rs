@@ -1,7 +1,7 @@
-//! What is written replaces nothing that was read, is whole, is the same every time, and is not lost
-//! because something else cannot be written.
+//! Output files replace no input, are complete, are the same every time, and are not lost because another
+//! file cannot be written.
 
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use bdpm::base::math::Rgb;
 use bdpm::image_io::{Image, Layer, Metadata, write_exr};
 use std::collections::BTreeMap;
@@ -189,7 +189,7 @@ fn a_checkpoint_goes_on_in_its_own_file() {
 #[test]
 fn a_preview_moves_aside_for_another_picture() {
     let desk = Desk::new();
-    // A texture of the model, and a picture that nobody reads.
+    // A texture of the model, and a picture that is never read.
     picture(&desk.at("photo.png"), 1, |writer| writer.write_image_data(&[7]).unwrap());
     let before = desk.files();
     for name in ["model/wood", "photo"] {
@@ -271,7 +271,7 @@ fn equal_runs_give_equal_files() {
 }
 
 #[test]
-fn what_killed_programs_left_is_removed() {
+fn stale_temporary_files_are_removed() {
     let desk = Desk::new();
     fs::write(desk.at(".bdpm-a1B2c3.tmp"), "half of an image").unwrap();
     fs::write(desk.at(".bdpm-notes"), "mine").unwrap();
@@ -293,7 +293,7 @@ fn limited(desk: &Desk, kib: u32, arguments: &[&str]) -> Output {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_file_that_cannot_be_written_costs_no_other() {
+fn unwritable_file_costs_no_other_output() {
     let desk = Desk::new();
     let render = ["render", "model", "--accel", "bvh", "--resolution", "60x40", "--light-paths"];
     let counts = ["300", "--camera-paths", "2", "--iterations", "3", "--output", "a.exr"];

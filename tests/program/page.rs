@@ -1,8 +1,8 @@
-//! `render --report`: a page that is whole at any moment, tells what the program tells, and asks for nothing else.
+//! `render --report`: a page that is complete at any moment, agrees with the program, and loads nothing else.
 
-use crate::desk::Desk;
-use crate::html::{assert_whole, percent, pictures};
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::desk::Desk;
+use crate::common::html::{assert_whole, percent, pictures};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use std::fs;
 use std::process::{Child, Command, Output, Stdio};
 
@@ -41,7 +41,7 @@ impl Desk {
 }
 
 #[test]
-fn the_page_of_an_automatic_render_tells_what_the_program_tells() {
+fn page_of_an_automatic_render_agrees_with_the_program() {
     let desk = Desk::new();
     let output = desk.render(&["--target-error", "12%", "--threads", "2"]);
     let found = json(&output);
@@ -77,14 +77,14 @@ fn the_page_of_an_automatic_render_tells_what_the_program_tells() {
 }
 
 #[test]
-fn there_is_a_page_of_every_kind_of_render() {
+fn every_kind_of_render_has_a_page() {
     let desk = Desk::new();
     let counts = ["--light-paths", "500", "--camera-paths", "2", "--iterations"];
     let fixed = |more: &[&str]| {
         succeed(&desk.render(&[&counts[..], more].concat()));
         desk.last_page("done")
     };
-    // A single iteration tells nothing of errors.
+    // A single iteration has no error estimate.
     let html = fixed(&["1"]);
     assert!(html.contains("is not known yet") && html.contains("after the second iteration"));
     assert_eq!(pictures(&html).len(), 2, "the picture, and where its noise comes from");

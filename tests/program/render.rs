@@ -163,7 +163,7 @@ fn a_resumed_image_is_the_same_bit_for_bit() {
     assert!(fail(fewer, 1).contains("holds 2 iterations"));
 }
 
-/// What is learned is part of the settings: it is learned again.
+/// The number of guiding iterations is part of the settings: a replay learns again.
 #[test]
 fn a_guided_image_is_the_same_resumed_and_replayed() {
     let (_folder, at) = folder();
@@ -259,7 +259,7 @@ fn another_image_is_not_continued() {
 }
 
 #[test]
-fn compare_tells_equal_from_different() {
+fn compare_distinguishes_equal_from_different_images() {
     let (_folder, at) = folder();
     succeed(render(&at("a.exr"), &["--iterations", "1"]));
     succeed(render(&at("b.exr"), &["--iterations", "1", "--seed", "2"]));
@@ -365,7 +365,7 @@ fn wrong_usage_has_exit_code_2_and_help() {
 }
 
 #[test]
-fn what_the_renderer_refuses_is_an_error_with_help() {
+fn renderer_errors_have_help() {
     let (_folder, at) = folder();
     let refuse = |more: &[&str], expected: &str| {
         let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--json", "--output"]);

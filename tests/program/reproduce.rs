@@ -1,7 +1,7 @@
 //! `bdpm reproduce`: what it refuses. The quick experiment from beginning to end is
 //! `tests/check/report.rs`.
 
-use crate::program::assert_refused;
+use crate::common::program_output::assert_refused;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -12,7 +12,7 @@ fn reproduce(output: &Path, more: &[&str]) -> Output {
 }
 
 #[test]
-fn wrong_wishes_are_refused_before_anything_is_rendered() {
+fn invalid_options_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("new");
     for option in ["--light-paths", "--camera-paths"] {

@@ -1,6 +1,6 @@
 //! `bdpm calibrate` and `predict --timings` as their users meet them.
 
-use crate::program::{assert_refused, json, succeed, text};
+use crate::common::program_output::{assert_refused, json, succeed, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

@@ -1,6 +1,7 @@
-//! `render --view`: what tev receives, and that nobody who does not listen holds up or fails a render.
+//! `render --view`: the packets that tev receives; a viewer that does not listen neither delays nor fails a
+//! render.
 
-use crate::program::{json, text};
+use crate::common::program_output::{json, text};
 use bdpm::image_io::read_exr;
 use std::io::Read;
 use std::net::{TcpListener, TcpStream};
@@ -17,8 +18,8 @@ fn render(folder: &Path, view: &str, iterations: &str) -> Output {
     command.stdin(Stdio::null()).output().unwrap()
 }
 
-/// What a packet says, by tev's documentation: its length with the length itself, a type, then fields; numbers
-/// little-endian, texts ended by 0.
+/// A packet by tev's documentation: its length including the length itself, a type, then fields. Numbers are
+/// little-endian, texts end with 0.
 #[derive(Debug)]
 enum Packet {
     Create { name: String, size: [u32; 2], channels: Vec<String> },
@@ -119,7 +120,7 @@ fn tev_receives_the_image_as_it_is_written() {
 }
 
 #[test]
-fn who_does_not_listen_fails_nothing_and_is_told_of_once() {
+fn unresponsive_viewer_fails_no_render_and_is_reported_once() {
     let folder = tempfile::tempdir().unwrap();
     let told = |output: &Output| {
         assert_eq!(json(output)["iterations"], 30);
@@ -128,7 +129,7 @@ fn who_does_not_listen_fails_nothing_and_is_told_of_once() {
     // A port that was free a moment ago.
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     assert_eq!(told(&render(folder.path(), &format!("--view={address}"), "30")), 1);
-    // A viewer that goes away at once; whether a packet reaches nobody is told to the one after it.
+    // A viewer that goes away at once: only the packet after the one that was lost reports it.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let view = format!("--view={}", listener.local_addr().unwrap());
     let gone = std::thread::spawn(move || drop(listener.accept().unwrap()));
@@ -137,7 +138,7 @@ fn who_does_not_listen_fails_nothing_and_is_told_of_once() {
 }
 
 #[test]
-fn pictures_in_a_terminal_take_a_terminal() {
+fn pictures_in_a_terminal_need_a_terminal() {
     let folder = tempfile::tempdir().unwrap();
     let output = render(folder.path(), "--view=terminal", "2");
     json(&output);

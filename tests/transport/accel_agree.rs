@@ -1,7 +1,7 @@
 //! The two intersection backends against each other and against geometry that is known.
 #![cfg(feature = "embree")]
 
-use crate::shapes::{Mesh, Random, room};
+use crate::common::shapes::{Mesh, Random, room};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device};
 use bdpm::accel::{Coherence, Hit, Intersect, Ray};
@@ -88,9 +88,9 @@ fn backends_agree_on_more_than_200_000_triangles() {
     assert_agreement(&[ball, Mesh::cuboid(Vec3::ZERO, Vec3::ONE, 0.0)], false, 3);
 }
 
-/// Rays from inside a closed mesh at its vertices, edges and faces. The BVH lets none out. Embree,
-/// in its robust mode, may lose a few percent of those aimed right at a vertex (without that mode a
-/// good part of them, and of those aimed at edges), but next to nothing of the others.
+/// Rays from inside a closed mesh at its vertices, edges and faces. The BVH lets none out. Embree in
+/// its robust mode may lose a few percent of those aimed right at a vertex, but next to nothing of the
+/// others. Without that mode it loses a good part of those aimed at vertices and edges.
 #[test]
 fn closed_meshes_are_watertight() {
     const COUNT: usize = 100_000;

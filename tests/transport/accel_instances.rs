@@ -1,7 +1,7 @@
 //! Meshes at several places: Embree's instances against the BVH, which holds a copy at each place.
 #![cfg(feature = "embree")]
 
-use crate::shapes::{Mesh, Random};
+use crate::common::shapes::{Mesh, Random};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device, EmbreeError};
 use bdpm::accel::{Coherence, Geometry, Hit, Instance, Intersect, MeshError, Ray};
@@ -121,7 +121,7 @@ fn a_shared_mesh_is_held_once() {
 }
 
 #[test]
-fn places_that_numbers_do_not_reach_are_refused() {
+fn instances_out_of_the_range_of_f32_are_refused() {
     let meshes = [Mesh::bumpy_ball(9)];
     let refused = |to_scene| {
         let mut builder = device().scene_builder().unwrap();

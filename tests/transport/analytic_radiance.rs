@@ -116,7 +116,7 @@ fn integrating_sphere_bounce_by_bounce_from_the_camera() {
 
 #[test]
 fn integrating_sphere_bounce_by_bounce_from_the_light() {
-    // The photons at vertex m carry the flux 4 pi I albedo^(m-1) in all.
+    // The photons at vertex m carry the flux 4 pi I albedo^(m-1) together.
     let (scene, _) = integrating_sphere();
     let accel = accel(&scene);
     let power = 4.0 * PI * 5.0;

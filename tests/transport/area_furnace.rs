@@ -151,7 +151,7 @@ fn tilted(point: Vec3) -> Vec3 {
 
 #[test]
 fn layers_just_near_enough_and_just_too_far() {
-    // Steps of 1/16, between which a quarter of the radii lies. IterationSet without rounding: faces of a solid meet.
+    // Steps of 1/16, between which a quarter of the radii lies. Numbers without rounding: faces of a solid meet.
     let steps = (0..4).map(|i| {
         let (left, height) = (0.125 * i as f32 - 0.3125, 0.0625 * i as f32 - 0.125);
         let mut step = solid([left, -0.25, -0.5], [left + 0.109_375, 0.25, height]);
@@ -199,7 +199,7 @@ fn blocks_on_and_in_the_floor_sheets_and_doubled_faces() {
         solid([0.3, -0.4, -1.2], [0.7, 0.0, -0.9]),
         // A sheet a ten thousandth of the radius above the floor.
         square(Vec3::new(-0.35, 0.5, -1.0 + 2e-5), Vec3::Z, 0.25, 0),
-        // The same block twice.
+        // One block twice.
         white(solid([0.2, 0.3, -1.0], [0.6, 0.7, -0.8])),
         white(solid([0.2, 0.3, -1.0], [0.6, 0.7, -0.8])),
     ];

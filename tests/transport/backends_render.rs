@@ -25,7 +25,7 @@ fn scenes() -> [(Arc<Scene>, Settings); 2] {
 }
 
 #[test]
-fn the_same_seed_gives_nearly_the_same_pixels() {
+fn backends_with_one_seed_give_nearly_the_same_pixels() {
     for (scene, settings) in scenes() {
         let image = |backend| {
             let accel = build(backend, &scene).unwrap();

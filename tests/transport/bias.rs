@@ -1,6 +1,6 @@
 //! Correction of the merge bias: contribution of the outer annulus, and error of corrected images.
 
-use crate::boxes::named;
+use crate::common::boxes::named;
 use crate::common::{accel, furnished_box, settings};
 use bdpm::film::annulus::FOLDS;
 use bdpm::film::radiance::luminance;

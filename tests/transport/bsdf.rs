@@ -26,7 +26,7 @@ fn gold(alpha: f32) -> Bsdf {
 
 const TINT: Vec3 = Vec3::new(1.0, 0.5, 0.9);
 
-/// Of single scattering, as Mitsuba has it.
+/// A white surface with single scattering only, as in Mitsuba.
 fn once(model: FacetModel, alpha: f32) -> Bsdf {
     let white = Reflectance::Artist { normal: Vec3::ONE };
     Bsdf::Conductor(Conductor::once(white, Facets { model, alpha }, TINT))
@@ -91,13 +91,13 @@ fn seen(cos: f32, front: bool) -> Vertex {
     Vertex { normal: NORMAL, wo, front }
 }
 
-/// Views that differ in all that matters.
+/// Views that differ in everything that matters.
 fn views() -> [Vertex; 5] {
     [seen(1.0, true), seen(0.7, true), seen(0.7, false), seen(0.3, false), seen(0.15, true)]
 }
 
 #[test]
-fn light_may_go_either_way() {
+fn bsdf_values_are_reciprocal() {
     let mut rng = rng(1);
     for bsdf in spread() {
         let mut compared = 0;
@@ -165,8 +165,8 @@ fn white_surfaces_in_a_white_furnace_are_invisible() {
 
 #[test]
 fn single_scattering_loses_as_much_as_in_mitsuba() {
-    // What mitsuba 3.9.1 reflects of light from the cosine 0.6 at a `roughconductor` of material `none`: means of
-    // a million samples, within 4e-4.
+    // Mitsuba 3.9.1: reflected share of light from the cosine 0.6 at a `roughconductor` of material `none`,
+    // means of a million samples, within 4e-4.
     let mut rng = rng(31);
     for (model, alpha, expected) in [
         (FacetModel::Ggx, 0.1, 0.9766),
@@ -190,7 +190,7 @@ fn single_scattering_loses_as_much_as_in_mitsuba() {
 }
 
 #[test]
-fn rough_glass_loses_what_its_documentation_says() {
+fn rough_glass_loses_the_documented_share() {
     // Under diffuse light, from the front: at most this share.
     let mut rng = rng(3);
     for (alpha, most) in [(0.1, 0.009), (0.3, 0.038), (1.0, 0.21)] {
@@ -372,7 +372,7 @@ fn delta_lobes_go_where_optics_sends_them() {
 }
 
 #[test]
-fn lobes_tell_what_a_path_does() {
+fn lobe_classes_match_the_paths() {
     let classes = [
         (Bsdf::diffuse(Vec3::ONE), Some(Lobe::Diffuse), false),
         (Bsdf::Mirror { reflectance: Vec3::ONE }, None, true),

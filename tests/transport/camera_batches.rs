@@ -21,7 +21,7 @@ fn load_scene(name: &str) -> (Arc<Scene>, Settings) {
 }
 
 #[test]
-fn batches_that_are_merged_together_are_as_one() {
+fn batches_merged_together_equal_one_batch() {
     // Diffuse walls alone, all kinds of surfaces, and weights of the camera's rays.
     for (name, views) in [("cornell-box", false), ("materials", true), ("objective", true)] {
         let (scene, settings) = load_scene(name);
@@ -39,7 +39,7 @@ fn batches_that_are_merged_together_are_as_one() {
             .collect();
         let trace = |sizes: &[usize]| {
             let mut paths = CameraPaths::default();
-            // What was there before leaves nothing behind.
+            // Paths traced before leave nothing behind.
             paths.trace(&pass, ids[100..700].iter().copied());
             paths.clear();
             let mut rest = &ids[..];

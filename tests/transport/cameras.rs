@@ -1,4 +1,4 @@
-//! What cameras make of scenes with known answers.
+//! Images of cameras in scenes with known answers.
 
 use crate::common::*;
 use bdpm::scene::{Camera, FieldOfView, Optics};

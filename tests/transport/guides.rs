@@ -1,8 +1,8 @@
-//! Light paths that start where they bring more: the same means, less noise, and the same image anywhere.
+//! Guided light paths: equal means, less noise, and an image that does not depend on the machine.
 
-use crate::boxes;
+use crate::common::boxes;
+use crate::common::strategies::{ALL, assert_same_guided};
 use crate::common::*;
-use crate::strategies::{ALL, assert_same_guided};
 use bdpm::noise::Measure;
 use bdpm::render::RenderConfig;
 use bdpm::scene::lights::guide::{Guide, GuideSample, GuidedStart};
@@ -25,7 +25,7 @@ fn window_settings(direct: Direct) -> Settings {
     Settings { direct, light_paths: 20_000, ..settings(12, 12) }
 }
 
-/// A guide that sends light paths where they bring nothing changes the noise alone.
+/// A guide that sends light paths where they contribute nothing changes only the noise.
 #[test]
 fn a_wrong_guide_does_not_change_the_mean() {
     let scene = &boxes::named("window");
@@ -82,7 +82,7 @@ fn of_light_paths(scene: &Arc<Scene>, settings: Settings) -> f64 {
 }
 
 #[test]
-fn guided_light_paths_make_less_noise_and_say_how_much() {
+fn guided_light_paths_reduce_noise_and_predict_it() {
     let scene = &daylight();
     let settings = Settings { radius: 0.1, caustic_radius: 0.1, ..settings(24, 24) };
     let accel = accel(scene);
@@ -101,11 +101,11 @@ fn guided_light_paths_make_less_noise_and_say_how_much() {
 }
 
 fn daylight() -> Arc<Scene> {
-    crate::committed::small("daylight").0
+    crate::common::committed::small("daylight").0
 }
 
 #[test]
-fn what_is_learned_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
+fn guide_depends_neither_on_threads_nor_on_counts_nor_on_the_seed() {
     let scene = &daylight();
     let accel = accel(scene);
     let learned = |threads, own: Settings| {

@@ -1,4 +1,4 @@
-//! Lamps that the camera itself does not see are in mirrors, and light the scene as others do.
+//! Lamps hidden from the camera still show in mirrors and light the scene.
 
 use crate::common::*;
 use bdpm::Settings;
@@ -34,7 +34,7 @@ fn images(meshes: &[Mesh], materials: &[Material]) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn the_camera_sees_what_is_behind() {
+fn camera_sees_through_hidden_meshes() {
     // A lamp that faces the camera, and a black wall.
     let wall = square(Vec3::ZERO, Vec3::Z, 50.0, 0);
     let meshes = [wall, square(Vec3::Z * 2.0, Vec3::Z, 50.0, 1)];
@@ -46,7 +46,7 @@ fn the_camera_sees_what_is_behind() {
 }
 
 #[test]
-fn mirrors_show_it() {
+fn mirrors_show_hidden_meshes() {
     let mirror = Material::new("mirror", Bsdf::Mirror { reflectance: Vec3::ONE });
     let meshes = [square(Vec3::ZERO, Vec3::Z, 50.0, 0), square(Vec3::Z * 6.0, -Vec3::Z, 500.0, 1)];
     for image in images(&meshes, &[mirror, lamp(true)]) {

@@ -1,7 +1,7 @@
 //! Scenes that hold meshes once for several places against scenes that hold a copy at each.
 
+use crate::common::shapes::Random;
 use crate::common::*;
-use crate::shapes::Random;
 use bdpm::accel::{Intersect, Ray};
 use bdpm::base::math::luminance;
 use bdpm::import::load;
@@ -82,7 +82,7 @@ fn backends(scene: &Arc<Scene>) -> Vec<Arc<dyn Intersect>> {
 }
 
 #[test]
-fn facts_do_not_tell_what_is_held_once() {
+fn scene_facts_ignore_sharing_of_meshes() {
     let [shared, copied] = both();
     assert_eq!(shared.fingerprint(), copied.fingerprint());
     assert_eq!(shared.triangle_count(), copied.triangle_count());
@@ -220,7 +220,7 @@ fn no_ray_starts_on_the_wrong_side() {
     }
 }
 
-/// What is worth it is held once, by its own path through the loader.
+/// Files that are large enough are held once, by another path through the loader.
 #[test]
 fn files_that_are_used_often_are_held_once() {
     let ball = ball();

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 const BOTH: [Direct; 2] = [Direct::Connect, Direct::PhotonMap];
-/// Of the floor z = 0: far off its own normal.
+/// Interpolated normal of the floor z = 0: far off its geometric normal.
 const TILTED: Vec3 = Vec3::new(0.6, 0.0, 0.8);
 
 fn tilted_floor() -> Mesh {

@@ -1,9 +1,9 @@
 //! Each kind of light: what it does to a surface by connection, by photons and by a formula, and
 //! whether both ways of direct light and the path tracer make the same of it.
 
-use crate::boxes::sun;
+use crate::common::boxes::sun;
+use crate::common::strategies::{ALL, assert_same};
 use crate::common::*;
-use crate::strategies::{ALL, assert_same};
 use bdpm::image_io::{Image, Layer, write_exr};
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
@@ -45,7 +45,7 @@ fn irradiance(spot: &Spot, at: Vec3) -> f64 {
 }
 
 #[test]
-fn spots_and_suns_light_a_plane_as_they_say() {
+fn spots_and_suns_light_a_plane_as_documented() {
     let radiance = f64::from(ALBEDO) / PI;
     let sun_irradiance = 3.0 * 0.7 / 0.78f64.sqrt();
     // On the axis, in the falloff, and everywhere for the sun.
@@ -76,7 +76,7 @@ fn spots_and_suns_light_a_plane_as_they_say() {
 }
 
 #[test]
-fn what_lies_beyond_a_spots_cone_is_dark() {
+fn outside_of_a_spots_cone_is_dark() {
     let scene = lit_plane(Emitter::Spot(spot()), Vec3::new(-2.0, 0.0, 0.0));
     let accel = accel(&scene);
     for direct in [Direct::Connect, Direct::PhotonMap] {

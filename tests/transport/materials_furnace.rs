@@ -90,14 +90,14 @@ fn assert_invisible(scene: &Arc<Scene>, loss: f64, iterations: usize) {
 }
 
 #[test]
-fn smooth_things() {
+fn smooth_surfaces_in_a_furnace_keep_its_radiance() {
     let bsdfs = [
         Bsdf::Mirror { reflectance: Vec3::ONE },
         glass(1.5),
         Bsdf::diffuse(Vec3::ONE),
         Bsdf::Coated(Coated::new(Vec3::ONE, 1.5)),
         Bsdf::ThinDielectric(ThinDielectric::new(1.5)),
-        // Water behind the glass, told at the interface.
+        // Water behind the glass, given at the interface.
         glass(1.33 / 1.5),
     ];
     let things = vec![
@@ -125,7 +125,7 @@ fn rough_glass_loses_little() {
 }
 
 #[test]
-fn rough_metals() {
+fn rough_metals_in_a_furnace_keep_its_radiance() {
     let things = vec![
         ball(place(-1, 0), 0.35, 1),
         ball(place(0, 0), 0.35, 2),
@@ -137,7 +137,7 @@ fn rough_metals() {
 }
 
 #[test]
-fn glossy_things() {
+fn glossy_surfaces_in_a_furnace_keep_its_radiance() {
     // Smooth and narrow facets pass through where the base merges; wide ones merge as well.
     let bsdfs = [
         glossy(0.0, 0.0),

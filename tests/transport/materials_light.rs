@@ -1,8 +1,8 @@
 //! Light that materials send on: the caustic of a glass ball against optics by hand and by every
 //! strategy, and the noise of each material against its prediction.
 
+use crate::common::material_noise::assert_predicted;
 use crate::common::*;
-use crate::material_noise::assert_predicted;
 use bdpm::Settings;
 use bdpm::base::math::luminance;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
@@ -57,7 +57,7 @@ fn caustic_flux(radius: f64) -> f64 {
             let reflected = 0.5 * (s * s + p * p);
             let mirror = direction + 2.0 * cos * normal;
             let through = direction / eta + (cos / eta - cos_t) * normal;
-            // What leaves the ball, and what goes on inside it.
+            // Light that leaves the ball, and light that goes on inside it.
             let (out, out_share, inner, inner_share) = if inside {
                 (through, 1.0 - reflected, mirror, reflected)
             } else {

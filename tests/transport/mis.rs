@@ -1,8 +1,8 @@
 //! Paths that are found in several ways: the weights add up to 1, whatever they are. More furnaces are in
 //! `tests/check/mis.rs`.
 
+use crate::common::several_ways::*;
 use crate::common::*;
-use crate::several_ways::*;
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::{Bsdf, Glossy};
 use bdpm::scene::{Camera, Emitter, Environment, FieldOfView, Material, Scene, Spot};
@@ -12,13 +12,13 @@ use glam::Vec3;
 use std::sync::Arc;
 
 #[test]
-fn diffuse_walls_where_all_is_as_bright() {
+fn diffuse_walls_in_a_furnace_have_its_radiance() {
     let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
     assert_furnace("walls", &scene, 0.0, 40, (&WAYS[1..], &WEIGHTINGS[..2]));
 }
 
 #[test]
-fn smooth_things_where_all_is_as_bright() {
+fn smooth_objects_in_a_furnace_have_its_radiance() {
     let some = (&WAYS[1..2], &WEIGHTINGS[1..2]);
     assert_furnace("smooth", &smooth_things(), 0.0, 40, some);
 }
@@ -97,7 +97,7 @@ fn deviation(scene: &Arc<Scene>, one: Settings, other: Settings) -> f64 {
 }
 
 #[test]
-fn weights_for_one_way_alone_give_the_images_of_that_strategy() {
+fn weights_of_one_technique_give_the_images_of_that_strategy() {
     let all = room_under_all_lights();
     let settings = Settings { light_paths: 20_000, caustic_radius: 0.05, ..settings(SIDE, SIDE) };
     let second = Settings { merge_vertex: 2, ..settings.clone() };

@@ -64,7 +64,7 @@ fn bsdfs() -> [Bsdf; 4] {
 }
 
 #[test]
-fn a_flat_map_changes_not_a_bit() {
+fn flat_map_leaves_images_bit_identical() {
     for bsdf in bsdfs() {
         let plain = Material::new("m", bsdf);
         let flat = Material { normal_map: map(&[[128, 128, 255]]), ..plain.clone() };
@@ -115,7 +115,7 @@ fn given_tangents_turn_the_picture() {
     let t = tilted();
     assert!((normal(vec![]) - t).length() < 1e-6);
     assert!((normal(vec![Vec3::ZERO; 4]) - t).length() < 1e-6);
-    // Of any length and direction; what points off the surface does not count.
+    // Tangents may have any length and direction; their component off the surface does not count.
     let turned = normal(vec![Vec3::new(0.0, 3.0, 2.0); 4]);
     assert!((turned - Vec3::new(0.0, t.x, t.z)).length() < 1e-6, "{turned}");
 }
@@ -171,7 +171,7 @@ fn light_paths_and_camera_paths_agree_over_bumps() {
             mean_luminance(&scene, &accel, settings, 150)
         };
         let reference = mean(Direct::Connect, 3);
-        // What narrow facets send below the horizon of their normal, light paths do not.
+        // Light that narrow facets send below the horizon of their normal is lost to light paths.
         let lost = if bsdf.has_rough() { 0.01 } else { 0.0 };
         for (direct, merge_vertex) in [
             (Direct::Connect, 1),

@@ -1,11 +1,11 @@
 //! The renderer against the path tracer, which shares nothing of the transport with it. The other
 //! materials are in `tests/check/reference.rs`.
 
-use crate::boxes::{self, SIDE};
+use crate::common::boxes::{self, SIDE};
 use crate::common::images::{Difference, Subject};
+use crate::common::strategies::{ALL, assert_same};
 use crate::common::table::Table;
 use crate::common::*;
-use crate::strategies::{ALL, assert_same};
 use bdpm::Settings;
 use bdpm::settings::Direct::{Connect, PhotonMap};
 
@@ -33,7 +33,7 @@ fn pictures_of_everything_in_a_box() {
 
 /// The tables are what the path tracer finds.
 #[test]
-fn the_path_tracer_finds_its_tables_again() {
+fn path_tracer_reproduces_its_tables() {
     for name in ["box", "glass-ball", "window"] {
         let scene = &boxes::named(name);
         let settings = &Settings { seed: 7, ..settings(SIDE, SIDE) };

@@ -1,6 +1,6 @@
 //! The scenes of this project, small: images and noise. The others are in `tests/check/scenes.rs`.
 
-use crate::scene_case::Case;
+use crate::common::scene_case::Case;
 
 #[test]
 fn cornell_box() {

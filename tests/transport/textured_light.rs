@@ -137,7 +137,7 @@ fn photons_and_connections_light_the_floor_alike() {
 }
 
 #[test]
-fn the_picture_is_seen() {
+fn camera_sees_the_picture() {
     let mut scene = panel_scene();
     // From straight below, +y at the top and +x on the left.
     let fov = FieldOfView::X(2.0 * 0.1_f32.atan().to_degrees());

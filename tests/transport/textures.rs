@@ -52,7 +52,7 @@ fn each_quarter_has_its_color() {
     }
 }
 
-/// A floor, lit by a lamp above a sheet of which the left half is cut out.
+/// A floor, lit by a lamp above a sheet whose left half is cut out.
 fn shaded_floor(sheet: bool, light: bool) -> Arc<Scene> {
     let texels = (0..16).map(|i| if i % 4 < 2 { [0, 0, 0, 255] } else { [255; 4] }).collect();
     let mut cut = gray(0.0, 0.0);
@@ -150,8 +150,8 @@ fn a_share_of_light_and_sight_passes_where_opacity_is_a_share() {
                 let image = image(&translucent(opacity, alone), backend, settings.clone(), 8);
                 image.iter().map(|value| value.x).sum::<f32>() / image.len() as f32
             };
-            // Of 8192 camera paths a share of 0.3 is met with a relative error of 1.7 %; some ten thousand photons
-            // add less.
+            // From 8192 camera paths a share of 0.3 has a relative error of 1.7 %; some ten thousand photons add
+            // less.
             let opacity = 0.3;
             let seen = match alone {
                 true => mean(opacity) / mean(1.0) / opacity,
@@ -231,7 +231,7 @@ fn pictures_of_all_kinds_are_read() {
 }
 
 #[test]
-fn broken_and_missing_pictures_are_told() {
+fn broken_and_missing_pictures_are_reported() {
     let told = |mtl: &str, picture: &[u8], parts: &[&str]| {
         let (_folder, path) = model("f 1/1 2/2 3/3", mtl, picture);
         let loaded = load(&path).unwrap_or_else(|e| panic!("{e}"));
@@ -267,7 +267,7 @@ fn broken_and_missing_pictures_are_told() {
 }
 
 #[test]
-fn a_jpeg_is_what_it_was() {
+fn decoded_jpeg_matches_its_source() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/quarters.jpg");
     let folder = tempfile::tempdir().unwrap();
     std::fs::copy(path, folder.path().join("q.jpg")).unwrap();

@@ -1,9 +1,9 @@
 //! Bookcases full of books.
 
-use crate::mesh::{Mesh, Vertex};
-use crate::obj::Model;
-use crate::random::Random;
-use crate::shapes::{Side, cuboid_without};
+use super::super::mesh::{Mesh, Vertex};
+use super::super::obj::Model;
+use super::super::random::Random;
+use super::super::shapes::{Side, cuboid_without};
 use glam::dvec3;
 
 /// Colors of bindings: names of materials.

@@ -1,10 +1,10 @@
 //! Turned stone: columns and balusters.
 
+use super::super::mesh::Mesh;
+use super::super::obj::Model;
+use super::super::profile::{arc, line, smooth};
+use super::super::shapes::{Side, cuboid_without, lathe};
 use super::measures::GALLERY;
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::profile::{arc, line, smooth};
-use crate::shapes::{Side, cuboid_without, lathe};
 use glam::{dvec2, dvec3};
 
 /// A Tuscan column that carries the gallery: as high as the gallery's underside, and a little into it.
@@ -13,7 +13,7 @@ pub fn column() -> Model {
     let block = |half: f64, from: f64, to: f64, missing: &[Side]| {
         cuboid_without(dvec3(-half, from, -half), dvec3(half, to, half), missing)
     };
-    let round = |profile: &[crate::profile::ProfilePoint]| lathe(profile, 28);
+    let round = |profile: &[super::super::profile::ProfilePoint]| lathe(profile, 28);
     // A torus below; the shaft's swelling; a ring and the echinus above.
     let foot = arc(dvec2(0.33, 0.27), 0.07, -90.0, 90.0, 6);
     let flare = arc(dvec2(0.385, 0.42), 0.08, 270.0, 180.0, 4);

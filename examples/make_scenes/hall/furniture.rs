@@ -1,9 +1,9 @@
 //! Furniture of readers: tables, chairs, lamps with green shades, books that lie about, and a globe.
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::profile::{edges, smooth};
-use crate::shapes::{Side, annulus, cuboid, cuboid_without, lathe, sphere};
+use super::super::mesh::Mesh;
+use super::super::obj::Model;
+use super::super::profile::{edges, smooth};
+use super::super::shapes::{Side, annulus, cuboid, cuboid_without, lathe, sphere};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 fn points<const N: usize>(points: [(f64, f64); N]) -> [DVec2; N] {
@@ -125,7 +125,7 @@ pub fn open_book() -> Model {
         Mesh::patch(6, 1, |u, v| {
             let (x, z) = (0.21 * u, 0.15 - 0.3 * v);
             let y = 0.012 + 0.03 * (6.0 * u).min(1.0).sqrt() * (1.0 - 0.75 * u);
-            crate::mesh::Vertex::flat(dvec3(side * x, y, z))
+            super::super::mesh::Vertex::flat(dvec3(side * x, y, z))
         })
     };
     let edge = |z: f64| {

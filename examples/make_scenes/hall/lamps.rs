@@ -1,9 +1,9 @@
 //! Candles on brass: chandeliers, wall lamps and hanging globes. Each flame is a closed mesh.
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::profile::{ProfilePoint, arc, line, smooth};
-use crate::shapes::{lathe, sphere};
+use super::super::mesh::Mesh;
+use super::super::obj::Model;
+use super::super::profile::{ProfilePoint, arc, line, smooth};
+use super::super::shapes::{lathe, sphere};
 use glam::{DVec2, dvec2};
 
 fn points<const N: usize>(points: [(f64, f64); N]) -> [DVec2; N] {

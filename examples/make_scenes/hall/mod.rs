@@ -7,8 +7,8 @@ mod lamps;
 mod measures;
 mod shell;
 
-use crate::random::Random;
-use crate::scene_text::{Folder, Place, SceneText};
+use super::random::Random;
+use super::scene_text::{Folder, Place, SceneText};
 use measures::*;
 
 pub fn folder() -> Folder {
@@ -195,7 +195,7 @@ fn materials(scene: &mut SceneText) {
         ("parchment", [0.75, 0.66, 0.47]),
         ("wax", [0.8, 0.74, 0.6]),
     ] {
-        let line = format!("albedo = {}", crate::scene_text::vector(albedo));
+        let line = format!("albedo = {}", super::scene_text::vector(albedo));
         scene.table(&format!("materials.{name}"), &[&line]);
     }
     for (name, albedo) in [

@@ -1,10 +1,10 @@
 //! The shell of the hall: floor, walls, gallery, entablature, apse, and the coffered vault.
 
+use super::super::mesh::{Mesh, Vertex};
+use super::super::obj::Model;
+use super::super::profile::{self, arc, line};
+use super::super::shapes::{Side, cuboid_without, extruded, lathe, lathe_part};
 use super::measures::*;
-use crate::mesh::{Mesh, Vertex};
-use crate::obj::Model;
-use crate::profile::{self, arc, line};
-use crate::shapes::{Side, cuboid_without, extruded, lathe, lathe_part};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 /// Everything that is there once.

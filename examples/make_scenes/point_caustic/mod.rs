@@ -5,10 +5,10 @@
 
 mod things;
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::scene_text::{Folder, Place, SceneText};
-use crate::shapes::sphere;
+use super::mesh::Mesh;
+use super::obj::Model;
+use super::scene_text::{Folder, Place, SceneText};
+use super::shapes::sphere;
 use glam::dvec3;
 
 pub fn folder() -> Folder {

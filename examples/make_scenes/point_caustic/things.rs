@@ -1,9 +1,9 @@
 //! The objects that cast caustics: a goblet, a ring and a gem.
 
-use crate::mesh::Mesh;
-use crate::obj::Model;
-use crate::profile::{ProfilePoint, arc, line, spline};
-use crate::shapes::{disc, lathe};
+use super::super::mesh::Mesh;
+use super::super::obj::Model;
+use super::super::profile::{ProfilePoint, arc, line, spline};
+use super::super::shapes::{disc, lathe};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
 /// Pieces of a curve between two of its given points.

@@ -202,19 +202,28 @@ impl<'a> FixedLight<'a> {
         self.criterion.score(self.time(least * self.pixels.len() as f64), variance)
     }
 
-    /// Whole camera paths of each pixel. A threshold from a selection of the pixels does not know the
-    /// time of the image exactly: it rises until the iteration is short enough.
-    fn allocate(&self, mut threshold: f64) -> Vec<u32> {
-        let mut factor = 1.0 + STEP_UP;
-        loop {
-            let counts = self.counts(threshold);
-            let paths = counts.iter().map(|&n| f64::from(n)).sum();
-            if self.criterion.allows(self.time(paths)) || threshold >= self.thresholds[1] {
-                return counts;
-            }
-            threshold = (threshold * factor).min(self.thresholds[1]);
+    /// Whole camera paths of each pixel. Rounding, and a threshold from a selection of the pixels, can
+    /// make the iteration too long. The lowest higher threshold at which it is short enough is then used.
+    fn allocate(&self, threshold: f64) -> Vec<u32> {
+        let counts = self.counts(threshold);
+        let highest = self.thresholds[1];
+        if self.is_short_enough(&counts) || threshold >= highest {
+            return counts;
+        }
+        let is_short_enough = |threshold| self.is_short_enough(&self.counts(threshold));
+        let (mut low, mut high, mut factor) = (threshold, threshold, 1.0 + STEP_UP);
+        while high < highest && !is_short_enough(high) {
+            low = high;
+            high = (high * factor).min(highest);
             factor *= factor;
         }
+        let width = THRESHOLD_WIDTHS[usize::from(self.pixels.len() > FEW)];
+        self.counts(bisect([low, high], width, is_short_enough)[1])
+    }
+
+    fn is_short_enough(&self, counts: &[u32]) -> bool {
+        let paths = counts.iter().map(|&n| f64::from(n)).sum();
+        self.criterion.allows(self.time(paths))
     }
 
     /// All whole paths that gain more than the threshold.

@@ -1,14 +1,5 @@
 //! Reading and writing of scenes, meshes and textures, and errors about them.
 
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common/gltf.rs"]
-mod model;
-#[path = "../common/mutate.rs"]
-mod mutate;
-#[path = "../common/program.rs"]
-mod program;
-
 mod bad_input;
 mod convert;
 mod fuzz_gltf;

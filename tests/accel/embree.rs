@@ -1,15 +1,11 @@
 //! The safe layer over Embree: batches, lifetimes, threads, refusals. `scripts/valgrind.sh` runs
 //! this file under valgrind, so it stays small.
-#![cfg(feature = "embree")]
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
+use crate::shapes::{Mesh, Random, coherent_rays, room};
 use bdpm::accel::bvh::Bvh;
 use bdpm::accel::embree::{CommittedScene, Device, DeviceConfig, EmbreeError, Isa};
 use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec3};
-use shapes::{Mesh, Random, coherent_rays, room};
 use std::num::NonZero;
 
 fn under_valgrind() -> bool {
@@ -121,7 +117,7 @@ fn every_packet_width_gives_the_same_answers() {
 }
 
 #[test]
-fn an_empty_scene_is_hit_by_nothing() {
+fn empty_scene_has_no_hits() {
     let empty = scene(&[]);
     let no_triangles = scene(&[Mesh::default(), Mesh { triangles: vec![], ..Mesh::bumpy_ball(3) }]);
     for scene in [empty, no_triangles] {

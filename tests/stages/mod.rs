@@ -35,7 +35,7 @@ fn named(code: TokenStream, depth: usize) -> Vec<Named> {
     found
 }
 
-/// What the path names at the root that begins with `first`, `depth` modules below it, and goes on
+/// Names at the root of the path that begins with `first`, `depth` modules below the root, and goes on
 /// as `rest`.
 fn at_root(first: &Ident, mut rest: &[TokenTree], depth: usize) -> Vec<Named> {
     let mut above = match first.to_string().as_str() {
@@ -201,7 +201,7 @@ fn a_later_stage_is_found_wherever_it_is_named() {
         pub(crate) fn f<'a>(x: &'a str) { "crate::late"; r#"crate::late"#; std::late::x(); }
         use self::late::x; use super::early::late; mod late { use super::late; }
     "##;
-    assert_eq!(found(harmless, 1), []);
+    assert_eq!(found(harmless, 1), [0; 0]);
     assert_eq!(
         found("use crate::late::x;\nfn f() -> crate::Thing { crate::C::new() }", 1),
         [1, 2, 2]

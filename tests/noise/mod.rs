@@ -1,12 +1,5 @@
 //! Measured coefficients, what follows from them, and what they rest on.
 
-#[path = "../common/automatic.rs"]
-mod automatic;
-#[path = "../common/mod.rs"]
-mod common;
-#[path = "../common/far_counts.rs"]
-mod far_counts;
-
 mod counts;
 mod estimators;
 mod files;

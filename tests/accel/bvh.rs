@@ -1,12 +1,9 @@
 //! The pure-Rust BVH against brute force and against what is known; needs no Embree.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
+use crate::shapes::{Mesh, Random, coherent_rays, room};
 use bdpm::accel::bvh::{Bvh, BvhError};
 use bdpm::accel::{Coherence, Hit, Intersect, MeshError, Ray, TriangleMesh};
 use glam::{DVec3, Vec3, Vec3Swizzles};
-use shapes::{Mesh, Random, coherent_rays, room};
 
 fn bvh(meshes: &[Mesh]) -> Bvh {
     Bvh::build(&meshes.iter().map(Mesh::view).collect::<Vec<_>>()).unwrap()
@@ -34,7 +31,7 @@ fn brute_force(meshes: &[Mesh], ray: &Ray) -> Option<f64> {
 }
 
 #[test]
-fn agrees_with_brute_force() {
+fn closest_hits_agree_with_brute_force() {
     let soup = Mesh::soup(300, &mut Random(1));
     for meshes in [room(), vec![Mesh::bumpy_ball(9), soup]] {
         let tree = bvh(&meshes);
@@ -79,7 +76,7 @@ fn batches_answer_as_single_rays_do() {
 }
 
 #[test]
-fn an_empty_tree_is_hit_by_nothing() {
+fn empty_tree_has_no_hits() {
     for tree in [bvh(&[]), bvh(&[Mesh::default()])] {
         let ray = Ray::new(Vec3::ZERO, Vec3::ONE);
         assert_eq!(tree.closest_hit(&ray), Hit::MISS);

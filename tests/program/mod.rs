@@ -1,12 +1,5 @@
 //! The program as its users meet it.
 
-#[path = "../common/desk.rs"]
-mod desk;
-#[path = "../common/html.rs"]
-mod html;
-#[path = "../common/program.rs"]
-mod program;
-
 mod automatic;
 mod denoise;
 mod interrupts;

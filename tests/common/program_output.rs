@@ -1,6 +1,4 @@
-//! What the program printed, for the tests of its subcommands.
-
-#![allow(dead_code)] // no test uses all of it
+//! Output of the program, for the tests of its subcommands.
 
 use serde_json::Value;
 use std::process::Output;

@@ -1,30 +1,15 @@
 //! Sensors behind lenses of glass: one element against the ideal thin lens, an objective of six
 //! against exact rays through its prescription.
 
-mod common;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/lens.rs"]
-mod lens;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/mesh.rs"]
-mod mesh;
-mod optics;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/profile.rs"]
-mod profile;
-#[allow(dead_code)]
-#[path = "../examples/make_scenes/shapes.rs"]
-mod shapes;
-
+use super::sequential::{Ray, arrival, image, paraxial};
+use super::{Picture, loaded};
+use crate::common::*;
+use crate::make_scenes::lens::{self, DOUBLE_GAUSS, Surface};
 use bdpm::Settings;
 use bdpm::import::load;
 use bdpm::scene::bsdf::{Bsdf, Dielectric};
 use bdpm::scene::{Camera, FieldOfView, Material, Mesh, Optics};
-use common::*;
 use glam::{DVec2, DVec3, Vec3, dvec2, dvec3};
-use lens::{DOUBLE_GAUSS, Surface};
-use optics::sequential::{Ray, arrival, image, paraxial};
-use optics::{Picture, loaded};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -65,7 +50,7 @@ fn squares(camera: Camera, lens: Vec<bdpm::scene::Mesh>, side: u32) -> Vec<[f64;
 }
 
 #[test]
-fn one_element_is_a_thin_lens() {
+fn one_element_matches_a_thin_lens() {
     let lens = SINGLET;
     let [behind, magnification] = image(&lens, SHARP);
     let (side, width) = (60, 9.0);
@@ -99,7 +84,7 @@ fn one_element_is_a_thin_lens() {
         let [real, ideal] = [&real, &ideal].map(|picture| picture.spot(place, 1.2));
         println!("{center} {distance}: {real:?}\n  {ideal:?}");
 
-        // What the stop lets in of the square's light, cos^4 and all, less two reflections.
+        // The square's light through the stop, by the cos^4 law, less two reflections.
         let cos = distance / center.length().hypot(distance);
         let solid_angle = stop * cos.powi(4) / distance.powi(2);
         let arriving = solid_angle * RADIANCE * (2.0 * half).powi(2);
@@ -153,7 +138,7 @@ fn sensor(camera: &Camera) -> [f64; 2] {
 }
 
 #[test]
-fn the_prescription_is_that_of_a_50_mm_f_2() {
+fn prescription_has_focal_length_and_aperture_of_a_50_mm_f_2() {
     let lens = &DOUBLE_GAUSS;
     let last = lens::depths(lens)[lens.len() - 1];
     let [height, slope] = paraxial(lens, 1.0, 0.0);
@@ -195,11 +180,11 @@ fn the_prescription_is_that_of_a_50_mm_f_2() {
 }
 
 #[test]
-fn the_rendered_objective_images_as_exact_rays_do() {
+fn rendered_objective_matches_exact_rays() {
     let lens = &DOUBLE_GAUSS;
     let [sensor, disc] = sensor(&committed().2);
     let rear = lens::depths(lens)[lens.len() - 1] + lens[lens.len() - 1].sag();
-    // Of a small emitter: where it is, half its side, and half the width of what is looked at.
+    // A small emitter: its place, half its side, and half the width of the region compared.
     for (from, half, reach) in [
         (dvec3(0.0, 0.0, -FOCUS), 0.4, 0.15),
         (dvec3(40.0, 25.0, -FOCUS), 0.4, 0.2),

@@ -1,0 +1,9 @@
+//! Both backends of ray tracing. Apart from `tests/suite.rs` because `make check` runs these tests
+//! without Embree and `scripts/valgrind.sh` runs them under valgrind, so the program stays small.
+
+#[path = "../common/shapes.rs"]
+mod shapes;
+
+mod bvh;
+#[cfg(feature = "embree")]
+mod embree;
