@@ -267,9 +267,9 @@ impl CameraPaths {
         }
         states.origin = at.off_surface;
         states.direction = at.sample(&mut states.rng);
-        for lane in 0..LANES {
+        for (lane, goes_on) in goes_on.iter_mut().enumerate() {
             let albedo = at.albedo.get(lane);
-            goes_on[lane] &= albedo != Rgb::ZERO;
+            *goes_on &= albedo != Rgb::ZERO;
             // theory.md (41), P = 1 by (43)
             states.weight.set(lane, states.weight.get(lane) * albedo);
         }
