@@ -90,7 +90,7 @@ pub struct Args {
 enum ImageStart {
     New,
     Plan(Plan, Provenance),
-    Checkpoint(Checkpoint<'static>),
+    Checkpoint(Box<Checkpoint<'static>>),
 }
 
 /// Renders on all processes that were started together.
@@ -144,7 +144,7 @@ impl Args {
 
     fn image_start(&self) -> Result<ImageStart> {
         Ok(match (&self.resume, &self.plan) {
-            (Some(path), _) => ImageStart::Checkpoint(Checkpoint::load(path)?),
+            (Some(path), _) => ImageStart::Checkpoint(Box::new(Checkpoint::load(path)?)),
             (None, Some(path)) => {
                 let (plan, provenance) = self.read_plan(path)?;
                 ImageStart::Plan(plan, provenance)
@@ -192,7 +192,7 @@ impl Args {
         match start {
             ImageStart::New => job,
             ImageStart::Plan(plan, provenance) => job.plan(plan, provenance, &path(&self.plan)),
-            ImageStart::Checkpoint(checkpoint) => job.resume(checkpoint, &path(&self.resume)),
+            ImageStart::Checkpoint(checkpoint) => job.resume(*checkpoint, &path(&self.resume)),
         }
     }
 

@@ -598,17 +598,14 @@ impl RenderJob {
 
     /// Refuses a checkpoint that lacks layers of the job.
     fn check_kept(&self, kept: AovSelection) -> Result<()> {
-        let lacks = if self.denoise && !kept.folds {
-            "the folds for the denoiser"
+        let (missing, advice) = if self.denoise && !kept.folds {
+            ("the folds for the denoiser", "resume without denoising, or start a new image")
         } else if self.aovs.light && !kept.light || self.aovs.features && !kept.features {
-            "some of the layers"
+            ("some of the layers", "resume without these layers, or start a new image")
         } else {
             return Ok(());
         };
-        Err(Error::new(
-            format!("the checkpoint lacks {lacks}"),
-            "resume without them, or start a new image",
-        ))
+        Err(Error::new(format!("the checkpoint lacks {missing}"), advice))
     }
 }
 

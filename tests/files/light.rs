@@ -209,7 +209,7 @@ fn render_command_adds_light_or_reports_black_images() {
         String::from_utf8(done.stderr).unwrap()
     };
     let told = render(&["--no-fallback-light"]);
-    assert!(told.contains("is black\nhelp: give light from all around by --environment"), "{told}");
+    assert!(told.contains("is black\nhelp: add an environment by --environment"), "{told}");
     let told = render(&[]);
     assert!(told.contains("added soft gray light") && !told.contains("warning"), "{told}");
     let fingerprint = |more: &[&str]| {

@@ -175,7 +175,7 @@ fn image_file_contains_its_plan() {
     write_exr(&at("forged.exr"), &forged).unwrap();
     let plan = at("forged.exr").to_string_lossy().into_owned();
     let shown = fail(render(&at("b.exr"), &["--plan", &plan]), 1);
-    assert!(shown.contains("16x12 pixels, but says that it was made with 17x12"), "{shown}");
+    assert!(shown.contains("16x12 pixels, but its settings have 17x12"), "{shown}");
 }
 
 #[test]

@@ -110,11 +110,15 @@ fn an_iteration_far_longer_than_the_time_is_refused() {
     let refused = |command: &str, counts: [&str; 4], problem: &str| {
         let output = bdpm(&[&[command, SCENE], &more[..], &counts].concat(), folder.path());
         assert_refused(&output, problem, "--camera-paths");
-        assert!(text(&output.stderr).contains("longer than --time 2s"), "{}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains("longer than the time of 2.0 s"),
+            "{}",
+            text(&output.stderr)
+        );
     };
     let counts = ["--light-paths", "1000", "--camera-paths", "4000000"];
-    refused("render", counts, "an iteration of 1000 light paths and 4000000 camera paths");
-    refused("analyze", counts, "the least 2 iterations of 1000 light paths and 4000000");
+    refused("render", counts, "one iteration of 1000 light paths and 4000000 camera paths");
+    refused("analyze", counts, "the first 2 iterations of 1000 light paths and 4000000");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 

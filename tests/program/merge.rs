@@ -86,7 +86,7 @@ fn a_missing_part_is_named_and_can_be_rendered_later() {
     let desk = Desk::new();
     (1..=3).for_each(|i| desk.part(i, ""));
     let lacking = desk.run("merge 1.ckpt 3.ckpt --output lacking.exr --checkpoint lacking.ckpt");
-    assert!(succeed(&lacking).contains("27 iterations of 2 files"));
+    assert!(succeed(&lacking).contains("27 iterations from 2 files"));
     let warned = String::from_utf8(lacking.stderr).unwrap();
     assert!(warned.contains("warning: part 2/3 (iterations 13 to 25) is missing"), "{warned}");
     let iterations = &read_exr(&desk.at("lacking.exr")).unwrap().metadata["iterations"];
@@ -148,7 +148,7 @@ fn damaged_part_is_named_and_spoils_nothing() {
     }
     // None that can be read: nothing is written.
     fs::remove_file(desk.at("all.exr")).unwrap();
-    assert_refused(&desk.run("merge bad.ckpt --output all.exr"), "bad.ckpt", "give a file");
+    assert_refused(&desk.run("merge bad.ckpt --output all.exr"), "bad.ckpt", "give a checkpoint");
     assert!(!desk.at("all.exr").exists());
 }
 
@@ -186,7 +186,7 @@ fn parts_of_different_renders_are_refused_by_name() {
         ("grain", "one part keeps other layers or noise estimates"),
         ("single", "it holds iterations 0 to 1, as 1.ckpt does"),
         ("version", "program version is 0.0.9"),
-        ("auto", "were chosen on the way"),
+        ("auto", "were chosen during the render"),
     ] {
         let output = desk.run(&format!("merge 1.ckpt 2.ckpt {name}.ckpt --output x.exr"));
         assert_refused(&output, &format!("{name}.ckpt: "), "");
@@ -203,7 +203,7 @@ fn parts_of_different_renders_are_refused_by_name() {
     assert!(String::from_utf8(noise.stderr).unwrap().contains("batches of whole tiles"));
     // Parts of what has no parts.
     for (arguments, problem) in [
-        ("--part 1/3", "known number of iterations"),
+        ("--part 1/3", "fixed number of iterations"),
         ("--part 1/3 --iterations 2", "2 iterations are fewer than 3 parts"),
         ("--part 2/3 --resume 1.ckpt", "holds iterations 0 to 12, which are not in part 2/3"),
         ("--part 1/4 --resume 1.ckpt", "one of 3 parts, not of 4"),

@@ -98,8 +98,8 @@ fn impossible_measurements_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("noise.exr");
     for (arguments, problem, advice) in [
-        (&["--light-paths", "1"][..], "with 1 light path", "--light-paths 2 or more"),
-        (&["--camera-paths", "1"], "with 1 camera path", "--camera-paths 2 or more"),
+        (&["--light-paths", "1"][..], "with 1 light path", "use at least 2 light paths"),
+        (&["--camera-paths", "1"], "with 1 camera path", "use at least 2 camera paths"),
         (&["--iterations", "1"], "1 measured iterations", "at least 2 iterations"),
         (&["--iterations", "0"], "0 measured iterations", "at least 2 iterations"),
         (&["--region", "ceiling"], "no region `ceiling`", "use side-walls, or a rectangle"),

@@ -199,7 +199,7 @@ fn a_preview_moves_aside_for_another_picture() {
         for _ in 0..2 {
             let output = desk.render(&["--output", &exr, "--iterations", "1", "--json"]);
             assert_eq!(json(&output)["png"], preview);
-            let note = format!("the preview is {preview}: {name}.png is another picture");
+            let note = format!("the preview is {preview}, since {name}.png is not a preview");
             assert!(text(&output.stderr).contains(&note), "{}", text(&output.stderr));
         }
         assert!(desk.at(&preview).exists());

@@ -86,10 +86,10 @@ fn every_kind_of_render_has_a_page() {
     };
     // A single iteration has no error estimate.
     let html = fixed(&["1"]);
-    assert!(html.contains("too early to tell") && html.contains("takes a second iteration"));
+    assert!(html.contains("is not known yet") && html.contains("after the second iteration"));
     assert_eq!(pictures(&html).len(), 2, "the picture, and where its noise comes from");
     let html = fixed(&["40", "--checkpoint", "a.ckpt", "--objective", "pooled"]);
-    assert!(html.contains("Nothing was tried") && html.contains("mean brightness"));
+    assert!(html.contains("No technique was tried") && html.contains("mean brightness"));
     assert!(pictures(&html).iter().any(|(alt, _)| alt == "RMS noise of each pixel"));
 
     succeed(&desk.render(&["--resume", "a.ckpt", "--iterations", "44"]));
