@@ -58,7 +58,7 @@ pub fn with<T>(
     side: u32,
     work: impl FnOnce(&Subject, &Reference) -> Result<T>,
 ) -> Result<T> {
-    let loaded = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene))?;
+    let loaded = load(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(scene))?;
     let accel = build(Backend::default(), &loaded.scene)?;
     let wishes = PartialSettings { resolution: Some([side; 2]), ..Default::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;

@@ -11,6 +11,7 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     for (direct, merge_vertex, kernel) in [
         (Direct::Connect, 2, Kernel::Disc),
         (Direct::PhotonMap, 1, Kernel::Disc),
+        (Direct::PhotonMap, 2, Kernel::Disc),
         (Direct::PhotonMap, MIS, Kernel::Disc),
         (Direct::Connect, 1, Kernel::Area),
         (Direct::Connect, MIS, Kernel::Area),

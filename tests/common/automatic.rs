@@ -46,7 +46,7 @@ pub fn image_means(renderer: &mut Renderer, iterations: usize, measure: Measure)
 
 /// Renders with automatic counts as if an iteration took a second for each 10 camera paths per
 /// pixel, so that the choice is the same on every machine.
-pub fn automatic<'a>(
+pub fn automatic(
     scene: &Arc<Scene>,
     accel: &Arc<dyn bdpm::accel::Intersect>,
     settings: Settings,

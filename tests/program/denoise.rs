@@ -105,12 +105,13 @@ fn layers_missing_from_a_checkpoint_are_refused() {
     let path = at("a.exr");
     let checkpoint = at("c.ckpt").to_string_lossy().into_owned();
     json(&render(&path, &["--iterations", "2", "--layers", "none", "--checkpoint", &checkpoint]));
-    for (more, lacks) in
-        [(&["--denoise"][..], "--denoise"), (&["--layers", "albedo"][..], "--layers")]
-    {
+    for (more, lacks) in [
+        (&["--denoise"][..], "lacks the folds for the denoiser"),
+        (&["--layers", "albedo"][..], "lacks some of the layers"),
+    ] {
         let output =
             render(&path, &[&["--iterations", "3", "--resume", &checkpoint][..], more].concat());
-        assert_refused(&output, lacks, "begin anew");
+        assert_refused(&output, lacks, "start a new image");
     }
     json(&render(&path, &["--iterations", "3", "--resume", &checkpoint]));
     assert_eq!(names(&read_exr(&path).unwrap()), ["", "rms"]);

@@ -133,6 +133,6 @@ fn experiment_reports_its_minimum_time() {
         lines.find(|line| line.starts_with("warning: ")).expect("it ended without a warning");
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(found.contains("the least iterations of all parts take about"), "{found}");
+    assert!(found.contains("the minimum of iterations takes about"), "{found}");
     assert!(found.contains("longer than --time-budget 1ms"), "{found}");
 }

@@ -128,11 +128,8 @@ fn predict_refuses_what_it_cannot_use() {
     assert_refused(&predict(&[&at("plain.exr")]), "no measured noise", "`bdpm analyze` wrote");
     assert_refused(&predict(&[&at("none.exr")]), "none.exr", "check the path");
     for bad in ["1,2", "1,2,x", "1,-2,3", "1,2,NaN"] {
-        assert_refused(
-            &predict(&["--coefficients", bad]),
-            "no coefficients",
-            "three numbers a,b,f",
-        );
+        let refused = predict(&["--coefficients", bad]);
+        assert_refused(&refused, "is not a list of coefficients", "three numbers a,b,f");
     }
     let good = r#"{"fixed":0,"light_path":5.67e-7,"camera_path":0.24,"look_up":0.008,
                    "merge_pair":2.012e-6,"pixels":1}"#;

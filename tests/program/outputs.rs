@@ -167,7 +167,9 @@ fn no_command_replaces_what_it_has_read() {
         refused(&[&optimize[..], &[to]].concat(), "--output would replace");
     }
     refused(&["convert", "model", "soft", "--force"], "the copy would replace");
-    refused(&["reproduce", "model", "--output", "soft"], "which was read");
+    let output = desk.bdpm(&["reproduce", "model", "--output", "soft"]);
+    assert_refused(&output, "an input of the scene", "use another folder");
+    assert_eq!(desk.files(), before);
 }
 
 #[test]
