@@ -92,7 +92,7 @@ fn coincident(scene: &Scene, places: &[(Vec3, Vec3)]) -> usize {
 fn made_scenes_load_without_a_note_are_closed_and_no_faces_coincide() {
     for folder in folders() {
         let name = folder.name;
-        let loaded = load(&scenes().join(name)).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = load(scenes().join(name)).unwrap_or_else(|e| panic!("{e}"));
         let scene = &loaded.scene;
         assert_eq!(loaded.warnings_text(), "", "{name}");
         assert!(scene.triangles().iter().all(|t| t.area() > 0.0), "{name}");
@@ -108,7 +108,7 @@ fn made_scenes_load_without_a_note_are_closed_and_no_faces_coincide() {
 /// The lamps of the hall are closed bodies that emit outward.
 #[test]
 fn flames_shine_outward() {
-    let loaded = load(&scenes().join("hall")).unwrap();
+    let loaded = load(scenes().join("hall")).unwrap();
     let scene = &loaded.scene;
     let lamps = scene
         .placements()

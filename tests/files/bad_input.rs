@@ -77,7 +77,7 @@ fn base_scene_of_the_other_tests_loads() {
 fn missing_files_are_refused() {
     let folder = TempDir::new().unwrap();
     for name in ["no.toml", "no.obj", "no"] {
-        let error = load(&folder.path().join(name)).unwrap_err().to_string();
+        let error = load(folder.path().join(name)).unwrap_err().to_string();
         assert!(error.contains(name) && error.contains("help: check the path"), "{error}");
     }
     changed("a.obj", "b.obj")

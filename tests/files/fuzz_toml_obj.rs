@@ -84,6 +84,6 @@ fn unmodified_files_load() {
         std::fs::write(folder.path().join(file), content).unwrap();
     }
     load(folder.path()).unwrap_or_else(|e| panic!("{e}"));
-    let loaded = load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = load(folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.triangle_count(), 4);
 }

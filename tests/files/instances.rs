@@ -54,7 +54,7 @@ fn scene(mesh: &str) -> Result<Arc<Scene>, String> {
     fs::write(folder.path().join("a.ply"), ply()).unwrap();
     fs::write(folder.path().join("places.npy"), npy(&[moved(0.0), moved(3.0)])).unwrap();
     fs::write(folder.path().join("a.toml"), format!("{HEAD}{mesh}")).unwrap();
-    load(&folder.path().join("a.toml")).map(|loaded| loaded.scene).map_err(|e| e.to_string())
+    load(folder.path().join("a.toml")).map(|loaded| loaded.scene).map_err(|e| e.to_string())
 }
 
 #[test]

@@ -30,7 +30,7 @@ fn folder(text: &str) -> TempDir {
 
 #[track_caller]
 fn read(text: &str) -> Loaded {
-    load(&folder(text).path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"))
+    load(folder(text).path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// A scene of camera, light and what is inside.
@@ -48,7 +48,7 @@ fn look(bsdf: &str) -> Bsdf {
 /// The text must be refused with all parts in the message.
 #[track_caller]
 fn refused(text: &str, parts: &[&str]) {
-    let error = load(&folder(text).path().join("a.xml")).expect_err("it is wrong").to_string();
+    let error = load(folder(text).path().join("a.xml")).expect_err("it is wrong").to_string();
     for part in parts {
         assert!(error.contains(part), "{part} is not in\n{error}");
     }
@@ -180,7 +180,7 @@ fn parameters_aliases_references_and_includes_are_resolved() {
          <rgb name='reflectance' value='$grey, $greyer, 0'/></bsdf>",
     ];
     std::fs::write(folder.path().join("b.xml"), scene(&inner.concat())).unwrap();
-    let loaded = load(&folder.path().join("a.xml")).unwrap();
+    let loaded = load(folder.path().join("a.xml")).unwrap();
     let material = &loaded.scene.materials()[0];
     assert_eq!(material.name, "look");
     let albedo = Vec3::new(0.25, 0.125, 0.0);
@@ -227,7 +227,7 @@ fn mirrored_meshes_face_as_in_mitsuba() {
         std::fs::write(folder.path().join("a.obj"), obj).unwrap();
         std::fs::write(folder.path().join("b.obj"), obj.replace("f 1 2 3", "f 1//1 2//1 3//1"))
             .unwrap();
-        let loaded = load(&folder.path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = load(folder.path().join("a.xml")).unwrap_or_else(|e| panic!("{e}"));
         loaded.scene.triangles()[0].normal.z > 0.0
     };
     let [a, b] = ["a", "b"].map(|name| format!("<string name='filename' value='{name}.obj'/>"));
@@ -502,12 +502,12 @@ fn broken_mesh_files_are_refused() {
     ] {
         let folder = folder(&shape("ply"));
         std::fs::write(folder.path().join("m.ply"), &text).unwrap();
-        let error = load(&folder.path().join("a.xml")).unwrap_err().to_string();
+        let error = load(folder.path().join("a.xml")).unwrap_err().to_string();
         assert!(error.contains(problem), "{problem}: {error}");
     }
     let folder = folder(&shape("serialized"));
     std::fs::write(folder.path().join("m.serialized"), b"PK12345").unwrap();
-    let error = load(&folder.path().join("a.xml")).unwrap_err().to_string();
+    let error = load(folder.path().join("a.xml")).unwrap_err().to_string();
     assert!(error.contains("m.serialized") && error.contains("not 0x041c"), "{error}");
 }
 

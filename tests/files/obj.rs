@@ -17,7 +17,7 @@ fn load_files(files: &[(&str, &[u8])]) -> bdpm::Result<Loaded> {
     for (name, content) in files {
         std::fs::write(folder.path().join(name), content).unwrap();
     }
-    load(&folder.path().join(files.last().unwrap().0))
+    load(folder.path().join(files.last().unwrap().0))
 }
 
 #[track_caller]

@@ -170,7 +170,7 @@ fn names_that_are_not_utf8_are_found() {
     std::fs::write(at(b"a\xe9.mtl"), mtl).unwrap();
     std::fs::write(at(b"p\xe9.png"), picture(image::ImageFormat::Png)).unwrap();
     std::fs::write(at(b"a.obj"), obj.concat()).unwrap();
-    let loaded = bdpm::import::load(&at(b"a.obj")).unwrap();
+    let loaded = bdpm::import::load(at(b"a.obj")).unwrap();
     let materials = loaded.scene.materials();
     let names: Vec<&str> = materials.iter().map(|material| &material.name[..]).collect();
     assert_eq!(names, ["m\u{e9}", "m\u{e8}"], "{}", loaded.warnings_text());

@@ -28,7 +28,7 @@ fn write(files: &[(&str, &str)]) -> TempDir {
 /// The scene of an OBJ file with this content.
 fn obj(content: &str) -> Arc<Scene> {
     let folder = write(&[("a.obj", content)]);
-    load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene
+    load(folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene
 }
 
 /// Area of each mesh by name, and whether all its normals are turned toward a point.
@@ -83,7 +83,7 @@ fn check_box(scene: &Arc<Scene>) {
 
 #[test]
 fn cornell_box_has_the_dimensions_of_the_paper() {
-    let loaded = load(&root("scenes/cornell-box")).unwrap();
+    let loaded = load(root("scenes/cornell-box")).unwrap();
     let scene = &loaded.scene;
     assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box", 30));
@@ -124,7 +124,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
 
 #[test]
 fn classic_cornell_box_has_its_lamp_and_colors() {
-    let loaded = load(&root("scenes/cornell-box-classic")).unwrap();
+    let loaded = load(root("scenes/cornell-box-classic")).unwrap();
     let scene = &loaded.scene;
     assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("cornell-box-classic", 32));
@@ -144,7 +144,7 @@ fn classic_cornell_box_has_its_lamp_and_colors() {
 
 #[test]
 fn materials_scene_has_every_material() {
-    let loaded = load(&root("scenes/materials")).unwrap();
+    let loaded = load(root("scenes/materials")).unwrap();
     assert_eq!(loaded.warnings_text(), "");
     let materials = &loaded.scene.materials();
     let has = |wanted: fn(&Bsdf) -> bool| materials.iter().any(|m| wanted(&m.bsdf));
@@ -170,7 +170,7 @@ fn materials_scene_has_every_material() {
 
 #[test]
 fn keyhole_scene_has_no_direct_light_behind_the_keyhole() {
-    let loaded = load(&root("scenes/keyhole")).unwrap();
+    let loaded = load(root("scenes/keyhole")).unwrap();
     let scene = &loaded.scene;
     assert_eq!(loaded.warnings_text(), "");
     assert_eq!((scene.name.as_str(), scene.triangle_count()), ("keyhole", 64));
@@ -399,7 +399,7 @@ fn obj_files_get_a_camera_and_light() {
     let offset = 1000.0;
     let content = format!("v {offset} 0 0\nv {} 0 0\nv {offset} 3 0\nf 1 2 3\n", offset + 2.0);
     let folder = write(&[("a.obj", content.as_str())]);
-    let loaded = load(&folder.path().join("a.obj")).unwrap();
+    let loaded = load(folder.path().join("a.obj")).unwrap();
     let scene = &loaded.scene;
     let center = scene.bounds().center();
     let camera = &scene.camera;
@@ -421,7 +421,7 @@ fn obj_files_get_a_camera_and_light() {
 
     let lamp = format!("mtllib a.mtl\nusemtl m\n{content}");
     let folder = write(&[("a.mtl", "newmtl m\nKe 1 1 1\n"), ("a.obj", lamp.as_str())]);
-    let loaded = load(&folder.path().join("a.obj")).unwrap();
+    let loaded = load(folder.path().join("a.obj")).unwrap();
     assert!(matches!(loaded.scene.lights().emitters(), [Emitter::Triangle { .. }]));
 }
 
@@ -432,7 +432,7 @@ fn tiny_and_huge_lamps_keep_their_power() {
         let content = format!("v 0 0 0\nv {scale:e} 0 0\nv 0 {scale:e} 0\nusemtl m\nf 1 2 3\n");
         let folder =
             write(&[("a.mtl", "newmtl m\nKe 1\n"), ("a.obj", &format!("mtllib a.mtl\n{content}"))]);
-        let scene = load(&folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene;
+        let scene = load(folder.path().join("a.obj")).unwrap_or_else(|e| panic!("{e}")).scene;
         let expected = 0.5 * std::f32::consts::PI * scale * scale;
         assert!((scene.lights().power().x / expected - 1.0).abs() < 1e-5, "{scale}");
     }
