@@ -77,7 +77,7 @@ impl<'a> Lines<'a> {
         &self.line
     }
 
-    /// The same as text: comments and names in another encoding are no reason to refuse a file.
+    /// Decodes it as text. Comments and names in another encoding are no reason to refuse a file.
     pub(super) fn text(&self) -> Cow<'_, str> {
         decoded(&self.line)
     }

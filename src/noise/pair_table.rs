@@ -1,4 +1,4 @@
-//! What each light path has contributed to the current pixel: a small hash table.
+//! A small hash table of the contribution of each light path to the current pixel.
 
 /// One entry per light path that touched the current pixel, in the order in which they did; lists of
 /// those with the same hash. Starting the next pixel costs nothing: places below `first` are of pixels
@@ -24,7 +24,7 @@ struct Entry<T> {
     value: T,
 }
 
-/// Places are counted anew after so many.
+/// Places are renumbered after this many entries.
 const MOST_PLACES: u32 = 1 << 31;
 
 impl<T: Copy + Default> Default for PairTable<T> {
@@ -51,7 +51,7 @@ impl<T: Copy + Default> PairTable<T> {
         let hash = self.hash(light_path);
         let mut place = self.last[hash];
         loop {
-            // Those of other pixels wrap around to what is beyond the last.
+            // Entries of other pixels wrap around to what is beyond the last.
             let index = place.wrapping_sub(self.first) as usize;
             let Some(entry) = self.entries.get(index) else { break };
             if entry.light_path == light_path {
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn old_entries_do_not_come_back_when_places_are_counted_anew() {
+    fn old_entries_do_not_come_back_when_places_are_renumbered() {
         let mut table = PairTable::<f64>::default();
         *table.entry(5) = 1.0;
         table.first = MOST_PLACES;

@@ -21,7 +21,7 @@ pub fn measured_before(iterations: u64) -> u64 {
 /// Which iterations of a block are measured, by their index in the block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MeasureSchedule {
-    /// The first iterations, all of which are measured.
+    /// First iterations, which are all measured.
     pub pilot: u64,
     /// One of this many of the other iterations is measured.
     pub every: u64,
@@ -42,7 +42,7 @@ impl MeasureSchedule {
         Self { pilot: 0, every: 1, estimator }
     }
 
-    /// What to measure in the iteration with this index in its block, at these counts.
+    /// Measurement of the iteration with this index in its block, at these counts.
     pub fn measure(self, block_iteration: u64, counts: &Counts) -> Measure {
         let measures = block_iteration < self.pilot || block_iteration.is_multiple_of(self.every);
         if measures && counts.can_measure() { self.estimator } else { Measure::Off }

@@ -381,7 +381,7 @@ mod tests {
         let path = folder.path().join("notes.txt");
         fs::write(&path, "hello").unwrap();
         let shown = Checkpoint::load(&path).unwrap_err().to_string();
-        assert!(shown.contains("notes.txt: this is no checkpoint\nhelp: "), "{shown}");
+        assert!(shown.contains("notes.txt: this is not a checkpoint\nhelp: "), "{shown}");
         let mut bytes = saved();
         bytes[MAGIC.len()] = 8;
         bytes.truncate(bytes.len() - TRAILER);

@@ -78,7 +78,7 @@ fn assert_same(merged: &Block, whole: &Block) {
     let [(one, error), (two, other_error)] =
         [merged, whole].map(|block| block.film.pooled_variance().unwrap());
     assert_near(one, two, two, 1e-12, "pooled variance");
-    // The same squared deviations in other terms: as good an error, but not the same.
+    // Squared deviations in other terms give an error that is as good, but another number.
     assert!(error / other_error > 0.5 && error / other_error < 2.0, "{error} {other_error}");
 
     assert_eq!(merged.statistics.noise.is_some(), whole.statistics.noise.is_some());
@@ -105,7 +105,7 @@ fn assert_same(merged: &Block, whole: &Block) {
     }
 }
 
-/// The same of what was measured.
+/// Compares the measured noise likewise.
 fn assert_same_noise(noise: &NoiseFilm, others: &NoiseFilm) {
     assert_eq!(noise.iterations, others.iterations);
     let scale: f64 = others.sums().values().iter().map(|p| p.coefficients.a.abs()).sum();
@@ -182,7 +182,7 @@ fn parts_merged_in_any_order_are_the_image_of_one_run() {
             None,
         );
         let whole = Checkpoint::load(&whole).unwrap();
-        // Uneven parts, of which one was interrupted twice.
+        // Uneven parts, one of them interrupted twice.
         let ranges = [0..8, 8..31, 31..33, 33..75];
         let parts = ranges.map(|range| {
             part(

@@ -27,7 +27,7 @@ fn endless_inputs_are_refused() {
     let irregular = "neither a regular file nor a folder";
     let render = ["render", SCENE, "--output", "a.exr"];
     for (arguments, problem) in [
-        ([&render[..], &["--resume", zero]].concat(), "this is no checkpoint"),
+        ([&render[..], &["--resume", zero]].concat(), "this is not a checkpoint"),
         ([&render[..], &["--timings", zero]].concat(), "larger than the 16 MiB"),
         ([&render[..], &["--plan", zero]].concat(), irregular),
         (vec!["render", "scene.toml", "--output", "a.exr"], irregular),

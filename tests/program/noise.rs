@@ -105,7 +105,7 @@ fn impossible_measurements_are_refused_before_rendering() {
         (&["--region", "ceiling"], "no region `ceiling`", "use side-walls, or a rectangle"),
         (&["--region", "0,0,1"], "`0,0,1` is not a rectangle", "four numbers"),
         (&["--region", "1,0,0,1"], "not in the image", "x0 < x1"),
-        (&["--resolution", "60000x60000"], "GiB", "lower the resolution"),
+        (&["--resolution", "60000x60000"], "GiB", "a lower resolution"),
     ] {
         // clap takes an option once: leave the default resolution out where another is given.
         let output = path.to_str().unwrap();
@@ -151,7 +151,7 @@ fn predict_refuses_what_it_cannot_use() {
         ("\"fixed\":0", "\"fixd\":0", "unknown field `fixd`", "keys fixed, light_path"),
         ("\"fixed\":0,", "", "missing field `fixed`", "keys fixed, light_path"),
         ("\"pixels\":1", "\"pixels\":0", "0 pixels", "number of pixels"),
-        ("}", "", "no timings", "JSON object"),
+        ("}", "", "not timings", "JSON object"),
     ] {
         assert_refused(&timed(&good.replace(from, to)), problem, advice);
     }

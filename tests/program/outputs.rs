@@ -212,7 +212,7 @@ fn a_preview_moves_aside_for_another_picture() {
     let refused = desk.render(&["--output", "photo.exr", "--iterations", "1"]);
     assert_refused(
         &refused,
-        "photo.png: neither this nor photo.preview.png is a preview",
+        "photo.png: neither this file nor photo.preview.png is a preview",
         "--output",
     );
     // A file without content, and our own, are replaced.

@@ -102,7 +102,7 @@ fn glass_shows_what_is_behind_by_the_share_that_passes() {
     // A slab of index 1.5, nearly at normal incidence: (1 - r)/(1 + r) passes, r = 4 %; the rest goes into nothing.
     let glass = Material::new("glass", Bsdf::Dielectric(Dielectric::new(1.5)));
     let (guide, _, depth) = seen(&wall(Some(glass), Vec3::Z), settings(32, 32), 60);
-    // Of 245760 paths such a share has a standard error of .0005.
+    // A share of 245760 paths has a standard error of .0005.
     let passed = 0.9231 * Vec3::new(0.8, 0.2, 0.1);
     assert_near(guide.albedo, passed, 0.006);
     assert!((guide.normal.z - 0.9231).abs() < 0.006, "{}", guide.normal);

@@ -246,7 +246,7 @@ fn broken_and_missing_pictures_are_reported() {
     for length in 8..good.len() - 12 {
         told("map_Kd p.png", &good[..length], &["cannot be read"]);
     }
-    told("map_Kd p.png", b"GIF89a", &["no PNG, JPEG, WebP"]);
+    told("map_Kd p.png", b"GIF89a", &["not a PNG, JPEG, WebP"]);
     told("map_d p.png", b"\xff\xd8\xff\xe0 no jpeg", &["cannot be read"]);
     let huge = {
         let mut bytes = Vec::new();
