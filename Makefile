@@ -30,7 +30,8 @@ demo: build
 # Every family of tests has a case here. `--tests` leaves out the examples and benches, which clippy has compiled.
 test: setup denoiser
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --workspace --all-targets --test check -- -D warnings
+	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --package bdpm --test check -- -D warnings
 	$(CARGO) test $(FLAGS) --workspace --tests
 	$(CARGO) test $(FLAGS) --workspace --doc
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace

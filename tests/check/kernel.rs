@@ -13,7 +13,7 @@ fn areas_leave_little_of_the_bias_of_discs() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-box-classic");
     let loaded = load(&path).unwrap();
     let (scene, defaults) = (&loaded.scene, &loaded.defaults);
-    let accel = &*build(Backend::default(), scene).unwrap();
+    let accel = &build(Backend::default(), scene).unwrap();
     let tiny = settings(scene, defaults, TINY, Kernel::Area);
     let reference = reference(scene, accel, tiny, ITERATIONS);
     let of = |kernel| {
