@@ -132,7 +132,10 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
 /// Renders as rank 1 or a later one.
 fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
     let interrupt = catch_interrupts(Progress::new(args.session.progress_format()))?;
-    let input = SceneInput::load(&args.session)?;
+    let input = match SceneInput::load(&args.session) {
+        Ok(input) => input,
+        Err(error) => return bdpm::job::report_failure(ranks, error),
+    };
     input.job(&args.session).interrupted_by(interrupt).follow(ranks)
 }
 

@@ -21,6 +21,7 @@ pub use result::{RelativeError, RenderResult};
 pub use shard::Shard;
 pub use state::{Exchanged, NoiseAt, RenderState, Status, TimeForecast, Totals, best_measured};
 pub use time_check::check_time;
+pub use worker::report_failure;
 
 use crate::accel::Intersect;
 use crate::adaptive::autopilot::Autopilot;

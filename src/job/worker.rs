@@ -3,7 +3,7 @@
 use super::Prepared;
 use super::leader::{Ready, RenderSetup, Round, WorkerResult, render_assigned};
 use super::state::Totals;
-use crate::base::error::Result;
+use crate::base::error::{Error, Result};
 use crate::mpi::{Exchange, Ranks, encode};
 use crate::render::Renderer;
 use crate::scene::backend;
@@ -18,12 +18,7 @@ pub(super) fn follow(
 ) -> Result<()> {
     let Prepared { scene, mut accel, threads, provenance, .. } = match prepared {
         Ok(prepared) => prepared,
-        Err(error) => {
-            ranks.send(0, &encode(&Ready::Err(error.to_string())));
-            // Rank 0 reports the error and ends all processes.
-            ranks.broadcast::<RenderSetup>(None)?;
-            return Err(error);
-        }
+        Err(error) => return report_failure(ranks, error),
     };
     let prepared_backend = provenance.backend.clone();
     ranks.send(0, &encode(&Ready::Ok(provenance)));
@@ -51,4 +46,14 @@ pub(super) fn follow(
         ranks.reduce(result, &exchange, WorkerResult::add)?;
     }
     Ok(())
+}
+
+/// Lets rank 0 report why this worker cannot render. Rank 0 then ends all processes, so that the error is shown once.
+///
+/// # Errors
+/// The error itself, if rank 0 does not end this process.
+pub fn report_failure(ranks: &dyn Ranks, error: Error) -> Result<()> {
+    ranks.send(0, &encode(&Ready::Err(error.to_string())));
+    ranks.broadcast::<RenderSetup>(None)?;
+    Err(error)
 }
