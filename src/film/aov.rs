@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub struct AovSelection {
     /// Emission, direct light and caustics: [`LightComponents`].
     pub light: bool,
-    /// Albedo, normal, position and depth: [`FeatureBuffers`](super::features::FeatureBuffers).
+    /// Albedo, normal, position and depth: [`DenoiseFeatures`].
     pub features: bool,
     /// Radiance, albedo and normal of each of [`DENOISE_FOLDS`] folds of the iterations.
     pub folds: bool,

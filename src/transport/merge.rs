@@ -2,7 +2,7 @@
 //!
 //! Gather points query the photon map packet by packet, in the order of their camera paths. Where the map exceeds
 //! the caches, many camera paths are merged together and their queries are sorted by zones of the map. Both orders
-//! differ in [`Merge::merge_in_order`] and [`Merge::merge_by_zone`] only and share all code for a query.
+//! differ in `Merge::merge_in_order` and `Merge::merge_by_zone` only and share all code for a query.
 
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};

@@ -276,7 +276,7 @@ pub enum End {
 /// Tries what is open, beside the settings of a renderer, on the threads of the current rayon pool.
 ///
 /// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is long
-/// enough. The pilot runs in this process alone, whatever the number of [`Renderer::ranks`].
+/// enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
 ///
 /// # Errors
 /// As [`Renderer::new`].

@@ -6,7 +6,7 @@
 //! 1. those whose material merges and whose normal, packed as photons pack theirs, has a dot product
 //!    above one half with the normal at `y` ([`admission`]);
 //! 2. of these the part in the sphere, a disc in the triangle's plane, in closed form ([`disc`]);
-//! 3. only on sides that light reaches ([`sides`]);
+//! 3. only on sides that light reaches ([`lit_sides`]);
 //! 4. only where nothing covers it: of layers the highest, and nothing inside of solids (`covered`);
 //! 5. of cut-outs the mean opacity.
 //!

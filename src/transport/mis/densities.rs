@@ -16,7 +16,7 @@ const MIN_DENSITY: f32 = 1e-9;
 pub enum PathKind {
     /// Survives: camera paths end at their cut.
     Camera,
-    /// Survives with the reflected share, at most with [`MAX_SURVIVAL`]: theory.md (39).
+    /// Survives with the reflected share, at most with `MAX_SURVIVAL`: theory.md (39).
     Light,
 }
 
