@@ -79,7 +79,9 @@ const KERNEL: Words = &[
 ];
 const STRATEGY: Words = &[
     ("single", "Merge at the merge vertex, or connect"),
-    ("mis", "Merge at vertices 1 and 2 and connect from both, weighted"),
+    ("mis", "Merge at vertices 1 and 2, connect and hit lights, weighted"),
+    ("cut-mis", "As mis, with camera paths that end at vertex 2"),
+    ("path", "Trace camera paths only: connect and hit lights, weighted"),
 ];
 const DIRECT: Words = &[
     ("connect", "Shadow ray from each diffuse vertex of the camera path"),

@@ -52,18 +52,19 @@ impl<'a> AovSums<'a> {
         pixel: usize,
     ) {
         let Some(sum) = self.sums.get_mut(pixel) else { return };
-        let PathAov { emission, direct, albedo, normal, position, depth, hits, .. } =
+        let PathAov { emission, direct, caustics, albedo, normal, position, depth, hits, .. } =
             paths.aovs[number];
         let all = if self.gathers_caustics { &self.caustics.caustics } else { &gathered.caustics };
-        let caustics = all.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
+        let merged = all.get(number).map_or(DVec3::ZERO, |caustics| caustics.as_dvec3());
         let mut light = LightComponents {
             emission: emission.as_dvec3(),
             direct: direct.as_dvec3(),
-            caustics: caustics * self.per_light_path,
+            caustics: merged * self.per_light_path,
         };
         if self.direct_is_gathered {
             light.direct += mem::take(&mut light.caustics);
         }
+        light.caustics += caustics.as_dvec3();
         let hits = f64::from(u8::from(hits));
         let denoise = DenoiseFeatures { albedo, normal };
         let first_hit = DepthSample { position: position.as_dvec3(), depth: depth.into(), hits };

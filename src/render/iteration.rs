@@ -35,7 +35,8 @@ impl Renderer {
 
         // Light phase: trace light paths and store their photons
         let Self { scene, accel, settings, light_paths, .. } = self;
-        light_paths.trace(scene, &**accel, settings, block.counts.light_paths, number);
+        let traced = if settings.has_photons() { block.counts.light_paths } else { 0 };
+        light_paths.trace(scene, &**accel, settings, traced, number);
 
         // Build the photon map
         let build_time = self.photon_map.build(&self.light_paths, self.kernel().reach());

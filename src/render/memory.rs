@@ -10,6 +10,7 @@ use crate::film::statistic::StatisticRequest;
 use crate::scene::Scene;
 use crate::scene::bsdf::Bsdf;
 use crate::settings::{Bias, Settings, Strategy};
+use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
 
 /// Mean memory of a light path, bytes. A path stores at most `1/(1 - albedo)` photons on average;
@@ -22,9 +23,10 @@ pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
 }
 
 /// Memory of a photon, bytes: as traced, while it is sorted with its bucket in two orders, and in the
-/// map with up to eight buckets. MIS adds a partial weight each time.
+/// map with up to eight buckets. MIS adds partials each time.
 fn bytes_per_photon(settings: &Settings) -> f64 {
-    let weight = if settings.strategy == Strategy::Mis { size_of::<f32>() } else { 0 };
+    let weight =
+        if settings.strategy == Strategy::Single { 0 } else { size_of::<PhotonPartials>() };
     (3 * (size_of::<Photon>() + weight) + 2 * 4 + 8 * 4) as f64
 }
 

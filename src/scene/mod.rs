@@ -45,7 +45,6 @@ pub(crate) use triangle::triangle_area;
 use crate::base::error::Result;
 use crate::base::math::Bounds;
 use diffuse::TriangleSide;
-use glam::Vec3;
 use hit::Lambertian;
 use triangle::Corners;
 
@@ -211,13 +210,10 @@ impl Scene {
         self
     }
 
-    /// Density in solid angle of connections of `at` with the point `position` of a triangle's side, 1/sr; 0 if the
-    /// side emits nothing.
-    pub fn connection_pdf_w(&self, side: TriangleSide, position: Vec3, at: Receiver) -> f32 {
-        let found = self.emitting.binary_search_by_key(&side, |(side, _)| *side);
-        found.map_or(0.0, |index| {
-            self.lights.connection_pdf_w(self.emitting[index].1 as usize, position, at)
-        })
+    /// Index of the light that a triangle's side is; `None` if it emits nothing.
+    pub fn emitter(&self, side: TriangleSide) -> Option<usize> {
+        let found = self.emitting.binary_search_by_key(&side, |(side, _)| *side).ok()?;
+        Some(self.emitting[found].1 as usize)
     }
 
     /// Longest side of the bounding box, scene units.

@@ -84,13 +84,14 @@ pub(super) fn check_merge_vertex(&vertex: &u32) -> Result<()> {
 }
 
 pub(super) fn check_strategy(strategy: Strategy, merge_vertex: u32) -> Result<()> {
-    if strategy == Strategy::Single || merge_vertex == 2 {
+    if !matches!(strategy, Strategy::Mis | Strategy::CutMis) || merge_vertex == 2 {
         return Ok(());
     }
     Err(Error::new(
         format!(
-            "strategy `mis` merges at vertices 1 and 2, but the merge vertex is {merge_vertex}"
+            "strategies `mis` and `cut-mis` merge at vertices 1 and 2, but the merge vertex is \
+             {merge_vertex}"
         ),
-        "use the merge vertex 2, where this strategy cuts camera paths",
+        "use the merge vertex 2",
     ))
 }

@@ -32,8 +32,13 @@ pub enum Strategy {
     /// One technique: a merge at vertex `k` (caustics: at all vertices up to `k`), or a connection.
     #[default]
     Single,
-    /// Merges at vertices 1 and 2 and connections from both, weighted by the balance heuristic.
+    /// Merges at vertices 1 and 2, connections from all vertices and light sources that camera paths hit, weighted by
+    /// the balance heuristic.
     Mis,
+    /// As [`Self::Mis`], with camera paths that end at vertex 2.
+    CutMis,
+    /// Connections and light sources that camera paths hit: path tracing without light paths.
+    Path,
 }
 
 /// Area that the flux of merged photons is divided by.

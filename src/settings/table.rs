@@ -222,6 +222,11 @@ impl Settings {
         self.radius.max(self.caustic_radius)
     }
 
+    /// Tests whether light paths are traced, and their photons merged.
+    pub fn has_photons(&self) -> bool {
+        self.strategy != Strategy::Path
+    }
+
     /// Constants of MIS weights.
     pub fn mis_scales(&self) -> MisScales {
         self.mis_scales.unwrap_or_else(|| MisScales::new(self.light_paths, self.camera_paths))

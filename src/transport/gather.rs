@@ -1,6 +1,7 @@
 //! Gather points: the vertices of camera paths at which photons are merged.
 
-use super::mis::densities::PathKind;
+use super::mis::densities::Survival;
+use super::mis::weights::GatherPartials;
 use super::photon::Photon;
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, Lobe, Transport, Vertex};
@@ -41,8 +42,9 @@ impl GatherPoint {
 #[derive(Clone, Debug, Default)]
 pub struct GatherPoints {
     packets: Vec<GatherPacket>,
-    /// MIS partials of the points; meaningless without MIS.
-    mis_partials: Vec<[f32; LANES]>,
+    /// MIS partials of the points; meaningless without MIS. Points with a view have
+    /// [`Self::set_earlier_merges`] alone.
+    mis_partials: Vec<[GatherPartials; LANES]>,
     /// Lanes in use. A packet of diffuse vertices uses all lanes even if not all of its points gather.
     taken: usize,
 }
@@ -134,29 +136,29 @@ impl GatherPoints {
         self.taken += 1;
     }
 
-    /// Sets the MIS partial of the last point.
-    pub(crate) fn set_mis_partial(&mut self, partial: f32) {
+    /// Sets the density of merges at earlier vertices of the last point, over the density of light paths there.
+    pub(crate) fn set_earlier_merges(&mut self, earlier: f32) {
         let last = self.taken - 1;
-        self.last_partials()[last % LANES] = partial;
+        self.last_partials()[last % LANES] = GatherPartials { earlier, camera: 0.0 };
     }
 
     /// Sets the MIS partials of the last packet of points.
-    pub(crate) fn set_mis_partials(&mut self, partials: &[f32; LANES]) {
+    pub(crate) fn set_mis_partials(&mut self, partials: &[GatherPartials; LANES]) {
         *self.last_partials() = *partials;
     }
 
-    fn last_partials(&mut self) -> &mut [f32; LANES] {
+    fn last_partials(&mut self) -> &mut [GatherPartials; LANES] {
         let packets = self.taken.div_ceil(LANES);
         if self.mis_partials.len() < packets {
-            self.mis_partials.resize(packets, [0.0; LANES]);
+            self.mis_partials.resize(packets, [GatherPartials::default(); LANES]);
         }
         &mut self.mis_partials[packets - 1]
     }
 
-    /// The MIS partial of the point in the lane of this number.
+    /// The MIS partials of the point in the lane of this number.
     #[inline]
-    pub(crate) fn mis_partial(&self, number: usize) -> f32 {
-        self.mis_partials[number / LANES][number % LANES]
+    pub(crate) fn mis_partials(&self, number: usize) -> &GatherPartials {
+        &self.mis_partials[number / LANES][number % LANES]
     }
 
     /// The packet with the next free lane.
@@ -226,8 +228,8 @@ impl GatherView {
     }
 
     /// Density with which camera paths go on toward `wi`.
-    pub(crate) fn camera_density(&self, wi: Vec3) -> f32 {
-        PathKind::Camera.density(&self.bsdf, &self.at, wi)
+    pub(crate) fn camera_density(&self, wi: Vec3, survival: Survival) -> f32 {
+        survival.density(&self.bsdf, &self.at, wi)
     }
 
     /// Density with which light paths from `wi` go on along the camera path. The triangle has the unit normal
@@ -237,6 +239,6 @@ impl GatherView {
             shading_normal(&self.bsdf, interpolated, normal, wi, Transport::Flux)
         });
         let at = Vertex { normal, wo: wi, front: self.at.front };
-        PathKind::Light.density(&self.bsdf, &at, self.at.wo)
+        Survival::LIGHT.density(&self.bsdf, &at, self.at.wo)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::mis::Mis;
 use super::mis::photons::LightPartials;
+use super::mis::weights::PhotonPartials;
 use super::path_queue::PathQueue;
 use super::path_state::{Depth, PathState, PathStates, at_other_surface};
 use super::photon::{Arrival, Extent, Photon, PhotonClass, PhotonPacket};
@@ -72,7 +73,7 @@ impl LightPaths {
     }
 
     /// MIS partials of all photons in the same slices, which are empty without MIS.
-    pub fn mis_partials(&self) -> impl Iterator<Item = &[f32]> + Clone {
+    pub fn mis_partials(&self) -> impl Iterator<Item = &[PhotonPartials]> + Clone {
         self.batches.iter().map(|batch| batch.mis_partials.as_slice())
     }
 
@@ -118,7 +119,7 @@ struct Batch {
     /// Ordered bounce by bounce.
     photons: PhotonList,
     /// MIS partials of the photons; empty without MIS.
-    mis_partials: Vec<f32>,
+    mis_partials: Vec<PhotonPartials>,
     extent: Extent,
     rays: u64,
     busy: Duration,
@@ -228,7 +229,7 @@ impl Tracer {
             }
             let emissions = pass.scene.lights().emit_all(pass.guide, &mut states.rng, count);
             if self.partials.is_active() {
-                self.partials.emit(first, &emissions.emitter[..count]);
+                self.partials.emit(pass.scene.lights(), first, &emissions, count);
             }
             (states.origin, states.direction) = (emissions.origin, emissions.direction);
             states.weight = emissions.flux;
@@ -362,12 +363,12 @@ impl Tracer {
 
 /// Class of the next photon of a path: theory.md, section 4.
 #[inline(always)] // part of vector loops, as the function below
-fn class_of(depth: Depth) -> PhotonClass {
+pub(super) fn class_of(depth: Depth) -> PhotonClass {
     if depth.diffuse() == 0 { PhotonClass::Caustic } else { PhotonClass::Diffuse }
 }
 
 /// Survival probability at a vertex that multiplies the flux by `weight`: theory.md (39).
 #[inline(always)]
-fn survival(weight: Rgb) -> f32 {
+pub(super) fn survival(weight: Rgb) -> f32 {
     weight.max_element().min(MAX_SURVIVAL)
 }

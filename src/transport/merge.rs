@@ -8,7 +8,7 @@ use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
 use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
 use super::mis::Mis;
-use super::mis::merge_weights::{FirstVertexWeights, MergedPhoton, SecondVertexWeights};
+use super::mis::merge_weights::{CutWeights, MergedPhoton, VertexWeights};
 use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{
@@ -34,7 +34,7 @@ const MAX_PAIRS: usize = 1 << 22;
 /// Quantities to record beside the sums, and MIS.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MergeOptions {
-    /// Weights of merges at both vertices of camera paths that are cut at the second.
+    /// Weights of merges at the first two vertices.
     pub mis: Option<Mis>,
     /// Record [`MergeOutput::caustics`].
     pub records_caustics: bool,
@@ -351,13 +351,18 @@ impl<'a> Merge<'a> {
         let Some(mis) = self.options.mis else {
             return self.merge_lambertian::<PAIRS>(batch, search, &Unweighted, 1.0, pairs);
         };
-        let partial = batch.paths.gather_points.mis_partial(query.point as usize);
+        let point = batch.paths.gather_points.mis_partials(query.point as usize);
+        let has_caustics = self.map.has_caustic_photons();
         if !query.all_classes {
-            let weights = &FirstVertexWeights(partial);
+            let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
         }
-        let weights = &SecondVertexWeights::new(&mis, partial);
-        if self.map.has_caustic_photons() {
+        if mis.continues || !mis.connects {
+            let weights = &VertexWeights::<2>::new(&mis, point, has_caustics);
+            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+        }
+        let weights = &CutWeights::new(&mis, point);
+        if has_caustics {
             return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
         }
         // One weight for all photons.
@@ -418,8 +423,9 @@ impl<'a> Merge<'a> {
         let (kernel, to_luminance) = (&search.kernel, to_luminance(&point, search));
         let (mut sums, mut nested, mut count) = (MergedFlux::default(), [0.0; 2], 0);
         let Admission { nested2, .. } = self.admission;
-        let mis = self.options.mis.map(|mis| (mis, paths.gather_points.mis_partial(number)));
-        self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partial| {
+        let of_point = |mis| (mis, paths.gather_points.mis_partials(number).earlier);
+        let mis = self.options.mis.map(of_point);
+        self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partials| {
             let class = photon.class();
             let counts = search.query.all_classes || mis.is_some() || class == PhotonClass::Caustic;
             let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
@@ -427,9 +433,9 @@ impl<'a> Merge<'a> {
                 // theory.md (46)
                 let wi = photon.from_as_at(point.normal);
                 let mut flux = photon.flux * view.value_from(wi, &point);
-                if let Some((mis, point_partial)) = mis {
-                    let photon = MergedPhoton { class, mis_partial, wi };
-                    flux *= mis.directional_weight(view, &point, point_partial, &photon);
+                if let Some((mis, earlier)) = mis {
+                    let photon = MergedPhoton { class, mis_partials, wi };
+                    flux *= mis.directional_weight(view, &point, earlier, &photon);
                 }
                 sums.all[self.admission.sum_of(class)] += flux;
                 if min_radius2 <= nested2[1][class as usize] {

@@ -12,13 +12,13 @@ pub const SIDE: u32 = 16;
 const TILE: u32 = 4;
 pub const TILES: usize = (SIDE / TILE * (SIDE / TILE)) as usize;
 
-/// Scales of merges at both vertices, and the planned light paths over the actual ones.
-pub type Weighting = ([f64; 2], f64);
+/// Strategy, scales of merges at both vertices, and the planned light paths over the actual ones.
+pub type Weighting = (Strategy, [f64; 2], f64);
 
-pub fn weighted(settings: &Settings, (scales, planned): Weighting) -> Settings {
+pub fn weighted(settings: &Settings, (strategy, scales, planned): Weighting) -> Settings {
     let light_paths = (f64::from(settings.light_paths) * planned) as u32;
     let mis_scales = Some(MisScales { light_paths, scales });
-    Settings { strategy: Strategy::Mis, merge_vertex: 2, mis_scales, ..settings.clone() }
+    Settings { strategy, merge_vertex: 2, mis_scales, ..settings.clone() }
 }
 
 /// Mean of each tile in each iteration: `[tile][iteration]`.
@@ -61,7 +61,14 @@ pub fn assert_zero(
 }
 
 /// Settings that give the same paths other weights; `k = 2` is compared with each.
-pub const WEIGHTINGS: [Weighting; 3] = [([1.0, 1.0], 1.0), ([0.3, 2.0], 0.02), ([4.0, 0.1], 0.1)];
+pub const WEIGHTINGS: [Weighting; 6] = [
+    (Strategy::Mis, [1.0, 1.0], 1.0),
+    (Strategy::CutMis, [0.3, 2.0], 0.02),
+    (Strategy::Mis, [0.3, 2.0], 0.002),
+    (Strategy::CutMis, [4.0, 0.1], 0.1),
+    (Strategy::Mis, [4.0, 0.1], 0.1),
+    (Strategy::Path, [1.0, 1.0], 1.0),
+];
 
 /// Everything that does not absorb is as bright as the walls, which emit 1 and reflect half: 2.
 pub fn furnace(bsdfs: &[Bsdf], normals: bool) -> Arc<Scene> {

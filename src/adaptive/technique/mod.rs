@@ -177,7 +177,9 @@ impl Technique {
     /// Describes the technique in words.
     pub fn describe(&self) -> String {
         let how = match self.strategy {
-            Strategy::Mis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
+            Strategy::Mis => "merging at vertices 1 and 2 and path tracing, weighted".to_owned(),
+            Strategy::CutMis => "merging at vertices 1 and 2 and connections, weighted".to_owned(),
+            Strategy::Path => "path tracing without photons".to_owned(),
             Strategy::Single => format!("merging at vertex {}", self.merge_vertex),
         };
         let how = match self.direct {

@@ -227,6 +227,15 @@ impl Emitter {
         }
     }
 
+    /// Mean radiance of the surface, W/(m^2 sr); `None` without a surface.
+    pub(super) fn mean_radiance(&self) -> Option<Rgb> {
+        match self {
+            Self::Triangle { radiance, .. } => Some(*radiance),
+            Self::Textured(panel) => Some(panel.mean()),
+            Self::Point { .. } | Self::Spot(_) | Self::Directional(_) => None,
+        }
+    }
+
     /// Returns true if no ray can hit the light: only connections and photons then carry its light.
     pub fn is_delta(&self) -> bool {
         self.shape().is_none()

@@ -224,7 +224,7 @@ impl Lights {
     }
 
     /// Ratio of the density of connections to that of emission, per area, of the light with this index. Both join
-    /// `origin`, along the unit vector `direction`, with `position`, whose unit normal is `normal`.
+    /// `origin`, along the unit vector `direction`, with `at`, where the triangle has the unit normal `normal`.
     ///
     /// If emission carries the flux `Phi_0` and a connection the irradiance `E`, the ratio is `Phi_0/(E cos)`:
     /// both are the light's radiance over a density.
@@ -233,15 +233,15 @@ impl Lights {
         &self,
         index: usize,
         [origin, direction]: [Vec3; 2],
-        position: Vec3,
+        at: Receiver,
         normal: Vec3,
     ) -> f32 {
-        let prob = self.by_estimate.prob(index, Receiver { position, normal: Some(normal) });
+        let prob = self.by_estimate.prob(index, at);
         let irradiance = match self.emitters.get(index) {
-            Some(emitter) => emitter.irradiance(origin, direction, position),
+            Some(emitter) => emitter.irradiance(origin, direction, at.position),
             None => luminance(self.chosen_environment().integral()),
         };
-        let cos = -direction.dot(normal);
+        let cos = direction.dot(normal).abs();
         (prob * self.total_power() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
     }
 
@@ -254,12 +254,22 @@ impl Lights {
         inverse.map_or(0.0, |inverse| prob / inverse)
     }
 
-    /// Density in solid angle of connections of `at` with the environment along `direction`, 1/sr.
-    pub fn environment_pdf_w(&self, direction: Vec3, at: Receiver) -> f32 {
+    /// Density of emission of the light with this index along `direction`, per area of its surface (or of a disc that
+    /// faces the direction of an environment) and per projected solid angle, 1/(m^2 sr): radiance over power, both as
+    /// luminance. `None` if no ray can hit the light.
+    /// theory.md (47b), `e`.
+    pub fn emission_density(&self, index: usize, direction: Vec3) -> Option<f32> {
+        let radiance = match self.emitters.get(index) {
+            Some(emitter) => emitter.mean_radiance()?,
+            None => self.environment_radiance(-direction),
+        };
+        Some(luminance(radiance) / self.total_power())
+    }
+
+    /// Density in solid angle of connections of `at` with the environment where it has this luminance, 1/sr.
+    pub fn environment_pdf_w(&self, radiance: f32, at: Receiver) -> f32 {
         let prob = self.by_estimate.prob(self.emitters.len(), at);
-        let share = luminance(self.environment_radiance(direction))
-            / luminance(self.chosen_environment().integral());
-        prob * share
+        prob * radiance / luminance(self.chosen_environment().integral())
     }
 
     /// Luminance of the power of all lights, W: the mean flux of a light path.
@@ -414,13 +424,15 @@ mod tests {
             }
             let l = luminance(sample.irradiance) * cos / (lights.total_power() * sample.relative);
             let emission = [sample.target, -sample.wi];
-            let inverse = lights.connection_over_emission(index, emission, position, normal);
+            let inverse = lights.connection_over_emission(index, emission, at, normal);
             let off = (l * inverse - 1.0).abs();
             assert!(off < 2e-3, "{index} {position} {normal}: {l} {inverse}");
             found[index] += 1;
             // Rays can hit the other lights.
             let pdf_w = match lights.emitters.get(index) {
-                None => lights.environment_pdf_w(sample.wi, at),
+                None => {
+                    lights.environment_pdf_w(luminance(lights.environment_radiance(sample.wi)), at)
+                }
                 Some(emitter) if emitter.is_delta() => {
                     assert_eq!(sample.inverse_pdf_w, 0.0);
                     continue;

@@ -37,6 +37,8 @@ pub struct LightSamples {
     pub irradiance: Vec3s,
     /// Luminance of the flux of light paths that start at the targets, over that of all lights' power.
     pub relative: [f32; LANES],
+    /// Reciprocals of the densities in solid angle, sr; 0 if no ray can hit the light.
+    pub inverse_pdf_w: [f32; LANES],
 }
 
 impl Lights {
@@ -139,6 +141,7 @@ impl Lights {
                 samples.wi.set(lane, light.wi);
                 samples.irradiance.set(lane, light.irradiance);
                 samples.relative[lane] = light.relative;
+                samples.inverse_pdf_w[lane] = light.inverse_pdf_w;
             }
             rngs.set(lane, rng);
         }

@@ -1,5 +1,5 @@
-//! Arbitrary output variables (AOVs) of camera paths: the first surface, and the parts of the light that are emission
-//! or light of one bounce. Recording them draws no random numbers.
+//! Arbitrary output variables (AOVs) of camera paths: the first surface, and the parts of the light that are emission,
+//! light of one bounce or caustics. Recording them draws no random numbers.
 
 use super::{CameraPass, CameraPaths};
 use crate::base::math::Rgb;
@@ -16,6 +16,8 @@ pub struct PathAov {
     pub emission: Rgb,
     /// Part of `D_j`: light connected at the first vertex, and emission hit after a rough lobe, W/(m^2 sr).
     pub direct: Rgb,
+    /// Part of `D_j`: light of one diffuse bounce that reached the surface through other surfaces, W/(m^2 sr).
+    pub caustics: Rgb,
     /// Albedo of the first surface that is no mirror and no clear glass, tinted by the surfaces before it.
     pub albedo: Rgb,
     /// Unit shading normal of the surface of `albedo`, on the side that is seen.
@@ -32,6 +34,8 @@ pub struct PathAov {
     is_after_rough: bool,
     /// Number of the current diffuse vertex.
     vertex: u32,
+    /// Vertices passed through before the first diffuse vertex.
+    passed: u32,
 }
 
 impl CameraPaths {
@@ -61,6 +65,7 @@ impl CameraPaths {
             let aov = &mut self.aovs[states.path[lane] as usize];
             aov.vertex = depth.diffuse() + 1;
             if depth.diffuse() == 0 {
+                aov.passed = depth.passed();
                 aov.set_first_hit(pass, depth, at.position.get(lane));
                 let tint = states.weight.get(lane) * states.inverse_start[lane];
                 aov.set_surface(tint * at.albedo.get(lane), at.normal.get(lane));
@@ -80,6 +85,7 @@ impl CameraPaths {
         let aov = &mut self.aovs[state.path as usize];
         aov.vertex = state.depth.diffuse() + 1;
         if state.depth.diffuse() == 0 {
+            aov.passed = state.depth.passed();
             aov.set_first_hit(pass, state.depth, surface.position);
             if surface.bsdf.spread().is_some() {
                 let tint = state.weight * state.inverse_start;
@@ -88,12 +94,17 @@ impl CameraPaths {
         }
     }
 
-    /// Adds emission that a path hit before any diffuse vertex.
+    /// Adds a light source that a path of this depth hit.
     #[inline(never)] // rare
-    pub(super) fn record_emission(&mut self, path: u32, emission: Rgb) {
+    pub(super) fn record_hit(&mut self, path: u32, depth: Depth, light: Rgb) {
         let aov = &mut self.aovs[path as usize];
-        let kind = if aov.is_after_rough { &mut aov.direct } else { &mut aov.emission };
-        *kind += emission;
+        match depth.diffuse() {
+            0 if aov.is_after_rough => aov.direct += light,
+            0 => aov.emission += light,
+            1 if aov.passed == depth.passed() => aov.direct += light,
+            1 => aov.caustics += light,
+            _ => {}
+        }
     }
 
     /// Records that a path takes a rough lobe before any diffuse vertex.
@@ -104,8 +115,10 @@ impl CameraPaths {
 
 impl PathAov {
     /// Adds light that is connected at the current vertex.
-    pub(super) fn add_connection(&mut self, light: Rgb) {
-        if self.vertex == 1 {
+    pub(super) fn add_connection(&mut self, light: Rgb, is_caustic: bool) {
+        if is_caustic {
+            self.caustics += light;
+        } else if self.vertex == 1 {
             self.direct += light;
         }
     }

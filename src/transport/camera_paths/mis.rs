@@ -1,74 +1,165 @@
-//! MIS partials of camera paths, and the MIS weights of connections and of emission after rough lobes.
+//! MIS partials of camera paths, and the MIS weights of connections and of light sources that camera paths hit.
 
 use super::CameraPaths;
 use super::non_diffuse::PathVertex;
 use crate::base::math::luminance;
-use crate::scene::bsdf::{BsdfSample, Lobe, Vertex};
+use crate::scene::bsdf::{BsdfSample, Lobe};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
-use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene, Surface};
-use crate::simd::{LANES, Mask, Vec3s, any};
-use crate::transport::gather::GatherView;
-use crate::transport::mis::densities::{Directions, PathKind};
+use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene};
+use crate::simd::{LANES, Mask, Vec3s};
+use crate::transport::mis::Mis;
+use crate::transport::mis::densities::{Directions, Survival};
+use crate::transport::mis::weights::{CameraPartial, GatherPartials};
 use crate::transport::path_state::PathStates;
 use glam::Vec3;
-use std::array::from_fn;
+
+/// Last vertex of a camera path, for the weight of a light source that the next segment hits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LastVertex {
+    receiver: Receiver,
+    /// Unit normal of its triangle.
+    normal: Vec3,
+    /// Density in projected solid angle with which the path goes on; 0 if no connection can replace its direction.
+    density: f32,
+    /// Partial after the vertex.
+    partial: CameraPartial,
+    /// The vertex is diffuse.
+    is_diffuse: bool,
+}
+
+impl Default for LastVertex {
+    /// The camera: light sources that it sees have no other technique.
+    fn default() -> Self {
+        Self {
+            receiver: Receiver::default(),
+            normal: Vec3::ZERO,
+            density: 0.0,
+            partial: CameraPartial::default(),
+            is_diffuse: false,
+        }
+    }
+}
+
+/// Light that a camera path hits.
+#[derive(Clone, Copy, Debug)]
+struct Hit {
+    /// Unit direction of the path.
+    direction: Vec3,
+    /// Density in solid angle of connections of the last vertex with it, 1/sr.
+    connection_pdf_w: f32,
+    /// Density of emission toward the last vertex; 0 if no light path emits there.
+    emission: f32,
+}
+
+impl LastVertex {
+    /// MIS weight of light that a path hits after `diffuse` diffuse vertices.
+    /// theory.md (47h)
+    fn hit_weight(&self, mis: &Mis, diffuse: u32, hit: &Hit) -> f32 {
+        let cos = hit.direction.dot(self.normal).abs();
+        let can_connect = self.density > 0.0 && (mis.connects || !self.is_diffuse);
+        let connection =
+            if can_connect { hit.connection_pdf_w / (self.density * cos) } else { 0.0 };
+        let merges_straight = self.is_diffuse && diffuse == 1 && !mis.connects;
+        let merges = if self.is_diffuse && !merges_straight {
+            self.partial.earlier
+        } else {
+            mis.balance.caustic_merges(&self.partial)
+        };
+        mis.balance.hit_weight(merges, hit.emission, connection)
+    }
+}
 
 impl CameraPaths {
-    /// Multiplies the contributions of connections from Lambertian vertices by their MIS weights.
+    /// Prepares partials for the new paths, the last in `direct`.
+    pub(super) fn start_partials(&mut self) {
+        if self.mis.is_some() {
+            // Entries from the first new path on belong to paths that were cleared.
+            let first = self.direct.len() - self.segments.len();
+            self.last_vertices.truncate(first);
+            self.last_vertices.resize(self.direct.len(), LastVertex::default());
+        }
+    }
+
+    /// Densities of merges at earlier vertices where paths arrive at Lambertian vertices; meaningless for lanes
+    /// without a vertex.
     #[inline(always)] // vectorized, as the functions below
+    pub(super) fn earlier_merges(&self, at: &DiffuseVertices, states: &PathStates) -> [f32; LANES] {
+        let mut earlier = [0.0; LANES];
+        for lane in 0..LANES {
+            let last = self.last_vertices.get(states.path[lane] as usize);
+            let partial = last.map_or(CameraPartial::default(), |last| last.partial);
+            let albedo = at.albedo.get(lane).max_element();
+            earlier[lane] = partial.arrive(Survival::LIGHT.lambertian(albedo));
+        }
+        earlier
+    }
+
+    /// Multiplies the contributions of connections from Lambertian vertices by their MIS weights. `earlier` has the
+    /// densities of merges at earlier vertices.
+    #[inline(always)]
     pub(super) fn weight_connections(
-        &self,
-        scene: &Scene,
+        mis: &Mis,
+        lights: &Lights,
         at: &DiffuseVertices,
         states: &PathStates,
+        earlier: &[f32; LANES],
         light: &LightSamples,
         contributions: &mut Vec3s,
     ) {
-        let is_second: Mask = from_fn(|lane| states.depth[lane].diffuse() == 1);
-        let Some(mis) = self.mis.filter(|_| any(&is_second)) else { return };
-        let partials = self.partials_of(&states.path);
-        let inverse_start = scene.lights().total_power().recip();
+        let inverse_power = lights.total_power().recip();
         for lane in 0..LANES {
             let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
             // theory.md (47b), `l`
             let l =
-                luminance(light.irradiance.get(lane)) * cos * inverse_start / light.relative[lane];
-            let density = PathKind::Light.lambertian(at.albedo.get(lane).max_element());
-            let weight = mis.balance.connection_weight(partials[lane] * density, l);
-            let weight = if is_second[lane] { weight } else { 1.0 };
+                luminance(light.irradiance.get(lane)) * cos * inverse_power / light.relative[lane];
+            let survival = mis.camera_survival(states.depth[lane].diffuse() + 1);
+            let density = survival.lambertian(at.albedo.get(lane).max_element());
+            let hit = density * cos * light.inverse_pdf_w[lane];
+            let weight = mis.balance.connection_weight(earlier[lane], l, hit);
             contributions.set(lane, contributions.get(lane) * weight);
         }
     }
 
-    /// The partials of these paths; meaningless for lanes without a path.
-    #[inline(always)]
-    fn partials_of(&self, path: &[u32; LANES]) -> [f32; LANES] {
-        path.map(|path| self.mis_partials.get(path as usize).copied().unwrap_or(0.0))
-    }
-
-    /// Sets the partials of the last packet of Lambertian gather points, and of their paths.
+    /// Sets the partials of the last packet of Lambertian gather points.
     #[inline(always)]
     pub(super) fn set_point_partials(
         &mut self,
+        mis: &Mis,
         at: &DiffuseVertices,
-        path: &[u32; LANES],
         vertex: &[u32; LANES],
+        earlier: &[f32; LANES],
     ) {
-        let Some(mis) = self.mis else { return };
-        let (of_paths, mut onward) = (self.partials_of(path), [0.0; LANES]);
-        let mut partials = [0.0; LANES];
+        let mut partials = [GatherPartials::default(); LANES];
         for lane in 0..LANES {
             let albedo = at.albedo.get(lane).max_element();
-            let camera = PathKind::Camera.lambertian(albedo);
-            let second = of_paths[lane] * PathKind::Light.lambertian(albedo);
-            onward[lane] = mis.balance.toward_second(camera);
-            partials[lane] = if vertex[lane] == 1 { mis.balance.at_first(camera) } else { second };
+            let camera = mis.camera_survival(vertex[lane]).lambertian(albedo);
+            partials[lane] = mis.balance.gather(vertex[lane], earlier[lane], camera);
         }
         self.gather_points.set_mis_partials(&partials);
-        for lane in 0..LANES {
-            if at.active[lane] & (vertex[lane] == 1) {
-                self.mis_partials[path[lane] as usize] = onward[lane];
-            }
+    }
+
+    /// Updates the partials of paths that go on from Lambertian vertices of these numbers.
+    #[inline(always)]
+    pub(super) fn leave_diffuse(
+        &mut self,
+        mis: &Mis,
+        at: &DiffuseVertices,
+        states: &PathStates,
+        vertex: &[u32; LANES],
+        earlier: &[f32; LANES],
+        goes_on: &Mask,
+    ) {
+        for lane in (0..LANES).filter(|&lane| goes_on[lane]) {
+            let albedo = at.albedo.get(lane).max_element();
+            let density = mis.camera_survival(vertex[lane]).lambertian(albedo);
+            let (position, normal) = (at.position.get(lane), at.normal.get(lane));
+            self.last_vertices[states.path[lane] as usize] = LastVertex {
+                receiver: Receiver { position, normal: Some(normal) },
+                normal,
+                density,
+                partial: mis.balance.leave(vertex[lane], earlier[lane], density),
+                is_diffuse: true,
+            };
         }
     }
 
@@ -80,95 +171,104 @@ impl CameraPaths {
         lobe: Lobe,
         light: &LightSample,
     ) -> f32 {
-        let PathVertex { surface, at, state } = *vertex;
-        if lobe == Lobe::Rough {
-            let density = surface.bsdf.pdf_w(lobe, at, light.wi);
-            // theory.md (47i)
-            return (1.0 + density * light.inverse_pdf_w).recip();
-        }
-        let Some(mis) = self.mis.filter(|_| state.depth.diffuse() == 1) else { return 1.0 };
-        let view = GatherView { bsdf: surface.bsdf, at: *at, interpolated: surface.interpolated };
-        let density = view.light_density(light.wi, surface.normal);
-        let earlier = self.mis_partials[state.path as usize] * density;
-        let l = emission_over_connection(lights, light, surface.normal);
-        mis.balance.connection_weight(earlier, l)
+        let Some(mis) = self.mis else { return 1.0 };
+        let PathVertex { surface, state, .. } = *vertex;
+        let partial = &self.last_vertices[state.path as usize].partial;
+        let directions = Directions { camera: surface.wo, light: light.wi };
+        let (camera, merges) = if lobe == Lobe::Rough {
+            let camera = directions.camera_rough(surface, mis.pass_choice(state.depth.diffuse()));
+            let merges = mis.balance.caustic_merges(partial);
+            (camera, if merges > 0.0 { merges * directions.light_rough(surface) } else { 0.0 })
+        } else {
+            let survival = mis.camera_survival(state.depth.diffuse() + 1);
+            let camera = directions.camera_diffuse(surface, survival);
+            (camera, partial.arrive(directions.light_diffuse(surface)))
+        };
+        let cos = light.wi.dot(surface.normal).abs();
+        let l = emission_over_connection(lights, light, cos);
+        mis.balance.connection_weight(merges, l, camera * cos * light.inverse_pdf_w)
+    }
+
+    /// Density of merges at earlier vertices where a path arrives at a vertex, over the density of light paths there.
+    pub(super) fn arriving_merges(&self, path: u32) -> f32 {
+        self.last_vertices[path as usize].partial.arrive(1.0)
     }
 
     /// Updates the partial of a path that continues from any vertex.
     pub(super) fn update_partial(&mut self, vertex: &PathVertex, sample: &BsdfSample) {
         let Some(mis) = self.mis else { return };
-        let PathVertex { surface, at, state } = *vertex;
-        if state.depth.diffuse() == 0 {
-            self.rough_vertices[state.path as usize] = RoughVertex::new(surface, at, sample);
-        }
-        let partial = &mut self.mis_partials[state.path as usize];
-        if !sample.lobe.passes_through() {
-            let density = PathKind::Camera.density(&surface.bsdf, at, sample.wi);
-            *partial = mis.balance.toward_second(density);
-        } else if state.depth.diffuse() == 1 {
-            let directions = Directions { camera: surface.wo, light: sample.wi };
-            *partial *= directions.light_over_camera(surface, sample.lobe);
-        }
-    }
-}
-
-/// Last vertex of a camera path before any diffuse vertex, if it took a rough lobe there. The light that it hits can
-/// be connected from that vertex, too.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct RoughVertex {
-    receiver: Receiver,
-    /// Density of the path's direction, 1/sr; 0 unless it took a rough lobe.
-    pdf_w: f32,
-}
-
-impl RoughVertex {
-    /// The vertex where a path continues from this surface.
-    fn new(surface: &Surface, at: &Vertex, sample: &BsdfSample) -> Self {
-        if sample.lobe != Lobe::Rough {
-            return Self::default();
-        }
-        let pdf_w = surface.bsdf.pdf_w(Lobe::Rough, at, sample.wi);
-        Self { receiver: surface.receiver(), pdf_w }
+        let PathVertex { surface, state, .. } = *vertex;
+        let last = &mut self.last_vertices[state.path as usize];
+        let directions = Directions { camera: surface.wo, light: sample.wi };
+        let is_diffuse = !sample.lobe.passes_through();
+        let (density, partial) = if is_diffuse {
+            let number = state.depth.diffuse() + 1;
+            let density = directions.camera_diffuse(surface, mis.camera_survival(number));
+            let merges = last.partial.arrive(1.0);
+            let earlier =
+                if merges > 0.0 { merges * directions.light_diffuse(surface) } else { 0.0 };
+            (density, mis.balance.leave(number, earlier, density))
+        } else {
+            let is_rough = sample.lobe == Lobe::Rough;
+            let choice = mis.pass_choice(state.depth.diffuse());
+            let density = if is_rough { directions.camera_rough(surface, choice) } else { 0.0 };
+            let partial = if last.partial == CameraPartial::default() {
+                last.partial
+            } else {
+                last.partial.pass(directions.light_over_camera(surface, sample.lobe, choice))
+            };
+            (density, partial)
+        };
+        let (receiver, normal) = (surface.receiver(), surface.normal);
+        *last = LastVertex { receiver, normal, density, partial, is_diffuse };
     }
 
-    /// MIS weight of light that the path hits; `connection` computes the density of connecting it.
-    /// theory.md (47i)
-    fn weight(&self, connection: impl FnOnce(&Self) -> f32) -> f32 {
-        if self.pdf_w > 0.0 { self.pdf_w / (self.pdf_w + connection(self)) } else { 1.0 }
-    }
-}
-
-impl CameraPaths {
-    /// MIS weight of emission that a path hits before its first diffuse vertex.
+    /// MIS weight of emission that a path hits along `direction` at `position`, after `diffuse` diffuse vertices.
     #[inline(never)] // rare
     pub(super) fn emission_weight(
         &self,
         scene: &Scene,
         path: u32,
-        facet: TriangleSide,
-        position: Vec3,
+        diffuse: u32,
+        side: TriangleSide,
+        [position, direction]: [Vec3; 2],
     ) -> f32 {
-        if self.mis.is_none() {
-            return 1.0;
-        }
-        self.rough_vertices[path as usize]
-            .weight(|rough| scene.connection_pdf_w(facet, position, rough.receiver))
+        let Some(mis) = self.mis else { return 1.0 };
+        let last = &self.last_vertices[path as usize];
+        let Some(emitter) = scene.emitter(side) else { return 1.0 };
+        let lights = scene.lights();
+        let connection_pdf_w = if last.density > 0.0 {
+            lights.connection_pdf_w(emitter, position, last.receiver)
+        } else {
+            0.0
+        };
+        let emission = lights.emission_density(emitter, -direction).unwrap_or(0.0);
+        last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 
-    /// MIS weight of environment radiance that a path hits before its first diffuse vertex.
-    pub(super) fn environment_weight(&self, scene: &Scene, path: u32, direction: Vec3) -> f32 {
-        if self.mis.is_none() {
-            return 1.0;
-        }
-        let lights = scene.lights();
-        self.rough_vertices[path as usize]
-            .weight(|rough| lights.environment_pdf_w(direction, rough.receiver))
+    /// MIS weight of environment radiance that a path hits along `direction`, after `diffuse` diffuse vertices.
+    pub(super) fn environment_weight(
+        &self,
+        lights: &Lights,
+        path: u32,
+        diffuse: u32,
+        direction: Vec3,
+        radiance: f32,
+    ) -> f32 {
+        let Some(mis) = self.mis else { return 1.0 };
+        let last = &self.last_vertices[path as usize];
+        let connection_pdf_w = if last.density > 0.0 {
+            lights.environment_pdf_w(radiance, last.receiver)
+        } else {
+            0.0
+        };
+        let emission = radiance / lights.total_power();
+        last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 }
 
-/// Density of emission from a light source over the density of connections with it, at a surface of the unit normal
-/// `normal`: theory.md (47b), `l`.
-fn emission_over_connection(lights: &Lights, light: &LightSample, normal: Vec3) -> f32 {
-    let cos = light.wi.dot(normal).abs();
+/// Density of emission from a light source over the density of connections with it, at a surface that its light
+/// meets at this cosine: theory.md (47b), `l`.
+fn emission_over_connection(lights: &Lights, light: &LightSample, cos: f32) -> f32 {
     luminance(light.irradiance) * cos / (lights.total_power() * light.relative)
 }

@@ -7,19 +7,20 @@ mod non_diffuse;
 pub use aov::PathAov;
 
 use super::gather::{GatherPoints, GatherView};
+use super::light_paths::survival;
 use super::mis::Mis;
 use super::path_queue::{Columns, PathQueue};
-use super::path_state::{PathStates, at_other_surface};
+use super::path_state::{Depth, PathStates, at_other_surface};
 use crate::accel::{Coherence, HitPacket, Intersect};
 use crate::base::math::Rgb;
 use crate::base::rng::{StreamKey, camera_path_index};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{HitScratch, Scene, Surface, View};
-use crate::settings::{Direct, Settings};
+use crate::settings::{Direct, Settings, Strategy};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, Vec3s, any, lanes_of};
 use bytemuck::{Pod, Zeroable};
-use mis::RoughVertex;
+use mis::LastVertex;
 use std::mem;
 
 /// Pixel and number of a camera path, which determine its random numbers.
@@ -68,10 +69,8 @@ pub struct CameraPaths {
     shadow_rays: PathQueue<Connections, 10>,
     occluded: Vec<Mask>,
     mis: Option<Mis>,
-    /// MIS partial of each path from its first diffuse vertex on.
-    mis_partials: Vec<f32>,
-    /// Last rough vertex of each path, with MIS.
-    rough_vertices: Vec<RoughVertex>,
+    /// Last vertex of each path, with MIS.
+    last_vertices: Vec<LastVertex>,
     /// AOVs of each path, if recorded.
     pub aovs: Vec<PathAov>,
     records_aovs: bool,
@@ -85,13 +84,42 @@ struct Connections {
     origin: Vec3s,
     /// Vectors to the vertices.
     direction: Vec3s,
+    /// Paths, and [`Connections::CAUSTIC`].
     path: [u32; LANES],
     contribution: Vec3s,
+}
+
+impl Connections {
+    /// Marks connections from rough lobes after the first diffuse vertex: they are part of caustics.
+    const CAUSTIC: u32 = 1 << 31;
 }
 
 impl Columns<10> for Connections {
     /// Shadow rays end at the vertices.
     const T_FAR: f32 = 1.0;
+}
+
+impl CameraPass<'_> {
+    /// Diffuse vertices are connected with light sources.
+    fn connects(&self) -> bool {
+        self.settings.direct == Direct::Connect || self.settings.strategy == Strategy::Path
+    }
+
+    /// Photons are merged at the diffuse vertex of this number.
+    #[inline(always)] // part of a vector loop, as the function below
+    fn gathers_at(&self, vertex: u32) -> bool {
+        let Settings { merge_vertex, strategy, .. } = *self.settings;
+        let gathers = (vertex == merge_vertex) | (self.gather_early & (vertex < merge_vertex));
+        gathers & (strategy != Strategy::Path)
+    }
+
+    /// Paths may go on from lobes that merge at the diffuse vertex of this number.
+    #[inline(always)]
+    fn goes_on_from(&self, vertex: u32) -> bool {
+        let Settings { merge_vertex, strategy, .. } = *self.settings;
+        let is_cut = matches!(strategy, Strategy::Single | Strategy::CutMis);
+        !is_cut | (vertex < merge_vertex)
+    }
 }
 
 impl CameraPaths {
@@ -113,13 +141,7 @@ impl CameraPaths {
             #[inline(always)]
             |simd| self.start(simd, pass, paths),
         );
-        if self.mis.is_some() {
-            // Entries from the first new path on belong to paths that were cleared.
-            let first = self.direct.len() - self.segments.len();
-            self.mis_partials.resize(self.direct.len(), 0.0);
-            self.rough_vertices.truncate(first);
-            self.rough_vertices.resize(self.direct.len(), RoughVertex::default());
-        }
+        self.start_partials();
         if self.records_aovs {
             self.start_aovs();
         }
@@ -233,17 +255,27 @@ impl CameraPaths {
         at: &DiffuseVertices,
         states: &mut PathStates,
     ) {
-        let Settings { direct, merge_vertex, .. } = *pass.settings;
         if at.any_emits {
             self.add_emission(pass.scene, at, states);
         }
+        let mis = self.mis;
+        let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
         let weights = at.weights(&states.weight);
-        if direct == Direct::Connect {
-            let light = pass.scene.lights().connect_all(at, &mut states.rng);
+        if pass.connects() {
+            let lights = pass.scene.lights();
+            let light = lights.connect_all(at, &mut states.rng);
             // theory.md (42), third line
             let mut contributions = at.contributions(&weights, &light);
-            if self.mis.is_some() {
-                self.weight_connections(pass.scene, at, states, &light, &mut contributions);
+            if let Some(mis) = &mis {
+                Self::weight_connections(
+                    mis,
+                    lights,
+                    at,
+                    states,
+                    &earlier,
+                    &light,
+                    &mut contributions,
+                );
             }
             self.queue_shadow_rays(simd, at, &states.path, &light.target, &contributions);
         }
@@ -252,14 +284,13 @@ impl CameraPaths {
         for lane in 0..LANES {
             states.depth[lane] = states.depth[lane].scattered();
             vertex[lane] = states.depth[lane].diffuse();
-            let last = vertex[lane] == merge_vertex;
-            gathers[lane] = at.active[lane] & (last | pass.gather_early);
-            goes_on[lane] = at.active[lane] & (vertex[lane] < merge_vertex);
+            gathers[lane] = at.active[lane] & pass.gathers_at(vertex[lane]);
+            goes_on[lane] = at.active[lane] & pass.goes_on_from(vertex[lane]);
         }
         if any(&gathers) {
             self.gather_points.push_diffuse(&gathers, at, &weights, &states.path, &vertex);
-            if self.mis.is_some() {
-                self.set_point_partials(at, &states.path, &vertex);
+            if let Some(mis) = &mis {
+                self.set_point_partials(mis, at, &vertex, &earlier);
             }
         }
         if !any(&goes_on) {
@@ -267,34 +298,51 @@ impl CameraPaths {
         }
         states.origin = at.off_surface;
         states.direction = at.sample(&mut states.rng);
+        let ends = if mis.is_some() { states.rng.next_1d() } else { [0.0; LANES] };
         for (lane, goes_on) in goes_on.iter_mut().enumerate() {
             let albedo = at.albedo.get(lane);
-            *goes_on &= albedo != Rgb::ZERO;
-            // theory.md (41), P = 1 by (43)
-            states.weight.set(lane, states.weight.get(lane) * albedo);
+            // theory.md (43): paths that are cut survive up to their last vertex
+            let survival = if vertex[lane] > 1 && mis.is_some() { survival(albedo) } else { 1.0 };
+            *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
+            // theory.md (41)
+            states.weight.set(lane, states.weight.get(lane) * (albedo / survival));
+        }
+        if let Some(mis) = &mis {
+            self.leave_diffuse(mis, at, states, &vertex, &earlier, &goes_on);
         }
         self.next.append(simd, &goes_on, states);
     }
 
-    /// Adds the emission of diffuse surfaces before the first diffuse vertex. Connections and photons contribute the
-    /// emission that paths hit later.
+    /// Adds the emission of diffuse surfaces. Without MIS, connections and photons contribute the emission that paths
+    /// hit after their first diffuse vertex.
     #[inline(never)] // keeps the common case short
     fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, states: &PathStates) {
         for lane in 0..LANES {
-            if at.active[lane] && at.front[lane] && states.depth[lane].diffuse() == 0 {
+            let diffuse = states.depth[lane].diffuse();
+            let counts = diffuse == 0 || self.mis.is_some();
+            if at.active[lane] && at.front[lane] && counts {
                 let mut emission = at.emission.get(lane);
-                if self.mis.is_some() {
+                if self.mis.is_some() && emission != Rgb::ZERO {
                     let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
-                    let position = at.position.get(lane);
-                    emission *= self.emission_weight(scene, states.path[lane], facet, position);
+                    let segment = [at.position.get(lane), states.direction.get(lane)];
+                    emission *=
+                        self.emission_weight(scene, states.path[lane], diffuse, facet, segment);
                 }
-                // theory.md (42), first line
-                let seen = states.weight.get(lane) * emission;
-                self.direct[states.path[lane] as usize] += seen;
-                if self.records_aovs {
-                    self.record_emission(states.path[lane], seen);
-                }
+                self.add_hit(
+                    states.path[lane],
+                    states.depth[lane],
+                    states.weight.get(lane) * emission,
+                );
             }
+        }
+    }
+
+    /// Adds the light source that a path of this depth hits.
+    fn add_hit(&mut self, path: u32, depth: Depth, seen: Rgb) {
+        // theory.md (42), first and second line
+        self.direct[path as usize] += seen;
+        if self.records_aovs {
+            self.record_hit(path, depth, seen);
         }
     }
 
@@ -340,9 +388,11 @@ impl CameraPaths {
                 // Adds 0 in the shadow: a branch could not be predicted.
                 let contribution = connections.contribution.get(lane);
                 let visible = if *occluded { Rgb::ZERO } else { contribution };
-                self.direct[connections.path[lane] as usize] += visible;
+                let path = connections.path[lane];
+                let index = (path & !Connections::CAUSTIC) as usize;
+                self.direct[index] += visible;
                 if self.records_aovs {
-                    self.aovs[connections.path[lane] as usize].add_connection(visible);
+                    self.aovs[index].add_connection(visible, path & Connections::CAUSTIC != 0);
                 }
             }
         }

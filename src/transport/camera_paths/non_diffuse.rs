@@ -2,12 +2,12 @@
 
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
-use crate::base::math::Rgb;
+use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
 use crate::scene::{LightSample, Lights, Surface};
-use crate::settings::Direct;
 use crate::simd::{LANES, Vec3s, lanes_of};
 use crate::transport::gather::{GatherPoint, GatherView};
+use crate::transport::light_paths::survival;
 use crate::transport::path_state::{PathState, PathStates};
 use glam::Vec3;
 
@@ -21,22 +21,24 @@ pub(super) struct PathVertex<'a> {
 }
 
 impl CameraPaths {
-    /// Adds environment radiance to the paths that left the scene before their first diffuse vertex. Connections and
-    /// photons contribute the environment that paths hit later.
+    /// Adds environment radiance to the paths that left the scene. Without MIS, connections and photons contribute the
+    /// environment that paths hit after their first diffuse vertex.
     #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_environment(&mut self, pass: &CameraPass, states: &PathStates, missed: u32) {
-        for lane in lanes_of(missed).filter(|&lane| states.depth[lane].diffuse() == 0) {
+        let lights = pass.scene.lights();
+        for lane in lanes_of(missed) {
+            let (path, depth) = (states.path[lane], states.depth[lane]);
+            if depth.diffuse() > 0 && self.mis.is_none() {
+                continue;
+            }
             let direction = states.direction.get(lane);
-            let mut radiance = pass.scene.lights().environment_radiance(direction);
+            let mut radiance = lights.environment_radiance(direction);
             if self.mis.is_some() {
-                radiance *= self.environment_weight(pass.scene, states.path[lane], direction);
+                let luminance = luminance(radiance);
+                radiance *=
+                    self.environment_weight(lights, path, depth.diffuse(), direction, luminance);
             }
-            // theory.md (42), second line
-            let seen = states.weight.get(lane) * radiance;
-            self.direct[states.path[lane] as usize] += seen;
-            if self.records_aovs {
-                self.record_emission(states.path[lane], seen);
-            }
+            self.add_hit(path, depth, states.weight.get(lane) * radiance);
         }
     }
 
@@ -47,17 +49,15 @@ impl CameraPaths {
         surface: &Surface,
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
-        // Connections and photons contribute the emission that is hit later.
-        if state.depth.diffuse() == 0 && surface.front {
-            // theory.md (42), first line
+        let diffuse = state.depth.diffuse();
+        // Without MIS, connections and photons contribute the emission that is hit later.
+        if surface.front && (diffuse == 0 || self.mis.is_some()) {
             let mut emission = surface.emission();
-            if self.mis.is_some() && emission != Rgb::ZERO {
-                let Surface { facet, position, .. } = *surface;
-                emission *= self.emission_weight(pass.scene, state.path, facet, position);
-            }
-            self.direct[state.path as usize] += state.weight * emission;
-            if self.records_aovs {
-                self.record_emission(state.path, state.weight * emission);
+            if emission != Rgb::ZERO {
+                let segment = [surface.position, -surface.wo];
+                emission *=
+                    self.emission_weight(pass.scene, state.path, diffuse, surface.facet, segment);
+                self.add_hit(state.path, state.depth, state.weight * emission);
             }
         }
         let vertex = state.depth.diffuse() + 1;
@@ -67,7 +67,7 @@ impl CameraPaths {
         }
         let merges = self.at_other_vertex(pass, surface, &mut state);
         // A path that is cut here still takes lobes that pass through.
-        let cut = merges && vertex == pass.settings.merge_vertex;
+        let cut = merges && !pass.goes_on_from(vertex);
         let wanted = if cut { LobeSet::PassThrough } else { LobeSet::All };
         let sample = surface.bsdf.sample(&at, Transport::Radiance, wanted, &mut state.rng)?;
         if !surface.agrees(&at, sample.wi) {
@@ -84,6 +84,13 @@ impl CameraPaths {
             return survives_passing(&mut state).then_some((ray, state));
         }
         state.depth = state.depth.scattered();
+        if vertex > 1 && self.mis.is_some() {
+            let survival = survival(sample.weight);
+            if state.rng.next_1d() >= survival {
+                return None;
+            }
+            state.weight /= survival;
+        }
         Some((Ray::new(surface.off_surface, sample.wi), state))
     }
 
@@ -98,14 +105,14 @@ impl CameraPaths {
         let bsdf = &surface.bsdf;
         let merges = bsdf.merges();
         let at = surface.vertex(Transport::Radiance);
-        if merges && pass.settings.direct == Direct::Connect {
+        if merges && pass.connects() {
             let light = lights.connect(surface.receiver(), &mut state.rng);
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(lights, &vertex, Lobe::Diffuse, light);
         }
-        if bsdf.has_rough() && state.depth.diffuse() == 0 {
-            // Delta lights cannot be hit. With MIS, connections share the other lights with hits. After a diffuse vertex,
-            // photons contribute these paths.
+        if bsdf.has_rough() && (state.depth.diffuse() == 0 || self.mis.is_some()) {
+            // Delta lights cannot be hit. With MIS, connections share the other lights with hits. Without, photons
+            // contribute these paths after a diffuse vertex.
             let light = if self.mis.is_some() {
                 lights.connect(surface.receiver(), &mut state.rng)
             } else {
@@ -114,10 +121,10 @@ impl CameraPaths {
             let vertex = PathVertex { surface, at: &at, state };
             self.connect_lobe(lights, &vertex, Lobe::Rough, light);
         }
-        if merges {
+        if merges && pass.gathers_at(state.depth.diffuse() + 1) {
             self.views.push(GatherView { bsdf: *bsdf, at, interpolated: surface.interpolated });
             let view = self.views.len() as u32 - 1;
-            self.gather(pass, surface, state, view);
+            self.gather(surface, state, view);
         }
         merges
     }
@@ -142,22 +149,21 @@ impl CameraPaths {
                 contribution *= self.connection_weight(lights, vertex, lobe, &light);
             }
             let start = surface.start(light.wi);
-            self.queue_shadow_ray(state.path, contribution, light.target, start);
+            let is_caustic = lobe == Lobe::Rough && state.depth.diffuse() == 1;
+            let mark = if is_caustic { Connections::CAUSTIC } else { 0 };
+            self.queue_shadow_ray(state.path | mark, contribution, light.target, start);
         }
     }
 
     /// Stores a gather point with the BSDF in one of `views`.
-    fn gather(&mut self, pass: &CameraPass, surface: &Surface, state: &PathState, view: u32) {
+    fn gather(&mut self, surface: &Surface, state: &PathState, view: u32) {
         let vertex = state.depth.diffuse() + 1;
-        if vertex < pass.settings.merge_vertex && !pass.gather_early {
-            return;
-        }
         let Surface { position, facet, normal, .. } = *surface;
         let (path, weight) = (state.path, state.weight);
         let point = GatherPoint { position, path, weight, vertex, normal, facet, view };
         self.gather_points.push(&point);
         if self.mis.is_some() {
-            self.gather_points.set_mis_partial(self.mis_partials[path as usize]);
+            self.gather_points.set_earlier_merges(self.arriving_merges(path));
         }
     }
 

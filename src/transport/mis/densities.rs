@@ -10,14 +10,17 @@ use std::f32::consts::FRAC_1_PI;
 /// Minimum density: rounding may leave a path of one kind where a path of the other kind cannot go.
 const MIN_DENSITY: f32 = 1e-9;
 
-/// Kind of a path, by its roulette at merging lobes. Roulette that depends on a path's throughput counts as certain
-/// survival, for paths of both kinds.
+/// Probability that a path goes on from a lobe that merges. It depends on the vertex alone, so that paths of both kinds
+/// compute the same number. Roulette that depends on a path's throughput counts as certain survival, for paths of both
+/// kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PathKind {
-    /// Survives: camera paths end at their cut.
-    Camera,
-    /// Survives with the reflected share, at most with `MAX_SURVIVAL`: theory.md (39).
-    Light,
+pub enum Survival {
+    /// 1, as for camera paths at their first vertex.
+    Certain,
+    /// The reflected share, at most `MAX_SURVIVAL`: theory.md (39).
+    Reflected,
+    /// 0, where camera paths are cut.
+    Never,
 }
 
 /// Unit vectors to the next vertex of a path toward the camera and toward the light.
@@ -29,13 +32,17 @@ pub struct Directions {
     pub light: Vec3,
 }
 
-impl PathKind {
-    /// Density at a Lambertian surface, the same in all directions.
+impl Survival {
+    /// Survival of light paths at all vertices.
+    pub const LIGHT: Self = Self::Reflected;
+
+    /// Density of going on from a Lambertian surface, the same in all directions.
     #[inline(always)] // part of vector loops
     pub fn lambertian(self, albedo: f32) -> f32 {
         let survival = match self {
-            Self::Camera => 1.0,
-            Self::Light => albedo.min(MAX_SURVIVAL),
+            Self::Certain => 1.0,
+            Self::Reflected => albedo.min(MAX_SURVIVAL),
+            Self::Never => return 0.0,
         };
         (survival * FRAC_1_PI).max(MIN_DENSITY)
     }
@@ -43,47 +50,91 @@ impl PathKind {
     /// Density of going on toward `wi` from lobes that merge.
     /// theory.md (47a)
     pub fn density(self, bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
+        if self == Self::Never {
+            return 0.0;
+        }
         let cos = wi.dot(at.normal);
         if let Some(albedo) = bsdf.diffuse_albedo(at.front) {
             return if cos > 0.0 { self.lambertian(albedo.max_element()) } else { MIN_DENSITY };
         }
         let density = bsdf.pdf_w(Lobe::Diffuse, at, wi) / cos.abs().max(MIN_DENSITY);
-        let survival = match self {
-            Self::Camera => density,
-            Self::Light => {
-                // The weight of the sample is the BSDF over the density.
-                let value = bsdf.eval_lobe(Lobe::Diffuse, at, wi).max_element();
-                (MAX_SURVIVAL * density).min(value)
-            }
+        let survives = if self == Self::Reflected {
+            // The weight of the sample is the BSDF over the density.
+            let value = bsdf.eval_lobe(Lobe::Diffuse, at, wi).max_element();
+            (MAX_SURVIVAL * density).min(value)
+        } else {
+            density
         };
-        survival.max(MIN_DENSITY)
+        survives.max(MIN_DENSITY)
     }
 }
 
+/// Lobes that camera paths choose from where they pass through a surface that also merges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PassChoice {
+    /// All lobes.
+    Free,
+    /// Lobes that pass through: paths are cut at the others.
+    Forced,
+}
+
+/// Density of going on toward `wi` from a rough lobe.
+/// theory.md (47a)
+pub fn rough_density(bsdf: &Bsdf, at: &Vertex, wi: Vec3) -> f32 {
+    let density = bsdf.pdf_w(Lobe::Rough, at, wi) / wi.dot(at.normal).abs().max(MIN_DENSITY);
+    density.max(MIN_DENSITY)
+}
+
 impl Directions {
-    /// Density of light paths over the density of camera paths where both pass through `surface` by a lobe. After a
-    /// diffuse vertex, camera paths choose lobes that pass through wherever there are any.
+    /// Density of light paths over the density of camera paths where both pass through `surface` by a lobe.
     /// theory.md (47a)
     #[inline(never)] // rare
-    pub fn light_over_camera(&self, surface: &Surface, lobe: Lobe) -> f32 {
+    pub fn light_over_camera(&self, surface: &Surface, lobe: Lobe, choice: PassChoice) -> f32 {
         let bsdf = &surface.bsdf;
         let at_light = surface.seen_from(self.light).vertex(Transport::Flux);
         let at_camera = surface.seen_from(self.camera).vertex(Transport::Radiance);
-        let chosen = bsdf.pass_prob(&at_light);
+        let chosen = match choice {
+            PassChoice::Free => 1.0,
+            PassChoice::Forced => bsdf.pass_prob(&at_camera).max(MIN_DENSITY),
+        };
         let ratio = if lobe == Lobe::Delta {
             let refracted = self.light.dot(surface.normal) * self.camera.dot(surface.normal) < 0.0;
             let eta = if refracted { bsdf.relative_index(at_camera.front) } else { 1.0 };
-            chosen / (eta * eta)
+            let [light, camera] = [&at_light, &at_camera].map(|at| bsdf.pass_prob(at));
+            light * chosen / (camera.max(MIN_DENSITY) * eta * eta)
         } else {
-            let density = |at: &Vertex, wi: Vec3| {
-                bsdf.pdf_w(Lobe::Rough, at, wi) / wi.dot(at.normal).abs().max(MIN_DENSITY)
-            };
-            let light = density(&at_light, self.camera);
-            let camera =
-                density(&at_camera, self.light) / bsdf.pass_prob(&at_camera).max(MIN_DENSITY);
-            light.max(MIN_DENSITY) / camera.max(MIN_DENSITY)
+            let light = rough_density(bsdf, &at_light, self.camera);
+            light * chosen / rough_density(bsdf, &at_camera, self.light)
         };
         ratio.clamp(MIN_DENSITY, MIN_DENSITY.recip())
+    }
+
+    /// Density with which a camera path goes on toward the light from a rough lobe of `surface`.
+    pub fn camera_rough(&self, surface: &Surface, choice: PassChoice) -> f32 {
+        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        let density = rough_density(&surface.bsdf, &at, self.light);
+        match choice {
+            PassChoice::Free => density,
+            PassChoice::Forced => density / surface.bsdf.pass_prob(&at).max(MIN_DENSITY),
+        }
+    }
+
+    /// Density with which a light path goes on toward the camera from a rough lobe of `surface`.
+    pub fn light_rough(&self, surface: &Surface) -> f32 {
+        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        rough_density(&surface.bsdf, &at, self.camera)
+    }
+
+    /// Density with which a light path goes on toward the camera from a lobe of `surface` that merges.
+    pub fn light_diffuse(&self, surface: &Surface) -> f32 {
+        let at = surface.seen_from(self.light).vertex(Transport::Flux);
+        Survival::LIGHT.density(&surface.bsdf, &at, self.camera)
+    }
+
+    /// Density with which a camera path goes on toward the light from a lobe of `surface` that merges.
+    pub fn camera_diffuse(&self, surface: &Surface, survival: Survival) -> f32 {
+        let at = surface.seen_from(self.camera).vertex(Transport::Radiance);
+        survival.density(&surface.bsdf, &at, self.light)
     }
 }
 
@@ -165,14 +216,25 @@ mod tests {
                 if sample.lobe.passes_through() {
                     let ways = Directions { camera, light: sample.wi };
                     let from_light = surface(&material, sample.wi, normal);
-                    let both = [from_camera, from_light]
-                        .map(|surface| ways.light_over_camera(&surface, sample.lobe));
-                    assert!((both[0] / both[1] - 1.0).abs() < 1e-4, "{bsdf:?} {both:?}");
+                    for choice in [PassChoice::Free, PassChoice::Forced] {
+                        let both = [from_camera, from_light]
+                            .map(|surface| ways.light_over_camera(&surface, sample.lobe, choice));
+                        assert!((both[0] / both[1] - 1.0).abs() < 1e-4, "{bsdf:?} {both:?}");
+                        // Ratios are bounded.
+                        if sample.lobe == Lobe::Rough && (1e-6..1e6).contains(&both[0]) {
+                            let densities = [from_camera, from_light]
+                                .map(|s| ways.light_rough(&s) / ways.camera_rough(&s, choice));
+                            for density in densities {
+                                let off = density / both[0] - 1.0;
+                                assert!(off.abs() < 1e-3, "{bsdf:?} {densities:?} {both:?}");
+                            }
+                        }
+                    }
                 }
                 let light = direction(&mut rng);
                 if bsdf.merges() && light.z * camera.z > 0.0 {
                     let at_light = surface(&material, light, normal).vertex(Transport::Flux);
-                    let own = PathKind::Light.density(&bsdf, &at_light, camera);
+                    let own = Survival::LIGHT.density(&bsdf, &at_light, camera);
                     let interpolated = from_camera.interpolated;
                     let view = GatherView { bsdf, at, interpolated };
                     let seen = view.light_density(light, from_camera.normal);
@@ -194,7 +256,7 @@ mod tests {
                 let sample = bsdf.sample(&at, Transport::Flux, LobeSet::All, &mut rng);
                 let sample = sample.filter(|s| s.lobe == Lobe::Diffuse && s.wi.z > 0.6);
                 let one = sample
-                    .map_or(0.0, |s| 1.0 / f64::from(PathKind::Camera.density(&bsdf, &at, s.wi)));
+                    .map_or(0.0, |s| 1.0 / f64::from(Survival::Certain.density(&bsdf, &at, s.wi)));
                 sum += one / f64::from(n);
                 square += one * one / f64::from(n);
             }
@@ -210,7 +272,7 @@ mod tests {
         let smooth = Bsdf::Dielectric(Dielectric::new(1.5));
         let rough = Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.02));
         let [smooth, rough] = [smooth, rough].map(|bsdf| Material::new("some", bsdf));
-        let mut refracted = 0;
+        let (mut refracted, choice) = (0, PassChoice::Free);
         for _ in 0..1000 {
             let camera = direction(&mut rng);
             let from = surface(&smooth, camera, None);
@@ -221,8 +283,8 @@ mod tests {
                 continue;
             }
             let ways = Directions { camera, light: sample.wi };
-            let limit = ways.light_over_camera(&surface(&rough, camera, None), Lobe::Rough);
-            let ratio = ways.light_over_camera(&from, Lobe::Delta);
+            let limit = ways.light_over_camera(&surface(&rough, camera, None), Lobe::Rough, choice);
+            let ratio = ways.light_over_camera(&from, Lobe::Delta, choice);
             assert!((ratio / limit - 1.0).abs() < 0.02, "{camera} {}: {ratio} {limit}", sample.wi);
             refracted += u32::from(camera.z * sample.wi.z < 0.0);
         }

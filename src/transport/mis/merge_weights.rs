@@ -1,46 +1,58 @@
 //! MIS weights of merges, from the partials of photons and gather points: theory.md (47f).
 
 use super::Mis;
-use super::weights::first_weight;
+use super::weights::{GatherPartials, PhotonPartials, merge_weight};
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
-use crate::transport::photon_map::{PhotonWeights, quad_partials};
-use glam::{Vec3, Vec4};
+use crate::transport::photon_map::{PhotonWeights, QuadPartials};
+use glam::{BVec4A, Vec3, Vec4};
 
-/// Weights of merges at a Lambertian first vertex, which has this partial.
-pub(crate) struct FirstVertexWeights(pub f32);
-
-/// Weights of merges at a Lambertian second vertex.
-pub(crate) struct SecondVertexWeights {
-    by_class: ByClass<f32>,
-    /// There may be photons straight from a light, which are not merged at second vertices.
-    has_straight: bool,
+/// Weights of merges at a Lambertian vertex of this number, 1 or 2.
+pub(crate) struct VertexWeights<const VERTEX: usize> {
+    /// Terms of merges at earlier vertices for caustic and diffuse photons.
+    earlier: ByClass<Vec4>,
+    camera: Vec4,
+    /// Caustic photons have other terms.
+    separate_classes: bool,
 }
+
+/// Weights of merges at a Lambertian second vertex where camera paths are cut: one for each class.
+pub(crate) struct CutWeights(ByClass<f32>);
 
 /// A photon at a gather point where the BSDF depends on its direction.
 pub(crate) struct MergedPhoton {
     pub class: PhotonClass,
-    pub mis_partial: f32,
+    pub mis_partials: PhotonPartials,
     /// Unit vector against the direction of flight.
     pub wi: Vec3,
 }
 
-impl SecondVertexWeights {
-    /// The weights at a gather point of this partial, which includes the density of light paths there.
+impl<const VERTEX: usize> VertexWeights<VERTEX> {
+    /// The weights at a gather point of these partials, which include the density of light paths there.
     #[inline(always)] // part of the loop over queries, as the functions below
-    pub fn new(mis: &Mis, partial: f32) -> Self {
-        Self { by_class: mis.balance.second_weights(partial), has_straight: !mis.connects }
+    pub fn new(mis: &Mis, point: &GatherPartials, has_caustics: bool) -> Self {
+        let earlier = mis.balance.inverse_scales().map(|scale| Vec4::splat(point.earlier * scale));
+        let separate_classes = has_caustics && VERTEX == 2;
+        Self { earlier, camera: Vec4::splat(point.camera), separate_classes }
+    }
+}
+
+impl CutWeights {
+    /// The weights at a gather point of these partials.
+    #[inline(always)]
+    pub fn new(mis: &Mis, point: &GatherPartials) -> Self {
+        Self(mis.balance.inverse_scales().map(|scale| (1.0 + point.earlier * scale).recip()))
     }
 
     /// The weight of diffuse photons.
     #[inline(always)]
     pub fn diffuse(&self) -> f32 {
-        self.by_class[PhotonClass::Diffuse as usize]
+        self.0[PhotonClass::Diffuse as usize]
     }
 }
 
-impl PhotonWeights for FirstVertexWeights {
+impl<const VERTEX: usize> PhotonWeights for VertexWeights<VERTEX> {
     const ALL_CLASSES: bool = true;
 
     #[inline(always)]
@@ -49,50 +61,58 @@ impl PhotonWeights for FirstVertexWeights {
     }
 
     #[inline(always)]
-    fn of_quad(&self, mis_partials: &[f32], quad: usize) -> Option<Vec4> {
-        // Four times `first_weight`.
-        Some((Vec4::ONE + self.0 * quad_partials(mis_partials, quad)).recip())
-    }
-}
-
-impl PhotonWeights for SecondVertexWeights {
-    const ALL_CLASSES: bool = true;
-
-    #[inline(always)]
-    fn by_class(&self) -> Option<ByClass<f32>> {
-        Some(self.by_class)
-    }
-
-    #[inline(always)]
-    fn of_quad(&self, mis_partials: &[f32], quad: usize) -> Option<Vec4> {
-        self.has_straight.then(|| {
-            let partials = quad_partials(mis_partials, quad).to_array();
-            Vec4::from(partials.map(merges_at_second))
+    fn of_quad(
+        &self,
+        mis_partials: &[QuadPartials],
+        quad: usize,
+        is_caustic: impl FnOnce() -> BVec4A,
+    ) -> Option<Vec4> {
+        let photon = Vec4::from_array(mis_partials[quad][VERTEX - 1]);
+        // Four times `merge_weight`.
+        let [caustic, diffuse] = self.earlier;
+        let earlier = if self.separate_classes {
+            Vec4::select(is_caustic(), caustic, diffuse)
+        } else {
+            diffuse
+        };
+        let weight = (Vec4::ONE + earlier + self.camera * photon).recip();
+        Some(if VERTEX == 2 {
+            Vec4::select(photon.cmplt(Vec4::ZERO), Vec4::ZERO, weight)
+        } else {
+            weight
         })
     }
 }
 
-/// 0 for the partial of a photon straight from a light, which has a sign: it is not merged at second vertices.
-/// Else 1.
-#[inline(always)]
-fn merges_at_second(mis_partial: f32) -> f32 {
-    if mis_partial.is_sign_negative() { 0.0 } else { 1.0 }
+impl PhotonWeights for CutWeights {
+    const ALL_CLASSES: bool = true;
+
+    #[inline(always)]
+    fn by_class(&self) -> Option<ByClass<f32>> {
+        Some(self.0)
+    }
+
+    #[inline(always)]
+    fn of_quad(&self, _: &[QuadPartials], _: usize, _: impl FnOnce() -> BVec4A) -> Option<Vec4> {
+        None
+    }
 }
 
 impl Mis {
-    /// Weight of a merge of `photon` at `point`, which has the partial `point_partial`.
+    /// Weight of a merge of `photon` at `point`. `earlier` is the sum of the camera path's partial where it arrives.
     pub(crate) fn directional_weight(
         &self,
         view: &GatherView,
         point: &GatherPoint,
-        point_partial: f32,
+        earlier: f32,
         photon: &MergedPhoton,
     ) -> f32 {
-        let MergedPhoton { class, mis_partial, wi } = *photon;
-        if point.vertex == 1 {
-            return first_weight(self.balance.at_first(view.camera_density(wi)), mis_partial);
-        }
-        let partial = point_partial * view.light_density(wi, point.normal);
-        self.balance.second_weights(partial)[class as usize] * merges_at_second(mis_partial)
+        let MergedPhoton { class, mis_partials, wi } = *photon;
+        let camera = view.camera_density(wi, self.camera_survival(point.vertex));
+        let earlier =
+            if point.vertex == 1 { 0.0 } else { earlier * view.light_density(wi, point.normal) };
+        let point_partials = self.balance.gather(point.vertex, earlier, camera);
+        let inverse_scale = self.balance.inverse_scales()[class as usize];
+        merge_weight(&point_partials, inverse_scale, mis_partials[point.vertex as usize - 1])
     }
 }

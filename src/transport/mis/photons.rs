@@ -1,20 +1,17 @@
 //! MIS partials of light paths and their photons.
 
 use super::Mis;
-use super::densities::{Directions, PathKind};
-use super::weights::PreviousTechnique;
-use crate::scene::bsdf::{BsdfSample, Transport};
+use super::densities::{Directions, Survival};
+use super::weights::{LightPartial, PhotonPartials, StraightDensities};
+use crate::scene::bsdf::{BsdfSample, Lobe, Transport};
 use crate::scene::diffuse::DiffuseVertices;
-use crate::scene::{Lights, Surface};
+use crate::scene::{Emissions, Lights, Receiver, Surface};
 use crate::simd::{LANES, Mask};
+use crate::transport::light_paths::class_of;
 use crate::transport::path_state::{Depth, PathState, PathStates};
 use crate::transport::photon::PhotonClass;
 use glam::Vec3;
 use std::ops::Range;
-
-/// Partial of a photon straight from a light source. A merge at the first vertex is its only technique, so that it
-/// weighs as much as with the partial 0, which is 1. The sign marks that it is not merged at second vertices.
-const STRAIGHT: f32 = -0.0;
 
 /// The partials of one batch of light paths and of their photons.
 #[derive(Debug, Default)]
@@ -25,22 +22,30 @@ pub struct LightPartials {
     /// One for each path, after its last vertex.
     paths: Vec<PathPartial>,
     /// One for each photon, in the order of the photons.
-    pub photons: Vec<f32>,
+    pub photons: Vec<PhotonPartials>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct PathPartial {
     /// Number of the light source.
     emitter: u32,
-    partial: f32,
+    /// After the last vertex.
+    partial: LightPartial,
 }
 
-/// First segment of a light path, and the diffuse vertex at its end.
+/// First segment of a light path, and the vertex at its end.
 struct FirstSegment {
     /// Origin and direction.
     ray: [Vec3; 2],
     /// Position and normal of the vertex.
     vertex: [Vec3; 2],
+}
+
+impl FirstSegment {
+    /// Density of connections of `at` over the density of emission, both along the segment.
+    fn connection(&self, lights: &Lights, emitter: u32, at: Receiver) -> f32 {
+        lights.connection_over_emission(emitter as usize, self.ray, at, self.vertex[1])
+    }
 }
 
 impl LightPartials {
@@ -63,10 +68,14 @@ impl LightPartials {
 
     /// Records the light sources of the paths from `first` on.
     #[inline(never)] // keeps the loops without MIS short, as the functions below
-    pub fn emit(&mut self, first: u32, emitters: &[u32]) {
+    pub fn emit(&mut self, lights: &Lights, first: u32, emissions: &Emissions, count: usize) {
+        let Some(mis) = self.mis else { return };
         let first = (first - self.first) as usize;
-        for (path, &emitter) in self.paths[first..].iter_mut().zip(emitters) {
-            *path = PathPartial { emitter, partial: 0.0 };
+        for (lane, path) in self.paths[first..][..count].iter_mut().enumerate() {
+            let (emitter, direction) = (emissions.emitter[lane], emissions.direction.get(lane));
+            let emission = lights.emission_density(emitter as usize, direction);
+            let partial = mis.balance.start(emission.map_or(0.0, f32::recip));
+            *path = PathPartial { emitter, partial };
         }
     }
 
@@ -86,8 +95,13 @@ impl LightPartials {
     }
 
     fn push(&mut self, path: u32, depth: Depth) {
-        let partial = self.paths[(path - self.first) as usize].partial;
-        self.photons.push(if depth.is_start() { STRAIGHT } else { partial });
+        let Some(mis) = self.mis else { return };
+        let partial = &self.paths[(path - self.first) as usize].partial;
+        self.photons.push(if depth.is_start() {
+            mis.balance.straight_photon(partial)
+        } else {
+            mis.balance.photon(partial, class_of(depth))
+        });
     }
 
     /// Updates the partials of paths that go on from Lambertian vertices. `states` are as before scattering.
@@ -100,15 +114,22 @@ impl LightPartials {
         goes_on: &Mask,
     ) {
         let Some(mis) = self.mis else { return };
+        let survival = mis.camera_survival(2);
         for lane in (0..LANES).filter(|&lane| goes_on[lane]) {
             let path = &mut self.paths[(states.path[lane] - self.first) as usize];
-            let previous =
-                mis.previous(lights, path.emitter, states.depth[lane], || FirstSegment {
-                    ray: [states.origin.get(lane), states.direction.get(lane)],
-                    vertex: [at.position.get(lane), at.normal.get(lane)],
-                });
+            let depth = states.depth[lane];
             let albedo = at.albedo.get(lane).max_element();
-            path.partial = mis.balance.photon(previous, PathKind::Light.lambertian(albedo));
+            let segment = FirstSegment {
+                ray: [states.origin.get(lane), states.direction.get(lane)],
+                vertex: [at.position.get(lane), at.normal.get(lane)],
+            };
+            let techniques = StraightDensities {
+                connection: mis.connection(lights, path.emitter, depth, &segment),
+                camera: survival.lambertian(albedo),
+            };
+            let merges = mis.merges(depth);
+            let light = Survival::LIGHT.lambertian(albedo);
+            path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);
         }
     }
 
@@ -124,44 +145,54 @@ impl LightPartials {
     ) {
         let Some(mis) = self.mis else { return };
         let path = &mut self.paths[(state.path - self.first) as usize];
-        if sample.lobe.passes_through() {
-            if state.depth.diffuse() > 0 {
-                let directions = Directions { camera: sample.wi, light: surface.wo };
-                path.partial /= directions.light_over_camera(surface, sample.lobe);
-            }
+        let directions = Directions { camera: sample.wi, light: surface.wo };
+        let segment =
+            FirstSegment { ray: [origin, -surface.wo], vertex: [surface.position, surface.normal] };
+        let is_first_rough = state.depth.is_start() && sample.lobe == Lobe::Rough;
+        if sample.lobe.passes_through() && !is_first_rough {
+            let ratio = directions.light_over_camera(surface, sample.lobe, mis.pass_choice(1));
+            path.partial = path.partial.pass(ratio);
             return;
         }
-        let previous = mis.previous(lights, path.emitter, state.depth, || FirstSegment {
-            ray: [origin, -surface.wo],
-            vertex: [surface.position, surface.normal],
-        });
-        let at = surface.vertex(Transport::Flux);
-        let density = PathKind::Light.density(&surface.bsdf, &at, sample.wi);
-        path.partial = mis.balance.photon(previous, density);
+        let (techniques, merges, light) = if is_first_rough {
+            // Camera paths connect the light source from here, too.
+            let techniques = StraightDensities {
+                connection: segment.connection(lights, path.emitter, surface.receiver()),
+                camera: directions.camera_rough(surface, mis.pass_choice(1)),
+            };
+            (techniques, None, directions.light_rough(surface))
+        } else {
+            let techniques = StraightDensities {
+                connection: mis.connection(lights, path.emitter, state.depth, &segment),
+                camera: directions.camera_diffuse(surface, mis.camera_survival(2)),
+            };
+            let at = surface.vertex(Transport::Flux);
+            let light = Survival::LIGHT.density(&surface.bsdf, &at, sample.wi);
+            (techniques, mis.merges(state.depth), light)
+        };
+        path.partial = mis.balance.scatter(&path.partial, techniques, merges, light);
     }
 }
 
 impl Mis {
-    /// Technique of a camera path that ends at a diffuse vertex of a light path. `depth` is the depth at which the
-    /// light path arrives there; `segment` is called if it arrives straight from its light source.
-    fn previous(
+    /// Density of connections over the density of emission where a light path arrives at a diffuse vertex with this
+    /// depth; 0 unless it arrives straight from its light source and is connected from there.
+    fn connection(
         &self,
         lights: &Lights,
         emitter: u32,
         depth: Depth,
-        segment: impl FnOnce() -> FirstSegment,
-    ) -> PreviousTechnique {
-        if depth.diffuse() > 0 {
-            PreviousTechnique::Merged(PhotonClass::Diffuse)
-        } else if !depth.is_start() {
-            PreviousTechnique::Merged(PhotonClass::Caustic)
-        } else if self.connects {
-            let FirstSegment { ray, vertex: [position, normal] } = segment();
-            let emitter = emitter as usize;
-            let inverse_l = lights.connection_over_emission(emitter, ray, position, normal);
-            PreviousTechnique::Connected { inverse_l }
-        } else {
-            PreviousTechnique::Never
+        segment: &FirstSegment,
+    ) -> f32 {
+        if !depth.is_start() || !self.connects {
+            return 0.0;
         }
+        let [position, normal] = segment.vertex;
+        segment.connection(lights, emitter, Receiver { position, normal: Some(normal) })
+    }
+
+    /// Class of the photon of a light path that arrives with this depth, if it is merged at second vertices.
+    fn merges(&self, depth: Depth) -> Option<PhotonClass> {
+        (!depth.is_start()).then(|| class_of(depth))
     }
 }

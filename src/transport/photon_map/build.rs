@@ -4,8 +4,9 @@
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
 //! decide the order of additions, depend on the photons but not on the number of threads.
 
-use super::{Grid, PhotonMap, QUAD, Quad};
+use super::{Grid, PhotonMap, QUAD, Quad, QuadPartials};
 use crate::base::math::Rgb;
+use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::{Arrival, Extent, Photon};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -25,7 +26,7 @@ pub struct PhotonSlices<'a> {
     /// The photons of each slice.
     pub photons: &'a [&'a [Photon]],
     /// Their MIS partials in the same slices; no slices without MIS.
-    pub mis_partials: &'a [&'a [f32]],
+    pub mis_partials: &'a [&'a [PhotonPartials]],
 }
 
 /// Consecutive photons sorted by partition. If there is only one partition, `unsorted` alone is used.
@@ -33,7 +34,7 @@ pub struct PhotonSlices<'a> {
 pub struct PhotonChunk {
     photons: Vec<Photon>,
     /// MIS partials of the photons; empty without MIS.
-    mis_partials: Vec<f32>,
+    mis_partials: Vec<PhotonPartials>,
     /// Bucket of each photon.
     buckets: Vec<u32>,
     /// End of each partition.
@@ -85,10 +86,15 @@ impl PhotonChunk {
     }
 
     /// Copies the MIS partials in the order of the photons, whose partitions start at `next`.
-    fn sort_partials(&mut self, partials: &[&[f32]], shift: u32, next: &[u32; PARTITIONS + 1]) {
+    fn sort_partials(
+        &mut self,
+        partials: &[&[PhotonPartials]],
+        shift: u32,
+        next: &[u32; PARTITIONS + 1],
+    ) {
         let mut next = *next;
         let count = partials.iter().map(|partials| partials.len()).sum();
-        self.mis_partials.resize(count, 0.0);
+        self.mis_partials.resize(count, PhotonPartials::default());
         for (partial, bucket) in partials.iter().copied().flatten().zip(&self.unsorted) {
             let next = &mut next[(bucket >> shift) as usize];
             self.mis_partials[*next as usize] = *partial;
@@ -113,7 +119,7 @@ impl PhotonChunk {
 struct Run<'a> {
     photons: &'a [Photon],
     buckets: &'a [u32],
-    mis_partials: &'a [f32],
+    mis_partials: &'a [PhotonPartials],
 }
 
 /// The photons of slices, with their buckets, which are in the same order.
@@ -133,7 +139,7 @@ struct Partition<'a> {
     starts: &'a mut [u32],
     quads: &'a mut [Quad],
     directions: &'a mut [u32],
-    mis_partials: &'a mut [f32],
+    mis_partials: &'a mut [QuadPartials],
 }
 
 impl Partition<'_> {
@@ -164,8 +170,10 @@ impl Partition<'_> {
                 if let Some(direction) = self.directions.get_mut(place) {
                     *direction = photon.from;
                 }
-                if let Some(partial) = self.mis_partials.get_mut(place) {
-                    *partial = mis_partials[index];
+                if let Some(quad) = self.mis_partials.get_mut(place / QUAD) {
+                    for (lanes, partial) in quad.iter_mut().zip(mis_partials[index]) {
+                        lanes[place % QUAD] = partial;
+                    }
                 }
             }
         }
@@ -224,7 +232,8 @@ impl PhotonMap {
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
         self.quads.resize(places / QUAD, Quad::default());
         self.directions.resize(if has_directions { places } else { 0 }, 0);
-        self.mis_partials.resize(if weighted { places } else { 0 }, 0.0);
+        let partials = if weighted { places / QUAD } else { 0 };
+        self.mis_partials.resize(partials, QuadPartials::default());
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
@@ -241,7 +250,7 @@ impl PhotonMap {
                     starts: take(&mut starts, own),
                     quads: take(&mut quads, size / QUAD),
                     directions: take(&mut directions, if has_directions { size } else { 0 }),
-                    mis_partials: take(&mut mis_partials, if weighted { size } else { 0 }),
+                    mis_partials: take(&mut mis_partials, if weighted { size / QUAD } else { 0 }),
                 };
                 offset += size as u32;
                 partition

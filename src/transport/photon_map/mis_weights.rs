@@ -2,7 +2,10 @@
 
 use super::QUAD;
 use crate::transport::kernel::ByClass;
-use glam::Vec4;
+use glam::{BVec4A, Vec4};
+
+/// MIS partials of the photons of a quad, for merges at first and at second vertices.
+pub(crate) type QuadPartials = [[f32; QUAD]; 2];
 
 /// MIS weights of the photons that one query finds.
 pub(crate) trait PhotonWeights {
@@ -12,8 +15,14 @@ pub(crate) trait PhotonWeights {
     /// One weight for each photon class; `None` if both are 1.
     fn by_class(&self) -> Option<ByClass<f32>>;
 
-    /// Further weights of the photons of a quad, from their MIS partials; `None` if all are 1.
-    fn of_quad(&self, mis_partials: &[f32], quad: usize) -> Option<Vec4>;
+    /// Further weights of the photons of a quad, from their MIS partials; `None` if all are 1. `is_caustic` finds the
+    /// caustic photons.
+    fn of_quad(
+        &self,
+        mis_partials: &[QuadPartials],
+        quad: usize,
+        is_caustic: impl FnOnce() -> BVec4A,
+    ) -> Option<Vec4>;
 }
 
 /// Weights of 1 for all photons.
@@ -28,13 +37,7 @@ impl PhotonWeights for Unweighted {
     }
 
     #[inline(always)]
-    fn of_quad(&self, _: &[f32], _: usize) -> Option<Vec4> {
+    fn of_quad(&self, _: &[QuadPartials], _: usize, _: impl FnOnce() -> BVec4A) -> Option<Vec4> {
         None
     }
-}
-
-/// The MIS partials of the photons of a quad.
-#[inline(always)]
-pub(crate) fn quad_partials(mis_partials: &[f32], quad: usize) -> Vec4 {
-    Vec4::from_slice(&mis_partials[quad * QUAD..][..QUAD])
 }

@@ -10,6 +10,7 @@ mod queries;
 
 use super::kernel::{Admission, ByClass, PointKernel};
 use super::light_paths::LightPaths;
+use super::mis::weights::PhotonPartials;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
@@ -22,7 +23,7 @@ use std::array::from_fn;
 use std::ops;
 use std::time::{Duration, Instant};
 
-pub(crate) use mis_weights::{PhotonWeights, Unweighted, quad_partials};
+pub(crate) use mis_weights::{PhotonWeights, QuadPartials, Unweighted};
 pub(crate) use quad::{NoPairs, PairSink, PointPairs};
 pub(crate) use queries::{MergeQueries, MergeQuery};
 
@@ -34,7 +35,7 @@ pub struct PhotonMap {
     /// Packed directions of the photons; empty if no BSDF needs them.
     directions: Vec<u32>,
     /// MIS partials of the photons; empty without MIS.
-    mis_partials: Vec<f32>,
+    mis_partials: Vec<QuadPartials>,
     /// Start of each bucket, and the end of the last one.
     starts: Vec<u32>,
     /// Buffers for sorting, kept for their memory.
@@ -262,13 +263,13 @@ impl PhotonMap {
     }
 
     /// Calls `visit` as [`Self::for_each_within`] does, given the ranges of this position, and with the photon's MIS
-    /// partial, which is 0 without MIS.
+    /// partials, which are 0 without MIS.
     #[inline]
     pub fn for_each_in(
         &self,
         ranges: &[Range],
         position: Vec3,
-        mut visit: impl FnMut(&Photon, f32, f32),
+        mut visit: impl FnMut(&Photon, f32, PhotonPartials),
     ) {
         for range in ranges {
             let (start, end) = (range.start as usize, range.end as usize);
@@ -286,8 +287,9 @@ impl PhotonMap {
                     let place = first + found.trailing_zeros() as usize;
                     found &= found - 1;
                     let photon = self.photon(place);
-                    let partial = self.mis_partials.get(place).copied().unwrap_or(0.0);
-                    visit(&photon, photon.position.distance_squared(position), partial);
+                    let of_quad = self.mis_partials.get(place / QUAD).copied().unwrap_or_default();
+                    let partials = of_quad.map(|lanes| lanes[place % QUAD]);
+                    visit(&photon, photon.position.distance_squared(position), partials);
                 }
                 first += 64;
             }
@@ -311,7 +313,7 @@ impl PhotonMap {
             #[inline(always)]
             |index, quad, lanes| {
                 let count = quad.admitted(&query, lanes);
-                let weights = weights.of_quad(&self.mis_partials, index);
+                let weights = weights.of_quad(&self.mis_partials, index, || quad.is_caustic());
                 quad.add_to(&mut sum, &query, count, weights);
                 if ANNULUS {
                     quad.add_to(&mut inner, &query, count & quad.within_half(&query), weights);

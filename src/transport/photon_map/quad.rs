@@ -202,8 +202,9 @@ impl Quad {
         Vec4::select(self.is_caustic(), *caustic, *diffuse)
     }
 
+    /// Selects the lanes of caustic photons.
     #[inline(always)]
-    fn is_caustic(&self) -> BVec4A {
+    pub fn is_caustic(&self) -> BVec4A {
         let diffuse = self.arrival.map(|arrival| if arrival.is_caustic() { 0.0 } else { 1.0 });
         Vec4::from_array(diffuse).cmpeq(Vec4::ZERO)
     }

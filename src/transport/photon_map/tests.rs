@@ -263,7 +263,8 @@ fn photons_keep_their_mis_partials() {
     // Sorted in one pass, and in partitions.
     for count in [300, 40_000] {
         let photons = photons(&points(count, Vec3::ZERO, Vec3::ONE, 9));
-        let partials: Vec<f32> = photons.iter().map(|photon| 0.5 + photon.path as f32).collect();
+        let of_path = |path: u32| [0.5 + path as f32, -3.0 * path as f32];
+        let partials: Vec<_> = photons.iter().map(|photon| of_path(photon.path)).collect();
         let (slices, of_slices): (Vec<_>, Vec<_>) =
             photons.chunks(500).zip(partials.chunks(500)).unzip();
         let extent =
@@ -275,8 +276,8 @@ fn photons_keep_their_mis_partials() {
         for query in points(50, Vec3::ZERO, Vec3::ONE, 10) {
             map.find_ranges(&Vec3s::splat(query), &from_fn(|lane| lane == 0), &mut ranges);
             for ranges in ranges.by_lane() {
-                map.for_each_in(ranges, query, |photon, _, partial| {
-                    assert_eq!(partial, 0.5 + photon.path as f32);
+                map.for_each_in(ranges, query, |photon, _, partials| {
+                    assert_eq!(partials, of_path(photon.path));
                     found += 1;
                 });
             }
