@@ -191,10 +191,9 @@ impl Hash {
     }
 
     fn environment(&mut self, environment: &Environment) {
-        let ([width, height], radiance, turn) = environment.parts();
-        [width, height].into_iter().for_each(|size| self.u32(size));
-        radiance.iter().for_each(|&pixel| self.vec3(pixel));
-        self.f32(turn);
+        environment.size().into_iter().for_each(|size| self.u32(size));
+        environment.pixels().for_each(|pixel| self.vec3(pixel));
+        self.f32(environment.turn());
     }
 
     fn emitter(&mut self, emitter: &Emitter) {

@@ -87,14 +87,14 @@ pub(super) fn regions(regions: &[Region]) -> String {
 
 /// Whether the environment is constant, so that it needs no file.
 pub(super) fn is_plain(environment: &Environment) -> bool {
-    matches!(environment.parts(), ([1, 1], _, 0.0))
+    environment.size() == [1, 1] && environment.turn() == 0.0
 }
 
 pub(super) fn environment(environment: &Environment) -> String {
-    let (_, radiance, turn) = environment.parts();
-    if is_plain(environment) {
-        return format!("\n[environment]\nradiance = {}\n", color(radiance[0]));
+    if let (true, Some(radiance)) = (is_plain(environment), environment.pixels().next()) {
+        return format!("\n[environment]\nradiance = {}\n", color(radiance));
     }
+    let turn = environment.turn();
     let degrees = inverse(turn, turn * 360.0, |degrees| degrees / 360.0).unwrap_or(turn * 360.0);
     format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees))
 }

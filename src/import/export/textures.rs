@@ -3,6 +3,7 @@
 use super::folder::ExportFolder;
 use super::names::{Names, for_file};
 use crate::base::error::Result;
+use crate::base::math::Rgb;
 use crate::image_io::{Image, Layer, Metadata, write_exr};
 use crate::scene::{Environment, Sampling, Texture, Wrap};
 use std::collections::HashMap;
@@ -72,7 +73,8 @@ fn write_png(texture: &Texture, to: &mut dyn Write) -> io::Result<()> {
 }
 
 pub(super) fn write_environment(environment: &Environment, path: &Path) -> Result<()> {
-    let ([width, height], radiance, _) = environment.parts();
-    let layers = vec![Layer::rgb("", radiance)];
+    let [width, height] = environment.size();
+    let radiance: Vec<Rgb> = environment.pixels().collect();
+    let layers = vec![Layer::rgb("", &radiance)];
     write_exr(path, &Image { width, height, layers, metadata: Metadata::new() })
 }

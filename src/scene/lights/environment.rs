@@ -1,9 +1,10 @@
 //! The environment: a map of radiance over directions, importance sampled.
 
+use super::cutpoints::{Choice, Cutpoints, Outcome, UNITS, interval_ends};
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{Bounds, Rgb, luminance, uniform_disc};
 use crate::base::rng::Rng;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::f32::consts::{PI, TAU};
 
 /// Radiance that arrives from each direction, uniform in each pixel of a latitude-longitude map. The first row is
@@ -12,19 +13,55 @@ use std::f32::consts::{PI, TAU};
 pub struct Environment {
     width: u32,
     height: u32,
-    /// W/(m^2 sr), row by row.
-    radiance: Vec<Rgb>,
+    /// Row by row.
+    pixels: Vec<Pixel>,
+    rows: Vec<Row>,
+    row_cutpoints: Cutpoints,
+    /// Cutpoints for the pixels of each row.
+    column_cutpoints: Cutpoints,
     /// Rotation about +y, in full turns; counterclockwise seen from +y.
     turn: f32,
-    /// Upper end of each row's interval of [0, 1].
-    rows: Vec<f64>,
-    /// Upper end of each pixel's interval of [0, 1] in its row, row by row.
-    columns: Vec<f64>,
     /// Integral of the radiance over all directions, W/m^2.
     integral: Rgb,
     /// Center and radius of a sphere around the scene.
     center: Vec3,
     radius: f32,
+}
+
+/// A pixel of the map. A sample reads all of it at once: maps are larger than the caches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(16))]
+struct Pixel {
+    /// W/(m^2 sr).
+    radiance: Rgb,
+    /// Upper end of the interval in the choice among the pixels of the row, units.
+    end: u32,
+}
+
+/// A row of the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Row {
+    /// Upper end of the interval in the choice among the rows, units.
+    end: u32,
+    /// Cosines of the angles between +y and the upper and lower edge.
+    edges: [f32; 2],
+    /// The reciprocal of the density in solid angle of a pixel's directions, sr, times the pixel's units. Infinite for
+    /// a row without light.
+    inverse_pdf_w: f32,
+}
+
+impl Outcome for Pixel {
+    #[inline]
+    fn end(&self) -> u32 {
+        self.end
+    }
+}
+
+impl Outcome for Row {
+    #[inline]
+    fn end(&self) -> u32 {
+        self.end
+    }
 }
 
 impl Environment {
@@ -38,28 +75,48 @@ impl Environment {
         let mut environment = Self {
             width,
             height,
-            radiance,
+            pixels: Vec::with_capacity(radiance.len()),
+            rows: Vec::with_capacity(height as usize),
+            row_cutpoints: Cutpoints::new(height as usize),
+            column_cutpoints: Cutpoints::new(width as usize),
             turn: turn_deg / 360.0,
-            rows: Vec::new(),
-            columns: Vec::new(),
             integral: Rgb::ZERO,
             center: Vec3::ZERO,
             radius: 0.0,
         };
-        let mut integral = glam::DVec3::ZERO;
-        let mut columns = Vec::with_capacity(environment.radiance.len());
-        let mut rows = Vec::with_capacity(height as usize);
-        for row in 0..height {
-            let solid_angle = environment.solid_angle(row);
-            let fluxes = (0..width).map(|column| environment.pixel(column, row) * solid_angle);
-            integral += fluxes.clone().map(|flux| flux.as_dvec3()).sum::<glam::DVec3>();
-            let own = cumulative(fluxes.map(|flux| f64::from(luminance(flux))), &mut columns);
-            rows.push(own);
-        }
-        environment.columns = columns;
-        cumulative(rows.into_iter(), &mut environment.rows);
-        environment.integral = integral.as_vec3();
+        let rows = radiance.chunks_exact(width as usize).zip(0..);
+        let (fluxes, weights): (Vec<DVec3>, Vec<f64>) =
+            rows.map(|(radiance, row)| environment.add_pixels(radiance, row)).unzip();
+        environment.add_rows(&weights);
+        environment.integral = fluxes.iter().sum::<DVec3>().as_vec3();
         environment
+    }
+
+    /// Adds the pixels of a row. Returns the integral of their radiance over the solid angle, W/m^2, and its luminance.
+    fn add_pixels(&mut self, radiance: &[Rgb], row: u32) -> (DVec3, f64) {
+        let solid_angle = f64::from(self.solid_angle(row));
+        let weights = radiance.iter().map(|one| f64::from(luminance(*one)));
+        let weights: Vec<f64> = weights.collect();
+        let pixels = radiance.iter().zip(interval_ends(&weights));
+        let first = self.pixels.len();
+        self.pixels.extend(pixels.map(|(&radiance, end)| Pixel { radiance, end }));
+        self.column_cutpoints.add(&self.pixels[first..]);
+        let sum: DVec3 = radiance.iter().map(|one| one.as_dvec3()).sum();
+        (sum * solid_angle, weights.iter().sum::<f64>() * solid_angle)
+    }
+
+    /// Adds all rows, which are chosen in proportion to `weights`.
+    fn add_rows(&mut self, weights: &[f64]) {
+        let mut begin = 0;
+        for (row, end) in (0..).zip(interval_ends(weights)) {
+            let prob = f64::from(end - begin) / f64::from(UNITS);
+            let inverse_pdf_w = f64::from(self.solid_angle(row)) * f64::from(UNITS) / prob;
+            let step = PI / self.height as f32;
+            let edges = [row, row + 1].map(|row| (row as f32 * step).cos());
+            self.rows.push(Row { end, edges, inverse_pdf_w: inverse_pdf_w as f32 });
+            begin = end;
+        }
+        self.row_cutpoints.add(&self.rows);
     }
 
     /// Sets the sphere to one around `bounds`.
@@ -83,17 +140,23 @@ impl Environment {
         self.disc() * self.integral
     }
 
-    /// Size, pixels and rotation, for a fingerprint.
-    pub(crate) fn parts(&self) -> ([u32; 2], &[Rgb], f32) {
-        ([self.width, self.height], &self.radiance, self.turn)
+    /// Width and height, pixels.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// The radiance of each pixel, W/(m^2 sr), row by row.
+    pub(crate) fn pixels(&self) -> impl ExactSizeIterator<Item = Rgb> {
+        self.pixels.iter().map(|pixel| pixel.radiance)
+    }
+
+    /// Rotation about +y, in full turns; counterclockwise seen from +y.
+    pub(crate) fn turn(&self) -> f32 {
+        self.turn
     }
 
     fn disc(&self) -> f32 {
         PI * self.radius * self.radius
-    }
-
-    fn pixel(&self, column: u32, row: u32) -> Rgb {
-        self.radiance[row as usize * self.width as usize + column as usize]
     }
 
     /// Solid angle of a pixel in this row, sr.
@@ -105,34 +168,50 @@ impl Environment {
         TAU / self.width as f32 * 2.0 * middle.sin() * (0.5 * step).sin()
     }
 
-    /// Radiance that arrives from a unit direction, W/(m^2 sr).
-    pub fn radiance(&self, direction: Vec3) -> Rgb {
+    /// Row of the pixel in a unit direction, and index of the pixel.
+    #[inline]
+    fn pixel_index(&self, direction: Vec3) -> [usize; 2] {
         let longitude = direction.x.atan2(-direction.z) / TAU + 0.5 + self.turn;
         let latitude = direction.y.clamp(-1.0, 1.0).acos() / PI;
         let index = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
-        let column = index(longitude - longitude.floor(), self.width);
-        self.pixel(column, index(latitude, self.height))
+        let column = index(longitude - longitude.floor(), self.width) as usize;
+        let row = index(latitude, self.height) as usize;
+        [row, row * self.width as usize + column]
     }
 
-    /// A direction in proportion to the luminance, from two uniform numbers. Also returns the radiance from there
-    /// over the density, W/m^2, and one over the density, sr.
+    /// Radiance that arrives from a unit direction, W/(m^2 sr).
+    pub fn radiance(&self, direction: Vec3) -> Rgb {
+        let [_, pixel] = self.pixel_index(direction);
+        self.pixels[pixel].radiance
+    }
+
+    /// Radiance that arrives from a unit direction, W/(m^2 sr), and the density in solid angle with which
+    /// [`Self::sample`] chooses it, 1/sr.
+    /// theory.md (15).
+    pub fn radiance_and_pdf_w(&self, direction: Vec3) -> (Rgb, f32) {
+        let [row, index] = self.pixel_index(direction);
+        let is_first = index == row * self.width as usize;
+        let begin = if is_first { 0 } else { self.pixels[index - 1].end };
+        let pixel = &self.pixels[index];
+        (pixel.radiance, (pixel.end - begin) as f32 / self.rows[row].inverse_pdf_w)
+    }
+
+    /// A direction in proportion to the luminance, from two uniform numbers: latitude and longitude increase with
+    /// them. Also returns the radiance from there over the density, W/m^2, and one over the density, sr.
     /// theory.md (15).
     fn sample(&self, [u, v]: [f64; 2]) -> (Vec3, Rgb, f32) {
-        let (row, prob_of_row, v) = choose(&self.rows, v);
-        let first = row * self.width as usize;
-        let (column, prob, u) = choose(&self.columns[first..first + self.width as usize], u);
-        let index = first + column;
-        let (column, row) = (column as u32, row as u32);
+        let Choice { index: row, rest: v, .. } = self.row_cutpoints.choose(0, &self.rows, v);
+        let Row { edges: [above, below], inverse_pdf_w, .. } = self.rows[row];
+        let pixels = &self.pixels[row * self.width as usize..][..self.width as usize];
+        let Choice { index: column, units, rest: u } = self.column_cutpoints.choose(row, pixels, u);
         // Uniform in solid angle: in longitude and in the cosine.
-        let step = PI / self.height as f32;
-        let [above, below] = [row, row + 1].map(|row| (row as f32 * step).cos());
         let y = above + v as f32 * (below - above);
         let longitude = TAU * ((column as f32 + u as f32) / self.width as f32 - 0.5 - self.turn);
         let across = (1.0 - y * y).max(0.0).sqrt();
         let (sin, cos) = longitude.sin_cos();
         let direction = Vec3::new(across * sin, y, -across * cos);
-        let inverse_pdf_w = self.solid_angle(row) / (prob_of_row * prob) as f32;
-        (direction, self.radiance[index] * inverse_pdf_w, inverse_pdf_w)
+        let inverse_pdf_w = inverse_pdf_w / units as f32;
+        (direction, pixels[column].radiance * inverse_pdf_w, inverse_pdf_w)
     }
 
     /// Starts a light path from four uniform numbers; the environment was chosen with probability `prob`.
@@ -157,27 +236,6 @@ impl Environment {
             inverse_pdf_w: inverse_pdf_w / prob,
         }
     }
-}
-
-/// Appends the upper end of each weight's interval of [0, 1]; equal intervals if all weights are 0. Returns their sum.
-fn cumulative(weights: impl ExactSizeIterator<Item = f64>, ends: &mut Vec<f64>) -> f64 {
-    let (first, count, mut sum) = (ends.len(), weights.len(), 0.0);
-    ends.extend(weights.map(|weight| {
-        sum += weight;
-        sum
-    }));
-    for (index, end) in ends[first..].iter_mut().enumerate() {
-        *end = if sum > 0.0 { *end / sum } else { (index + 1) as f64 / count as f64 };
-    }
-    sum
-}
-
-/// The index whose interval contains `u` of [0, 1), its probability, and the position of `u` in it, in [0, 1].
-fn choose(ends: &[f64], u: f64) -> (usize, f64, f64) {
-    let index = ends.partition_point(|&end| end <= u).min(ends.len() - 1);
-    let begin = if index == 0 { 0.0 } else { ends[index - 1] };
-    let prob = ends[index] - begin;
-    (index, prob, ((u - begin) / prob).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
@@ -227,6 +285,70 @@ mod tests {
             let off = (sum - map.integral).abs();
             assert!(off.cmple(4.0 * error + 1e-3 * map.integral).all(), "{sum} {}", map.integral);
         }
+    }
+
+    #[test]
+    fn sampled_pixels_and_densities_match_luminance_times_solid_angle() {
+        let map = environment(35.0);
+        let mut rng = StreamKey::new(9, Stream::Test, 0).rng(0);
+        let (n, mut counts) = (200_000, [0.0; 84]);
+        let (mut sum, mut square, mut strayed) = (0.0, 0.0, 0);
+        for _ in 0..n {
+            let (direction, _, inverse_pdf_w) = map.sample([rng.next_f64(), rng.next_f64()]);
+            let [_, pixel] = map.pixel_index(direction);
+            counts[pixel] += 1.0;
+            sum += f64::from(inverse_pdf_w) / f64::from(n);
+            square += f64::from(inverse_pdf_w).powi(2) / f64::from(n);
+            // At their edges, directions may belong to the next pixel.
+            strayed +=
+                u32::from((map.radiance_and_pdf_w(direction).1 * inverse_pdf_w - 1.0).abs() > 1e-5);
+        }
+        assert!(strayed < 20, "{strayed}");
+        // All pixels have light: the mean of the reciprocal is the solid angle of the sphere.
+        let error = ((square - sum * sum) / f64::from(n)).sqrt();
+        assert!((sum - 4.0 * std::f64::consts::PI).abs() < 4.0 * error, "{sum} +- {error}");
+        let prob = |pixel: usize| {
+            let row = pixel / map.width as usize;
+            let flux = luminance(map.pixels[pixel].radiance) * map.solid_angle(row as u32);
+            f64::from(flux / luminance(map.integral))
+        };
+        let expected = (0..84).map(|pixel| prob(pixel) * f64::from(n));
+        let chi_square: f64 = expected.zip(counts).map(|(e, count)| (count - e).powi(2) / e).sum();
+        // 83 degrees of freedom: mean 83, standard deviation sqrt(2 * 83).
+        assert!((chi_square - 83.0).abs() < 4.0 * 166_f64.sqrt(), "{chi_square}");
+    }
+
+    #[test]
+    fn directions_increase_with_their_random_numbers() {
+        let map = environment(0.0);
+        let number = |i: u32| f64::from(i) / 1000.0;
+        for u in [0.1, 0.6] {
+            let heights: Vec<f32> = (0..1000).map(|i| map.sample([u, number(i)]).0.y).collect();
+            assert!(heights.is_sorted_by(|one, next| one >= next));
+            let longitude = |i: u32| {
+                let direction = map.sample([number(i), u]).0;
+                direction.x.atan2(-direction.z)
+            };
+            let longitudes: Vec<f32> = (1..1000).map(longitude).collect();
+            assert!(longitudes.is_sorted());
+        }
+    }
+
+    #[test]
+    fn maps_without_light_in_most_pixels_are_sampled_where_they_have_light() {
+        let mut pixels = vec![Rgb::ZERO; 64 * 32];
+        let lit = [(0, 1.0), (64 * 9 + 63, 1e-9), (64 * 9 + 5, 1e20)];
+        lit.iter().for_each(|&(pixel, radiance)| pixels[pixel] = Rgb::splat(radiance));
+        let map = Environment::new(64, 32, pixels, 0.0);
+        let numbers = [0.0, 1e-12, 0.4, 1.0 - 1e-10, 1.0_f64.next_down(), 1.0];
+        for u in numbers {
+            for v in numbers {
+                let (direction, value, inverse_pdf_w) = map.sample([u, v]);
+                assert!(direction.is_finite() && value.is_finite());
+                assert!(value.x > 0.0 && inverse_pdf_w > 0.0);
+            }
+        }
+        assert_eq!(map.radiance_and_pdf_w(Vec3::NEG_Y).1, 0.0);
     }
 
     #[test]

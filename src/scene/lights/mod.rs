@@ -4,6 +4,7 @@
 mod tree_node;
 mod sampler;
 mod cluster;
+mod cutpoints;
 pub mod emitter;
 pub mod environment;
 pub mod guide;
@@ -266,10 +267,15 @@ impl Lights {
         Some(luminance(radiance) / self.total_power())
     }
 
-    /// Density in solid angle of connections of `at` with the environment where it has this luminance, 1/sr.
-    pub fn environment_pdf_w(&self, radiance: f32, at: Receiver) -> f32 {
-        let prob = self.by_estimate.prob(self.emitters.len(), at);
-        prob * radiance / luminance(self.chosen_environment().integral())
+    /// Radiance of a ray that hits nothing in a unit direction, W/(m^2 sr), and the density in solid angle of
+    /// connections with the environment along it, 1/sr, if the environment is certain to be chosen.
+    pub fn environment_sight(&self, direction: Vec3) -> (Rgb, f32) {
+        self.environment.as_ref().map_or((Rgb::ZERO, 0.0), |map| map.radiance_and_pdf_w(direction))
+    }
+
+    /// Probability of choosing the environment for connections of `at`.
+    pub fn environment_prob(&self, at: Receiver) -> f32 {
+        self.by_estimate.prob(self.emitters.len(), at)
     }
 
     /// Luminance of the power of all lights, W: the mean flux of a light path.
@@ -430,9 +436,7 @@ mod tests {
             found[index] += 1;
             // Rays can hit the other lights.
             let pdf_w = match lights.emitters.get(index) {
-                None => {
-                    lights.environment_pdf_w(luminance(lights.environment_radiance(sample.wi)), at)
-                }
+                None => lights.environment_prob(at) * lights.environment_sight(sample.wi).1,
                 Some(emitter) if emitter.is_delta() => {
                     assert_eq!(sample.inverse_pdf_w, 0.0);
                     continue;

@@ -2,7 +2,7 @@
 
 use super::CameraPaths;
 use super::non_diffuse::PathVertex;
-use crate::base::math::luminance;
+use crate::base::math::{Rgb, luminance};
 use crate::scene::bsdf::{BsdfSample, Lobe};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::{LightSample, LightSamples, Lights, Receiver, Scene};
@@ -246,24 +246,21 @@ impl CameraPaths {
         last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 
-    /// MIS weight of environment radiance that a path hits along `direction`, after `diffuse` diffuse vertices.
-    pub(super) fn environment_weight(
+    /// Environment radiance that a path hits along `direction` after `diffuse` diffuse vertices, times its MIS weight.
+    pub(super) fn environment_hit(
         &self,
         lights: &Lights,
         path: u32,
         diffuse: u32,
         direction: Vec3,
-        radiance: f32,
-    ) -> f32 {
-        let Some(mis) = self.mis else { return 1.0 };
+    ) -> Rgb {
+        let Some(mis) = self.mis else { return lights.environment_radiance(direction) };
         let last = &self.last_vertices[path as usize];
-        let connection_pdf_w = if last.density > 0.0 {
-            lights.environment_pdf_w(radiance, last.receiver)
-        } else {
-            0.0
-        };
-        let emission = radiance / lights.total_power();
-        last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
+        let (radiance, pdf_w) = lights.environment_sight(direction);
+        let connection_pdf_w =
+            if last.density > 0.0 { pdf_w * lights.environment_prob(last.receiver) } else { 0.0 };
+        let emission = luminance(radiance) / lights.total_power();
+        radiance * last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 }
 

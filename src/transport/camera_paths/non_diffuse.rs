@@ -2,7 +2,7 @@
 
 use super::{CameraPass, CameraPaths, Connections};
 use crate::accel::Ray;
-use crate::base::math::{Rgb, luminance};
+use crate::base::math::Rgb;
 use crate::scene::bsdf::{Lobe, LobeSet, Transport, Vertex};
 use crate::scene::{LightSample, Lights, Surface};
 use crate::simd::{LANES, Vec3s, lanes_of};
@@ -32,12 +32,7 @@ impl CameraPaths {
                 continue;
             }
             let direction = states.direction.get(lane);
-            let mut radiance = lights.environment_radiance(direction);
-            if self.mis.is_some() {
-                let luminance = luminance(radiance);
-                radiance *=
-                    self.environment_weight(lights, path, depth.diffuse(), direction, luminance);
-            }
+            let radiance = self.environment_hit(lights, path, depth.diffuse(), direction);
             self.add_hit(path, depth, states.weight.get(lane) * radiance);
         }
     }
