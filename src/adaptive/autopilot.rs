@@ -213,9 +213,11 @@ impl Autopilot {
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
+        // Without photons the number of light paths, which are not traced, makes no difference.
+        let most_light_paths = if settings.has_photons() { renderer.most_light_paths() } else { 2 };
         let problem = |iteration_time| {
             let bounds = CountLimits {
-                light_paths: 2..=renderer.most_light_paths(),
+                light_paths: 2..=most_light_paths,
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };

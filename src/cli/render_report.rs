@@ -118,7 +118,7 @@ pub fn announce(
     let Settings { width, height, .. } = state.provenance.settings;
     let counts = match state.is_automatic {
         true => "path counts chosen automatically".to_owned(),
-        false => describe_counts(state.renderer.block()),
+        false => describe_counts(state.renderer.block(), &state.provenance.settings),
     };
     progress.note(&format!("read {}", input.loaded.summary));
     progress.note(&format!(
@@ -130,15 +130,20 @@ pub fn announce(
 }
 
 /// The counts of a block in words.
-pub fn describe_counts(block: &Block) -> String {
+pub fn describe_counts(block: &Block, settings: &Settings) -> String {
     let camera = &block.counts.camera_paths;
     let (min, max) = (camera.least(), camera.most());
-    let light = block.counts.light_paths;
+    let light = light_path_count(settings, block.counts.light_paths);
     if min == max {
         format!("{light} light paths, {min} camera paths per pixel")
     } else {
         format!("{light} light paths, {:.2} ({min} to {max}) camera paths per pixel", camera.mean())
     }
+}
+
+/// Number of light paths of an iteration in words.
+fn light_path_count(settings: &Settings, light_paths: u32) -> String {
+    if settings.has_photons() { light_paths.to_string() } else { "no".to_owned() }
 }
 
 /// The report in a few lines.
@@ -276,7 +281,8 @@ fn path_counts(report: &RenderReport) -> String {
     let mut text = format!(
         "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
          path per pixel would take {:.2} times as long\n",
-        last.light_paths, promise.gain_over_one_each
+        light_path_count(report.run.settings, last.light_paths),
+        promise.gain_over_one_each
     );
     if let (Some(error), Some(result)) = (promise.error, report.error) {
         text += &format!(

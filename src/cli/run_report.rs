@@ -20,7 +20,7 @@ pub struct RunReport<'a> {
     pub ranks: u32,
     /// Bytes that rank 0 received from the others.
     received_bytes: u64,
-    settings: &'a Settings,
+    pub settings: &'a Settings,
     /// Iterations of the image.
     pub iterations: u64,
     /// Iterations of this run.

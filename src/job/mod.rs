@@ -458,6 +458,7 @@ impl RenderJob {
         FreeParameters {
             strategy: any && fixed.strategy.is_none() && fixed.merge_vertex.is_none(),
             direct: any && fixed.direct.is_none(),
+            kernel: any && fixed.kernel.is_none(),
             radius,
             caustic_radius,
             guide: any && fixed.guide.is_none(),

@@ -22,14 +22,14 @@ use crate::transport::photon::PhotonClass;
 use serde::{Deserialize, Serialize};
 
 /// Share of the given time that the pilot takes.
-const PILOT_SHARE: f64 = 0.08;
+const PILOT_SHARE: f64 = 0.1;
 
 /// Minimum time of the pilot, seconds, unless that exceeds [`MAX_PILOT_SHARE`]. A shorter pilot measures
 /// too little.
 const MIN_PILOT_TIME: f64 = 0.6;
 
 /// Share of the given time that [`MIN_PILOT_TIME`] may take at most.
-const MAX_PILOT_SHARE: f64 = 0.12;
+const MAX_PILOT_SHARE: f64 = 0.15;
 
 /// Maximum time of the pilot, seconds: a longer one finds no better settings.
 const MAX_PILOT_TIME: f64 = 8.0;
@@ -52,7 +52,7 @@ pub struct Technique {
     pub merge_vertex: u32,
     /// How direct light is estimated.
     pub direct: Direct,
-    /// The area that merged flux is divided by. The pilot keeps that of the settings.
+    /// The area that merged flux is divided by.
     pub kernel: Kernel,
 }
 
@@ -63,6 +63,8 @@ pub struct FreeParameters {
     pub strategy: bool,
     /// Direct light.
     pub direct: bool,
+    /// The area that merged flux is divided by.
+    pub kernel: bool,
     /// The merge radius.
     pub radius: bool,
     /// The radius for photons without a diffuse bounce.
@@ -84,6 +86,7 @@ impl FreeParameters {
         Self {
             strategy: open,
             direct: open,
+            kernel: open,
             radius: open,
             caustic_radius: open,
             guide: open,
@@ -93,8 +96,8 @@ impl FreeParameters {
 
     /// Whether the pilot may choose more than the counts.
     pub fn any(&self) -> bool {
-        let Self { strategy, direct, radius, caustic_radius, guide, .. } = *self;
-        strategy || direct || radius || caustic_radius || guide
+        let Self { strategy, direct, kernel, radius, caustic_radius, guide, .. } = *self;
+        strategy || direct || kernel || radius || caustic_radius || guide
     }
 
     fn any_radius(&self) -> bool {
@@ -208,11 +211,15 @@ impl Technique {
         }
     }
 
-    /// All techniques that may be chosen instead of that of `settings`.
-    fn candidates(settings: &Settings, open: FreeParameters) -> Vec<Self> {
+    /// All techniques that may be chosen instead of that of `settings`, for an image that needs only `traits`.
+    fn candidates(settings: &Settings, open: FreeParameters, traits: SceneTraits) -> Vec<Self> {
         let own = Self::of(settings);
         let strategies = if open.strategy {
-            vec![(Strategy::Single, 1), (Strategy::Single, 2), (Strategy::Mis, 2)]
+            let mut all = vec![(Strategy::Single, 1), (Strategy::Mis, 2)];
+            // In scenes of small triangles, discs are tried in its place.
+            all.extend((!traits.is_fine).then_some((Strategy::CutMis, 2)));
+            all.extend((!traits.needs_photons).then_some((Strategy::Path, 2)));
+            all
         } else {
             vec![(own.strategy, own.merge_vertex)]
         };
@@ -220,22 +227,49 @@ impl Technique {
             true => vec![Direct::Connect, Direct::PhotonMap],
             false => vec![own.direct],
         };
-        let all = directs.iter().flat_map(|&direct| {
-            strategies.iter().map(move |&(strategy, merge_vertex)| Self {
-                strategy,
-                merge_vertex,
-                direct,
-                kernel: own.kernel,
-            })
-        });
-        // Direct light from the photon map pays only where all light is merged at the first vertex.
-        let sensible = |it: &Self| {
-            it.direct == own.direct && !open.direct
-                || it.direct == Direct::Connect
-                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1)
+        // Areas cost time where triangles are small, and reduce the bias everywhere.
+        let kernels = match open.kernel && traits.is_fine {
+            true => vec![own.kernel, Kernel::Disc],
+            false => vec![own.kernel],
         };
-        all.filter(sensible).collect()
+        let mut all = Vec::new();
+        for &kernel in &kernels {
+            for &direct in &directs {
+                for &(strategy, merge_vertex) in &strategies {
+                    all.push(Self { strategy, merge_vertex, direct, kernel });
+                }
+            }
+        }
+        let is_sensible = |it: &Self| {
+            // Direct light from the photon map pays only where all light is merged at the first vertex.
+            let direct = it.direct == own.direct && !open.direct
+                || it.direct == Direct::Connect
+                || (it.strategy, it.merge_vertex) == (Strategy::Single, 1);
+            // One technique of each kind on discs shows whether they pay.
+            let kernel = it.kernel == own.kernel
+                || !open.strategy
+                || it.direct == Direct::Connect
+                    && matches!(it.strategy, Strategy::Single | Strategy::Mis);
+            direct && kernel
+        };
+        all.retain(is_sensible);
+        all.dedup();
+        all
     }
+
+    /// Tests whether photons are merged, so that radii matter.
+    fn merges(self) -> bool {
+        self.strategy != Strategy::Path
+    }
+}
+
+/// Properties of a scene that decide about candidates.
+#[derive(Clone, Copy, Debug)]
+struct SceneTraits {
+    /// Camera paths cannot find all light: light sources that no ray can hit may show in mirrors or through glass.
+    needs_photons: bool,
+    /// Triangles are small, measured by the merge radius.
+    is_fine: bool,
 }
 
 impl Candidate {

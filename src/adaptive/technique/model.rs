@@ -83,8 +83,11 @@ impl Model {
         let moments: Vec<f64> = measured.iter().map(|c| c.a + c.f).collect();
         let shared: Vec<f64> = measured.iter().map(|c| c.f).collect();
         let mut bias = [None; 2];
-        let mut classes = vec![PhotonClass::Diffuse];
-        classes.extend(both.then_some(PhotonClass::Caustic));
+        let mut classes = vec![];
+        if technique.merges() {
+            classes.push(PhotonClass::Diffuse);
+            classes.extend(both.then_some(PhotonClass::Caustic));
+        }
         for class in classes {
             // The last trial that measured the bias of this class, or the prior if none did.
             let trial = trials.iter().rfind(|trial| trial.nests == Some(class));

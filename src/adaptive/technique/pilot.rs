@@ -3,11 +3,14 @@
 
 use super::candidate_cost::{Best, CandidateCost};
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
-use super::trial::{Trial, TrialRunner};
-use super::{End, FreeParameters, Selection, Technique};
+use super::trial::{Trial, TrialRunner, merging_area};
+use super::{End, FreeParameters, SceneTraits, Selection, Technique};
 use crate::base::error::Result;
+use crate::base::math::disc_area;
 use crate::film::radiance::luminance_weights;
 use crate::render::Renderer;
+use crate::scene::Emitter;
+use crate::scene::bsdf::Bsdf;
 use crate::settings::{Bias, Direct, Settings, Strategy};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
@@ -16,7 +19,7 @@ use std::time::Instant;
 
 /// Shares of the pilot's time for its three rounds: all techniques, the better ones at large radii,
 /// the best at their best radii.
-const ROUNDS: [f64; 3] = [0.25, 0.5, 0.25];
+const ROUNDS: [f64; 3] = [0.35, 0.4, 0.25];
 
 /// A technique is dropped if its squared error, at the best radii by one trial, exceeds the smallest
 /// by this factor.
@@ -39,6 +42,9 @@ const RARE_LIGHT_PENALTY: f64 = 4.0;
 /// Typical number of techniques that the last round tries.
 const FINALISTS: f64 = 2.0;
 
+/// The last round may exceed the pilot's time by this factor while an untried candidate is promising.
+const LAST_TRIALS_PATIENCE: f64 = 1.5;
+
 /// Radius of the class of photons whose bias a trial does not measure, over that of the settings: the
 /// fit of both classes needs trials at different radii.
 const SMALLEST_SCALE: f32 = 0.5;
@@ -54,7 +60,7 @@ pub fn run(renderer: &Renderer, open: FreeParameters, end: End, budget: f64) -> 
     let start = Instant::now();
     let own = renderer.settings();
     let settings = &Settings { bias: open.bias(own), ..own.clone() };
-    let candidates = Technique::candidates(settings, open);
+    let candidates = Technique::candidates(settings, open, SceneTraits::new(renderer));
     let [screening, large, last] = ROUNDS.map(|share| share * budget);
     let each = screening / candidates.len() as f64;
     let demand = CandidateCost {
@@ -71,7 +77,9 @@ pub fn run(renderer: &Renderer, open: FreeParameters, end: End, budget: f64) -> 
     let mut runner = TrialRunner::new(renderer, each)?;
     let guide = if open.guide { runner.learn_guide(LEARNING_SHARE * budget)? } else { None };
     let radii = Radii::new(settings, open);
-    let mut pilot = Pilot { settings, demand, runner, radii, start, budget, tried: Vec::new() };
+    let (tried, least_luminance) = (Vec::new(), 0.0);
+    let mut pilot =
+        Pilot { settings, demand, runner, radii, start, budget, tried, least_luminance };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
     let candidates = pilot.finish(last / FINALISTS)?;
@@ -88,6 +96,8 @@ struct Pilot<'a> {
     /// Seconds.
     budget: f64,
     tried: Vec<Tried>,
+    /// Mean luminance that the image has at least, by all trials so far, W/(m^2 sr).
+    least_luminance: f64,
 }
 
 /// A technique and its trials.
@@ -110,8 +120,11 @@ impl Pilot<'_> {
     fn screen(&mut self, techniques: Vec<Technique>, seconds: f64) -> Result<()> {
         for technique in techniques {
             let settings = technique.with(self.settings, self.radii.settings);
-            let first = self.runner.trial(&settings, None, seconds)?;
+            let first = self.trial(&settings, None, seconds)?;
             self.tried.push(Tried { technique, trials: vec![first] });
+        }
+        for tried in &mut self.tried {
+            tried.trials[0].set_missed_light(self.least_luminance);
         }
         let weights = common_weights(&self.tried);
         let rank = |tried: &Tried| {
@@ -133,6 +146,19 @@ impl Pilot<'_> {
         Ok(())
     }
 
+    /// Runs a trial, and lets it know the light that all trials so far found at least.
+    fn trial(
+        &mut self,
+        settings: &Settings,
+        nests: Option<PhotonClass>,
+        seconds: f64,
+    ) -> Result<Trial> {
+        let mut trial = self.runner.trial(settings, nests, seconds)?;
+        self.least_luminance = self.least_luminance.max(trial.least_luminance());
+        trial.set_missed_light(self.least_luminance);
+        Ok(trial)
+    }
+
     /// Factor on the squared error of a technique, for light that short trials miss.
     fn penalty(&self, technique: Technique) -> f64 {
         let is_rare = technique.strategy == Strategy::Single && self.runner.mirrors_lamps_roughly();
@@ -148,20 +174,21 @@ impl Pilot<'_> {
     /// Tries the techniques that are left at large radii, the best first, while there is time.
     fn try_large_radii(&mut self, seconds: f64) -> Result<()> {
         let trials: usize = self.tried.iter().map(|tried| tried.classes().count()).sum();
-        let seconds = seconds / trials as f64;
+        let seconds = seconds / trials.max(1) as f64;
         let mut done = 0;
-        for tried in &mut self.tried {
-            if done >= MIN_AT_LARGE_RADII && self.start.elapsed().as_secs_f64() > self.budget {
-                break;
+        for mut tried in std::mem::take(&mut self.tried) {
+            let is_over = self.start.elapsed().as_secs_f64() > self.budget;
+            if tried.technique.merges() && done >= MIN_AT_LARGE_RADII && is_over {
+                // Too little is known of it.
+                continue;
             }
             for nests in tried.classes() {
                 let settings = tried.technique.with(self.settings, self.radii.large(nests));
-                tried.trials.push(self.runner.trial(&settings, Some(nests), seconds)?);
+                tried.trials.push(self.trial(&settings, Some(nests), seconds)?);
+                done += u32::from(nests == PhotonClass::Diffuse);
             }
-            done += 1;
+            self.tried.push(tried);
         }
-        // Too little is known of the others.
-        self.tried.truncate(done as usize);
         let weights = common_weights(&self.tried);
         if self.tried.iter().any(|tried| !tried.is_thin(&weights)) {
             self.tried.retain(|tried| !tried.is_thin(&weights));
@@ -176,34 +203,61 @@ impl Pilot<'_> {
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
             let mut best = model.best(&self.demand);
-            // Where no radius is open, all trials were at the best radii.
-            best.tried = !self.demand.open.any_radius();
+            // Where no radius is open, or none matters, all trials were at the best radii.
+            best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
             Finalist { model, best, penalty: self.penalty(tried.technique) }
         };
         let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
-        let Self { settings, demand, runner, .. } = self;
         // Largest factor by which a trial exceeded its prediction.
         let mut surprise = 1.0f64;
         loop {
             // At least one is tried: no other trial measures the times so well, which counts follow.
-            let is_over = self.start.elapsed().as_secs_f64() > self.budget
-                && finalists.iter().any(|finalist| finalist.best.tried);
+            let elapsed = self.start.elapsed().as_secs_f64();
+            let any_tried = finalists.iter().any(|finalist| finalist.best.tried);
+            let patience =
+                if is_promising(&finalists, &self.demand) { LAST_TRIALS_PATIENCE } else { 1.0 };
+            let is_over = any_tried && elapsed > patience * self.budget;
             // The prediction for an untried candidate can be wrong by as much.
             let untried = if is_over { UNTRIED * surprise } else { 1.0 };
             let rank = |Finalist { best, penalty, .. }: &Finalist| {
-                penalty * best.rank(demand) * if best.tried { 1.0 } else { untried }
+                penalty * best.rank(&self.demand) * if best.tried { 1.0 } else { untried }
             };
             finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
             if finalists[0].best.tried || is_over {
                 return Ok(finalists.into_iter().map(|own| (own.model, own.best)).collect());
             }
             let Finalist { model, best, .. } = &mut finalists[0];
-            let settings = best.settings(settings, model.technique);
-            let trial = runner.trial(&settings, None, seconds)?;
-            let expected = best.rank(demand);
-            *best = model.tried_at(&trial, &weights, demand);
-            surprise = surprise.max(best.rank(demand) / expected);
+            let settings = best.settings(self.settings, model.technique);
+            let trial = self.trial(&settings, None, seconds)?;
+            let expected = best.rank(&self.demand);
+            *best = model.tried_at(&trial, &weights, &self.demand);
+            surprise = surprise.max(best.rank(&self.demand) / expected);
         }
+    }
+}
+
+/// Tests whether an untried candidate is predicted to be far better than all that were tried.
+fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
+    let least = |tried: bool| {
+        let of = finalists.iter().filter(|finalist| finalist.best.tried == tried);
+        of.map(|Finalist { best, penalty, .. }| penalty * best.rank(demand))
+            .fold(f64::INFINITY, f64::min)
+    };
+    UNTRIED * least(false) < least(true)
+}
+
+impl SceneTraits {
+    /// Traits of the scene of a renderer.
+    fn new(renderer: &Renderer) -> Self {
+        let (scene, _) = renderer.scene_and_accel();
+        let has_delta_lights = scene.lights().emitters().iter().any(Emitter::is_delta);
+        let is_smooth = |bsdf: &Bsdf| bsdf.passes_through() && !bsdf.has_rough();
+        let mut materials = scene.materials().iter();
+        let needs_photons = has_delta_lights && materials.any(|own| is_smooth(&own.bsdf));
+        let triangles = scene.placements().iter().map(|own| scene.mesh(own).triangles.len());
+        let area = disc_area(renderer.settings().radius);
+        let is_fine = merging_area(scene) < triangles.sum::<usize>() as f64 * f64::from(area);
+        Self { needs_photons, is_fine }
     }
 }
 
@@ -216,8 +270,9 @@ impl Tried {
 
     /// Classes of photons that it merges.
     fn classes(&self) -> impl Iterator<Item = PhotonClass> + use<> {
+        let merges = self.technique.merges();
         let every = self.trials[0].has_caustic_photons.then_some(PhotonClass::Caustic);
-        [PhotonClass::Diffuse].into_iter().chain(every)
+        merges.then_some(PhotonClass::Diffuse).into_iter().chain(every.filter(|_| merges))
     }
 }
 
@@ -259,4 +314,34 @@ fn common_weights(tried: &[Tried]) -> Vec<f64> {
     }
     luminance.iter_mut().for_each(|sum| *sum /= count);
     luminance_weights(&luminance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::load;
+    use crate::scene::backend::{Backend, build};
+
+    #[test]
+    fn path_tracing_is_no_candidate_where_it_would_miss_light() {
+        // The first lacks glass and mirrors, the second lights that no ray can hit.
+        let scenes = [
+            ("cornell-box", true),
+            ("caustic-sphere", true),
+            ("materials", false),
+            ("hall", false),
+        ];
+        for (name, is_candidate) in scenes {
+            let loaded = load(format!("{}/scenes/{name}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+            let settings =
+                Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+            let settings = Settings { width: 16, height: 16, ..settings.unwrap() };
+            let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+            let renderer = Renderer::new(&loaded.scene, &accel, settings.clone()).unwrap();
+            let traits = SceneTraits::new(&renderer);
+            let all = Technique::candidates(&settings, FreeParameters::ALL, traits);
+            let found = all.iter().any(|technique| technique.strategy == Strategy::Path);
+            assert_eq!(found, is_candidate, "{name}");
+        }
+    }
 }

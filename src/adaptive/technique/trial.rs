@@ -13,7 +13,7 @@ use crate::render::guiding::{
 };
 use crate::scene::lights::guide::Guide;
 use crate::scene::{Emitter, Placement, Scene};
-use crate::settings::Settings;
+use crate::settings::{Settings, Strategy};
 use crate::timing::TimeModel;
 use crate::timing::fit::fit;
 use crate::timing::measure::{Phase, TimeSample};
@@ -76,6 +76,9 @@ const LEARNING_PATIENCE: f64 = 2.0;
 /// paths. A smaller gain does not pay for learning.
 const WORTHWHILE_GUIDE: f64 = 0.9;
 
+/// Part of the mean luminance that may be missing from a trial because of its merge bias.
+const BIAS_TOLERANCE: f64 = 0.05;
+
 /// Runs trials on a sample of the pixels of an image.
 pub struct TrialRunner<'a> {
     /// Renders the whole image: learning uses it.
@@ -114,11 +117,50 @@ pub struct Trial {
     /// Second moment of the contribution of a light path to a camera path, relative, if photons were
     /// spread evenly over all surfaces.
     pub even: f64,
+    /// Coefficients of light that the trial missed, relative.
+    missed: Coefficients,
     /// Whether there were photons that merge at every vertex.
     pub has_caustic_photons: bool,
+    /// Whether photons are merged.
+    merges: bool,
 }
 
 impl Trial {
+    /// Mean luminance of the sample, W/(m^2 sr).
+    fn luminance(&self) -> f64 {
+        let pixels = &self.noise.pixels;
+        pixels.iter().map(|pixel| pixel.luminance).sum::<f64>() / pixels.len() as f64
+    }
+
+    /// Mean luminance that the sample has at least: two standard errors below the mean of the trial, as if all pixels
+    /// saw the same photons.
+    pub fn least_luminance(&self) -> f64 {
+        let NoiseImage { pixels, iterations, light_paths, .. } = &self.noise;
+        let (count, iterations) = (pixels.len() as f64, *iterations as f64);
+        let sampled = pixels.iter().map(|pixel| pixel.noise.sampled).sum::<f64>() / count;
+        let f = pixels.iter().map(|pixel| pixel.noise.coefficients.f.max(0.0)).sum::<f64>() / count;
+        let error2 = (sampled / count + f / f64::from(*light_paths)) / iterations;
+        self.luminance() - 2.0 * error2.sqrt()
+    }
+
+    /// Adds the noise of light that the trial missed, because it found it too rarely: the image has at least this mean
+    /// luminance. If `n` paths miss a share `d` of the light, few of them carry it, and its second moment is about
+    /// `n d^2`.
+    /// theory.md (93f)
+    pub fn set_missed_light(&mut self, least_luminance: f64) {
+        let share = 1.0 - self.luminance() / least_luminance - BIAS_TOLERANCE;
+        let square = if share > 0.0 && least_luminance > 0.0 { share * share } else { 0.0 };
+        let NoiseImage { pixels, iterations, light_paths, camera_paths, .. } = &self.noise;
+        let iterations = *iterations as f64;
+        let camera = pixels.len() as f64 * f64::from(*camera_paths) * iterations * square;
+        let light = f64::from(*light_paths) * iterations * square;
+        self.missed = Coefficients {
+            b: if self.merges { 0.0 } else { camera },
+            f: if self.merges { light } else { 0.0 },
+            ..Coefficients::default()
+        };
+    }
+
     /// Mean coefficients over weighted pixels. While few pixels have received photons, evenly spread
     /// light counts as one more pixel: theory.md (93e).
     pub fn relative(&self, weights: &[f64]) -> Coefficients {
@@ -126,7 +168,7 @@ impl Trial {
         let sum: Coefficients = weighted.map(|(pixel, &w)| pixel.noise.coefficients * w).sum();
         let mean = (sum * (weights.len() as f64).recip()).clamped();
         let more = (self.even - (mean.a + mean.f)).max(0.0) / (self.found(weights) + 1.0);
-        Coefficients { f: mean.f + more, ..mean }
+        Coefficients { f: mean.f + more, ..mean } + self.missed
     }
 
     /// Effective number of pixels that have received photons: theory.md (93e).
@@ -274,6 +316,8 @@ impl<'a> TrialRunner<'a> {
             noise,
             times: TimeModel { light_path, pixels: self.pixels, ..model },
             even: self.even(&own, photons as f64 / iterations as f64),
+            missed: Coefficients::default(),
+            merges: own.has_photons(),
             has_caustic_photons,
         })
     }
@@ -303,6 +347,10 @@ impl<'a> TrialRunner<'a> {
     /// Second moment if photons were spread evenly over all surfaces: a light path leaves `photons` on
     /// them, and a merge sees those of one disc. theory.md (93e).
     fn even(&self, settings: &Settings, photons: f64) -> f64 {
+        // Camera paths that are not cut find the light that photons miss.
+        if matches!(settings.strategy, Strategy::Mis | Strategy::Path) {
+            return 0.0;
+        }
         let reach = f64::from(settings.radius.max(settings.caustic_radius));
         let per_light_path = photons.max(1.0) / f64::from(settings.light_paths);
         (self.area / (PI * reach * reach * per_light_path)).max(1.0)
@@ -324,7 +372,7 @@ fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
 }
 
 /// Area of all surfaces on which photons are merged, scene units squared.
-fn merging_area(scene: &Scene) -> f64 {
+pub fn merging_area(scene: &Scene) -> f64 {
     let places = scene.placements().par_iter().enumerate();
     let area = |(place, placement): (usize, &Placement)| {
         if !scene.materials()[placement.material as usize].bsdf.merges() {
@@ -407,5 +455,37 @@ mod tests {
         let between: Vec<f64> = every.iter().zip(&last).map(|(a, b)| a - b).collect();
         assert!(square(&every) > 0.0 && square(&last) > 0.0);
         assert!(square(&between) > 0.1 * square(&every), "both classes have the same bias");
+    }
+
+    #[test]
+    fn trial_that_is_darker_than_others_expects_more_noise() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cornell-box-classic");
+        let loaded = load(folder).unwrap();
+        let own = Settings::resolve(&Default::default(), &loaded.defaults, loaded.scene.size());
+        let own = Settings { width: 16, height: 16, light_paths: 4000, ..own.unwrap() };
+        let accel = build(Backend::Bvh, &loaded.scene).unwrap();
+        let renderer = Renderer::new(&loaded.scene, &accel, own.clone()).unwrap();
+        let mut runner = TrialRunner::new(&renderer, 0.0).unwrap();
+        for strategy in [Strategy::Path, Strategy::CutMis] {
+            let own = Settings { strategy, merge_vertex: 2, ..own.clone() };
+            let mut trial = runner.trial(&own, None, 0.0).unwrap();
+            let weights = vec![1.0; trial.noise.pixels.len()];
+            trial.set_missed_light(trial.least_luminance());
+            let alone = trial.relative(&weights);
+            trial.set_missed_light(2.0 * trial.luminance());
+            let missing = trial.relative(&weights) - alone;
+            // theory.md (93f): half of the light is missing
+            let noise = &trial.noise;
+            let paths = match strategy {
+                Strategy::Path => noise.pixels.len() as u64 * u64::from(noise.camera_paths),
+                _ => u64::from(noise.light_paths),
+            };
+            let expected = (paths * noise.iterations) as f64 * (0.5 - BIAS_TOLERANCE).powi(2);
+            let [less, more] = match strategy {
+                Strategy::Path => [missing.f, missing.b],
+                _ => [missing.b, missing.f],
+            };
+            assert!(less == 0.0 && (more / expected - 1.0).abs() < 1e-9, "{missing:?} {expected}");
+        }
     }
 }

@@ -16,6 +16,7 @@ const NOTABLE: f64 = 0.005;
 /// The technique beside all that were tried, and the path counts.
 pub fn section(snapshot: &Snapshot) -> Markup {
     let block = snapshot.image.blocks().last().expect("an image has a block");
+    let settings = &snapshot.state.provenance.settings;
     html! {
         section {
             h2 { "How it is rendered" }
@@ -23,7 +24,7 @@ pub fn section(snapshot: &Snapshot) -> Markup {
                 p { "No technique was tried: the settings were given." }
             }
             p {
-                "An iteration takes " (describe_counts(block)) "."
+                "An iteration takes " (describe_counts(block, settings)) "."
                 @if let Some(promise) = snapshot.state.promise() {
                     " One light path and one camera path per pixel would take "
                     (number(promise.gain_over_one_each)) " times as long to the same noise."

@@ -53,7 +53,7 @@ struct Hit {
 
 impl LastVertex {
     /// MIS weight of light that a path hits after `diffuse` diffuse vertices.
-    /// theory.md (47h)
+    /// theory.md (47i)
     fn hit_weight(&self, mis: &Mis, diffuse: u32, hit: &Hit) -> f32 {
         let cos = hit.direction.dot(self.normal).abs();
         let can_connect = self.density > 0.0 && (mis.connects || !self.is_diffuse);

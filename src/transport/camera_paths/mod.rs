@@ -298,11 +298,12 @@ impl CameraPaths {
         }
         states.origin = at.off_surface;
         states.direction = at.sample(&mut states.rng);
-        let ends = if mis.is_some() { states.rng.next_1d() } else { [0.0; LANES] };
+        let continues = mis.is_some_and(|mis| mis.continues);
+        let ends = if continues { states.rng.next_1d() } else { [0.0; LANES] };
         for (lane, goes_on) in goes_on.iter_mut().enumerate() {
             let albedo = at.albedo.get(lane);
             // theory.md (43): paths that are cut survive up to their last vertex
-            let survival = if vertex[lane] > 1 && mis.is_some() { survival(albedo) } else { 1.0 };
+            let survival = if continues & (vertex[lane] > 1) { survival(albedo) } else { 1.0 };
             *goes_on &= (albedo != Rgb::ZERO) & (ends[lane] < survival);
             // theory.md (41)
             states.weight.set(lane, states.weight.get(lane) * (albedo / survival));

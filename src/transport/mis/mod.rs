@@ -19,7 +19,7 @@
 //! - a camera path: densities of merges at its vertices over the density of going on, (47d);
 //! - a light path: densities of hits, connections and merges at its vertices over the density of going on, (47e).
 //!
-//! The weights of merges (47f), connections (47g) and hits (47h) follow from the partials and the densities at one
+//! The weights of merges (47f), connections (47g) and hits (47i) follow from the partials and the densities at one
 //! vertex.
 //!
 //! # Where to find it

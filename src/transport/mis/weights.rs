@@ -180,7 +180,7 @@ impl Balance {
     /// Weight of emission that a camera path hits. `merges` is the density of merges at all vertices of the path after
     /// division by the density of the hit, `emission` the density of emission, and `connection` the density of the
     /// connection over the density of the hit.
-    /// theory.md (47h)
+    /// theory.md (47i)
     #[inline(always)]
     pub fn hit_weight(&self, merges: f32, emission: f32, connection: f32) -> f32 {
         (1.0 + connection + self.eta * emission * merges).recip()
