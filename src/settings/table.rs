@@ -332,7 +332,7 @@ mod tests {
         refuse(PartialSettings { camera_paths: Some(0), ..none() }, "0 camera paths");
         refuse(PartialSettings { merge_vertex: Some(256), ..none() }, "merge vertex 256");
         let (strategy, merge_vertex) = (Some(Strategy::Mis), Some(1));
-        refuse(PartialSettings { strategy, merge_vertex, ..none() }, "merges at vertices 1 and 2");
+        refuse(PartialSettings { strategy, merge_vertex, ..none() }, "merge at vertices 1 and 2");
         refuse(
             PartialSettings { radius: Some(Length::Units(f32::NAN)), ..none() },
             "radius is NaN",

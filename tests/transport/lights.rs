@@ -190,3 +190,26 @@ fn environments_come_from_exr_and_hdr_files() {
         assert!(shown.contains(expected) && shown.contains("\nhelp: "), "{environment}: {shown}");
     }
 }
+
+/// Shadow rays of a sun start outside of the scene. Rounding errors there exceed the distance by which they end before
+/// a small surface far inside.
+#[test]
+fn surfaces_in_a_large_scene_do_not_shadow_themselves() {
+    let normal = Vec3::new(0.31, -0.23, 0.87).normalize();
+    let center = Vec3::new(0.7, 0.4, 0.9);
+    let plane = square(center, normal, 2.0, 0);
+    let far = square(Vec3::new(900.0, -700.0, 0.0), Vec3::X, 1.0, 0);
+    let direction = Vec3::new(0.35, 0.21, -0.9).normalize();
+    let light = bdpm::scene::Directional::new(direction, Vec3::ONE);
+    let camera = camera(center + 3.0 * normal + 0.5 * Vec3::X, center, 20.0);
+    let light = Emitter::Directional(light);
+    let scene = scene(vec![plane, far], vec![gray(ALBEDO, 0.0)], vec![light], camera);
+    let settings = Settings { light_paths: 100, camera_paths: 8, ..settings(32, 32) };
+    let mut renderer = Renderer::new(&scene, &accel(&scene), settings).unwrap();
+    renderer.iterate(Measure::Off);
+    let expected = f64::from(ALBEDO * -direction.dot(normal)) / PI;
+    for value in renderer.film().mean() {
+        let off = f64::from(value.x) / expected - 1.0;
+        assert!(off.abs() < 1e-4, "{value} {expected}");
+    }
+}

@@ -95,8 +95,9 @@ impl Connections {
 }
 
 impl Columns<10> for Connections {
-    /// Shadow rays end at the vertices.
-    const T_FAR: f32 = 1.0;
+    /// Shadow rays end a few rounding errors before the vertices. They may start far outside of the scene, where
+    /// coordinates have larger rounding errors than at the vertices: rays that end at a vertex may meet its surface.
+    const T_FAR: f32 = 1.0 - 32.0 * f32::EPSILON;
 }
 
 impl CameraPass<'_> {
