@@ -186,7 +186,7 @@ impl Environment {
     }
 
     /// Radiance that arrives from a unit direction, W/(m^2 sr), and the density in solid angle with which
-    /// [`Self::sample`] chooses it, 1/sr.
+    /// light paths and connections choose it, 1/sr.
     /// theory.md (15).
     pub fn radiance_and_pdf_w(&self, direction: Vec3) -> (Rgb, f32) {
         let [row, index] = self.pixel_index(direction);

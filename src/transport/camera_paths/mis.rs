@@ -12,6 +12,7 @@ use crate::transport::mis::densities::{Directions, Survival};
 use crate::transport::mis::weights::{CameraPartial, GatherPartials};
 use crate::transport::path_state::PathStates;
 use glam::Vec3;
+use std::array::from_fn;
 
 /// Last vertex of a camera path, for the weight of a light source that the next segment hits.
 #[derive(Clone, Copy, Debug)]
@@ -84,14 +85,12 @@ impl CameraPaths {
     /// without a vertex.
     #[inline(always)] // vectorized, as the functions below
     pub(super) fn earlier_merges(&self, at: &DiffuseVertices, states: &PathStates) -> [f32; LANES] {
-        let mut earlier = [0.0; LANES];
-        for lane in 0..LANES {
+        from_fn(|lane| {
             let last = self.last_vertices.get(states.path[lane] as usize);
             let partial = last.map_or(CameraPartial::default(), |last| last.partial);
             let albedo = at.albedo.get(lane).max_element();
-            earlier[lane] = partial.arrive(Survival::LIGHT.lambertian(albedo));
-        }
-        earlier
+            partial.arrive(Survival::LIGHT.lambertian(albedo))
+        })
     }
 
     /// Multiplies the contributions of connections from Lambertian vertices by their MIS weights. `earlier` has the
@@ -107,7 +106,7 @@ impl CameraPaths {
         contributions: &mut Vec3s,
     ) {
         let inverse_power = lights.total_power().recip();
-        for lane in 0..LANES {
+        for (lane, &earlier) in earlier.iter().enumerate() {
             let cos = light.wi.get(lane).dot(at.normal.get(lane)).abs();
             // theory.md (47b), `l`
             let l =
@@ -115,7 +114,7 @@ impl CameraPaths {
             let survival = mis.camera_survival(states.depth[lane].diffuse() + 1);
             let density = survival.lambertian(at.albedo.get(lane).max_element());
             let hit = density * cos * light.inverse_pdf_w[lane];
-            let weight = mis.balance.connection_weight(earlier[lane], l, hit);
+            let weight = mis.balance.connection_weight(earlier, l, hit);
             contributions.set(lane, contributions.get(lane) * weight);
         }
     }

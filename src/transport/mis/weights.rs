@@ -364,8 +364,8 @@ mod tests {
             partial = balance.leave(k as u32, earlier, camera[k - 1]);
         }
         let own = |merges: f32| {
-            let hit = if last.hittable { camera.last().copied().unwrap_or(1.0) } else { 0.0 };
-            let hit = if last.chain { if last.hittable { rough[0] } else { 0.0 } } else { hit };
+            let goes_on = if last.chain { Some(rough[0]) } else { camera.last().copied() };
+            let hit = goes_on.filter(|_| last.hittable).unwrap_or(0.0);
             let weight = balance.connection_weight(merges, emission / connection, hit / connection);
             path.is_connected(last).then(|| f64::from(weight))
         };
@@ -380,11 +380,7 @@ mod tests {
         };
         let hits_from = if last.chain { rough[0] } else { camera.last().copied().unwrap_or(1.0) };
         let connection = if path.is_connected(last) { connection / hits_from } else { 0.0 };
-        let hit = balance.hit_weight(
-            merges_at_hit,
-            if last.chain { emission } else { emission },
-            connection,
-        );
+        let hit = balance.hit_weight(merges_at_hit, emission, connection);
         [merges[0], merges[1], connected, last.hittable.then(|| f64::from(hit))]
     }
 
