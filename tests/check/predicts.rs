@@ -46,7 +46,7 @@ fn noise_of_every_technique_is_predicted_at_far_counts() {
             ..settings
         };
         let (name, scene) = (name.into(), &scene);
-        Subject { name, scene, settings, iterations: 5000, quiet: 0.3, most: 0.05 }
-            .assert_far_counts(&[(30_000, 4, 260), (300, 60, 1000)]);
+        Subject { name, scene, settings, iterations: 10_000, quiet: 0.3, most: 0.05 }
+            .assert_far_counts(&[(30_000, 4, 260), (300, 60, 2000)]);
     }
 }
