@@ -48,7 +48,7 @@ def load(path, size=None):
     mi.file_resolver().prepend(str(path.parent.resolve()))
     dr.set_thread_count(2)
     scene = mi.load_string(text)
-    dr.set_thread_count(max(1, THREADS - 1))  # the main thread works as well
+    dr.set_thread_count(THREADS)  # the main thread is one of them
     if size:
         film = mi.traverse(scene.sensors()[0])
         film["film.size"] = size
