@@ -56,7 +56,13 @@ fn cuboid(min: Vec3, max: Vec3, inward: bool, cuts: u32) -> Mesh {
     mesh
 }
 
-/// It emits nothing and reflects all, which is as bright: two of them in one place emit no more than one.
+/// A material that emits nothing and whose front reflects all, which is as bright as [`glowing`]: two such surfaces in
+/// one place emit no more than one. The back is black: light inside a white block on the floor would be brighter than
+/// outside, because the processor decides which of two coincident faces a ray hits.
+fn reflecting() -> Material {
+    Material::new("reflecting", Bsdf::Lambertian { albedo: Vec3::ONE, two_sided: false })
+}
+
 fn white(mesh: Mesh) -> Mesh {
     Mesh { material: 1, ..mesh }
 }
@@ -70,7 +76,7 @@ fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Arc<Scene> {
     let mut meshes = vec![cuboid(Vec3::NEG_ONE, Vec3::ONE, true, cuts)];
     meshes.extend(things);
     let camera = camera(Vec3::new(-0.9, -0.95, 0.75), Vec3::new(0.2, 0.1, -0.6), 75.0);
-    scene(meshes, vec![glowing(two_sided), gray(1.0, 0.0)], vec![], camera)
+    scene(meshes, vec![glowing(two_sided), reflecting()], vec![], camera)
 }
 
 /// Largest deviation of a tile from the answer in standard errors, and the image's mean with its own.
