@@ -11,6 +11,7 @@ mod document;
 mod emitter;
 mod maps;
 mod metals;
+mod obj_files;
 mod object;
 mod sensor;
 mod serialized;
@@ -28,6 +29,7 @@ use bsdf::BsdfCache;
 use document::XmlDocument;
 use emitter::{EnvironmentEmitter, MIRROR};
 use glam::{DAffine3, DMat3};
+use obj_files::ObjFiles;
 use object::Object;
 use sensor::Sensor;
 use shape::{MeshKey, ShapeMeshes, out_of_range};
@@ -47,6 +49,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         builder: Builder::new(Vec::new()),
         paints: Paints::default(),
         bsdfs: BsdfCache::default(),
+        obj_files: ObjFiles::default(),
         meshes: HashMap::new(),
         shared: HashMap::new(),
         groups: HashMap::new(),
@@ -60,6 +63,7 @@ struct SceneReader<'a> {
     builder: Builder,
     paints: Paints,
     bsdfs: BsdfCache,
+    obj_files: ObjFiles,
     meshes: HashMap<MeshKey, ShapeMeshes>,
     /// Materials that several shapes share, by the element of their BSDF.
     shared: HashMap<Option<usize>, u32>,
@@ -87,7 +91,9 @@ impl SceneReader<'_> {
         for light in lights.iter().filter(|light| !is_environment(light)) {
             emitters.extend(emitter::emitter(light, world, &mut self.paints)?);
         }
-        for shape in &top("shape") {
+        let shapes: Vec<Object> = top("shape");
+        self.obj_files = ObjFiles::read(&shapes);
+        for shape in &shapes {
             self.place(shape, world)?;
         }
         self.warn_of_unused(document);

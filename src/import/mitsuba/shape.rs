@@ -5,13 +5,14 @@ use super::analytic::Analytic;
 use super::bsdf::{Look, NormalSource};
 use super::bumps;
 use super::color::ColorUse;
+use super::obj_files::ObjFiles;
 use super::object::Object;
 use super::serialized;
 use super::texture::Paint;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::instancing::MaterialMesh;
-use crate::import::{obj, ply};
+use crate::import::ply;
 use crate::scene::transform::Transform;
 use crate::scene::{Material, Mesh, NormalMap};
 use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3};
@@ -137,7 +138,7 @@ impl SceneReader<'_> {
         {
             return Ok(known.clone());
         }
-        let (mut meshes, has_normals) = read(object, &key)?;
+        let (mut meshes, has_normals) = read(object, &key, &mut self.obj_files)?;
         for mesh in &mut meshes {
             if key.is_flat {
                 mesh.normals.clear();
@@ -243,7 +244,7 @@ struct Surface<'a> {
 }
 
 /// Reads meshes, with smooth normals if they have none, and whether the file has normals.
-fn read(object: &Object, key: &MeshKey) -> Result<(Vec<Mesh>, bool)> {
+fn read(object: &Object, key: &MeshKey, obj_files: &mut ObjFiles) -> Result<(Vec<Mesh>, bool)> {
     let (path, index) = match &key.source {
         ShapeSource::Formula { shape, is_lamp } => return Ok((vec![shape.mesh(*is_lamp)], true)),
         ShapeSource::File(path, index) => (path, *index),
@@ -252,8 +253,8 @@ fn read(object: &Object, key: &MeshKey) -> Result<(Vec<Mesh>, bool)> {
     match object.kind() {
         "obj" => {
             // The materials of the file have no effect.
-            let file = obj::load(path)?;
-            meshes.extend(file.meshes.iter().map(|part| (*part.mesh).clone()));
+            let file = obj_files.take(path)?;
+            meshes.extend(file.meshes.into_iter().map(|part| Arc::unwrap_or_clone(part.mesh)));
         }
         "ply" => meshes.push(ply::read(path, ply::VDirection::Down)?),
         _ => {
