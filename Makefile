@@ -13,7 +13,7 @@ setup:
 denoiser:
 	@scripts/denoiser.sh
 
-# Open MPI for `cargo build --features mpi` (docs/clusters.md): who renders on one machine needs none.
+# Open MPI for `cargo build --features mpi` (docs/how-to/clusters.md): who renders on one machine needs none.
 mpi: setup
 	@scripts/mpi.sh
 
@@ -52,7 +52,7 @@ check: setup denoiser
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
 
-# The Blender add-on, for `Preferences > Add-ons > Install` (docs/blender.md).
+# The Blender add-on, for `Preferences > Add-ons > Install` (docs/how-to/blender.md).
 blender:
 	@python3 scripts/blender_zip.py out/bdpm_render.zip
 
