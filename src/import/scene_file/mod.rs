@@ -247,6 +247,9 @@ fn explain(message: &str) -> Error {
     } else if let (Some(found), Some(expected)) = (what.strip_prefix("invalid value: "), expected) {
         Error::new(format!("wrong value: {found}"), format!("give {expected}"))
     } else {
-        Error::new(message.clone(), "correct the TOML; docs/reference/scene-format.md has an example")
+        Error::new(
+            message.clone(),
+            "correct the TOML; docs/reference/scene-format.md has an example",
+        )
     }
 }
