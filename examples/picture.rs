@@ -45,7 +45,7 @@ fn label(picture: &mut RgbImage, text: &str) {
         let Some(glyph) = get_raster(character, weight, size) else { continue };
         let left = margin + index as u32 * advance;
         for (y, row) in (top + margin..).zip(glyph.rows()) {
-            for (x, &ink) in (left..).zip(*row) {
+            for (x, &ink) in (left..).zip(row.iter()) {
                 if x < picture.width() && y < picture.height() {
                     picture.put_pixel(x, y, image::Rgb([ink; 3]));
                 }
@@ -54,8 +54,11 @@ fn label(picture: &mut RgbImage, text: &str) {
     }
 }
 
-/// Writes a JPEG file with the best quality that keeps it within [`MAX_BYTES`].
+/// Writes a PNG file, or a JPEG file with the best quality that keeps it within [`MAX_BYTES`].
 fn write(path: &str, picture: &RgbImage) -> Result<()> {
+    if path.ends_with(".png") {
+        return Ok(picture.save(path)?);
+    }
     for quality in (40..=95).rev().step_by(5) {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(picture)?;
