@@ -59,10 +59,10 @@ fn write(path: &str, picture: &RgbImage) -> Result<()> {
     if path.ends_with(".png") {
         return Ok(picture.save(path)?);
     }
-    for quality in (40..=95).rev().step_by(5) {
+    for quality in (10..=95).rev().step_by(5) {
         let mut bytes = Vec::new();
         JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(picture)?;
-        if bytes.len() <= MAX_BYTES || quality == 40 {
+        if bytes.len() <= MAX_BYTES || quality == 10 {
             std::fs::write(path, bytes)?;
             break;
         }

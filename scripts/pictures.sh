@@ -5,16 +5,20 @@
 #   scripts/pictures.sh NAME...    only these; each takes at most 20 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
-# folder. The pictures of Blender are made by scripts/blender_demo.py.
+# folder. BDPM and PICTURE name programs that are built already. The pictures of Blender are made by
+# scripts/blender_demo.py.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 out=${OUT:-docs/pictures}
 work=${CARGO_TARGET_DIR:-target}/pictures
-bdpm=${BDPM:-${CARGO_TARGET_DIR:-target}/release/bdpm}
+built=${CARGO_TARGET_DIR:-target}/release
+bdpm=${BDPM:-$built/bdpm}
+picture=${PICTURE:-$built/examples/picture}
 mkdir -p "$out" "$work"
-cargo build --locked --release --bin bdpm --example picture
-picture=${CARGO_TARGET_DIR:-target}/release/examples/picture
+if [ -z "${BDPM:-}" ] || [ -z "${PICTURE:-}" ]; then
+    cargo build --locked --release --bin bdpm --example picture
+fi
 
 # Renders SCENE for SECONDS to $work/NAME.exr, with the result in $work/NAME.json.
 #   render NAME SCENE SECONDS [OPTION...]
@@ -73,6 +77,9 @@ make_picture() {
             render error-maps caustic-sphere 20 --resolution 480x480
             render error-maps-reference caustic-sphere 1100 --resolution 480x480 --seed 2
             "$picture" errors "$out/error-maps.jpg" "$work/error-maps.exr" "$work/error-maps-reference.exr"
+            # For the table in docs/measurements/predictions.md.
+            grep -oE '"(error|promise)":\{"(total|rms)[^}]*\}' "$work/error-maps.json" || true
+            echo "true $(difference "$work/error-maps"{,-reference}.exr)"
             ;;
         guides)
             render guides-without daylight 10 --resolution 320x320 --threads 1 --guide 0
