@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Stands for make, cargo and blender: does nothing but check that the targets and files exist.
+# Stands for make, cargo, blender and the scripts: only checks that the targets and files exist.
 set -euo pipefail
 fail() {
     echo "$(basename "$0"): there is no $*" >&2
@@ -13,6 +13,7 @@ for argument; do
         cargo:--example) [ -e "examples/$argument.rs" ] || [ -e "examples/$argument/main.rs" ] || fail "example $argument" ;;
         cargo:--bench) [ -e "benches/$argument.rs" ] || [ -e "benches/$argument/main.rs" ] || fail "bench $argument" ;;
         cargo:--test) [ -e "tests/$argument.rs" ] || [ -e "tests/$argument/main.rs" ] || fail "test $argument" ;;
+        *.sh:*) [[ $argument != */* ]] || [ -e "$argument" ] || fail "file $argument" ;;
         blender:--python) [ -e "$argument" ] || fail "file $argument" ;;
     esac
     previous=$argument

@@ -14,7 +14,7 @@ use std::thread;
 
 /// Stands for `bdpm` in the blocks: runs it at small sizes.
 const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
-/// Stands for `make`, `cargo` and others in the blocks: checks that targets and files exist.
+/// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
 const SUBCOMMANDS: [&str; 11] = [
@@ -63,7 +63,7 @@ fn working_folder() -> tempfile::TempDir {
         write_program(&at("bin").join(name), CHECK_NAMES);
     }
     for script in files("scripts") {
-        write_program(&at(script.to_str().unwrap()), "#!/bin/sh\n");
+        write_program(&at(script.to_str().unwrap()), CHECK_NAMES);
     }
     folder
 }
@@ -167,7 +167,12 @@ fn unknown_options_and_failing_commands_are_noticed() {
         commands("srun -n 2 bdpm render a.toml \\\n  --time=3s --nothing # --comment\nbdpm x --y");
     assert_eq!(found, [("render".into(), vec!["--time".into(), "--nothing".into()])]);
     assert!(lists(&help("render"), "--time") && !lists(&help("render"), "--tim"));
-    let failing = ["bdpm render scenes/nowhere --output a.exr", "make nothing", "scripts/no.sh"];
+    let failing = [
+        "bdpm render scenes/nowhere --output a.exr",
+        "make nothing",
+        "scripts/no.sh",
+        "scripts/mitsuba-check.sh scenes/nowhere.xml",
+    ];
     for command in failing {
         let text = format!("```sh\n{command}\n```\n");
         let problems = run(&Page { path: "p.md".into(), text });
