@@ -1,4 +1,4 @@
-# Every target begins with the set-up, which takes no time when nothing is missing.
+# Every target starts with the set-up, which takes no time if nothing is missing.
 
 CARGO ?= cargo
 SCENE ?= cornell-box
@@ -9,11 +9,11 @@ FLAGS = --locked
 setup:
 	@scripts/setup.sh
 
-# Intel Open Image Denoise for `bdpm render --denoise`: 53 MB, which nobody needs who does not denoise.
+# Intel Open Image Denoise for `bdpm render --denoise`: optional, 53 MB.
 denoiser:
 	@scripts/denoiser.sh
 
-# Open MPI for `cargo build --features mpi` (docs/clusters.md): who renders on one machine needs none.
+# Open MPI for `cargo build --features mpi` (docs/how-to/clusters.md): optional.
 mpi: setup
 	@scripts/mpi.sh
 
@@ -27,7 +27,7 @@ demo: build
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
-# Every family of tests has a case here. `--tests` leaves out the examples and benches, which clippy has compiled.
+# Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles.
 test: setup denoiser
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
@@ -36,8 +36,8 @@ test: setup denoiser
 	$(CARGO) test $(FLAGS) --workspace --doc
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
 
-# The long statistical tables; renders by several processes; the program without Embree, and the library alone; small
-# scenes beside Mitsuba's renders, briefly.
+# Long statistical tables, renders by several processes, the program without Embree, the library alone, and small
+# scenes beside the renders of Mitsuba, briefly.
 check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
@@ -48,30 +48,30 @@ check: setup denoiser
 	$(CARGO) build $(FLAGS) --bin bdpm
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 
-# The same at length; skipped where Python or Mitsuba's wheel is missing.
+# Small scenes beside the renders of Mitsuba, at length; skipped where Python or the wheel of Mitsuba is missing.
 check-mitsuba: build
 	scripts/mitsuba-check.sh --elements
 
-# The Blender add-on, for `Preferences > Add-ons > Install` (docs/blender.md).
+# The Blender add-on, for `Preferences > Add-ons > Install` (docs/how-to/blender.md).
 blender:
 	@python3 scripts/blender_zip.py out/bdpm_render.zip
 
-# The add-on held against Cycles, in Blender as a Python module (500 MB from PyPI); 12 minutes on 2 cores.
+# Compares the add-on with Cycles, in Blender as a Python module (500 MB from PyPI); 12 minutes on 2 cores.
 check-blender: build
 	scripts/blender-check.sh
 
 bench: setup
 	$(CARGO) bench $(FLAGS)
 
-# Embree's layer under valgrind: reads and writes outside of what either side allocated.
+# The Embree layer under valgrind: finds reads and writes outside of allocated memory.
 memcheck: setup
 	scripts/valgrind.sh
 
-# The bindings as `cargo package` packs them, unpacked elsewhere: tests, documentation, old headers.
+# The bindings as `cargo package` packs them, unpacked in another folder: tests, documentation, old headers.
 check-package: setup
 	scripts/check-package.sh
 
-# The paper's experiment in short, and a render; their pages in a browser at the widths of phones and desktops.
+# The pages of a short experiment of the paper and of a render, in a browser at the widths of phones and desktops.
 check-report: setup
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- report:: page::
 	scripts/check-report.sh out/report-quick

@@ -1,5 +1,5 @@
 //! The reported error of denoised images beside their error against long references: the tables of
-//! docs/denoising.md.
+//! docs/measurements/denoising.md.
 //!
 //! ```sh
 //! cargo run --release --example denoise_table -- scenes/cornell-box scenes/materials

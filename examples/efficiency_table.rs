@@ -1,11 +1,11 @@
-//! Error of strategies and kernels after the same time at the scene's own radius: the tables of docs/kernel.md and
-//! docs/strategies.md.
+//! Error of strategies and kernels after equal time at the radius of the scene: the table of
+//! docs/measurements/strategies.md.
 //!
 //! ```sh
 //! cargo run --release --example efficiency_table -- 10 cornell-box:128 cornell-box:512      # seconds, scenes and sizes
 //! ```
 //!
-//! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each (docs/optimum.md), camera paths by pixel as well. What was done is kept in
+//! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each (docs/measurements/optimum.md), camera paths by pixel as well. What was done is kept in
 //! `target/measured`. References: `examples/references`.
 
 mod references;

@@ -1,4 +1,4 @@
-//! The squared merge bias of both kernels at four radii: the table of `docs/kernel.md`.
+//! Prints the squared merge bias of both kernels at four radii as a table.
 //!
 //! ```sh
 //! cargo run --release --example kernel_table                     # all, a quarter of an hour

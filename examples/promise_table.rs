@@ -1,5 +1,4 @@
-//! Promised and reported errors of renders without options, over the measured ones: the table of
-//! `docs/automatic.md`.
+//! Prints promised and reported errors of automatic renders over their measured errors as a table.
 //!
 //! ```sh
 //! cargo run --release --example promise_table -- cornell-box 128 5s 20s 2%      # scene, pixels along a side, ends

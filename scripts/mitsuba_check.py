@@ -155,7 +155,7 @@ class Reference:
 
     @staticmethod
     def floor(luminance):
-        """As bdpm has it, docs/automatic.md: a hundredth of the squared mean is the least."""
+        """As bdpm has it, docs/explanation/automatic.md: a hundredth of the squared mean is the least."""
         return luminance**2 + 0.01 * luminance.mean() ** 2
 
     def relative_mse(self, image):

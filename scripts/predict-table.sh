@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prints the table of docs/noise.md: pooled RMS predicted from a measurement at poor counts, against
+# Prints the table of docs/measurements/predictions.md: pooled RMS predicted from a measurement at poor counts, against
 # the sampled RMS of independent runs at far ones.
 #
 #   scripts/predict-table.sh [SIDE]    side of the images in pixels, 32 by default

@@ -6,6 +6,7 @@
 mod make_scenes;
 
 mod common;
+mod docs;
 mod files;
 mod noise;
 mod optics;

@@ -13,7 +13,7 @@ use std::sync::Arc;
 const MIN_TRIANGLES: u64 = 100;
 
 /// Groups are copied if their copies have fewer triangles in total. Rays are slower where they
-/// enter an instance, and hits there take longer to shade (`docs/performance.md`).
+/// enter an instance, and hits there take longer to shade (`docs/measurements/performance.md`).
 const MIN_COPIES: u64 = 10_000;
 
 /// Instances must stay within the range of the acceleration structures.

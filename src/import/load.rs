@@ -1,6 +1,6 @@
 //! Loading of scene files (TOML), folders with `scene.toml`, and OBJ files as a [`Scene`].
 //!
-//! The format is described in `docs/scene-format.md`. No content of a file makes these functions
+//! The format is described in `docs/reference/scene-format.md`. No content of a file makes these functions
 //! panic. [`Loaded::warnings`] reports all defaults and omissions.
 
 use super::builder::{Builder, SceneExtras};

@@ -1,4 +1,4 @@
-//! Merge bias by three nested radii (docs/theory.md, section 17).
+//! Merge bias by three nested radii (docs/explanation/theory.md, section 17).
 
 use super::film::BATCHES;
 use super::image::{NoiseImage, Statistic};

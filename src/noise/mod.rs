@@ -1,7 +1,7 @@
 //! The noise model: `V(N_F, N_B) = a/(N_F N_B) + b/N_B + f/N_F`, and its three coefficients.
 //!
 //! `N_F` light paths and `N_B` camera paths meet in pairs that contribute `C_ij = I_ij + D_j` to a
-//! pixel. Equation (1) of the paper and of docs/theory.md is proved there in section 13. It is the
+//! pixel. Equation (1) of the paper and of docs/explanation/theory.md is proved there in section 13. It is the
 //! two-way random-effects decomposition of the variance of their mean, with
 //!
 //! ```text

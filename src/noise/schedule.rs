@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 const FIXED_PILOT: u64 = 8;
 
 /// After the pilot, one of this many iterations is measured. With a million light paths a measured iteration takes
-/// 1.5 times as long as another one (`docs/performance.md`), so that measuring costs at most 6 % of the time.
+/// 1.5 times as long as another one (`docs/measurements/performance.md`), so that measuring costs at most 6 % of the time.
 pub const MEASURE_EVERY: u64 = 8;
 
 /// Number of measured iterations among the first `iterations` at equal counts.

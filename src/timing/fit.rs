@@ -1,6 +1,6 @@
 //! The five coefficients of a [`TimeModel`] from measured times of the phases.
 //!
-//! Each phase is fitted by itself (docs/theory.md, section 19), with `S` for the camera paths of the
+//! Each phase is fitted by itself (docs/explanation/theory.md, section 19), with `S` for the camera paths of the
 //! whole image:
 //!
 //! | phase | time of an iteration |

@@ -1,4 +1,4 @@
-//! The reported error of denoised images against long references: docs/denoising.md.
+//! The reported error of denoised images against long references: docs/measurements/denoising.md.
 
 use crate::common::accel;
 use crate::common::committed::across;

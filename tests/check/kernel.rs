@@ -1,5 +1,5 @@
-//! The merge bias of both kernels on a box, as it is and as it is estimated: a row of the table in
-//! `docs/kernel.md`.
+//! The true and the estimated merge bias of both kernels in a box: a row of the table of
+//! `examples/kernel_table.rs`.
 
 use crate::common::true_bias::{Biases, TINY, biases, reference, settings};
 use bdpm::import::load;

@@ -49,7 +49,7 @@ impl Default for Case {
     }
 }
 
-/// For longer runs by hand: docs/scenes.md.
+/// Factor on the samples, for longer runs by hand: CONTRIBUTING.md.
 fn factor() -> u64 {
     std::env::var("BDPM_SCENES").map_or(1, |text| text.parse().expect("a number in BDPM_SCENES"))
 }

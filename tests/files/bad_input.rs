@@ -225,7 +225,7 @@ fn unknown_keys_and_values_are_refused() {
 
 #[test]
 fn missing_keys_are_refused() {
-    toml("").refused(&["s.toml", "the key `camera` is missing", "docs/scene-format.md"]);
+    toml("").refused(&["s.toml", "the key `camera` is missing", "docs/reference/scene-format.md"]);
     changed("position = [0, 0, 5]\nt", "t").refused(&["s.toml:1: the key `position` is missing"]);
     changed("file = \"a.obj\"\n", "").refused(&["s.toml:6: the key `file` is missing"]);
     changed("position = [0, 0, 5]\ni", "i").refused(&["the key `position` is missing"]);

@@ -6,7 +6,7 @@ use bdpm::import::load;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-const TOML: &str = include_str!("../../docs/scene-format.md");
+const TOML: &str = include_str!("../../docs/reference/scene-format.md");
 const OBJ: &str = "mtllib a.mtl\no a b\nv -1 0 -1\nv -1 0 1 1\nv 1 0 1 .1 .2 .3\nv 1 0 -1\n\
     vt 0 0\nvn 0 1 0\ng g\nusemtl lamp\nf 1 2 3\nf 1/1/1 \\\n3//1 4/1\nf -4 -3 -2 -1\ns off\nl 1 2\n";
 const MTL: &str =

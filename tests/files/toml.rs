@@ -191,7 +191,7 @@ fn keyhole_scene_has_no_direct_light_behind_the_keyhole() {
 
 #[test]
 fn documented_example_loads() {
-    let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
+    let text = std::fs::read_to_string(root("docs/reference/scene-format.md")).unwrap();
     let example = text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
     let square = "v -1 0 -1\nv -1 0 1\nv 1 0 1\nv 1 0 -1\n";
     let folder = write(&[
@@ -220,7 +220,7 @@ fn documented_example_loads() {
 
 #[test]
 fn documented_defaults_equal_the_built_in_ones() {
-    let text = std::fs::read_to_string(root("docs/scene-format.md")).unwrap();
+    let text = std::fs::read_to_string(root("docs/reference/scene-format.md")).unwrap();
     let none = PartialSettings::default();
     let settings = Settings::resolve(&none, &none, 100.0).unwrap();
     for (key, value) in [

@@ -1,4 +1,4 @@
-"""Blender's lights as bdpm has them, in W, W/sr and W/(m^2 sr): held against Cycles (docs/blender.md).
+"""Blender's lights as bdpm has them, in W, W/sr and W/(m^2 sr): held against Cycles (docs/measurements/cycles.md).
 
 Lights of a size become surfaces that shine, which the camera itself does not see unless Blender's is visible to it.
 """

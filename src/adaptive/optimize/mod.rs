@@ -4,14 +4,14 @@
 //! [`TimeModel`]. It leaves the variance `V_p = a_p/(N_F n_p) + b_p/n_p + f_p/N_F` of
 //! [`Coefficients`] in the pixel: equation (1). After a time `T` of rendering the variance is
 //! `tau V_p / T`, hence the best counts minimize the *cost* `tau * aggregate(V)`, equation (80) of
-//! docs/theory.md.
+//! docs/explanation/theory.md.
 //!
 //! Both `tau` and every `V_p` are sums of products of powers of the counts, with coefficients of at
 //! least 0 (posynomials). The logarithms of such sums are convex in the logarithms of the counts, and
 //! so are those of their products, means, maxima and powers. So there is one minimum if counts need
 //! not be whole: searches along one count inside searches along the other find it. It is a lower
 //! bound of what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is not convex.
-//! Section 20 of docs/theory.md has the details.
+//! Section 20 of docs/explanation/theory.md has the details.
 
 pub mod measured;
 mod objective;

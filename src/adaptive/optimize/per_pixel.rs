@@ -36,7 +36,7 @@ impl Problem {
     /// The number of light paths and the threshold are those that are best if counts need not be
     /// whole; then each pixel's camera paths are rounded. The cost is within a few percent of the
     /// least where iterations have many paths, except for `max-rms`, which a selection of the pixels
-    /// says little about. docs/optimum.md has the tested bounds.
+    /// says little about. docs/measurements/optimum.md has the tested bounds.
     pub fn shortest_per_pixel(&self, slack: f64) -> PerPixel {
         if self.is_infeasible() {
             return self

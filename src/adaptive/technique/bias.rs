@@ -39,7 +39,7 @@ const MINIMUM_OF_PRIOR: f64 = 0.05;
 const MINIMUM_OF_PRIOR_ON_DISCS: f64 = 0.3;
 
 /// Squared bias of the disc kernel over that of the kernel by true area after a diffuse bounce, as
-/// measured in the Cornell boxes (docs/kernel.md).
+/// measured in the Cornell boxes by `examples/kernel_table.rs`.
 const DISC_BIAS: f64 = 20.0;
 
 /// [`TYPICAL_FALL`] for the disc kernel, whose squared bias falls as the radius.

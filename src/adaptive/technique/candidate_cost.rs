@@ -16,7 +16,7 @@ const EVERY: usize = PhotonClass::Caustic as usize;
 const LAST: usize = PhotonClass::Diffuse as usize;
 
 /// Camera paths per pixel that are compared: steps of at most a factor of 2, which costs 5 % of the
-/// time at most (docs/optimum.md), up to counts that only very long renders can use.
+/// time at most (docs/measurements/optimum.md), up to counts that only very long renders can use.
 pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192];
 
 /// Share of the pixels, by their weight, that are taken to have the merge bias. Correcting the bias

@@ -35,7 +35,7 @@ const UNTRIED: f64 = 2.0;
 const MIN_AT_LARGE_RADII: u32 = 2;
 
 /// Penalty on the squared error of techniques that find lamps in rough surfaces only by random
-/// sampling, because short trials miss most of that light. In the scene `veach-mis` (docs/peers.md) one
+/// sampling, because short trials miss most of that light. In the scene `veach-mis` (docs/measurements/mitsuba-equal-time.md) one
 /// of them was predicted 11 % relative error and had 77 %.
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 

@@ -1,4 +1,4 @@
-//! Conversion of glTF materials, by the table in `docs/scene-format.md`.
+//! Conversion of glTF materials, by the table in `docs/reference/gltf.md`.
 
 use super::factors::{AlphaMode, MaterialFactors};
 use super::texture::{Coverage, blended, coverage};

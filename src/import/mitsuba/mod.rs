@@ -1,6 +1,6 @@
 //! Scenes of Mitsuba 3, 0.6 and 0.5, as XML.
 //!
-//! `docs/mitsuba.md` describes the conversion of each plugin and its differences from Mitsuba. Each
+//! `docs/reference/mitsuba.md` describes the conversion of each plugin and its differences from Mitsuba. Each
 //! approximation is a warning. Errors name file, line and element.
 
 mod analytic;

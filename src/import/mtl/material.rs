@@ -1,7 +1,7 @@
 //! Records of a material in an MTL file, and their conversion to a BSDF.
 //!
 //! MTL describes highlights by Phong's model, which is not physically based. The table in
-//! `docs/scene-format.md` lists which records become which BSDF.
+//! `docs/reference/meshes.md` lists which records become which BSDF.
 
 use super::DEFAULT_ALBEDO;
 use crate::base::math::Rgb;

@@ -235,7 +235,7 @@ fn explain(message: &str) -> Error {
     } else if let Some(value) = what.strip_prefix("unknown variant ") {
         Error::new(format!("unknown value {value}"), choices(expected))
     } else if let Some(key) = what.strip_prefix("missing field ") {
-        let advice = "add it; docs/scene-format.md lists the keys that a table needs";
+        let advice = "add it; docs/reference/scene-format.md lists the keys that a table needs";
         Error::new(format!("the key {key} is missing"), advice)
     } else if let (Some(found), Some(expected)) = (what.strip_prefix("invalid type: "), expected) {
         let expected = match expected {
@@ -247,6 +247,9 @@ fn explain(message: &str) -> Error {
     } else if let (Some(found), Some(expected)) = (what.strip_prefix("invalid value: "), expected) {
         Error::new(format!("wrong value: {found}"), format!("give {expected}"))
     } else {
-        Error::new(message.clone(), "correct the TOML; docs/scene-format.md has an example")
+        Error::new(
+            message.clone(),
+            "correct the TOML; docs/reference/scene-format.md has an example",
+        )
     }
 }

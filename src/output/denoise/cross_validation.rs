@@ -1,4 +1,4 @@
-//! The error of a denoised image, by leaving folds of the iterations out (docs/denoising.md).
+//! The error of a denoised image, by leaving folds of the iterations out (docs/explanation/denoising.md).
 
 use super::{BOX_RADIUS, FoldedImage, Guides, Mix};
 use crate::base::error::Result;
@@ -90,7 +90,7 @@ impl CrossValidation {
     /// square over `(1 + 1/m)^2`, and `C` is the mean square over `1 + 1/m`, minus `T/m`.
     ///
     /// This variance is too small for noise that is rarer than the folds can show, and too large for normal noise. The
-    /// standard error is the geometric mean of this and the one for normal noise (docs/denoising.md).
+    /// standard error is the geometric mean of this and the one for normal noise (docs/explanation/denoising.md).
     pub fn estimate(&self, weights: &[f64]) -> SquaredError {
         let n = self.fold_count();
         // Chunks do not depend on the number of threads, so that the sums do not either.

@@ -2,7 +2,7 @@
 //!
 //! Iterations are dealt out to [`folds`](crate::film::folds). Each fold in turn is left out. The image that is denoised
 //! from the other folds is independent of it, so the fold shows the error, the denoiser's own bias included, without a
-//! reference. docs/denoising.md has the formulas.
+//! reference. docs/explanation/denoising.md has the formulas.
 
 mod cross_validation;
 mod folded_image;

@@ -1,6 +1,6 @@
 //! Multiple importance sampling: the balance heuristic over all techniques that sample the same path.
 //!
-//! This page explains the weights once; the derivation is section 12a of `docs/theory.md`, whose equation numbers
+//! This page explains the weights once; the derivation is section 12a of `docs/explanation/theory.md`, whose equation numbers
 //! stand beside the code.
 //!
 //! # Techniques

@@ -1,0 +1,124 @@
+#!/usr/bin/env bash
+# Makes the pictures of the documentation in docs/pictures, as JPEG files of at most 400 KB.
+#
+#   scripts/pictures.sh            all of them: about three hours on two cores
+#   scripts/pictures.sh NAME...    only these; each takes at most 20 minutes
+#
+# Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
+# folder. BDPM and PICTURE name programs that are built already. The pictures of Blender are made by
+# scripts/blender_demo.py.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+out=${OUT:-docs/pictures}
+work=${CARGO_TARGET_DIR:-target}/pictures
+built=${CARGO_TARGET_DIR:-target}/release
+bdpm=${BDPM:-$built/bdpm}
+picture=${PICTURE:-$built/examples/picture}
+mkdir -p "$out" "$work"
+if [ -z "${BDPM:-}" ] || [ -z "${PICTURE:-}" ]; then
+    cargo build --locked --release --bin bdpm --example picture
+fi
+
+# Renders SCENE for SECONDS to $work/NAME.exr, with the result in $work/NAME.json.
+#   render NAME SCENE SECONDS [OPTION...]
+render() {
+    local name=$1 scene=$2 seconds=$3
+    shift 3
+    seconds=$((seconds < ${SECONDS_EACH:-100000} ? seconds : SECONDS_EACH))
+    "$bdpm" render "scenes/$scene" --output "$work/$name.exr" --time "${seconds}s" --quiet --json "$@" >"$work/$name.json"
+}
+
+# A picture of one scene.
+#   single NAME SCENE SECONDS [OPTION...]
+single() {
+    render "$@"
+    "$picture" strip "$out/$1.jpg" "$work/$1.exr" ""
+}
+
+# Relative RMSE of an image to a reference in percent.
+difference() {
+    "$bdpm" compare "$1" "$2" --json | sed -E 's/.*"relative_mse":([0-9.eE+-]+).*/\1/' |
+        awk '{ printf "%.1f %%", 100 * sqrt($1) }'
+}
+
+# The renderer beside its own path tracer after equal time.
+#   equal_time NAME SCENE SECONDS REFERENCE_SECONDS OPTION...
+equal_time() {
+    local name=$1 scene=$2 seconds=$3 long=$4
+    shift 4
+    render "$name-automatic" "$scene" "$seconds" "$@"
+    render "$name-path" "$scene" "$seconds" --strategy path "$@"
+    render "$name-reference" "$scene" "$long" --seed 2 "$@"
+    "$picture" strip "$out/$name.jpg" \
+        "$work/$name-automatic.exr" "bdpm, $seconds s: error $(difference "$work/$name-"{automatic,reference}.exr)" \
+        "$work/$name-path.exr" "path tracing, $seconds s: error $(difference "$work/$name-"{path,reference}.exr)"
+}
+
+make_picture() {
+    case $1 in
+        # The hero: promised and measured error in its corner.
+        point-caustic)
+            render point-caustic point-caustic 1140 --resolution 1600x1200
+            "$picture" strip "$out/point-caustic.jpg" "$work/point-caustic.exr" "@$work/point-caustic.json"
+            ;;
+        hall) single hall hall 1140 --resolution 1620x1080 ;;
+        objective) single objective objective 1140 --resolution 1620x1080 ;;
+        daylight) single daylight daylight 1140 --resolution 1920x1080 ;;
+        materials) single materials materials 600 --resolution 1440x810 ;;
+        caustic-sphere) single caustic-sphere caustic-sphere 600 --resolution 800x800 ;;
+        cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
+        # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
+        equal-time-caustic) equal_time equal-time-caustic caustic-sphere 30 900 --resolution 512x512 ;;
+        equal-time-keyhole) equal_time equal-time-keyhole keyhole 30 900 --resolution 512x512 ;;
+        equal-time-daylight) equal_time equal-time-daylight daylight 30 900 --resolution 640x360 ;;
+        # Image, reported error and true error on one scale.
+        error-maps)
+            render error-maps caustic-sphere 20 --resolution 480x480
+            render error-maps-reference caustic-sphere 1100 --resolution 480x480 --seed 2
+            "$picture" errors "$out/error-maps.jpg" "$work/error-maps.exr" "$work/error-maps-reference.exr"
+            # For the table in docs/measurements/predictions.md.
+            grep -oE '"(error|promise)":\{"(total|rms)[^}]*\}' "$work/error-maps.json" || true
+            echo "true $(difference "$work/error-maps"{,-reference}.exr)"
+            ;;
+        guides)
+            render guides-without daylight 10 --resolution 320x320 --threads 1 --guide 0
+            render guides-with daylight 10 --resolution 320x320 --threads 1
+            "$picture" strip "$out/guides.jpg" "$work/guides-without.exr" "no guide" "$work/guides-with.exr" "guide"
+            ;;
+        caustic-radii)
+            local inputs=() radius
+            for radius in .012 .006 .003; do
+                render "radius$radius" point-caustic 20 --resolution 320x240 --strategy single --merge-vertex 1 \
+                    --radius .012 --caustic-radius "$radius"
+                inputs+=("$work/radius$radius.exr" "radius $radius")
+            done
+            "$picture" strip "$out/caustic-radii.jpg" "${inputs[@]}"
+            ;;
+        denoising) # wants `make denoiser`
+            render denoising caustic-sphere 8 --resolution 256x256 --threads 1 --denoise
+            "$picture" strip "$out/denoising.jpg" "$work/denoising.exr" raw "denoised@$work/denoising.exr" denoised
+            ;;
+        report) # wants Chromium, which is installed if it is missing
+            render report caustic-sphere 60 --resolution 512x512 --report "$work/report.html"
+            (
+                root=$PWD
+                # shellcheck source=scripts/apt.sh
+                . scripts/apt.sh
+                # shellcheck source=scripts/browser.sh
+                . scripts/browser.sh
+                run --window-size=1280,1600 "--screenshot=$work/report.png" "file://$(realpath "$work")/report.html" >/dev/null
+            )
+            "$picture" strip "$out/report.jpg" "$work/report.png" ""
+            ;;
+        *) echo "pictures: there is no picture $1" >&2 && return 1 ;;
+    esac
+}
+
+all=(point-caustic hall objective daylight materials caustic-sphere cornell-box equal-time-caustic
+    equal-time-keyhole equal-time-daylight error-maps guides caustic-radii denoising report)
+[ $# -gt 0 ] || set -- "${all[@]}"
+for name; do
+    echo "pictures: $name" >&2
+    make_picture "$name"
+done
