@@ -13,6 +13,7 @@ mod solid_angle;
 mod tree_build;
 pub(crate) mod textured_emitter;
 mod tree;
+pub mod visibility;
 
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
@@ -20,6 +21,8 @@ use emitter::Emitter;
 use environment::Environment;
 use glam::Vec3;
 use sampler::EstimateSampler;
+use std::sync::Arc;
+use visibility::Visibility;
 
 /// The start of a light path.
 #[derive(Clone, Copy, Debug)]
@@ -76,13 +79,13 @@ pub struct Receiver {
     pub normal: Option<Vec3>,
 }
 
-/// All emitters of a scene, and its environment.
+/// All emitters of a scene, and its environment. Clones share them.
 #[derive(Clone, Debug, Default)]
 pub struct Lights {
-    emitters: Vec<Emitter>,
-    environment: Option<Environment>,
+    emitters: Arc<[Emitter]>,
+    environment: Option<Arc<Environment>>,
     /// Chooses among the emitters and, after them, the environment.
-    by_power: PowerSampler,
+    by_power: Arc<PowerSampler>,
     /// Chooses among them for a receiver.
     by_estimate: EstimateSampler,
     /// Chooses among the emitters that no ray can hit.
@@ -132,18 +135,31 @@ impl Lights {
     /// Emitters without power are left out.
     pub fn new(mut emitters: Vec<Emitter>) -> Self {
         emitters.retain(Emitter::has_power);
-        let by_power = PowerSampler::new(emitters.iter().map(power_weight));
+        let by_power = Arc::new(PowerSampler::new(emitters.iter().map(power_weight)));
         let by_estimate = EstimateSampler::new(&emitters, |_| true);
         let delta_by_estimate = EstimateSampler::new(&emitters, Emitter::is_delta);
-        Self { emitters, environment: None, by_power, by_estimate, delta_by_estimate }
+        Self {
+            emitters: emitters.into(),
+            environment: None,
+            by_power,
+            by_estimate,
+            delta_by_estimate,
+        }
     }
 
     /// Sets the environment; a black one is left out.
     pub(super) fn set_environment(&mut self, environment: Option<Environment>) {
-        self.environment = environment.filter(|environment| !environment.is_black());
-        let own = self.environment.iter().map(|e| f64::from(luminance(e.power())));
-        self.by_power = PowerSampler::new(self.emitters.iter().map(power_weight).chain(own));
-        self.by_estimate.set_environment(self.emitters.len(), self.environment.as_ref());
+        let environment = environment.filter(|environment| !environment.is_black());
+        let own = environment.iter().map(|e| f64::from(luminance(e.power())));
+        let weights = self.emitters.iter().map(power_weight).chain(own);
+        self.by_power = Arc::new(PowerSampler::new(weights));
+        self.by_estimate.set_environment(self.emitters.len(), environment.as_ref());
+        self.environment = environment.map(Arc::new);
+    }
+
+    /// Sets or removes the visibility that the choices of lights for connections take into account.
+    pub(super) fn set_visibility(&mut self, visibility: Option<Arc<Visibility>>) {
+        self.by_estimate.set_visibility(visibility);
     }
 
     /// Returns true if there are no lights.
@@ -153,7 +169,7 @@ impl Lights {
 
     /// Light from all directions.
     pub fn environment(&self) -> Option<&Environment> {
-        self.environment.as_ref()
+        self.environment.as_deref()
     }
 
     /// Returns true if rays that hit nothing receive light.
@@ -176,7 +192,7 @@ impl Lights {
     /// Radiant power of all lights, W.
     pub fn power(&self) -> Rgb {
         let emitters: Rgb = self.emitters.iter().map(Emitter::power).sum();
-        emitters + self.environment.as_ref().map_or(Rgb::ZERO, Environment::power)
+        emitters + self.environment.as_ref().map_or(Rgb::ZERO, |map| map.power())
     }
 
     /// Starts a light path.
@@ -315,7 +331,7 @@ impl Lights {
     }
 
     fn chosen_environment(&self) -> &Environment {
-        self.environment.as_ref().expect("chosen, hence present")
+        self.environment.as_deref().expect("chosen, hence present")
     }
 }
 
