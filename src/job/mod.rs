@@ -64,7 +64,7 @@ use std::time::{Duration, Instant};
 const DEFAULT_ERROR: f64 = 0.01;
 
 /// Shadow rays that learn the visibility of lights if a job chooses its settings: more of them hardly reduce the noise.
-const ENOUGH_VISIBILITY_RAYS: u32 = 1 << 18;
+const ENOUGH_VISIBILITY_RAYS: u32 = 1 << 19;
 
 /// Time of a job for which these rays take up to about a hundredth of it, seconds. Shorter jobs trace fewer.
 const ENOUGH_VISIBILITY_SECONDS: f64 = 20.0;
@@ -314,7 +314,8 @@ impl RenderJob {
             *time = time.saturating_sub(denoising.reserve());
         }
 
-        if is_automatic && matches!(self.start, Start::New) {
+        let has_choice = scene.lights().has_choice();
+        if is_automatic && has_choice && matches!(self.start, Start::New) {
             provenance.settings.light_visibility =
                 self.visibility_rays(&provenance.settings, stop.time);
         }
@@ -479,7 +480,7 @@ impl RenderJob {
     }
 
     /// Shadow rays that learn the visibility of lights. Their number depends on options alone, so that images can be
-    /// repeated; a scene without a choice among lights traces none.
+    /// repeated.
     fn visibility_rays(&self, settings: &Settings, time: Option<Duration>) -> u32 {
         let is_fixed = self.settings.light_visibility.is_some() || self.times.is_some();
         if is_fixed || self.free.is_some_and(|free| !free.any()) {

@@ -34,7 +34,7 @@ pub(super) fn learned(
     settings: &Settings,
 ) -> Arc<Scene> {
     let (rays, slots) = (settings.light_visibility, scene.lights().visibility_slots());
-    if rays == 0 || slots.len() < 2 {
+    if rays == 0 || !scene.lights().has_choice() {
         return Arc::clone(scene);
     }
     let receivers = receivers(scene, accel, rays / TESTS, settings);
@@ -43,7 +43,7 @@ pub(super) fn learned(
     let tests: Vec<_> = batches
         .flat_map_iter(|(batch, at)| test(scene, accel, &slots, at, key.rng(batch as u64)))
         .collect();
-    let visibility = Visibility::learn(&receivers, &tests);
+    let visibility = Visibility::learn(scene.lights(), &receivers, &tests);
     Arc::new(scene.with_visibility(Some(Arc::new(visibility))))
 }
 

@@ -148,6 +148,29 @@ impl EstimateSampler {
         Some((index, prob * own))
     }
 
+    /// Returns true if regions of the environment have a learned visibility.
+    pub(super) fn has_regions(&self) -> bool {
+        self.visibility.as_ref().is_some_and(|visibility| visibility.has_regions())
+    }
+
+    /// Chooses a region of the environment for `at` by a uniform number: its index, and its probability over its share of
+    /// the power. `None` without learned visibility.
+    pub(super) fn choose_region(&self, at: Receiver, u: f64) -> Option<(usize, f32)> {
+        Some(self.visibility.as_ref()?.regions(at)?.choose(u))
+    }
+
+    /// Probability that [`Self::choose_region`] takes a region, over its share of the power; 1 without learned
+    /// visibility.
+    pub(super) fn region_density(&self, at: Receiver, region: impl FnOnce() -> usize) -> f32 {
+        let learned = self.visibility.as_ref().and_then(|visibility| visibility.regions(at));
+        learned.map_or(1.0, |regions| regions.density(region()))
+    }
+
+    /// Number of the environment among the distant lights.
+    pub(super) fn environment_number(&self) -> Option<usize> {
+        self.far.iter().position(|far| far.toward.is_none())
+    }
+
     /// Slots whose visibility can be learned: clusters of the tree, and distant lights.
     pub(super) fn slots(&self) -> Vec<u8> {
         let far = (0..self.far.len().min(MOST_DISTANT)).map(distant_slot);

@@ -2,9 +2,10 @@
 //! and on the region of space.
 //!
 //! Space is a grid of cubic cells. A cell has a factor for each slot: a child of one of the first nodes of the light
-//! tree, or a distant light. The probability of a choice is proportional to the estimate times the factor. It stays
+//! tree, a distant light, or a region of the environment. The probability of a choice is proportional to the estimate times the factor. It stays
 //! positive, so that no visibility changes a mean. theory.md (17a).
 
+use super::environment::REGIONS;
 use super::tree_node::WIDE;
 use super::{LightSample, Lights, Receiver};
 use crate::base::rng::Rng;
@@ -31,9 +32,15 @@ const PRIOR_TESTS: f32 = 3.0;
 /// Minimum factor: clusters that no test found visible are still chosen.
 const LEAST_FACTOR: f32 = 0.1;
 
+/// Share of choices of a region that goes evenly to all: light from a region that no test found visible then weighs at
+/// most four times as much as without learning.
+const EVEN_REGIONS: f32 = 0.25;
+
 /// Share of the receivers on each side of the grid, along each axis, that it leaves out: they use the cells at its
 /// border. Few receivers may be far from all others.
 const LEFT_OUT: f32 = 0.01;
+
+const _: () = assert!(REGIONS == SLOTS, "a cell has as many regions as slots");
 
 /// Slot of a child of a node.
 pub(super) fn node_slot(node: u32, child: u32) -> u8 {
@@ -69,6 +76,31 @@ impl Factors {
     #[inline(always)] // part of vectorized code
     pub fn of_node(&self, node: u32) -> Option<[f32; WIDE]> {
         self.0.get(node as usize).map(|own| own.map(|factor| f32::from(factor) * (1.0 / 255.0)))
+    }
+
+    /// Chooses a slot in proportion to its factor by a uniform number; also returns its probability times the number of
+    /// slots.
+    pub fn choose(&self, u: f64) -> (usize, f32) {
+        let all = self.0.as_flattened();
+        let sum = self.sum();
+        let mut rest = (u * f64::from(sum)) as u32;
+        for (slot, &factor) in all.iter().enumerate() {
+            if rest < u32::from(factor) {
+                return (slot, self.density(slot));
+            }
+            rest -= u32::from(factor);
+        }
+        (SLOTS - 1, self.density(SLOTS - 1))
+    }
+
+    /// Probability of [`Self::choose`] times the number of slots.
+    pub fn density(&self, slot: usize) -> f32 {
+        f32::from(self.0.as_flattened()[slot]) * SLOTS as f32 / self.sum() as f32
+    }
+
+    /// Sum of all factors; none is 0.
+    fn sum(&self) -> u32 {
+        self.0.as_flattened().iter().map(|&factor| u32::from(factor)).sum()
     }
 
     /// Factor of the distant light of this number.
@@ -146,29 +178,40 @@ pub struct VisibilityTest {
     pub light: LightSample,
     /// Slots whose visibility it shows, as a set of bits.
     slots: u64,
+    /// The region of the environment, if that is the light.
+    region: Option<usize>,
+}
+
+impl VisibilityTest {
+    /// Cosine at the vertex, 0 if its surface faces away, 1 if it receives light from both sides.
+    pub fn cos(&self) -> f32 {
+        self.at.normal.map_or(1.0, |normal| normal.dot(self.light.wi).max(0.0))
+    }
 }
 
 /// Numbers of tests of each slot.
 #[derive(Clone, Copy, Debug)]
 struct Counts {
     tested: [f32; SLOTS],
+    /// Sum of the results.
     visible: [f32; SLOTS],
 }
 
 impl Counts {
     const NONE: Self = Self { tested: [0.0; SLOTS], visible: [0.0; SLOTS] };
 
-    fn add(&mut self, slots: u64, visible: bool) {
+    fn add(&mut self, slots: u64, result: f32) {
         let mut rest = slots;
         while rest != 0 {
             let slot = rest.trailing_zeros() as usize;
             self.tested[slot] += 1.0;
-            self.visible[slot] += f32::from(u8::from(visible));
+            self.visible[slot] += result;
             rest &= rest - 1;
         }
     }
 
-    /// Share of visible tests of each slot, with that of the surroundings as a prior.
+    /// Mean result of each slot, with that of the surroundings as a prior.
+    /// theory.md (17b)
     fn visibility(&self, prior: &[f32; SLOTS]) -> [f32; SLOTS] {
         std::array::from_fn(|slot| {
             let visible = self.visible[slot] + PRIOR_TESTS * prior[slot];
@@ -182,30 +225,48 @@ impl Counts {
 pub struct Visibility {
     grid: Grid,
     cells: Vec<Factors>,
+    /// Factors of the environment's regions in each cell; empty without an environment.
+    regions: Vec<Factors>,
 }
 
 impl Visibility {
-    /// Learns from tests and whether their rays reached the lights. The grid is that around `receivers`.
-    pub fn learn(receivers: &[Receiver], tests: &[(VisibilityTest, bool)]) -> Self {
+    /// Learns from tests of `lights` and whether their rays reached them. The grid is that around `receivers`.
+    pub fn learn(
+        lights: &Lights,
+        receivers: &[Receiver],
+        tests: &[(VisibilityTest, bool)],
+    ) -> Self {
         let grid = Grid::around(receivers);
-        let mut whole = Counts::NONE;
-        let mut blocks = vec![Counts::NONE; grid.block_count()];
-        let mut cells = vec![Counts::NONE; grid.len()];
-        for (test, visible) in tests {
-            let cell = grid.cell(test.at);
-            for counts in [&mut whole, &mut blocks[grid.block(cell)], &mut cells[cell]] {
-                counts.add(test.slots, *visible);
+        let faces = tests.iter().filter(|(test, _)| test.cos() > 0.0);
+        let results = faces.map(|(test, visible)| {
+            let result = f32::from(u8::from(*visible));
+            (grid.cell(test.at), test.slots, result)
+        });
+        let rounded = |factor: f32| (255.0 * factor).round().max(1.0) as u8;
+        let cell =
+            |own: &[f32; SLOTS]| Factors::from_slots(|slot| rounded(own[slot].max(LEAST_FACTOR)));
+        let mut cells: Vec<Factors> = learn(&grid, results).iter().map(cell).collect();
+        let mut regions = Vec::new();
+        if let Some(number) = lights.by_estimate.environment_number() {
+            // The second moment of connections with a region is in proportion to the squared cosine.
+            let results = tests.iter().filter_map(|(test, visible)| {
+                let result = if *visible { test.cos() * test.cos() } else { 0.0 };
+                Some((grid.cell(test.at), 1 << test.region?, result))
+            });
+            for (cell, own) in cells.iter_mut().zip(learn(&grid, results)) {
+                // theory.md (17c)
+                let mean = own.iter().sum::<f32>() / SLOTS as f32;
+                let even = EVEN_REGIONS * mean;
+                let most = own.iter().fold(0.0, |most: f32, &factor| most.max(factor));
+                let factor = |slot: usize| even + (1.0 - EVEN_REGIONS) * own[slot];
+                let most = even + (1.0 - EVEN_REGIONS) * most;
+                regions.push(Factors::from_slots(|slot| rounded(factor(slot) / most)));
+                if let Some(factor) = cell.0[0][1..].get_mut(number) {
+                    *factor = rounded(mean);
+                }
             }
         }
-        let whole = whole.visibility(&[1.0; SLOTS]);
-        let blocks: Vec<_> = blocks.iter().map(|block| block.visibility(&whole)).collect();
-        let factors = |(cell, counts): (usize, &Counts)| {
-            let own = counts.visibility(&blocks[grid.block(cell)]);
-            // theory.md (17a)
-            let factor = |slot: usize| (255.0 * own[slot].sqrt().max(LEAST_FACTOR)).round() as u8;
-            Factors::from_slots(factor)
-        };
-        Self { grid, cells: cells.iter().enumerate().map(factors).collect() }
+        Self { grid, cells, regions }
     }
 
     /// Factors at a receiver.
@@ -213,12 +274,47 @@ impl Visibility {
     pub(super) fn factors(&self, at: Receiver) -> &Factors {
         &self.cells[self.grid.cell(at)]
     }
+
+    /// Factors of the environment's regions at a receiver, if there is an environment.
+    #[inline]
+    pub(super) fn regions(&self, at: Receiver) -> Option<&Factors> {
+        self.regions.get(self.grid.cell(at))
+    }
+
+    pub(super) fn has_regions(&self) -> bool {
+        !self.regions.is_empty()
+    }
+}
+
+/// Learns the root of the second moment of each slot in each cell, from cells, sets of slots, and the results of tests,
+/// of at most 1.
+/// theory.md (17a)
+fn learn(grid: &Grid, results: impl Iterator<Item = (usize, u64, f32)>) -> Vec<[f32; SLOTS]> {
+    let mut whole = Counts::NONE;
+    let mut blocks = vec![Counts::NONE; grid.block_count()];
+    let mut cells = vec![Counts::NONE; grid.len()];
+    for (cell, slots, result) in results {
+        for counts in [&mut whole, &mut blocks[grid.block(cell)], &mut cells[cell]] {
+            counts.add(slots, result);
+        }
+    }
+    let whole = whole.visibility(&[1.0; SLOTS]);
+    let blocks: Vec<_> = blocks.iter().map(|block| block.visibility(&whole)).collect();
+    let own = |(cell, counts): (usize, &Counts)| {
+        counts.visibility(&blocks[grid.block(cell)]).map(f32::sqrt)
+    };
+    cells.iter().enumerate().map(own).collect()
 }
 
 impl Lights {
-    /// Slots whose visibility can be learned; with a single one there is nothing to choose.
+    /// Slots whose visibility can be learned.
     pub fn visibility_slots(&self) -> Vec<u8> {
         self.by_estimate.slots()
+    }
+
+    /// Returns true if vertices choose among several lights or directions of an environment.
+    pub fn has_choice(&self) -> bool {
+        self.has_environment() || self.visibility_slots().len() > 1
     }
 
     /// The slots of the tree as a whole and of distant lights, if there are any.
@@ -229,8 +325,9 @@ impl Lights {
     /// Chooses a light of a slot to test its visibility from a vertex; `None` if it cannot light the vertex.
     pub fn visibility_test(&self, slot: u8, at: Receiver, rng: &mut Rng) -> Option<VisibilityTest> {
         let (index, slots) = self.by_estimate.choose_in(slot, at, rng.next_f64())?;
-        let light = self.connect_chosen(index, 1.0, at.position, rng)?;
-        let faces = at.normal.is_none_or(|normal| normal.dot(light.wi) > 0.0);
-        faces.then_some(VisibilityTest { at, light, slots })
+        let light = self.connect_chosen(index, 1.0, at, rng)?;
+        let is_environment = index == self.emitters.len();
+        let region = is_environment.then(|| self.chosen_environment().region(light.wi));
+        Some(VisibilityTest { at, light, slots, region })
     }
 }
