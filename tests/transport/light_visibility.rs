@@ -27,7 +27,7 @@ fn direct_light(light_visibility: u32) -> Settings {
 }
 
 /// With `e` and `e'` the irradiance from the visible and the hidden lamp, and `p = e/(e + c e')`, the variance is
-/// `e^2 (1/p - 1) = c e e'`. The factor `c` is 1 without learning. With it, it is the least that a test can lead to.
+/// `e^2 (1/p - 1) = c e e'`. The factor `c` is 1 without learning, and the minimum factor with it.
 #[test]
 fn variance_falls_by_the_factor_of_hidden_lamps_and_the_mean_stays() {
     let (scene, iterations) = (&boxed_lamp(), 200);
