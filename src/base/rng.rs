@@ -18,6 +18,8 @@ pub enum Stream {
     Pilot = 5,
     /// One stream per pixel of a quick look at a scene.
     LitCheck = 6,
+    /// One stream per batch of vertices that test which lights they see.
+    Visibility = 7,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

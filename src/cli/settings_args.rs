@@ -39,6 +39,9 @@ pub struct SettingsArgs {
     /// Learn in N iterations where light paths should start [default: 0]
     #[arg(long, value_name = "N")]
     pub guide: Option<u32>,
+    /// Learn by N shadow rays which lights are visible from where [default: 0]
+    #[arg(long, value_name = "N")]
+    pub light_visibility: Option<u32>,
     /// Connect to lights, or take direct light from photons [default: connect]
     #[arg(long, value_parser = word::<Direct>(DIRECT))]
     pub direct: Option<Direct>,
@@ -60,6 +63,7 @@ impl From<&SettingsArgs> for PartialSettings {
             merge_vertex: args.merge_vertex,
             strategy: args.strategy,
             guide: args.guide,
+            light_visibility: args.light_visibility,
             direct: args.direct,
             seed: args.seed,
         }

@@ -63,6 +63,12 @@ use std::time::{Duration, Instant};
 /// Relative error at which a job stops if no stop condition was given: 1 %.
 const DEFAULT_ERROR: f64 = 0.01;
 
+/// Shadow rays that learn the visibility of lights if a job chooses its settings: more of them hardly reduce the noise.
+const ENOUGH_VISIBILITY_RAYS: u32 = 1 << 19;
+
+/// Time of a job for which these rays take up to about a hundredth of it, seconds. Shorter jobs trace fewer.
+const ENOUGH_VISIBILITY_SECONDS: f64 = 20.0;
+
 /// Renders a scene until a [`Stop`] condition holds.
 ///
 /// By default, the job chooses the technique, merge radii, guide and path counts that minimize the total error (noise
@@ -308,6 +314,11 @@ impl RenderJob {
             *time = time.saturating_sub(denoising.reserve());
         }
 
+        let has_choice = scene.lights().has_choice();
+        if is_automatic && has_choice && matches!(self.start, Start::New) {
+            provenance.settings.light_visibility =
+                self.visibility_rays(&provenance.settings, stop.time);
+        }
         let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
         let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
         let mut renderer = threads.install(new)?.configure(config)?;
@@ -466,6 +477,18 @@ impl RenderJob {
             // each fold.
             bias: (radius || caustic_radius) && fixed.bias.is_none() && !self.denoise,
         }
+    }
+
+    /// Shadow rays that learn the visibility of lights. Their number depends on options alone, so that images can be
+    /// repeated.
+    fn visibility_rays(&self, settings: &Settings, time: Option<Duration>) -> u32 {
+        let is_fixed = self.settings.light_visibility.is_some() || self.times.is_some();
+        if is_fixed || self.free.is_some_and(|free| !free.any()) {
+            return settings.light_visibility;
+        }
+        let seconds = time.map_or(ENOUGH_VISIBILITY_SECONDS, |time| time.as_secs_f64());
+        let share = (seconds / ENOUGH_VISIBILITY_SECONDS).min(1.0);
+        (f64::from(ENOUGH_VISIBILITY_RAYS) * share) as u32
     }
 
     fn stop_with_default(&self) -> Stop {

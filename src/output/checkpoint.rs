@@ -267,6 +267,7 @@ mod tests {
             strategy: Strategy::Single,
             direct: Direct::Connect,
             guide: 0,
+            light_visibility: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,
             mis_scales: None,

@@ -8,6 +8,7 @@ pub mod block;
 mod combined_image;
 pub mod guiding;
 mod iteration;
+mod light_visibility;
 mod memory;
 mod partial;
 mod report;
@@ -105,7 +106,9 @@ impl Renderer {
     /// # Errors
     /// If the settings are invalid, the scene has no light, or the memory does not suffice.
     pub fn new(scene: &Arc<Scene>, accel: &Arc<dyn Intersect>, settings: Settings) -> Result<Self> {
-        Self::unguided(scene, accel, settings)?.with_learned_guide()
+        settings.validate()?;
+        let scene = light_visibility::learned(scene, &**accel, &settings);
+        Self::unguided(&scene, accel, settings)?.with_learned_guide()
     }
 
     fn unguided(
@@ -154,15 +157,23 @@ impl Renderer {
     }
 
     /// Prepares to render the same scene with other settings and the default configuration, from the
-    /// first iteration. The areas of the surfaces and, if it would not differ, the guide are reused.
+    /// first iteration. The areas of the surfaces and, if they would not differ, the guide and the visibility of lights
+    /// are reused.
     ///
     /// # Errors
     /// Those of [`Self::new`].
     pub fn with_settings(&self, settings: Settings) -> Result<Self> {
-        let renderer = if settings.kernel != self.settings.kernel {
-            Self::unguided(&self.scene, &self.accel, settings)?
+        let scene = if settings.light_visibility == self.settings.light_visibility {
+            Arc::clone(&self.scene)
         } else {
-            Self::with_areas(&self.scene, &self.accel, settings, |settings| {
+            settings.validate()?;
+            let unlearned = Arc::new(self.scene.with_visibility(None));
+            light_visibility::learned(&unlearned, &*self.accel, &settings)
+        };
+        let renderer = if settings.kernel != self.settings.kernel {
+            Self::unguided(&scene, &self.accel, settings)?
+        } else {
+            Self::with_areas(&scene, &self.accel, settings, |settings| {
                 let areas = self.areas.as_ref()?;
                 Some(if areas.radius() == settings.reach() {
                     Arc::clone(areas)

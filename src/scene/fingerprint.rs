@@ -17,7 +17,7 @@ impl Scene {
         let mut hash = Hash(Xxh3Default::new());
         // Every list starts with its length: no two scenes write the same bytes.
         hash.count(self.placements.len());
-        for Placement { mesh, material, transform } in &self.placements {
+        for Placement { mesh, material, transform } in self.placements.iter() {
             hash.u32(*material);
             let mesh = &self.meshes[*mesh as usize];
             match transform {

@@ -46,9 +46,11 @@ use crate::base::error::Result;
 use crate::base::math::Bounds;
 use diffuse::TriangleSide;
 use hit::Lambertian;
+use lights::visibility::Visibility;
+use std::sync::Arc;
 use triangle::Corners;
 
-/// Everything that light meets.
+/// Everything that light meets. Clones share all large parts.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Name of the scene's file or folder.
@@ -58,21 +60,21 @@ pub struct Scene {
     /// Named parts of the image.
     pub regions: Vec<Region>,
     // The following fields depend on each other: to change one, build another scene.
-    meshes: Vec<Mesh>,
-    placements: Vec<Placement>,
-    materials: Vec<Material>,
+    meshes: Arc<[Mesh]>,
+    placements: Arc<[Placement]>,
+    materials: Arc<[Material]>,
     lights: Lights,
     bounds: Bounds,
     /// All triangles, mesh by mesh, in their mesh's space.
-    triangles: Vec<Triangle>,
+    triangles: Arc<[Triangle]>,
     /// Corners of the triangles with varying shading data.
-    corners: Vec<Corners>,
+    corners: Arc<[Corners]>,
     /// For each placement the index in `triangles` of its mesh's first triangle.
-    first_triangle: Vec<u32>,
+    first_triangle: Arc<[u32]>,
     /// For each material its Lambertian part.
-    lambertian: Vec<Lambertian>,
+    lambertian: Arc<[Lambertian]>,
     /// Sides that emit, sorted, and the indices of their emitters.
-    emitting: Vec<(TriangleSide, u32)>,
+    emitting: Arc<[(TriangleSide, u32)]>,
 }
 
 impl Scene {
@@ -151,15 +153,15 @@ impl Scene {
             name,
             camera,
             regions,
-            meshes,
-            placements,
+            meshes: meshes.into(),
+            placements: placements.into(),
             lambertian: materials.iter().map(Lambertian::of).collect(),
-            materials,
+            materials: materials.into(),
             lights,
             bounds,
-            triangles,
-            corners,
-            first_triangle,
+            triangles: triangles.into(),
+            corners: corners.into(),
+            first_triangle: first_triangle.into(),
             emitting,
         })
     }
@@ -206,8 +208,18 @@ impl Scene {
         let emitters = self.lights.emitters().iter().cloned();
         self.lights = Lights::new(std::iter::once(light).chain(emitters).collect());
         self.lights.set_environment(environment);
-        self.emitting.iter_mut().for_each(|(_, number)| *number += 1);
+        let next = |&(side, number): &(TriangleSide, u32)| (side, number + 1);
+        self.emitting = self.emitting.iter().map(next).collect();
         self
+    }
+
+    /// The scene with this visibility of its lights, or without one. It changes how vertices choose among lights, not
+    /// the mean of any image.
+    #[must_use]
+    pub fn with_visibility(&self, visibility: Option<Arc<Visibility>>) -> Self {
+        let mut scene = self.clone();
+        scene.lights.set_visibility(visibility);
+        scene
     }
 
     /// Index of the light that a triangle's side is; `None` if it emits nothing.

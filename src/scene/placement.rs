@@ -100,7 +100,7 @@ impl Scene {
     /// All triangles in the scene's space, placement after placement.
     pub fn triangles(&self) -> Vec<Triangle> {
         let mut triangles = Vec::with_capacity(self.triangle_count());
-        for (placement, first) in self.placements.iter().zip(&self.first_triangle) {
+        for (placement, first) in self.placements.iter().zip(self.first_triangle.iter()) {
             let count = self.mesh(placement).triangles.len();
             let stored = &self.triangles[*first as usize..][..count];
             triangles.extend(stored.iter().map(|triangle| placement.triangle(triangle)));

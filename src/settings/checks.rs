@@ -66,6 +66,19 @@ pub(super) fn check_guide(&iterations: &u32) -> Result<()> {
     ))
 }
 
+/// Maximum number of shadow rays that learn the visibility of lights: more of them add nothing.
+const MAX_LIGHT_VISIBILITY: u32 = 1 << 24;
+
+pub(super) fn check_light_visibility(&rays: &u32) -> Result<()> {
+    if rays <= MAX_LIGHT_VISIBILITY {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("{rays} shadow rays to learn the visibility of lights"),
+        format!("give at most {MAX_LIGHT_VISIBILITY}, such as 500000, or 0 for none"),
+    ))
+}
+
 pub(super) fn check_radius(&radius: &f32) -> Result<()> {
     if radius > 0.0 && radius.is_finite() {
         return Ok(());

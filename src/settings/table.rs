@@ -1,8 +1,8 @@
 //! Every setting once: its meaning, type, default and bounds.
 
 use super::checks::{
-    as_serde, check_camera_paths, check_guide, check_light_paths, check_merge_vertex, check_radius,
-    check_resolution, check_strategy, checked,
+    as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
+    check_merge_vertex, check_radius, check_resolution, check_strategy, checked,
 };
 use super::fixed_array::FixedArray;
 use super::{Bias, Direct, Kernel, Length, MisScales, Strategy};
@@ -179,6 +179,11 @@ settings! {
     #[serde(deserialize_with = "read::guide")]
     guide: u32 as u32 = 0, check_guide;
 
+    /// Shadow rays beside the image that learn which lights are visible from where. With 0 vertices choose among lights
+    /// as if nothing were in between.
+    #[serde(deserialize_with = "read::light_visibility")]
+    light_visibility: u32 as u32 = 0, check_light_visibility;
+
     /// Technique for light straight from a light source.
     direct: Direct as Direct = Direct::default(), any;
 
@@ -213,6 +218,7 @@ mod read {
         camera_paths: u32, check_camera_paths;
         merge_vertex: u32, check_merge_vertex;
         guide: u32, check_guide;
+        light_visibility: u32, check_light_visibility;
     }
 }
 
@@ -286,6 +292,7 @@ mod tests {
             strategy: Strategy::Single,
             direct: Direct::PhotonMap,
             guide: 0,
+            light_visibility: 0,
             seed: 9,
             mis_scales: None,
         };
@@ -313,6 +320,7 @@ mod tests {
             strategy: Some(Strategy::Mis),
             direct: Some(Direct::PhotonMap),
             guide: Some(15),
+            light_visibility: Some(16),
             seed: Some(13),
         };
         assert_eq!(PartialSettings::default().or(&all), all);

@@ -164,6 +164,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
         strategy: Strategy::Single,
         direct: Direct::Connect,
         guide: 0,
+        light_visibility: 0,
         seed: 1,
         mis_scales: None,
     }

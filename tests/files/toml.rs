@@ -107,6 +107,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         merge_vertex: Some(2),
         strategy: None,
         guide: None,
+        light_visibility: None,
         direct: Some(Direct::Connect),
         seed: None,
     };

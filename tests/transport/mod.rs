@@ -15,6 +15,7 @@ mod hidden;
 mod instances;
 mod interpolated_normals;
 mod layers;
+mod light_visibility;
 mod lights;
 mod materials_furnace;
 mod materials_light;

@@ -28,6 +28,12 @@ pub struct Environment {
     radius: f32,
 }
 
+/// Regions of a map across and down: equal intervals of the numbers that sample it, hence of equal power.
+const REGIONS_ACROSS: usize = 8;
+
+/// Number of regions of a map.
+pub(super) const REGIONS: usize = REGIONS_ACROSS * REGIONS_ACROSS;
+
 /// A pixel of the map. A sample reads all of it at once: maps are larger than the caches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(16))]
@@ -196,6 +202,27 @@ impl Environment {
         (pixel.radiance, (pixel.end - begin) as f32 / self.rows[row].inverse_pdf_w)
     }
 
+    /// Region of a unit direction.
+    pub(super) fn region(&self, direction: Vec3) -> usize {
+        let [row, index] = self.pixel_index(direction);
+        let first = row * self.width as usize;
+        let begin = |is_first: bool, end: u32| if is_first { 0 } else { end };
+        let (above, left) = (row.saturating_sub(1), index.saturating_sub(1));
+        let begins =
+            [begin(index == first, self.pixels[left].end), begin(row == 0, self.rows[above].end)];
+        let Row { end, edges: [upper, lower], .. } = self.rows[row];
+        let longitude = direction.x.atan2(-direction.z) / TAU + 0.5 + self.turn;
+        let across = (longitude - longitude.floor()) * self.width as f32 - (index - first) as f32;
+        let rest = [across, (direction.y - upper) / (lower - upper)];
+        let ends = [self.pixels[index].end, end];
+        let [u, v] = std::array::from_fn(|i| {
+            let units = f64::from(ends[i] - begins[i]) * f64::from(rest[i].clamp(0.0, 1.0));
+            let share = (f64::from(begins[i]) + units) / f64::from(UNITS);
+            ((share * REGIONS_ACROSS as f64) as usize).min(REGIONS_ACROSS - 1)
+        });
+        v * REGIONS_ACROSS + u
+    }
+
     /// A direction in proportion to the luminance, from two uniform numbers: latitude and longitude increase with
     /// them. Also returns the radiance from there over the density, W/m^2, and one over the density, sr.
     /// theory.md (15).
@@ -225,7 +252,25 @@ impl Environment {
 
     /// A direction to connect `position` with; the environment was chosen with probability `prob`.
     pub(super) fn connect(&self, position: Vec3, prob: f32, rng: &mut Rng) -> LightSample {
-        let (wi, irradiance, inverse_pdf_w) = self.sample([rng.next_f64(), rng.next_f64()]);
+        self.connect_from([rng.next_f64(), rng.next_f64()], position, prob)
+    }
+
+    /// A direction of a region to connect `position` with. `prob` is the density of the choice of the environment and
+    /// the region, relative to that of regions in proportion to their power.
+    pub(super) fn connect_in(
+        &self,
+        region: usize,
+        position: Vec3,
+        prob: f32,
+        rng: &mut Rng,
+    ) -> LightSample {
+        let corner = [region % REGIONS_ACROSS, region / REGIONS_ACROSS];
+        let at = corner.map(|corner| (corner as f64 + rng.next_f64()) / REGIONS_ACROSS as f64);
+        self.connect_from(at, position, prob)
+    }
+
+    fn connect_from(&self, at: [f64; 2], position: Vec3, prob: f32) -> LightSample {
+        let (wi, irradiance, inverse_pdf_w) = self.sample(at);
         // Outside the sphere around the scene, for any position in it.
         let distance = 2.0 * self.radius + (position - self.center).length();
         LightSample {
@@ -253,6 +298,22 @@ mod tests {
         let mut map = Environment::new(width, height, (0..84).map(pixel).collect(), turn_deg);
         map.enclose(&Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 1.0, 3.0) });
         map
+    }
+
+    #[test]
+    fn connections_with_a_region_lie_in_it() {
+        for turn in [0.0, 35.0, -400.0] {
+            let map = environment(turn);
+            let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
+            let mut strayed = 0;
+            for number in 0..20_000 {
+                let region = number % REGIONS;
+                let sample = map.connect_in(region, Vec3::ONE, 1.0, &mut rng);
+                strayed += usize::from(map.region(sample.wi) != region);
+            }
+            // By rounding at their edges
+            assert!(strayed < 20, "{turn}: {strayed}");
+        }
     }
 
     #[test]

@@ -135,8 +135,10 @@ impl Lights {
         }
         samples.reach_points(&at.position, &probs);
         for &(lane, index, prob) in &others[..other_count] {
-            let (position, mut rng) = (at.position.get(lane), rngs.get(lane));
-            if let Some(light) = self.connect_chosen(index, prob, position, &mut rng) {
+            let mut rng = rngs.get(lane);
+            let (position, normal) = (at.position.get(lane), Some(at.normal.get(lane)));
+            let receiver = Receiver { position, normal };
+            if let Some(light) = self.connect_chosen(index, prob, receiver, &mut rng) {
                 samples.target.set(lane, light.target);
                 samples.wi.set(lane, light.wi);
                 samples.irradiance.set(lane, light.irradiance);

@@ -4,8 +4,10 @@ use super::Receiver;
 use super::emitter::Emitter;
 use super::environment::Environment;
 use super::tree::LightTree;
+use super::visibility::{Factors, MOST_DISTANT, Visibility, distant_slot};
 use crate::base::math::luminance;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// A light without a position: parallel light or the environment, which no tree contains.
 #[derive(Clone, Copy, Debug)]
@@ -33,9 +35,17 @@ impl DistantLight {
 /// Chooses among a subset of a scene's lights.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EstimateSampler {
-    near: LightTree,
+    near: Arc<LightTree>,
     far: Vec<DistantLight>,
+    /// Learned visibility of clusters of lights; without it nothing is known about occlusion.
+    visibility: Option<Arc<Visibility>>,
 }
+
+/// Share of choices that goes evenly to the tree and all distant lights.
+const EVEN_SHARE: f32 = 0.5;
+
+/// This share with learned visibility.
+const EVEN_SHARE_LEARNED: f32 = 0.2;
 
 impl EstimateSampler {
     /// A sampler of the `wanted` ones among `emitters`.
@@ -48,7 +58,17 @@ impl EstimateSampler {
             }
             _ => None,
         };
-        Self { near: LightTree::new(own()), far: own().filter_map(sun).collect() }
+        let near = Arc::new(LightTree::new(own()));
+        Self { near, far: own().filter_map(sun).collect(), visibility: None }
+    }
+
+    /// Sets or removes the visibility that choices take into account.
+    pub(super) fn set_visibility(&mut self, visibility: Option<Arc<Visibility>>) {
+        self.visibility = visibility;
+    }
+
+    fn factors(&self, at: Receiver) -> Option<&Factors> {
+        self.visibility.as_deref().map(|visibility| visibility.factors(at))
     }
 
     /// Adds or replaces the environment; `emitters` is the number of all emitters.
@@ -65,10 +85,11 @@ impl EstimateSampler {
     /// Chooses a light for `at` by a uniform number: its index and probability; `None` if no light can light it.
     #[inline(never)] // keeps the loops over vertices short
     pub(super) fn choose(&self, at: Receiver, u: f64) -> Option<(usize, f32)> {
+        let factors = self.factors(at);
         let (index, prob) = if self.far.is_empty() {
-            self.near.choose(at, u)
+            self.near.choose(at, u, factors)
         } else {
-            self.choose_with_far(at, u)
+            self.choose_with_far(at, u, factors)
         }?;
         Some((index as usize, prob))
     }
@@ -76,22 +97,43 @@ impl EstimateSampler {
     /// Probability that [`Self::choose`] takes the light with this index.
     #[inline(never)] // keeps the loops over vertices short
     pub(super) fn prob(&self, index: usize, at: Receiver) -> f32 {
+        let factors = self.factors(at);
         if self.far.is_empty() {
-            return self.near.prob(index, at);
+            return self.near.prob(index, at, factors);
         }
-        let probs = SelectionProbs::new(self, at);
-        match self.far.iter().find(|far| far.index as usize == index) {
-            Some(far) => probs.of(far.estimate(at.normal)),
-            None => probs.of(probs.near) * self.near.prob(index, at),
+        let probs = SelectionProbs::new(self, at, factors);
+        let mut far = self.far.iter().zip(self.far_estimates(at, factors));
+        match far.find(|(far, _)| far.index as usize == index) {
+            Some((_, estimate)) => probs.of(estimate),
+            None => probs.of(probs.near) * self.near.prob(index, at, factors),
         }
     }
 
+    /// Estimates of the irradiance from each distant light, W/m^2, times their factors if they were learned.
+    /// theory.md (17a)
+    fn far_estimates<'a>(
+        &'a self,
+        at: Receiver,
+        factors: Option<&'a Factors>,
+    ) -> impl Iterator<Item = f32> + Clone + 'a {
+        self.far.iter().enumerate().map(move |(number, far)| {
+            let factor = factors.map_or(1.0, |factors| factors.of_distant(number));
+            far.estimate(at.normal) * factor
+        })
+    }
+
     /// Estimates ignore occlusion: by them alone a sun outside would take all choices from the lamps of a room.
-    /// Half of the choices therefore go by the estimates, half evenly to all lights whose estimate is not 0.
-    fn choose_with_far(&self, at: Receiver, mut u: f64) -> Option<(u32, f32)> {
-        let probs = SelectionProbs::new(self, at);
-        for light in &self.far {
-            let prob = probs.of(light.estimate(at.normal));
+    /// Half of the choices, or fewer if visibility was learned, therefore go evenly to all lights whose estimate is
+    /// not 0.
+    fn choose_with_far(
+        &self,
+        at: Receiver,
+        mut u: f64,
+        factors: Option<&Factors>,
+    ) -> Option<(u32, f32)> {
+        let probs = SelectionProbs::new(self, at, factors);
+        for (light, estimate) in self.far.iter().zip(self.far_estimates(at, factors)) {
+            let prob = probs.of(estimate);
             if u < f64::from(prob) {
                 return Some((light.index, prob));
             }
@@ -102,8 +144,48 @@ impl EstimateSampler {
             // Rounding left a small rest of the last interval.
             return None;
         }
-        let (index, own) = self.near.choose(at, (u / f64::from(prob)).min(1.0))?;
+        let (index, own) = self.near.choose(at, (u / f64::from(prob)).min(1.0), factors)?;
         Some((index, prob * own))
+    }
+
+    /// Returns true if regions of the environment have a learned visibility.
+    pub(super) fn has_regions(&self) -> bool {
+        self.visibility.as_ref().is_some_and(|visibility| visibility.has_regions())
+    }
+
+    /// Chooses a region of the environment for `at` by a uniform number: its index, and its probability over its share of
+    /// the power. `None` without learned visibility.
+    pub(super) fn choose_region(&self, at: Receiver, u: f64) -> Option<(usize, f32)> {
+        Some(self.visibility.as_ref()?.regions(at)?.choose(u))
+    }
+
+    /// Probability that [`Self::choose_region`] takes a region, over its share of the power; 1 without learned
+    /// visibility.
+    pub(super) fn region_density(&self, at: Receiver, region: impl FnOnce() -> usize) -> f32 {
+        let learned = self.visibility.as_ref().and_then(|visibility| visibility.regions(at));
+        learned.map_or(1.0, |regions| regions.density(region()))
+    }
+
+    /// Number of the environment among the distant lights.
+    pub(super) fn environment_number(&self) -> Option<usize> {
+        self.far.iter().position(|far| far.toward.is_none())
+    }
+
+    /// Slots whose visibility can be learned: clusters of the tree, and distant lights.
+    pub(super) fn slots(&self) -> Vec<u8> {
+        let far = (0..self.far.len().min(MOST_DISTANT)).map(distant_slot);
+        self.near.slots().chain(far).collect()
+    }
+
+    /// Chooses a light of a slot for `at` by a uniform number: its index, and all slots whose visibility it shows, as
+    /// a set of bits.
+    pub(super) fn choose_in(&self, slot: u8, at: Receiver, u: f64) -> Option<(usize, u64)> {
+        let distant = (0..self.far.len().min(MOST_DISTANT)).find(|&far| distant_slot(far) == slot);
+        if let Some(number) = distant {
+            return Some((self.far[number].index as usize, 1 << slot));
+        }
+        let index = self.near.choose_in(slot, at, u)?;
+        Some((index as usize, self.near.slots_between(slot, index)))
     }
 }
 
@@ -114,15 +196,18 @@ struct SelectionProbs {
     total: f32,
     /// Number of positive estimates.
     count: usize,
+    /// Share of choices that ignores the estimates.
+    even: f32,
 }
 
 impl SelectionProbs {
-    fn new(lights: &EstimateSampler, at: Receiver) -> Self {
-        let near = lights.near.estimate(at);
-        let far = || lights.far.iter().map(|far| far.estimate(at.normal));
-        let total = near + far().sum::<f32>();
-        let count = std::iter::once(near).chain(far()).filter(|&one| one > 0.0).count();
-        Self { near, total, count }
+    fn new(lights: &EstimateSampler, at: Receiver, factors: Option<&Factors>) -> Self {
+        let near = lights.near.estimate(at, factors);
+        let far = lights.far_estimates(at, factors);
+        let total = near + far.clone().sum::<f32>();
+        let count = std::iter::once(near).chain(far).filter(|&one| one > 0.0).count();
+        let even = if factors.is_some() { EVEN_SHARE_LEARNED } else { EVEN_SHARE };
+        Self { near, total, count, even }
     }
 
     /// Probability of a light with this estimate; 0 if no light can light the point.
@@ -131,6 +216,6 @@ impl SelectionProbs {
         if !(estimate > 0.0 && self.total.is_finite()) {
             return 0.0;
         }
-        0.5 * (estimate / self.total + 1.0 / self.count as f32)
+        (1.0 - self.even) * (estimate / self.total) + self.even / self.count as f32
     }
 }

@@ -6,11 +6,14 @@
 //! small cluster is the irradiance itself. A node has eight children instead of two: their estimates are computed
 //! side by side, and the tree has a third of the levels.
 
+mod slots;
+
 use super::Receiver;
 use super::cluster::Cluster;
 use super::emitter::Emitter;
 use super::tree_build::split_lights;
 use super::tree_node::{TreeNode, WIDE};
+use super::visibility::Factors;
 use crate::simd::dispatch::vectorized;
 
 const LEAF: u32 = 1 << 31;
@@ -96,58 +99,84 @@ impl LightTree {
         if !leaves.is_empty() {
             tree.add_node(Slot::default());
             tree.fill(Slot::default(), &mut leaves);
+            tree.number_by_level();
         }
         tree
     }
 
     /// An estimate of the irradiance from all emitters, W/m^2; 0 only if none can light `at`.
-    pub(super) fn estimate(&self, at: Receiver) -> f32 {
-        let Some(first) = self.nodes.first() else { return 0.0 };
+    pub(super) fn estimate(&self, at: Receiver, factors: Option<&Factors>) -> f32 {
+        if self.nodes.is_empty() {
+            return 0.0;
+        }
         vectorized(
             #[inline(always)]
-            |_| first.estimates(at)[0],
+            |_| self.estimates(0, at, factors)[0],
         )
+    }
+
+    /// Estimates of the irradiance from each child of a node, W/m^2, times their factors if they were learned.
+    /// theory.md (17a).
+    #[inline(always)] // part of vectorized code
+    fn estimates(&self, node: u32, at: Receiver, factors: Option<&Factors>) -> [f32; WIDE] {
+        let mut estimates = self.nodes[node as usize].estimates(at);
+        if let Some(own) = factors.and_then(|factors| factors.of_node(node)) {
+            for (estimate, factor) in estimates.iter_mut().zip(own) {
+                *estimate *= factor;
+            }
+        }
+        estimates
     }
 
     /// Chooses an emitter for `at` by a uniform number: its index and probability; `None` if none can light it.
-    pub(super) fn choose(&self, at: Receiver, u: f64) -> Option<(u32, f32)> {
+    pub(super) fn choose(
+        &self,
+        at: Receiver,
+        u: f64,
+        factors: Option<&Factors>,
+    ) -> Option<(u32, f32)> {
+        let whole = self.nodes.first()?.content[0];
         vectorized(
             #[inline(always)]
-            |_| self.descend(at, u),
+            |_| self.descend(whole, at, u, factors),
         )
     }
 
-    /// [`Self::choose`] without vector instructions of its own.
+    /// Chooses an emitter of a slot with this content, without vector instructions of its own.
     #[inline(always)]
-    fn descend(&self, at: Receiver, mut u: f64) -> Option<(u32, f32)> {
-        let mut content = self.nodes.first()?.content[0];
+    fn descend(
+        &self,
+        mut content: u32,
+        at: Receiver,
+        mut u: f64,
+        factors: Option<&Factors>,
+    ) -> Option<(u32, f32)> {
         let mut prob = 1.0;
         while content & LEAF == 0 {
-            let children = &self.nodes[content as usize];
-            let probs = ChildProbs::new(&children.estimates(at))?;
+            let probs = ChildProbs::new(&self.estimates(content, at, factors))?;
             let (child, rest) = probs.choose(u);
             prob *= probs.prob(child);
-            content = children.content[child];
+            content = self.nodes[content as usize].content[child];
             u = rest;
         }
         (prob > 0.0).then_some((content & !LEAF, prob))
     }
 
     /// Probability that [`Self::choose`] takes this emitter of the tree.
-    pub(super) fn prob(&self, emitter: usize, at: Receiver) -> f32 {
+    pub(super) fn prob(&self, emitter: usize, at: Receiver, factors: Option<&Factors>) -> f32 {
         vectorized(
             #[inline(always)]
-            |_| self.climb(self.leaves[emitter], at),
+            |_| self.climb(self.leaves[emitter], at, factors),
         )
     }
 
     /// Probability of a leaf.
     #[inline(always)]
-    fn climb(&self, leaf: Slot, at: Receiver) -> f32 {
+    fn climb(&self, leaf: Slot, at: Receiver, factors: Option<&Factors>) -> f32 {
         let Slot { mut node, mut child } = leaf;
         let mut prob = 1.0;
         while node != 0 {
-            let estimates = self.nodes[node as usize].estimates(at);
+            let estimates = self.estimates(node, at, factors);
             let Some(probs) = ChildProbs::new(&estimates) else { return 0.0 };
             prob *= probs.prob(child as usize);
             Slot { node, child } = self.parents[node as usize];
@@ -216,16 +245,16 @@ mod tests {
     use glam::Vec3;
     use std::f32::consts::PI;
 
-    fn rng(seed: u64) -> Rng {
+    pub(super) fn rng(seed: u64) -> Rng {
         StreamKey::new(seed, Stream::Test, 0).rng(0)
     }
 
-    fn somewhere(rng: &mut Rng) -> Vec3 {
+    pub(super) fn somewhere(rng: &mut Rng) -> Vec3 {
         Vec3::new(rng.next_1d(), rng.next_1d(), 0.3 * rng.next_1d()) * 10.0
     }
 
     /// Points, narrow and wide spots, and triangles of all sizes, in clumps.
-    fn emitters(count: usize, rng: &mut Rng) -> Vec<Emitter> {
+    pub(super) fn emitters(count: usize, rng: &mut Rng) -> Vec<Emitter> {
         let mut clump = Vec3::ZERO;
         let mut one = |i: usize| {
             if i.is_multiple_of(7) {
@@ -262,7 +291,7 @@ mod tests {
         Receiver { position, normal: None }
     }
 
-    fn tree(emitters: &[Emitter]) -> LightTree {
+    pub(super) fn tree(emitters: &[Emitter]) -> LightTree {
         LightTree::new((0..).zip(emitters))
     }
 
@@ -310,10 +339,10 @@ mod tests {
             let n = 400;
             let mut counts = vec![0.0; emitters.len()];
             for _ in 0..n {
-                if let Some((index, prob)) = tree.choose(at, rng.next_f64()) {
+                if let Some((index, prob)) = tree.choose(at, rng.next_f64(), None) {
                     let expected = probs[index as usize];
                     assert!((f64::from(prob) / expected - 1.0).abs() < 1e-4, "{prob} {expected}");
-                    let asked = tree.prob(index as usize, at);
+                    let asked = tree.prob(index as usize, at, None);
                     assert!((asked / prob - 1.0).abs() < 1e-5, "{asked} {prob}");
                     counts[index as usize] += 1.0;
                 }
@@ -352,7 +381,8 @@ mod tests {
             let n = 2000;
             let mut mean = 0.0;
             for _ in 0..n {
-                let (index, prob) = tree.choose(above(position), rng.next_f64()).expect("lit");
+                let (index, prob) =
+                    tree.choose(above(position), rng.next_f64(), None).expect("lit");
                 let own = irradiance(index as usize, &mut rng) / f64::from(prob);
                 mean += own / f64::from(n);
                 by_estimate += (own / expected - 1.0).powi(2);
@@ -401,7 +431,7 @@ mod tests {
             let n = 2000;
             let mut mean = 0.0;
             for _ in 0..n {
-                let chosen = tree.choose(above(position), rng.next_f64());
+                let chosen = tree.choose(above(position), rng.next_f64(), None);
                 let own = chosen.map_or(0.0, |(i, prob)| irradiance(i as usize, prob, &mut rng))
                     / expected;
                 mean += own / f64::from(n);
@@ -425,7 +455,7 @@ mod tests {
         };
         let far = Emitter::Point { position: Vec3::new(60.0, 0.0, 3.0), intensity: Vec3::ONE };
         let tree = tree(&[spot(0), spot(1), spot(2), far]);
-        let choices = (0..1000).map(|_| tree.choose(above(Vec3::ZERO), rng.next_f64()));
+        let choices = (0..1000).map(|_| tree.choose(above(Vec3::ZERO), rng.next_f64(), None));
         let found = choices.flatten().filter(|&(index, _)| index == 3).count();
         assert!(found >= 5, "{found}");
     }
@@ -450,6 +480,6 @@ mod tests {
             assert!((probs.iter().sum::<f64>() - 1.0).abs() < 1e-6);
             assert!(probs.iter().all(|&prob| prob > 0.0));
         }
-        assert!(tree(&[]).choose(isotropic(Vec3::ZERO), 0.5).is_none());
+        assert!(tree(&[]).choose(isotropic(Vec3::ZERO), 0.5, None).is_none());
     }
 }
