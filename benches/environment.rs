@@ -51,8 +51,8 @@ fn bench_environment(criterion: &mut Criterion) {
             let mut seen = || {
                 let direction = uniform_sphere(rng.next_2d());
                 {
-                    let (radiance, pdf_w) = lights.environment_sight(direction);
-                    radiance * pdf_w * lights.environment_prob(at)
+                    let (radiance, pdf_w) = lights.environment_sight(direction, at);
+                    radiance * pdf_w
                 }
             };
             bencher.iter(|| (0..SAMPLES).map(|_| seen()).sum::<Vec3>());

@@ -317,7 +317,7 @@ impl RenderJob {
         let has_choice = scene.lights().has_choice();
         if is_automatic && has_choice && matches!(self.start, Start::New) {
             provenance.settings.light_visibility =
-                self.visibility_rays(&provenance.settings, stop.time);
+                self.visibility_rays(&scene, &provenance.settings, stop.time);
         }
         let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
         let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
@@ -480,11 +480,14 @@ impl RenderJob {
     }
 
     /// Shadow rays that learn the visibility of lights. Their number depends on options alone, so that images can be
-    /// repeated.
-    fn visibility_rays(&self, settings: &Settings, time: Option<Duration>) -> u32 {
+    /// repeated. Among local lights the light tree chooses so well that learning does not pay; through windows it does.
+    fn visibility_rays(&self, scene: &Scene, settings: &Settings, time: Option<Duration>) -> u32 {
         let is_fixed = self.settings.light_visibility.is_some() || self.times.is_some();
         if is_fixed || self.free.is_some_and(|free| !free.any()) {
             return settings.light_visibility;
+        }
+        if !scene.lights().has_environment() {
+            return 0;
         }
         let seconds = time.map_or(ENOUGH_VISIBILITY_SECONDS, |time| time.as_secs_f64());
         let share = (seconds / ENOUGH_VISIBILITY_SECONDS).min(1.0);

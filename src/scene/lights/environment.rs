@@ -44,6 +44,28 @@ struct Pixel {
     end: u32,
 }
 
+/// The environment in one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Radiance that arrives, W/(m^2 sr).
+    pub radiance: Rgb,
+    /// Density in solid angle with which light paths, and connections without learned visibility, choose the
+    /// direction, 1/sr.
+    pub pdf_w: f32,
+    /// Region of the direction.
+    pub region: usize,
+}
+
+/// Position of a direction in the map.
+struct Location {
+    row: usize,
+    /// Index of the first pixel of the row.
+    first: usize,
+    column: usize,
+    /// Position across the pixel, in [0, 1].
+    across: f32,
+}
+
 /// A row of the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Row {
@@ -174,53 +196,56 @@ impl Environment {
         TAU / self.width as f32 * 2.0 * middle.sin() * (0.5 * step).sin()
     }
 
-    /// Row of the pixel in a unit direction, and index of the pixel.
+    /// The pixel in a unit direction.
     #[inline]
-    fn pixel_index(&self, direction: Vec3) -> [usize; 2] {
+    fn locate(&self, direction: Vec3) -> Location {
         let longitude = direction.x.atan2(-direction.z) / TAU + 0.5 + self.turn;
         let latitude = direction.y.clamp(-1.0, 1.0).acos() / PI;
         let index = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
-        let column = index(longitude - longitude.floor(), self.width) as usize;
+        let around = longitude - longitude.floor();
+        let column = index(around, self.width) as usize;
         let row = index(latitude, self.height) as usize;
-        [row, row * self.width as usize + column]
+        let across = around * self.width as f32 - column as f32;
+        Location { row, first: row * self.width as usize, column, across }
+    }
+
+    /// Unit at which the interval of a pixel in the choice among those of its row begins.
+    #[inline]
+    fn begin(&self, at: &Location) -> u32 {
+        if at.column == 0 { 0 } else { self.pixels[at.first + at.column - 1].end }
     }
 
     /// Radiance that arrives from a unit direction, W/(m^2 sr).
     pub fn radiance(&self, direction: Vec3) -> Rgb {
-        let [_, pixel] = self.pixel_index(direction);
-        self.pixels[pixel].radiance
+        let at = self.locate(direction);
+        self.pixels[at.first + at.column].radiance
     }
 
-    /// Radiance that arrives from a unit direction, W/(m^2 sr), and the density in solid angle with which
-    /// light paths and connections choose it, 1/sr.
+    /// The environment in a unit direction.
     /// theory.md (15).
-    pub fn radiance_and_pdf_w(&self, direction: Vec3) -> (Rgb, f32) {
-        let [row, index] = self.pixel_index(direction);
-        let is_first = index == row * self.width as usize;
-        let begin = if is_first { 0 } else { self.pixels[index - 1].end };
-        let pixel = &self.pixels[index];
-        (pixel.radiance, (pixel.end - begin) as f32 / self.rows[row].inverse_pdf_w)
+    pub fn sight(&self, direction: Vec3) -> Sight {
+        let at = self.locate(direction);
+        let (pixel, begin) = (&self.pixels[at.first + at.column], self.begin(&at));
+        let pdf_w = (pixel.end - begin) as f32 / self.rows[at.row].inverse_pdf_w;
+        Sight { radiance: pixel.radiance, pdf_w, region: self.region_at(&at, direction) }
     }
 
     /// Region of a unit direction.
     pub(super) fn region(&self, direction: Vec3) -> usize {
-        let [row, index] = self.pixel_index(direction);
-        let first = row * self.width as usize;
-        let begin = |is_first: bool, end: u32| if is_first { 0 } else { end };
-        let (above, left) = (row.saturating_sub(1), index.saturating_sub(1));
-        let begins =
-            [begin(index == first, self.pixels[left].end), begin(row == 0, self.rows[above].end)];
-        let Row { end, edges: [upper, lower], .. } = self.rows[row];
-        let longitude = direction.x.atan2(-direction.z) / TAU + 0.5 + self.turn;
-        let across = (longitude - longitude.floor()) * self.width as f32 - (index - first) as f32;
-        let rest = [across, (direction.y - upper) / (lower - upper)];
-        let ends = [self.pixels[index].end, end];
-        let [u, v] = std::array::from_fn(|i| {
-            let units = f64::from(ends[i] - begins[i]) * f64::from(rest[i].clamp(0.0, 1.0));
-            let share = (f64::from(begins[i]) + units) / f64::from(UNITS);
+        self.region_at(&self.locate(direction), direction)
+    }
+
+    fn region_at(&self, at: &Location, direction: Vec3) -> usize {
+        let begin_of_row = if at.row == 0 { 0 } else { self.rows[at.row - 1].end };
+        let Row { end, edges: [upper, lower], .. } = self.rows[at.row];
+        let down = (direction.y - upper) / (lower - upper);
+        let number = |begin: u32, end: u32, rest: f32| {
+            let units = f64::from(end - begin) * f64::from(rest.clamp(0.0, 1.0));
+            let share = (f64::from(begin) + units) / f64::from(UNITS);
             ((share * REGIONS_ACROSS as f64) as usize).min(REGIONS_ACROSS - 1)
-        });
-        v * REGIONS_ACROSS + u
+        };
+        let u = number(self.begin(at), self.pixels[at.first + at.column].end, at.across);
+        number(begin_of_row, end, down) * REGIONS_ACROSS + u
     }
 
     /// A direction in proportion to the luminance, from two uniform numbers: latitude and longitude increase with
@@ -356,13 +381,13 @@ mod tests {
         let (mut sum, mut square, mut strayed) = (0.0, 0.0, 0);
         for _ in 0..n {
             let (direction, _, inverse_pdf_w) = map.sample([rng.next_f64(), rng.next_f64()]);
-            let [_, pixel] = map.pixel_index(direction);
+            let at = map.locate(direction);
+            let pixel = at.first + at.column;
             counts[pixel] += 1.0;
             sum += f64::from(inverse_pdf_w) / f64::from(n);
             square += f64::from(inverse_pdf_w).powi(2) / f64::from(n);
             // At their edges, directions may belong to the next pixel.
-            strayed +=
-                u32::from((map.radiance_and_pdf_w(direction).1 * inverse_pdf_w - 1.0).abs() > 1e-5);
+            strayed += u32::from((map.sight(direction).pdf_w * inverse_pdf_w - 1.0).abs() > 1e-5);
         }
         assert!(strayed < 20, "{strayed}");
         // All pixels have light: the mean of the reciprocal is the solid angle of the sphere.
@@ -409,7 +434,7 @@ mod tests {
                 assert!(value.x > 0.0 && inverse_pdf_w > 0.0);
             }
         }
-        assert_eq!(map.radiance_and_pdf_w(Vec3::NEG_Y).1, 0.0);
+        assert_eq!(map.sight(Vec3::NEG_Y).pdf_w, 0.0);
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub mod visibility;
 use crate::base::math::{Rgb, luminance};
 use crate::base::rng::Rng;
 use emitter::Emitter;
-use environment::Environment;
+use environment::{Environment, Sight};
 use glam::Vec3;
 use sampler::EstimateSampler;
 use std::sync::Arc;
@@ -260,7 +260,7 @@ impl Lights {
             }
             None => {
                 let irradiance = luminance(self.chosen_environment().integral());
-                (self.environment_prob(at, -direction), irradiance)
+                (self.environment_density(at, -direction), irradiance)
             }
         };
         let cos = direction.dot(normal).abs();
@@ -289,17 +289,20 @@ impl Lights {
     }
 
     /// Radiance of a ray that hits nothing in a unit direction, W/(m^2 sr), and the density in solid angle of
-    /// connections with the environment along it, 1/sr, if the environment is certain to be chosen.
-    pub fn environment_sight(&self, direction: Vec3) -> (Rgb, f32) {
-        self.environment.as_ref().map_or((Rgb::ZERO, 0.0), |map| map.radiance_and_pdf_w(direction))
+    /// connections of `at` along it, 1/sr.
+    pub fn environment_sight(&self, direction: Vec3, at: Receiver) -> (Rgb, f32) {
+        let Some(map) = &self.environment else { return (Rgb::ZERO, 0.0) };
+        let Sight { radiance, pdf_w, region } = map.sight(direction);
+        let prob = self.by_estimate.prob(self.emitters.len(), at);
+        (radiance, pdf_w * prob * self.by_estimate.region_density(at, region))
     }
 
     /// Density with which connections of `at` choose the environment in a unit direction, over the density of a choice
     /// that is certain and in proportion to the radiance.
-    pub fn environment_prob(&self, at: Receiver, direction: Vec3) -> f32 {
-        let region = || self.chosen_environment().region(direction);
-        let density = self.by_estimate.region_density(at, region);
-        self.by_estimate.prob(self.emitters.len(), at) * density
+    fn environment_density(&self, at: Receiver, direction: Vec3) -> f32 {
+        let region = self.chosen_environment().region(direction);
+        let prob = self.by_estimate.prob(self.emitters.len(), at);
+        prob * self.by_estimate.region_density(at, region)
     }
 
     /// Luminance of the power of all lights, W: the mean flux of a light path.

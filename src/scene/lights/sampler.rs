@@ -161,9 +161,9 @@ impl EstimateSampler {
 
     /// Probability that [`Self::choose_region`] takes a region, over its share of the power; 1 without learned
     /// visibility.
-    pub(super) fn region_density(&self, at: Receiver, region: impl FnOnce() -> usize) -> f32 {
+    pub(super) fn region_density(&self, at: Receiver, region: usize) -> f32 {
         let learned = self.visibility.as_ref().and_then(|visibility| visibility.regions(at));
-        learned.map_or(1.0, |regions| regions.density(region()))
+        learned.map_or(1.0, |regions| regions.density(region))
     }
 
     /// Number of the environment among the distant lights.

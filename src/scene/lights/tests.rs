@@ -165,7 +165,7 @@ fn assert_reciprocal_densities(lights: &Lights) {
         found[index] += 1;
         // Rays can hit the other lights.
         let pdf_w = match lights.emitters.get(index) {
-            None => lights.environment_prob(at, sample.wi) * lights.environment_sight(sample.wi).1,
+            None => lights.environment_sight(sample.wi, at).1,
             Some(emitter) if emitter.is_delta() => {
                 assert_eq!(sample.inverse_pdf_w, 0.0);
                 continue;

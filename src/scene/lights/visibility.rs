@@ -78,36 +78,49 @@ impl Factors {
         self.0.get(node as usize).map(|own| own.map(|factor| f32::from(factor) * (1.0 / 255.0)))
     }
 
-    /// Chooses a slot in proportion to its factor by a uniform number; also returns its probability times the number of
-    /// slots.
-    pub fn choose(&self, u: f64) -> (usize, f32) {
-        let all = self.0.as_flattened();
-        let sum = self.sum();
-        let mut rest = (u * f64::from(sum)) as u32;
-        for (slot, &factor) in all.iter().enumerate() {
-            if rest < u32::from(factor) {
-                return (slot, self.density(slot));
-            }
-            rest -= u32::from(factor);
-        }
-        (SLOTS - 1, self.density(SLOTS - 1))
-    }
-
-    /// Probability of [`Self::choose`] times the number of slots.
-    pub fn density(&self, slot: usize) -> f32 {
-        f32::from(self.0.as_flattened()[slot]) * SLOTS as f32 / self.sum() as f32
-    }
-
-    /// Sum of all factors; none is 0.
-    fn sum(&self) -> u32 {
-        self.0.as_flattened().iter().map(|&factor| u32::from(factor)).sum()
-    }
-
     /// Factor of the distant light of this number.
     #[inline]
     pub fn of_distant(&self, number: usize) -> f32 {
         let factor = self.0[0][1..].get(number).copied().unwrap_or(u8::MAX);
         f32::from(factor) * (1.0 / 255.0)
+    }
+}
+
+/// Probabilities of the environment's regions at the receivers of one cell.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(128))]
+pub(super) struct RegionProbs {
+    /// Upper end of the interval of each region; the last one is the number of all units.
+    ends: [u16; REGIONS],
+}
+
+impl RegionProbs {
+    /// Probabilities in proportion to `weights`, none of which is 0.
+    fn new(weights: &[f32; REGIONS]) -> Self {
+        let most = weights.iter().fold(0.0, |most: f32, &weight| most.max(weight));
+        let mut sum = 0;
+        // At most 64 times 1000 units
+        let ends = weights.map(|weight| {
+            sum += (1000.0 * weight / most).round().max(1.0) as u16;
+            sum
+        });
+        Self { ends }
+    }
+
+    /// Chooses a region by a uniform number; also returns its probability over its share of the power.
+    #[inline]
+    pub fn choose(&self, u: f64) -> (usize, f32) {
+        let unit = (u * f64::from(self.ends[REGIONS - 1])) as u16;
+        let region = self.ends.partition_point(|&end| end <= unit).min(REGIONS - 1);
+        (region, self.density(region))
+    }
+
+    /// Probability of a region over its share of the power.
+    #[inline]
+    pub fn density(&self, region: usize) -> f32 {
+        let begin = if region == 0 { 0 } else { self.ends[region - 1] };
+        let all = f32::from(self.ends[REGIONS - 1]);
+        f32::from(self.ends[region] - begin) * REGIONS as f32 / all
     }
 }
 
@@ -225,8 +238,8 @@ impl Counts {
 pub struct Visibility {
     grid: Grid,
     cells: Vec<Factors>,
-    /// Factors of the environment's regions in each cell; empty without an environment.
-    regions: Vec<Factors>,
+    /// Probabilities of the environment's regions in each cell; empty without an environment.
+    regions: Vec<RegionProbs>,
 }
 
 impl Visibility {
@@ -257,10 +270,8 @@ impl Visibility {
                 // theory.md (17c)
                 let mean = own.iter().sum::<f32>() / SLOTS as f32;
                 let even = EVEN_REGIONS * mean;
-                let most = own.iter().fold(0.0, |most: f32, &factor| most.max(factor));
-                let factor = |slot: usize| even + (1.0 - EVEN_REGIONS) * own[slot];
-                let most = even + (1.0 - EVEN_REGIONS) * most;
-                regions.push(Factors::from_slots(|slot| rounded(factor(slot) / most)));
+                let weight = |factor: f32| even + (1.0 - EVEN_REGIONS) * factor;
+                regions.push(RegionProbs::new(&own.map(weight)));
                 if let Some(factor) = cell.0[0][1..].get_mut(number) {
                     *factor = rounded(mean);
                 }
@@ -275,9 +286,9 @@ impl Visibility {
         &self.cells[self.grid.cell(at)]
     }
 
-    /// Factors of the environment's regions at a receiver, if there is an environment.
+    /// Probabilities of the environment's regions at a receiver, if there is an environment.
     #[inline]
-    pub(super) fn regions(&self, at: Receiver) -> Option<&Factors> {
+    pub(super) fn regions(&self, at: Receiver) -> Option<&RegionProbs> {
         self.regions.get(self.grid.cell(at))
     }
 

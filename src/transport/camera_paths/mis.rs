@@ -255,11 +255,10 @@ impl CameraPaths {
     ) -> Rgb {
         let Some(mis) = self.mis else { return lights.environment_radiance(direction) };
         let last = &self.last_vertices[path as usize];
-        let (radiance, pdf_w) = lights.environment_sight(direction);
-        let connection_pdf_w = if last.density > 0.0 {
-            pdf_w * lights.environment_prob(last.receiver, direction)
+        let (radiance, connection_pdf_w) = if last.density > 0.0 {
+            lights.environment_sight(direction, last.receiver)
         } else {
-            0.0
+            (lights.environment_radiance(direction), 0.0)
         };
         let emission = luminance(radiance) / lights.total_power();
         radiance * last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
