@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check bench memcheck check-package check-report check-mitsuba blender check-blender
+.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-report check-mitsuba blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -44,9 +44,12 @@ check: setup denoiser
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
-	$(CARGO) test $(FLAGS) --benches --no-run
 	$(CARGO) build $(FLAGS) --bin bdpm
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
+
+# The longest tables, 10 minutes on 2 cores: run them after a change of an estimator or of its weights.
+check-long: setup
+	$(CARGO) test $(FLAGS) --package bdpm --test check -- --ignored
 
 # Small scenes beside the renders of Mitsuba, at length; skipped where Python or the wheel of Mitsuba is missing.
 check-mitsuba: build

@@ -11,6 +11,7 @@ use bdpm::render::block::CombinedImage;
 use bdpm::scene::backend::{Backend, build};
 
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn the_combined_image_of_automatic_counts_is_unbiased() {
     let (scene, settings) = scene();
     let accel = build(Backend::Bvh, &scene).unwrap();

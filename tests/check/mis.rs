@@ -33,6 +33,7 @@ fn rough_objects_in_a_furnace_have_its_radiance() {
 
 /// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn coated_walls_in_a_furnace_have_its_radiance() {
     let mut meshes = Vec::new();
     for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {

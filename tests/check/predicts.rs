@@ -7,6 +7,7 @@ use bdpm::Settings;
 use bdpm::settings::{Direct, Kernel, MisScales, Strategy};
 
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     for (direct, merge_vertex, kernel) in [
         (Direct::Connect, 2, Kernel::Disc),
@@ -22,6 +23,7 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
 
 /// Guided light paths have coefficients of their own, which predict as well.
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
     let settings =
         Settings { direct: Direct::PhotonMap, radius: 0.2, guide: 16, ..settings(12, 12) };
@@ -32,6 +34,7 @@ fn noise_of_guided_light_paths_is_predicted_at_far_counts() {
 
 /// By all ways at once, with areas and a radius of their own for caustics, as a render without options does.
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn noise_of_every_technique_is_predicted_at_far_counts() {
     for name in ["cornell-box-classic", "caustic-sphere"] {
         let (scene, settings) = committed::small(name);

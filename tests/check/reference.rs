@@ -7,6 +7,7 @@ use crate::common::strategies::assert_same;
 use bdpm::settings::Direct::{Connect, PhotonMap};
 
 #[test]
+#[ignore = "takes minutes: make check-long"]
 fn a_ball_of_each_material_under_a_panel() {
     for (name, _) in boxes::balls() {
         if !["glass-ball", "rough-metal-ball"].contains(&name) {
