@@ -213,6 +213,7 @@ impl Autopilot {
         let measured = block::coefficients(blocks).expect("the first iteration measures");
         let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
         let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
+        let scale = scale * self.pooled_share(&smoothed, &renderer.block().counts);
         // Without photons the number of light paths, which are not traced, makes no difference.
         let most_light_paths = if settings.has_photons() { renderer.most_light_paths() } else { 2 };
         let problem = |iteration_time| {
@@ -277,6 +278,22 @@ impl Autopilot {
             _ => 1.0,
         };
         (luminance, scale)
+    }
+
+    /// Pooled variance over the objective at the present counts, as predicted. Costs are compared with sampled variances,
+    /// which are pooled, so both agree at these counts. 1 for objectives that are means themselves.
+    fn pooled_share(&self, pixels: &[Coefficients], counts: &Counts) -> f64 {
+        let objective = self.stop.objective;
+        if matches!(objective, Objective::Pooled | Objective::Relative) {
+            return 1.0;
+        }
+        let variances = || {
+            let n_light = f64::from(counts.light_paths);
+            let pixels = pixels.iter().enumerate();
+            pixels.map(move |(i, pixel)| pixel.variance(n_light, counts.camera_paths.at(i).into()))
+        };
+        let share = Objective::Pooled.aggregate(variances()) / objective.aggregate(variances());
+        if share.is_finite() && share > 0.0 { share } else { 1.0 }
     }
 
     /// Prepares the next iteration, after `elapsed` seconds of this run, and returns its measurement.

@@ -1,5 +1,6 @@
 //! `bdpm merge PART...`.
 
+use super::image_file_args::ImageFileArgs;
 use super::json;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
@@ -24,6 +25,8 @@ pub struct Args {
     /// Write the image to this file, and a PNG preview beside it
     #[arg(long, short, value_name = "OUT.exr")]
     output: PathBuf,
+    #[command(flatten)]
+    files: ImageFileArgs,
     /// Write the noise coefficients to this file, if the parts had --noise
     #[arg(long, value_name = "NOISE.exr")]
     noise: Option<PathBuf>,
@@ -62,10 +65,10 @@ struct MergeReport {
 
 pub fn run(args: &Args) -> Result<String> {
     let beside = preview::beside(&args.output);
-    outputs::check(&args.files(&beside))?;
+    outputs::check(&args.all_files(&beside))?;
     let Merged { checkpoint, missing, unreadable, files } = merge(&args.parts)?;
     let png = preview::aside(&beside)?;
-    let all = args.files(&png);
+    let all = args.all_files(&png);
     outputs::check(&all)?;
     outputs::spare_inputs(&all)?;
     let warn = |line: &str| {
@@ -89,7 +92,7 @@ pub fn run(args: &Args) -> Result<String> {
     if image.iterations() == 0 {
         return Err(Error::new("the parts hold no iteration", "render them first"));
     }
-    let mut writer = Writer::new(outputs, &[]);
+    let mut writer = Writer::new(outputs, &[], &args.files);
     let sums = (&image, &*checkpoint.shared);
     writer.save(&checkpoint.provenance, sums, None, &mut attempts);
     if let Some(path) = &args.noise {
@@ -127,7 +130,7 @@ fn combined<'a>(checkpoint: &'a Checkpoint) -> CombinedImage<'a> {
 }
 
 impl Args {
-    fn files<'a>(&'a self, png: &'a Path) -> Vec<Output<'a>> {
+    fn all_files<'a>(&'a self, png: &'a Path) -> Vec<Output<'a>> {
         let mut all = vec![
             Output::new("--output", &self.output, Some("exr")),
             Output::new("the preview of --output", png, Some("png")),

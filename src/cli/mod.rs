@@ -9,11 +9,14 @@ mod compare;
 mod convert;
 mod black_image;
 mod denoise;
+mod dry_run;
+mod image_file_args;
 mod info;
 mod interrupts;
 mod layers;
 mod merge;
 mod optimize;
+mod option_groups;
 mod option_hints;
 mod optimize_plot;
 mod optimize_rows;
@@ -31,12 +34,15 @@ mod run_report;
 mod scene_input;
 mod paper;
 mod settings_args;
+mod shell_files;
+mod verbose;
 mod view;
 
 use bdpm::base::error::{Error, Result};
 use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
 use bdpm::scene::backend::Backend;
 use clap::{CommandFactory, FromArgMatches};
+use option_groups::with_groups;
 use option_hints::with_options;
 use serde::Serialize;
 use settings_args::SettingsArgs;
@@ -76,11 +82,20 @@ enum Command {
     Compare(compare::Args),
     /// Denoise an image, guided by its albedo and normals if it has them
     Denoise(denoise::Args),
+    /// Print completions for a shell
+    Completions(shell_files::CompletionsArgs),
+    /// Write manual pages
+    Man(shell_files::ManArgs),
+}
+
+/// The command line, with options in groups.
+fn definition() -> clap::Command {
+    with_groups(Cli::command())
 }
 
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
-    let matches = Cli::command().get_matches();
+    let matches = definition().get_matches();
     let command = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli.command,
         Err(error) => error.exit(),
@@ -97,11 +112,13 @@ pub fn run() -> ExitCode {
         Command::Convert(args) => convert::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Denoise(args) => denoise::run(&args),
+        Command::Completions(args) => Ok(shell_files::completions(&args, definition())),
+        Command::Man(args) => shell_files::manual(&args, definition()),
     };
     match output.and_then(|text| print(&text)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let cli = Cli::command();
+            let cli = definition();
             let subcommand = matches.subcommand_name().and_then(|name| cli.find_subcommand(name));
             let shown = error.to_string();
             let shown = subcommand.map_or(shown.clone(), |command| with_options(&shown, command));
@@ -197,7 +214,7 @@ mod tests {
 
     #[test]
     fn argument_definitions_are_consistent() {
-        Cli::command().debug_assert();
+        definition().debug_assert();
     }
 
     #[test]

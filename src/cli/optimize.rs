@@ -44,7 +44,7 @@ pub struct Args {
     #[arg(long, value_name = "T.json|FOLDER")]
     timings: Option<PathBuf>,
     /// Minimize this aggregate of the variances of all pixels
-    #[arg(long, default_value = "pooled", value_parser = word::<Objective>(OBJECTIVE))]
+    #[arg(long, default_value = "relative", value_parser = word::<Objective>(OBJECTIVE))]
     objective: Objective,
     /// Optimize this part of the image only [default: the whole image]
     ///

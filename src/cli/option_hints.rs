@@ -8,6 +8,7 @@ const OPTIONS: &[(&str, &str)] = &[
     ("light paths", "light-paths"),
     ("camera paths", "camera-paths"),
     ("resolution", "resolution"),
+    ("crop", "crop"),
     ("merge radius", "radius"),
     ("merge radii", "radius"),
     ("iterations", "iterations"),

@@ -43,7 +43,9 @@ const FULL: (Duration, [u32; 2]) = (Duration::from_secs(20 * 60), [128; 2]);
     mut_arg("resolution", |arg| arg.help(
         "Render this many pixels [default: 128x128, with --quick 64x64]"
     )),
-    mut_arg("time", |arg| arg.hide(true)),
+    mut_arg("time", |arg| arg.help(
+        "Render for this long, such as 20m or 2h [default: 20m, with --quick 60s]"
+    )),
     mut_arg("light_paths", |arg| arg.hide(true)),
     mut_arg("camera_paths", |arg| arg.hide(true)),
 )]
@@ -53,9 +55,6 @@ pub struct Args {
     /// Write report.html and its data to this folder, or continue the experiment in it
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
-    /// Render for this long, such as 20m or 2h [default: 20m, with --quick 60s]
-    #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
-    time_budget: Option<Duration>,
     /// Finish within two minutes, with fewer pixels and larger errors
     #[arg(long)]
     quick: bool,
@@ -72,17 +71,14 @@ struct ReproduceReport<'a> {
 
 pub fn run(args: &Args) -> Result<String> {
     let scene = &args.session.scene;
-    if scene.settings.light_paths.is_some()
-        || scene.settings.camera_paths.is_some()
-        || args.session.time.is_some()
-    {
+    if scene.settings.light_paths.is_some() || scene.settings.camera_paths.is_some() {
         return Err(Error::new(
             "reproduce takes the path counts from the paper",
-            "leave out --light-paths, --camera-paths and --time; --time-budget is for all of them",
+            "leave out --light-paths and --camera-paths; --time is for all of them",
         ));
     }
     let (time, resolution) = if args.quick { QUICK } else { FULL };
-    let time = args.time_budget.unwrap_or(time);
+    let time = args.session.time.unwrap_or(time);
     let mut loaded = LoadedScene::with_default_resolution(&args.session, Some(resolution))?;
     as_published(&mut loaded.provenance.settings, &scene.settings);
     let conditions = experiment_conditions(&loaded, time)?;
@@ -92,11 +88,11 @@ pub fn run(args: &Args) -> Result<String> {
     let context =
         SceneContext { scene: &loaded.scene, accel: &loaded.accel, threads: &loaded.threads };
     let mut run = Run::new(context, folder.clone(), experiment);
-    if let Some(budget) = args.time_budget
+    if let Some(time) = args.session.time
         && run.experiment().done.is_empty()
         && !args.session.quiet
     {
-        warn_of_short_budget(&run, budget)?;
+        warn_of_short_time(&run, time)?;
     }
     if !measure(&mut run, time, args.session.quiet)? {
         return Ok(match (scene.json, args.session.quiet) {
@@ -139,19 +135,19 @@ fn experiment_conditions(loaded: &LoadedScene, time: Duration) -> Result<Conditi
         accel: accel.describe().name,
         settings,
         region: region::find(Some(REGION), &scene.regions)?,
-        time_budget: time.as_secs_f64(),
+        time: time.as_secs_f64(),
     })
 }
 
-/// Warns if the minimum of iterations, which standard errors need, takes longer than the budget.
-fn warn_of_short_budget(run: &Run, budget: Duration) -> Result<()> {
+/// Warns if the minimum of iterations, which standard errors need, takes longer than the time.
+fn warn_of_short_time(run: &Run, time: Duration) -> Result<()> {
     let least = run.least_time()?;
-    if least > budget.as_secs_f64() {
+    if least > time.as_secs_f64() {
         say(&format!(
-            "warning: the minimum of iterations takes about {}, longer than --time-budget {}\n\
+            "warning: the minimum of iterations takes about {}, longer than --time {}\n\
              help: lower --resolution, or give more time; with few iterations errors are large",
             human_time(least),
-            humantime::format_duration(budget)
+            humantime::format_duration(time)
         ));
     }
     Ok(())

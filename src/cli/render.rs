@@ -1,5 +1,7 @@
 //! `bdpm render SCENE`: arguments -> [`RenderJob`] -> files and a report.
 
+use super::dry_run;
+use super::image_file_args::ImageFileArgs;
 use super::interrupts::catch_interrupts;
 use super::layers::layer_parser;
 use super::progress::Progress;
@@ -7,6 +9,7 @@ use super::render_files::Outputs;
 use super::render_observer::RenderObserver;
 use super::say;
 use super::scene_input::{SceneInput, SessionArgs};
+use super::settings_args::{OBJECTIVE, word};
 use super::view::ViewTarget;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::plan::Plan;
@@ -19,28 +22,31 @@ use bdpm::mpi;
 use bdpm::mpi::Ranks;
 use bdpm::output::checkpoint::Checkpoint;
 use bdpm::output::layers::{LayerName, LayerSelection};
-use bdpm::settings::Settings;
 use bdpm::settings::provenance::Provenance;
+use bdpm::settings::{PartialSettings, Settings};
 use bdpm::timing::Timings;
 use bdpm::{RenderJob, Stop};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-
-/// The error to minimize.
-#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum)]
-enum ErrorMeasure {
-    /// Relative to each pixel's luminance: dark parts count as much as bright ones
-    Relative,
-    /// Pooled over all pixels, by luminance
-    Pooled,
-}
 
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
-    /// Write the image to this file, and a PNG preview beside it
+    /// Render only W x H pixels from column X and row Y of the full resolution
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop, allow_hyphen_values = true)]
+    crop: Option<[u32; 4]>,
+    /// Write the image here, and a PNG preview beside it [default: SCENE.exr]
     #[arg(long, short, value_name = "OUT.exr")]
-    pub output: PathBuf,
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    pub files: ImageFileArgs,
+    /// Show settings with their origin, candidates of the pilot, and times
+    #[arg(long, short, conflicts_with = "quiet")]
+    pub verbose: bool,
+    /// Check everything and show what would be done, but render nothing
+    #[arg(long)]
+    dry_run: bool,
     /// Stop after N iterations, including resumed ones; path counts are then fixed
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
@@ -50,12 +56,12 @@ pub struct Args {
     /// Stop at this pooled RMS noise: a luminance, or a share of the mean luminance
     #[arg(long, value_name = "X|X%", allow_negative_numbers = true)]
     target_rms: Option<Target>,
-    /// Minimize this error
-    #[arg(long, default_value = "relative")]
-    objective: ErrorMeasure,
+    /// Minimize this aggregate of the variances of all pixels
+    #[arg(long, default_value = "relative", value_parser = word::<Objective>(OBJECTIVE))]
+    objective: Objective,
     /// Render with the path counts, settings and iterations of this image
     #[arg(long, value_name = "IMAGE.exr", conflicts_with_all = ["light_paths", "camera_paths"])]
-    plan: Option<PathBuf>,
+    pub plan: Option<PathBuf>,
     /// Choose path counts by these times of `calibrate` or `cargo bench --bench tau`
     #[arg(long, value_name = "TIMES", conflicts_with = "plan")]
     timings: Option<PathBuf>,
@@ -81,9 +87,9 @@ pub struct Args {
     /// Continue the image of this checkpoint, with its settings
     #[arg(long, value_name = "FILE", conflicts_with = "plan")]
     pub resume: Option<PathBuf>,
-    /// Render part I of N of the iterations, for `merge`
-    #[arg(long = "part", value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
-    shard: Option<Shard>,
+    /// Render part I of N of the iterations to --checkpoint, for `merge`
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["target_error", "target_rms", "timings"])]
+    part: Option<Shard>,
 }
 
 /// Start of an image.
@@ -98,6 +104,8 @@ pub fn run(mut args: Args) -> Result<String> {
     let ranks = mpi::join()?;
     let result = if ranks.is_first() {
         render(&args, &*ranks)
+    } else if args.dry_run {
+        Ok(String::new())
     } else {
         args.session.quiet = true;
         follow(&args, &*ranks).map(|()| String::new())
@@ -113,6 +121,7 @@ pub fn run(mut args: Args) -> Result<String> {
 
 fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     // Check the files before any work is done.
+    args.check_part()?;
     let mut outputs = Outputs::new(args)?;
     let start = args.image_start()?;
     let times = args.timings.as_deref().map(Timings::load).transpose()?;
@@ -121,9 +130,16 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
+    let job = args.job(&input, start, times);
+    if args.dry_run {
+        let outline = job.outline()?;
+        if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {
+            say(&format!("warning: {warning}"));
+        }
+        return Ok(dry_run::report(&outline, &input, &outputs, args.session.scene.json));
+    }
     let progress = Progress::new(args.session.progress_format());
-    let interrupt = catch_interrupts(progress.clone())?;
-    let job = args.job(&input, start, times).interrupted_by(interrupt);
+    let job = job.interrupted_by(catch_interrupts(progress.clone())?);
     let mut observer = RenderObserver::new(args, &input, outputs, progress);
     let result = job.run_on(ranks, |event| observer.observe(event))?;
     observer.finish(result)
@@ -136,13 +152,32 @@ fn follow(args: &Args, ranks: &dyn Ranks) -> Result<()> {
         Ok(input) => input,
         Err(error) => return bdpm::job::report_failure(ranks, error),
     };
-    input.job(&args.session).interrupted_by(interrupt).follow(ranks)
+    input.job(&args.session).settings(args.settings()).interrupted_by(interrupt).follow(ranks)
 }
 
 impl Args {
+    /// The image file: that of the command line, or the name of the scene in the current folder.
+    pub fn output(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| default_output(&self.session.scene.scene))
+    }
+
+    /// Settings of the command line.
+    pub fn settings(&self) -> PartialSettings {
+        PartialSettings { crop: self.crop, ..(&self.session.scene.settings).into() }
+    }
+
+    /// Refuses to render a part that could not be merged.
+    fn check_part(&self) -> Result<()> {
+        let Some(part) = self.part.filter(|_| self.checkpoint.is_none()) else { return Ok(()) };
+        Err(Error::new(
+            format!("part {part} needs a checkpoint, which `bdpm merge` reads"),
+            "give a file by --checkpoint, such as --checkpoint part.ckpt",
+        ))
+    }
+
     /// The shard from the command line.
     pub fn shard_name(&self) -> String {
-        self.shard.map_or(String::new(), |shard| shard.to_string())
+        self.part.map_or(String::new(), |shard| shard.to_string())
     }
 
     fn image_start(&self) -> Result<ImageStart> {
@@ -183,11 +218,12 @@ impl Args {
         let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
         let job = input
             .job(&self.session)
+            .settings(self.settings())
             .stop(self.stop())
             .aovs(self.aovs(matches!(start, ImageStart::Checkpoint(_))))
             .denoise(self.denoise)
             .pixel_noise(self.noise.is_some())
-            .shard(self.shard);
+            .shard(self.part);
         let job = match times {
             Some(times) => job.times(times, &path(&self.timings)),
             None => job,
@@ -213,13 +249,29 @@ impl Args {
             time: self.session.time,
             target: self.target_rms,
             error: self.target_error,
-            objective: match self.objective {
-                ErrorMeasure::Relative => Objective::Relative,
-                ErrorMeasure::Pooled => Objective::Pooled,
-            },
+            objective: self.objective,
             bias2: 0.0,
         }
     }
+}
+
+/// `NAME.exr` in the current folder for a scene file `NAME.toml` or a folder `NAME`.
+fn default_output(scene: &Path) -> PathBuf {
+    // Paths such as `.` get the name of their folder
+    let path = scene.canonicalize().unwrap_or_else(|_| scene.to_owned());
+    let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+    let mut name = name.unwrap_or_else(|| OsStr::new("image")).to_owned();
+    name.push(".exr");
+    name.into()
+}
+
+/// Reads a window such as 40,30,200,100.
+fn parse_crop(text: &str) -> std::result::Result<[u32; 4], &'static str> {
+    let numbers = text.split(',').map(|number| number.trim().parse().ok());
+    let numbers: Option<Vec<u32>> = numbers.collect();
+    let window = numbers.and_then(|numbers| <[u32; 4]>::try_from(numbers).ok());
+    let window = window.filter(|&[_, _, width, height]| width > 0 && height > 0);
+    window.ok_or("give the left column, the top row, a width and a height, such as 40,30,200,100")
 }
 
 /// Reads a share such as 2%.
@@ -229,5 +281,30 @@ fn share(text: &str) -> Result<f64> {
         _ => {
             Err(Error::new(format!("`{text}` is not a share"), "give a positive share such as 2%"))
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crop_is_four_whole_numbers_with_pixels() {
+        assert_eq!(parse_crop("1, 2,30,40"), Ok([1, 2, 30, 40]));
+        for bad in
+            ["", "1,2,3", "1,2,3,4,5", "1,2,0,4", "1,2,3,0", "-1,2,3,4", "1,2,3,x", "1,2,3.5,4"]
+        {
+            assert!(parse_crop(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn default_output_has_the_name_of_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("my.room");
+        std::fs::create_dir(&scene).unwrap();
+        assert_eq!(default_output(&scene), Path::new("my.room.exr"));
+        assert_eq!(default_output(&scene.join(".")), Path::new("my.room.exr"));
+        assert_eq!(default_output(Path::new("none/my.room.glb")), Path::new("my.room.exr"));
     }
 }

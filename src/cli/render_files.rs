@@ -1,5 +1,6 @@
 //! The files of `bdpm render`, and the times at which they are written.
 
+use super::image_file_args::ImageFileArgs;
 use super::outputs::{self, Attempts, Output};
 use super::preview;
 use super::progress::Progress;
@@ -8,13 +9,14 @@ use bdpm::adaptive::plan::Plan;
 use bdpm::base::error::Result;
 use bdpm::base::file_id::FileId;
 use bdpm::image_io;
-use bdpm::image_io::{Image, Layer, Value};
+use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
 use bdpm::job::RenderState;
 use bdpm::output::denoise;
 use bdpm::output::denoise::Denoised;
 use bdpm::output::layers::{LayerName, LayerSelection};
 use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
+use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -41,7 +43,7 @@ pub struct Outputs {
 impl Outputs {
     /// Checks the files before any work is done.
     pub fn new(args: &Args) -> Result<Self> {
-        let (exr, checkpoint) = (args.output.clone(), args.checkpoint.clone());
+        let (exr, checkpoint) = (args.output(), args.checkpoint.clone());
         let files = Self { png: preview::beside(&exr), exr, checkpoint };
         outputs::check(&files.all(args))?;
         Ok(files)
@@ -129,12 +131,20 @@ impl FileSchedule {
 pub struct Writer {
     pub outputs: Outputs,
     layers: LayerSelection,
+    exr_format: ExrFormat,
+    tone_mapping: ToneMapping,
     pub time: Duration,
 }
 
 impl Writer {
-    pub fn new(outputs: Outputs, layers: &[LayerName]) -> Self {
-        Self { outputs, layers: LayerSelection::new(layers), time: Duration::ZERO }
+    pub fn new(outputs: Outputs, layers: &[LayerName], files: &ImageFileArgs) -> Self {
+        Self {
+            outputs,
+            layers: LayerSelection::new(layers),
+            exr_format: files.exr_format(),
+            tone_mapping: files.tone_mapping(),
+            time: Duration::ZERO,
+        }
     }
 
     pub fn save_checkpoint(&mut self, state: &RenderState, attempts: &mut Attempts) {
@@ -188,9 +198,13 @@ impl Writer {
         metadata.insert("iterations".into(), iterations);
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
+        let crop = provenance.settings.crop;
+        let window = crop.map(|Crop { origin, full }| DisplayWindow { origin, size: full });
+        let format = ExrFormat { window, ..self.exr_format };
         let Outputs { exr, png, .. } = &self.outputs;
-        attempts.add(exr, || image_io::write_exr(exr, &image));
-        attempts.add(png, || image_io::write_png(png, width, height, preview));
+        attempts.add(exr, || image_io::write_exr_as(exr, &image, format));
+        let size = (width, height);
+        attempts.add(png, || image_io::write_png_as(png, size, preview, self.tone_mapping));
         self.time += start.elapsed();
     }
 }

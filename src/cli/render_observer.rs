@@ -9,6 +9,7 @@ use super::render::Args;
 use super::render_files::{FileSchedule, Outputs, Writer};
 use super::render_report::{RenderReport, announce, text};
 use super::scene_input::SceneInput;
+use super::verbose;
 use super::view::View;
 use super::{human_time, json};
 use bdpm::base::error::Result;
@@ -30,6 +31,8 @@ pub struct RenderObserver<'a> {
     page: Option<Page>,
     view: Option<View>,
     progress: Progress,
+    /// Number of blocks of iterations whose path counts were reported.
+    blocks: usize,
 }
 
 impl<'a> RenderObserver<'a> {
@@ -39,9 +42,9 @@ impl<'a> RenderObserver<'a> {
         outputs: Outputs,
         progress: Progress,
     ) -> Self {
-        let writer = Writer::new(outputs, &args.layers);
+        let writer = Writer::new(outputs, &args.layers, &args.files);
         let page = args.report.clone().map(Page::new);
-        Self { args, input, writer, schedule: None, page, view: None, progress }
+        Self { args, input, writer, schedule: None, page, view: None, progress, blocks: 0 }
     }
 
     /// Reacts to an event of the job.
@@ -75,10 +78,14 @@ impl<'a> RenderObserver<'a> {
                 .note(&format!("part {part}: iterations {assigned} of {}", sharded.iterations));
         }
         announce(&self.progress, self.input, state, "rendering", &processes);
+        if self.args.verbose {
+            let lines = verbose::at_start(self.args, self.input, state);
+            lines.iter().for_each(|line| self.progress.note(line));
+        }
         if state.selection.is_none() {
             self.announce_page(&state.provenance);
         }
-        let name = self.args.output.to_string_lossy();
+        let name = self.args.output().to_string_lossy().into_owned();
         let target = self.args.view.as_ref();
         self.view = target.map(|target| View::new(target, &name, &self.progress));
         self.schedule = Some(FileSchedule::new(state.provenance.settings.pixels()));
@@ -102,6 +109,7 @@ impl<'a> RenderObserver<'a> {
         if let Some(schedule) = &mut self.schedule {
             schedule.write_when_due(&mut self.writer, state, &self.progress);
         }
+        self.note_new_counts(state);
         let elapsed = state.elapsed();
         if let Some(page) = &mut self.page
             && page.is_due(elapsed)
@@ -120,6 +128,15 @@ impl<'a> RenderObserver<'a> {
         ControlFlow::Continue(())
     }
 
+    /// Reports path counts that were chosen since the last call.
+    fn note_new_counts(&mut self, state: &RenderState) {
+        let blocks = state.renderer.blocks().len();
+        if self.args.verbose && blocks > self.blocks {
+            self.blocks = blocks;
+            self.progress.note(&verbose::new_counts(state));
+        }
+    }
+
     /// Writes all files of a job that has ended, and returns the report.
     pub fn finish(self, mut result: RenderResult) -> Result<String> {
         let Self { args, input, mut writer, mut page, view, progress, .. } = self;
@@ -133,7 +150,7 @@ impl<'a> RenderObserver<'a> {
         if let Some(denoising) = &mut result.state.denoising
             && let Some(failure) = denoising.failure.take()
         {
-            attempts.add(&args.output, || Err::<(), _>(failure));
+            attempts.add(&args.output(), || Err::<(), _>(failure));
         }
         if let Some(path) = &args.noise {
             match result.state.best_measured() {
@@ -161,6 +178,9 @@ impl<'a> RenderObserver<'a> {
             view.finish(&image, state.denoised(), state.elapsed());
         }
         attempts.finish()?;
+        if args.verbose {
+            progress.note(&verbose::at_end(&report.run.seconds));
+        }
         Ok(match (args.session.scene.json, args.session.quiet) {
             (true, _) => json(&report),
             (false, true) => String::new(),

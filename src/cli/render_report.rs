@@ -1,5 +1,6 @@
 //! Report of `bdpm render` at the end, as JSON and as text.
 
+use super::dry_run;
 use super::human_time;
 use super::progress::Progress;
 use super::render::Args;
@@ -115,15 +116,15 @@ pub fn announce(
     verb: &str,
     more: &str,
 ) {
-    let Settings { width, height, .. } = state.provenance.settings;
     let counts = match state.is_automatic {
         true => "path counts chosen automatically".to_owned(),
         false => describe_counts(state.renderer.block(), &state.provenance.settings),
     };
     progress.note(&format!("read {}", input.loaded.summary));
     progress.note(&format!(
-        "{verb} {}: {width}x{height} pixels, {counts}{more}, {} threads, {}",
+        "{verb} {}: {}, {counts}{more}, {} threads, {}",
         state.provenance.scene,
+        dry_run::image(&state.provenance.settings),
         state.threads().current_num_threads(),
         state.accel_name,
     ));

@@ -39,13 +39,13 @@ pub struct RunReport<'a> {
 /// Wall-clock times. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
 #[derive(Default, Serialize)]
 pub struct Seconds {
-    load: f64,
-    build: f64,
-    light: f64,
-    camera: f64,
-    merge: f64,
+    pub load: f64,
+    pub build: f64,
+    pub light: f64,
+    pub camera: f64,
+    pub merge: f64,
     pub render: f64,
-    write: f64,
+    pub write: f64,
     /// Times until the other processes were done, and until their sums were added.
     pub waiting: f64,
     pub adding: f64,

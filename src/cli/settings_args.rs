@@ -54,6 +54,7 @@ impl From<&SettingsArgs> for PartialSettings {
     fn from(args: &SettingsArgs) -> Self {
         Self {
             resolution: args.resolution,
+            crop: None,
             light_paths: args.light_paths,
             camera_paths: args.camera_paths,
             radius: args.radius,
@@ -92,8 +93,8 @@ const DIRECT: Words = &[
     ("photon-map", "Photon map, as for indirect light"),
 ];
 pub const OBJECTIVE: Words = &[
+    ("relative", "Variance relative to squared luminance: dark parts count as much as bright ones"),
     ("pooled", "Mean variance"),
-    ("relative", "Mean variance relative to the squared luminance"),
     ("mean-rms", "Mean RMS, as in the paper"),
     ("max-rms", "99.5th percentile of the RMS of the pixels"),
 ];

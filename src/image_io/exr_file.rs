@@ -1,5 +1,6 @@
 //! OpenEXR: 32-bit floats without loss, one part whose channel names carry the layers.
 
+use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
 use super::{Image, Layer, Metadata, Value};
 use crate::base::atomic::write_atomically;
@@ -9,9 +10,9 @@ use crate::base::memory::{GIB, available_memory};
 use exr::meta::attribute::Chromaticities;
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Blocks, Compression, Encoding, FlatSamples,
-    ImageAttributes, IntegerBounds, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SmallVec,
-    Text, Vec2, WritableImage,
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Encoding, FlatSamples, ImageAttributes,
+    IntegerBounds, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SmallVec, Text, Vec2,
+    WritableImage,
 };
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
@@ -46,6 +47,17 @@ const REC_709: Chromaticities = Chromaticities {
 /// # Panics
 /// If a channel does not have one value per pixel.
 pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
+    write_exr_as(path, image, ExrFormat::default())
+}
+
+/// Writes as [`write_exr`] in this format.
+///
+/// # Errors
+/// As [`write_exr`].
+///
+/// # Panics
+/// As [`write_exr`].
+pub fn write_exr_as(path: &Path, image: &Image, format: ExrFormat) -> Result<()> {
     let size = (image.width as usize, image.height as usize);
     let mut channels = SmallVec::new();
     for layer in &image.layers {
@@ -55,12 +67,12 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
                 "" => name.clone(),
                 layer => format!("{layer}.{name}"),
             };
-            channels.push(AnyChannel::new(text(&name), FlatSamples::F32(values.clone())));
+            channels.push(AnyChannel::new(text(&name), format.samples(layer, values)));
         }
     }
     // Increasing lines: the bytes then do not depend on the threads that compress them.
     let encoding = Encoding {
-        compression: Compression::ZIP16,
+        compression: format.compression.method(),
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
@@ -73,7 +85,15 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
         };
         attributes.other.insert(text(&format!("{PREFIX}{name}")), value);
     }
-    let mut shared = ImageAttributes::new(IntegerBounds::from_dimensions(size));
+    let whole = IntegerBounds::from_dimensions(size);
+    let display = match format.window {
+        None => whole,
+        Some(DisplayWindow { origin: [x, y], size: [width, height] }) => {
+            attributes.layer_position = Vec2(x as i32, y as i32);
+            IntegerBounds::from_dimensions((width as usize, height as usize))
+        }
+    };
+    let mut shared = ImageAttributes::new(display);
     shared.chromaticities = Some(REC_709);
     let part = exr::prelude::Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
     let file = exr::prelude::Image::new(shared, part);
@@ -258,6 +278,54 @@ mod tests {
         assert!(shown.contains("64x32 pixels take about"), "{shown}");
         let shown = check_size(&meta, 0, None).unwrap_err().to_string();
         assert!(shown.contains("too small for 64x32 pixels"), "{shown}");
+    }
+
+    #[test]
+    fn every_compression_is_lossless() {
+        use crate::image_io::ExrCompression::{None, Piz, Rle, Zip, Zips};
+        let folder = tempfile::tempdir().unwrap();
+        let written = image(67, 33);
+        for compression in [None, Rle, Zips, Zip, Piz] {
+            let path = folder.path().join("a.exr");
+            write_exr_as(&path, &written, ExrFormat { compression, ..Default::default() }).unwrap();
+            let meta = MetaData::read_from_file(&path, false).unwrap();
+            assert_eq!(meta.headers[0].compression, compression.method());
+            assert_eq!(read_exr(&path).unwrap().layer("rms"), written.layer("rms"));
+        }
+    }
+
+    #[test]
+    fn half_precision_rounds_colors_only_and_keeps_them_finite() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let values = [0.1f32, -3.7, 1e30, 70_000.0, 65_504.0, 0.0];
+        let pixels: Vec<Rgb> = values.iter().map(|&value| Rgb::splat(value)).collect();
+        let rms = Layer { name: "rms".into(), channels: vec![("Y".into(), values.to_vec())] };
+        let layers = vec![Layer::rgb("", &pixels), rms];
+        let written = Image { width: 3, height: 2, layers, metadata: Metadata::new() };
+        write_exr_as(&path, &written, ExrFormat { half: true, ..Default::default() }).unwrap();
+        let read = read_exr(&path).unwrap();
+        assert_eq!(read.layer("rms"), written.layer("rms"));
+        let colors = read.layer("").unwrap().channel("R").unwrap();
+        for (&read, value) in colors.iter().zip(values.map(|value| value.min(65_504.0))) {
+            assert!((read - value).abs() <= value.abs() / 2048.0, "{read} is not {value}");
+        }
+    }
+
+    #[test]
+    fn window_is_placed_in_the_display_window() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let window = Some(DisplayWindow { origin: [7, 5], size: [20, 10] });
+        let written = image(3, 2);
+        write_exr_as(&path, &written, ExrFormat { window, ..Default::default() }).unwrap();
+        let meta = MetaData::read_from_file(&path, false).unwrap();
+        let header = &meta.headers[0];
+        assert_eq!(header.own_attributes.layer_position, Vec2(7, 5));
+        assert_eq!(header.shared_attributes.display_window.size, Vec2(20, 10));
+        let read = read_exr(&path).unwrap();
+        assert_eq!((read.width, read.height), (3, 2));
+        assert_eq!(read.layer("rms"), written.layer("rms"));
     }
 
     #[test]

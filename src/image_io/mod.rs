@@ -6,17 +6,20 @@
 #[cfg(feature = "cli")]
 mod canvas;
 mod exr_file;
+mod exr_format;
 mod exr_header;
 mod png_file;
 mod scale;
 mod tone;
+mod tone_curves;
 
 #[cfg(feature = "cli")]
 pub use canvas::Canvas;
-pub use exr_file::{read_exr, write_exr};
-pub use png_file::{encode_png, is_ours, write_png, write_png_bytes};
+pub use exr_file::{read_exr, write_exr, write_exr_as};
+pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
+pub use png_file::{encode_png, is_ours, write_png, write_png_as, write_png_bytes};
 pub use scale::{digits, number, quantile, tick_step};
-pub use tone::{auto_exposure, tone_map};
+pub use tone::{ToneCurve, ToneMapping, auto_exposure, tone_map};
 
 use crate::base::math::Rgb;
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! PNG files: tone-mapped previews and plots.
 
-use super::{auto_exposure, tone_map};
+use super::ToneMapping;
 use crate::base::atomic::write_atomically;
 use crate::base::math::Rgb;
 use std::fs::File;
@@ -13,7 +13,7 @@ const SOFTWARE: [&str; 2] = ["Software", "bdpm"];
 /// Bytes at the beginning of a file that contain that text.
 const BEGINNING: u64 = 1 << 10;
 
-/// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`]; returns the exposure.
+/// Writes a tone-mapped 8-bit sRGB picture with [`auto_exposure`](super::auto_exposure); returns the exposure.
 ///
 /// # Errors
 /// If the file cannot be written; names it.
@@ -21,9 +21,25 @@ const BEGINNING: u64 = 1 << 10;
 /// # Panics
 /// If the number of pixels is not `width * height`.
 pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[Rgb]) -> crate::Result<f32> {
+    write_png_as(path, (width, height), pixels, ToneMapping::default())
+}
+
+/// Writes an 8-bit sRGB picture with this tone mapping; returns the exposure.
+///
+/// # Errors
+/// As [`write_png`].
+///
+/// # Panics
+/// As [`write_png`].
+pub fn write_png_as(
+    path: &Path,
+    (width, height): (u32, u32),
+    pixels: &[Rgb],
+    mapping: ToneMapping,
+) -> crate::Result<f32> {
     assert_eq!(pixels.len(), width as usize * height as usize);
-    let exposure = auto_exposure(pixels);
-    let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| tone_map(pixel, exposure)).collect();
+    let exposure = mapping.exposure(pixels);
+    let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| mapping.apply(pixel, exposure)).collect();
     write_png_bytes(path, width, height, &bytes)?;
     Ok(exposure)
 }
@@ -84,6 +100,7 @@ fn encode(to: impl Write, width: u32, height: u32, bytes: &[u8]) -> Result<(), p
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image_io::tone_map;
     use std::io::BufReader;
 
     #[test]

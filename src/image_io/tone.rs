@@ -1,6 +1,60 @@
-//! Tone mapping of the preview: exposure, highlight roll-off, sRGB.
+//! Tone mapping of the preview: exposure, tone curve, sRGB.
 
+use super::tone_curves::{agx, filmic};
 use crate::base::math::{Rgb, luminance};
+use serde::{Deserialize, Serialize};
+
+/// Curve that maps exposed radiance to a display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ToneCurve {
+    /// The sRGB curve: colors below 0.7 are exact, brighter ones roll off toward white.
+    #[default]
+    Srgb,
+    /// AgX: wide range, bright colors approach white.
+    Agx,
+    /// Hable's filmic curve: soft contrast in shadows and highlights, per channel.
+    Filmic,
+}
+
+/// Conversion of radiance to the 8-bit pixels of a preview.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToneMapping {
+    /// Curve from exposed radiance to display values.
+    pub curve: ToneCurve,
+    /// Exposure relative to [`auto_exposure`], stops: 1 doubles the brightness.
+    pub stops: f32,
+}
+
+impl ToneMapping {
+    /// The factor from radiance to display brightness for an image of these pixels.
+    pub fn exposure(&self, pixels: &[Rgb]) -> f32 {
+        (auto_exposure(pixels) * self.stops.exp2()).clamp(f32::MIN_POSITIVE, f32::MAX)
+    }
+
+    /// An 8-bit sRGB pixel. Negative values and NaN are black.
+    pub fn apply(&self, radiance: Rgb, exposure: f32) -> [u8; 3] {
+        match self.curve {
+            ToneCurve::Srgb => tone_map(radiance, exposure),
+            ToneCurve::Agx => agx(exposed(radiance, exposure)).to_array().map(code),
+            ToneCurve::Filmic => {
+                let display = exposed(radiance, exposure).to_array().map(filmic);
+                display.map(|value| code(srgb_transfer(value)))
+            }
+        }
+    }
+}
+
+/// Radiance times exposure, with 0 in place of negative values and NaN, at most `f32::MAX`.
+fn exposed(radiance: Rgb, exposure: f32) -> Rgb {
+    let positive = |value: f32| if value > 0.0 { value.min(f32::MAX) } else { 0.0 };
+    Rgb::from_array((radiance * exposure).to_array().map(positive))
+}
+
+/// The 8-bit code of a display value in [0, 1].
+fn code(display: f32) -> u8 {
+    (255.0 * display).round() as u8
+}
 
 /// Display value of the geometric mean of the image's luminance, in units of display white.
 const KEY: f64 = 0.2;
@@ -37,7 +91,7 @@ pub fn auto_exposure(pixels: &[Rgb]) -> f32 {
 pub fn tone_map(radiance: Rgb, exposure: f32) -> [u8; 3] {
     (radiance * exposure).to_array().map(|value| {
         let display = srgb_transfer(roll_off(value.max(0.0)));
-        (255.0 * display).round() as u8
+        code(display)
     })
 }
 
@@ -81,6 +135,39 @@ mod tests {
         for value in [f32::MIN_POSITIVE, 1e-45, 1.0, f32::MAX] {
             let exposure = auto_exposure(&[Rgb::splat(value); 4]);
             assert!(exposure > 0.0 && exposure.is_finite(), "{value}: {exposure}");
+        }
+    }
+
+    #[test]
+    fn every_curve_is_monotone_from_black_to_white_and_accepts_all_input() {
+        for curve in [ToneCurve::Srgb, ToneCurve::Agx, ToneCurve::Filmic] {
+            let mapping = ToneMapping { curve, stops: 0.0 };
+            let gray = |value: f32| mapping.apply(Rgb::splat(value), 1.0)[1];
+            let mut last = 0;
+            for step in 0..4000 {
+                let value = gray((step as f32 * 0.01 - 20.0).exp2());
+                assert!(value >= last, "{curve:?} at step {step}: {value} after {last}");
+                last = value;
+            }
+            assert_eq!((gray(0.0), last), (0, 255), "{curve:?}");
+            let bad = Rgb::new(f32::NAN, -1.0, f32::NEG_INFINITY);
+            assert_eq!(mapping.apply(bad, 1.0), [0; 3], "{curve:?}");
+            assert_eq!(mapping.apply(Rgb::splat(f32::INFINITY), 1.0), [255; 3], "{curve:?}");
+        }
+    }
+
+    #[test]
+    fn default_mapping_is_the_srgb_curve_and_stops_double_the_exposure() {
+        let pixels = [Rgb::new(0.1, 0.5, 2.0); 4];
+        let plain = ToneMapping::default();
+        let exposure = plain.exposure(&pixels);
+        assert_eq!(exposure, auto_exposure(&pixels));
+        assert_eq!(plain.apply(pixels[0], exposure), tone_map(pixels[0], exposure));
+        let brighter = ToneMapping { stops: 3.0, ..plain };
+        assert_eq!(brighter.exposure(&pixels), 8.0 * exposure);
+        for stops in [-1e9, 1e9] {
+            let extreme = ToneMapping { stops, ..plain }.exposure(&pixels);
+            assert!(extreme > 0.0 && extreme.is_finite(), "{stops}");
         }
     }
 

@@ -10,6 +10,7 @@
 mod denoising;
 mod iterate;
 mod leader;
+mod outline;
 mod result;
 mod shard;
 mod state;
@@ -17,6 +18,7 @@ mod time_check;
 mod worker;
 
 pub use denoising::{DenoisedPromise, DenoisedReport, Denoising};
+pub use outline::JobOutline;
 pub use result::{RelativeError, RenderResult};
 pub use shard::Shard;
 pub use state::{Exchanged, NoiseAt, RenderState, Status, TimeForecast, Totals, best_measured};
@@ -359,6 +361,8 @@ impl RenderJob {
         if let Some(leader) = &leader {
             leader.set_up(&provenance, *renderer.config())?;
         }
+        let regions = scene.regions.iter();
+        let regions = regions.filter_map(|region| region.within(&provenance.settings)).collect();
         let state = RenderState {
             provenance,
             accel_name: accel.describe().name,
@@ -371,7 +375,7 @@ impl RenderJob {
             selection,
             denoising,
             sharded: iterations.map(|iterations| iterations.sharded),
-            regions: scene.regions.clone(),
+            regions,
             totals: Totals::default(),
             status: Status::default(),
             history: Vec::new(),

@@ -41,7 +41,7 @@ pub struct Conditions {
     /// The paper's red box.
     pub region: Region,
     /// Rendering time for all measurements, seconds.
-    pub time_budget: f64,
+    pub time: f64,
 }
 
 /// A complete measurement.

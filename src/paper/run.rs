@@ -195,7 +195,7 @@ impl<'a> Run<'a> {
         match measurement.purpose {
             Purpose::Halves => iterations >= self.experiment.done[0].iterations,
             Purpose::Pairs | Purpose::Cell => {
-                let time = measurement.share() * self.experiment.conditions.time_budget;
+                let time = measurement.share() * self.experiment.conditions.time;
                 self.experiment.under_way >= time
                     && iterations >= MIN_IN_BATCH * batches
                     && iterations.is_multiple_of(batches)
@@ -246,7 +246,7 @@ impl<'a> Run<'a> {
         let rest = Measurement::all().into_iter().skip(done.len());
         let planned: f64 = rest.map(|measurement| measurement.share()).sum();
         // The halves take as many iterations as the pairs, whatever their time.
-        let budget = self.experiment.conditions.time_budget;
+        let budget = self.experiment.conditions.time;
         (planned * budget - self.experiment.under_way).max(0.0)
     }
 }

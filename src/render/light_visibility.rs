@@ -66,6 +66,7 @@ fn receivers(
     };
     let pass = CameraPass {
         scene,
+        // The full image even if a window is rendered: both then have one visibility
         view: scene.camera.view(side, side),
         accel,
         settings: &settings,

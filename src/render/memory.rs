@@ -5,6 +5,7 @@ use super::accumulators::{BlockStatistics, SharedStatistics};
 use super::bias_correction::BiasCorrection;
 use crate::base::error::{Error, Result};
 use crate::base::memory::{GIB, available_memory};
+use crate::film::aov::AovSelection;
 use crate::film::radiance::PixelSums;
 use crate::film::statistic::StatisticRequest;
 use crate::scene::Scene;
@@ -53,31 +54,66 @@ pub(super) fn film_bytes(request: &StatisticRequest, blocks: usize) -> f64 {
     request.settings.pixels() as f64 * per_pixel as f64
 }
 
+/// Memory of a render, bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MemoryNeed {
+    /// Photons and other data of the light paths of an iteration.
+    pub light_paths: f64,
+    /// Statistics of all pixels.
+    pub image: f64,
+}
+
+impl MemoryNeed {
+    pub(super) fn new(scene: &Scene, request: &StatisticRequest, light_paths: u32) -> Self {
+        Self {
+            light_paths: f64::from(light_paths) * bytes_per_light_path(scene, request.settings),
+            // The memory of earlier blocks is no longer available.
+            image: film_bytes(request, 1),
+        }
+    }
+
+    /// Memory of a render of the scene with these settings and layers.
+    pub fn of_image(scene: &Scene, settings: &Settings, aovs: AovSelection) -> Self {
+        let config = RenderConfig { aovs, ..RenderConfig::default() };
+        Self::new(scene, &config.request(settings), settings.light_paths)
+    }
+
+    /// Sum of both parts.
+    pub fn total(&self) -> f64 {
+        self.light_paths + self.image
+    }
+
+    /// Refuses more memory than is available. The settings are those that need it.
+    ///
+    /// # Errors
+    /// Names the needed and the available memory.
+    pub fn check(&self, settings: &Settings) -> Result<()> {
+        match available_memory() {
+            Some(available) if self.total() > available => Err(Error::new(
+                format!(
+                    "about {:.1} GiB of memory are needed, {:.1} GiB for {} light paths and {:.1} GiB for {}x{} \
+                     pixels, but {:.1} GiB are available",
+                    self.total() / GIB,
+                    self.light_paths / GIB,
+                    settings.light_paths,
+                    self.image / GIB,
+                    settings.width,
+                    settings.height,
+                    available / GIB,
+                ),
+                "use fewer light paths or a lower resolution; more iterations make up for fewer light paths",
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Refuses light paths and statistics that do not fit in the available memory.
 pub(super) fn check_memory(
     scene: &Scene,
     request: &StatisticRequest,
     light_paths: u32,
 ) -> Result<()> {
-    let light = f64::from(light_paths) * bytes_per_light_path(scene, request.settings);
-    // The memory of earlier blocks is no longer available.
-    let film = film_bytes(request, 1);
-    let needed = light + film;
-    match available_memory() {
-        Some(available) if needed > available => Err(Error::new(
-            format!(
-                "about {:.1} GiB of memory are needed, {:.1} GiB for {light_paths} light paths and \
-                 {:.1} GiB for {}x{} pixels, but {:.1} GiB are available",
-                needed / GIB,
-                light / GIB,
-                film / GIB,
-                request.settings.width,
-                request.settings.height,
-                available / GIB,
-            ),
-            "use fewer light paths or a lower resolution; more iterations make up for fewer light \
-             paths",
-        )),
-        _ => Ok(()),
-    }
+    let settings = Settings { light_paths, ..request.settings.clone() };
+    MemoryNeed::new(scene, request, light_paths).check(&settings)
 }

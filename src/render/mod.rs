@@ -16,7 +16,7 @@ mod tile_paths;
 mod tiles;
 mod worker;
 
-pub use memory::light_paths_in;
+pub use memory::{MemoryNeed, light_paths_in};
 pub use partial::PartialRender;
 pub use report::IterationReport;
 
@@ -100,6 +100,17 @@ pub struct Renderer {
     workers: Pool<Worker>,
 }
 
+/// Refuses a scene without light.
+///
+/// # Errors
+/// If there is none.
+pub fn check_has_light(scene: &Scene) -> Result<()> {
+    if !scene.lights().is_empty() {
+        return Ok(());
+    }
+    Err(Error::new("the scene has no light", "add a [[light]], or give a material some emission"))
+}
+
 impl Renderer {
     /// Prepares to render from the first iteration.
     ///
@@ -132,19 +143,14 @@ impl Renderer {
         let config = RenderConfig::default();
         let request = config.request(&settings);
         check_memory(scene, &request, settings.light_paths)?;
-        if scene.lights().is_empty() {
-            return Err(Error::new(
-                "the scene has no light",
-                "add a [[light]], or give a material some emission",
-            ));
-        }
+        check_has_light(scene)?;
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let blocks = vec![Block::new(&request, 0, counts)];
         Ok(Self {
             scene: Arc::clone(scene),
             accel: Arc::clone(accel),
             config,
-            view: scene.camera.view(settings.width, settings.height),
+            view: scene.camera.view_of(&settings),
             sums: PartialRender::new(blocks, SharedStatistics::default()),
             current: 0,
             assigned: IterationSet::all(),
@@ -200,7 +206,7 @@ impl Renderer {
     /// # Errors
     /// Those of [`Self::new`].
     pub fn sample(&self, settings: Settings, stride: u32) -> Result<Self> {
-        let view = self.scene.camera.view(settings.width, settings.height).every(stride);
+        let view = self.scene.camera.view_of(&settings).every(stride);
         let [width, height] =
             [settings.width, settings.height].map(|pixels| (pixels / stride).max(1));
         Ok(Self { view, ..self.with_settings(Settings { width, height, ..settings })? })

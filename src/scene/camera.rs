@@ -3,6 +3,7 @@
 use crate::accel::Ray;
 use crate::base::error::{Error, Result};
 use crate::base::math::{disc_area, uniform_disc};
+use crate::settings::Settings;
 use crate::simd::{LANES, Vec3s};
 use glam::Vec3;
 
@@ -217,6 +218,19 @@ impl Camera {
         let [right, up] = self.shift;
         let corner = distance * self.forward + w * (right - 0.5) * dx - h * (up + 0.5) * dy;
         View { position: self.position, corner, dx, dy, stride: 1.0, aperture }
+    }
+
+    /// The camera with the pixels of an image of these settings, which may be a window of the full image.
+    pub fn view_of(&self, settings: &Settings) -> View {
+        let [width, height] = settings.full_resolution();
+        let view = self.view(width, height);
+        match settings.crop {
+            None => view,
+            Some(crop) => {
+                let [x, y] = crop.origin.map(|pixels| pixels as f32);
+                View { corner: view.corner + x * view.dx + y * view.dy, ..view }
+            }
+        }
     }
 }
 

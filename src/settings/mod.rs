@@ -1,6 +1,7 @@
 //! Settings: everything besides the scene that determines an image, validated.
 
 mod checks;
+mod crop;
 mod fixed_array;
 mod length;
 pub mod provenance;
@@ -8,6 +9,7 @@ mod table;
 
 pub use checks::MAX_LIGHT_PATHS;
 pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
+pub use crop::Crop;
 pub(crate) use fixed_array::FixedArray;
 pub use length::Length;
 pub use table::{PartialSettings, Settings};

@@ -153,6 +153,7 @@ mod tests {
         let settings = Settings {
             width: 5,
             height: 3,
+            crop: None,
             light_paths: 100,
             camera_paths: 2,
             radius: 0.1,

@@ -4,8 +4,9 @@ use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
     check_merge_vertex, check_radius, check_resolution, check_strategy, checked,
 };
+use super::crop;
 use super::fixed_array::FixedArray;
-use super::{Bias, Direct, Kernel, Length, MisScales, Strategy};
+use super::{Bias, Crop, Direct, Kernel, Length, MisScales, Strategy};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -67,6 +68,9 @@ macro_rules! settings {
             pub width: u32,
             /// Pixels down.
             pub height: u32,
+            /// Position in the full image, if only a window of it is rendered.
+            #[serde(with = "crop")]
+            pub crop: Option<Crop>,
             $($(#[doc = $doc])+ pub $name: $type,)+
             /// Constants of MIS weights, if not [`MisScales::new`] of the counts. Files do not have them: only renders
             /// that serve another image, such as trials of it, set them.
@@ -81,6 +85,9 @@ macro_rules! settings {
             /// Image size in pixels: width and height.
             #[serde(deserialize_with = "read::resolution", skip_serializing_if = "Option::is_none")]
             pub resolution: Option<[u32; 2]>,
+            /// Left column, top row, width and height of the window to render, pixels. Files do not have it.
+            #[serde(skip)]
+            pub crop: Option<[u32; 4]>,
             $(
                 $(#[doc = $doc])+
                 $(#[serde($($serde)+)])?
@@ -91,7 +98,7 @@ macro_rules! settings {
 
         impl Settings {
             /// Names of all settings.
-            pub const NAMES: &[&str] = &["width", "height", $(stringify!($name)),+];
+            pub const NAMES: &[&str] = &["width", "height", "crop", $(stringify!($name)),+];
 
             /// Merges the settings of the command line, the scene file and the defaults, in this order of
             /// precedence. `scene_size`, in scene units, turns relative lengths into absolute ones.
@@ -104,10 +111,12 @@ macro_rules! settings {
                 scene_size: f32,
             ) -> Result<Self> {
                 let inputs = command_line.clone().or(scene_file);
-                let [width, height] = inputs.resolution.unwrap_or([512, 512]);
+                let full = inputs.resolution.unwrap_or([512, 512]);
+                check_resolution(&full)?;
+                let (crop, [width, height]) = Crop::resolve(inputs.crop, full)?;
                 // In the order of the rows: a default may depend on the rows before.
                 $(let $name = <$type>::resolve(inputs.$name.unwrap_or($default), scene_size);)+
-                let settings = Self { width, height, $($name,)+ mis_scales: None };
+                let settings = Self { width, height, crop, $($name,)+ mis_scales: None };
                 settings.validate()?;
                 Ok(settings)
             }
@@ -118,6 +127,10 @@ macro_rules! settings {
             /// Names the setting and its bounds.
             pub fn validate(&self) -> Result<()> {
                 check_resolution(&[self.width, self.height])?;
+                if let Some(crop) = &self.crop {
+                    check_resolution(&crop.full)?;
+                    crop.check([self.width, self.height])?;
+                }
                 $($check(&self.$name)?;)+
                 check_strategy(self.strategy, self.merge_vertex)
             }
@@ -129,6 +142,7 @@ macro_rules! settings {
             pub fn or(self, other: &Self) -> Self {
                 Self {
                     resolution: self.resolution.or(other.resolution),
+                    crop: self.crop.or(other.crop),
                     $($name: self.$name.or(other.$name),)+
                 }
             }
@@ -138,7 +152,11 @@ macro_rules! settings {
             /// Gives every setting.
             fn from(settings: &Settings) -> Self {
                 Self {
-                    resolution: Some([settings.width, settings.height]),
+                    resolution: Some(settings.full_resolution()),
+                    crop: settings.crop.map(|crop| {
+                        let [x, y] = crop.origin;
+                        [x, y, settings.width, settings.height]
+                    }),
                     $($name: Some(settings.$name.input()),)+
                 }
             }
@@ -243,6 +261,11 @@ impl Settings {
         (self.width, self.height)
     }
 
+    /// Width and height of the full image, pixels. Only a window of it may be rendered.
+    pub fn full_resolution(&self) -> [u32; 2] {
+        self.crop.map_or([self.width, self.height], |crop| crop.full)
+    }
+
     /// Number of pixels.
     pub fn pixels(&self) -> usize {
         self.width as usize * self.height as usize
@@ -282,6 +305,7 @@ mod tests {
         let expected = Settings {
             width: 64,
             height: 32,
+            crop: None,
             light_paths: 100_000,
             camera_paths: 4,
             radius: 0.5,
@@ -310,6 +334,7 @@ mod tests {
     fn every_setting_passes_through_every_layer() {
         let all = PartialSettings {
             resolution: Some([7, 8]),
+            crop: Some([1, 2, 3, 4]),
             light_paths: Some(9),
             camera_paths: Some(10),
             radius: Some(Length::Units(11.0)),
@@ -336,6 +361,7 @@ mod tests {
         let none = PartialSettings::default;
         refuse(PartialSettings { resolution: Some([0, 5]), ..none() }, "the resolution is 0x5");
         refuse(PartialSettings { resolution: Some([5, 65_537]), ..none() }, "between 1 and 65536");
+        refuse(PartialSettings { crop: Some([500, 0, 20, 20]), ..none() }, "the crop 500,0,20,20");
         refuse(PartialSettings { light_paths: Some(0), ..none() }, "0 light paths");
         refuse(PartialSettings { camera_paths: Some(0), ..none() }, "0 camera paths");
         refuse(PartialSettings { merge_vertex: Some(256), ..none() }, "merge vertex 256");

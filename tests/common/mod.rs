@@ -154,6 +154,7 @@ pub fn settings(width: u32, height: u32) -> Settings {
     Settings {
         width,
         height,
+        crop: None,
         light_paths: 1000,
         camera_paths: 4,
         radius: 0.1,

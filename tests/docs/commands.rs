@@ -17,7 +17,7 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 /// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
-const SUBCOMMANDS: [&str; 11] = [
+const SUBCOMMANDS: [&str; 13] = [
     "render",
     "merge",
     "denoise",
@@ -29,6 +29,8 @@ const SUBCOMMANDS: [&str; 11] = [
     "calibrate",
     "optimize",
     "reproduce",
+    "completions",
+    "man",
 ];
 
 fn is_shell(block: &Block) -> bool {

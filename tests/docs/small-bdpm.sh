@@ -16,6 +16,7 @@ for argument; do
             --time) argument=0.5s ;;
             --target-error) argument=60% ;;
             --resolution) argument=16x16 ;;
+            --crop) argument=2,4,8,8 ;;
             --light-paths) argument=$(at_most "$argument" 500) ;;
             --camera-paths) argument=$(at_most "$argument" 2) ;;
             --iterations) argument=$(at_most "$argument" 32) ;;

@@ -98,6 +98,7 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
     assert_eq!(scene.camera.optics(), Optics::Pinhole(FieldOfView::X(39.3077)));
     let expected = PartialSettings {
         resolution: Some([512, 512]),
+        crop: None,
         light_paths: Some(1000),
         camera_paths: Some(25),
         radius: Some(Length::Units(4.633_333)),

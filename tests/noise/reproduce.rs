@@ -51,7 +51,7 @@ fn conditions(scene: &Arc<Scene>, settings: &Settings) -> Conditions {
         accel: "some".into(),
         settings: settings.clone(),
         region: region::find(Some("side-walls"), &scene.regions).unwrap(),
-        time_budget: 0.0,
+        time: 0.0,
     }
 }
 
@@ -117,13 +117,10 @@ fn another_experiment_is_not_continued() {
     files.save(&experiment).unwrap();
     assert_eq!(files.open(begun.clone()).unwrap(), experiment);
 
-    let other = Conditions {
-        settings: Settings { seed: 9, ..settings },
-        time_budget: 60.0,
-        ..begun.clone()
-    };
+    let other =
+        Conditions { settings: Settings { seed: 9, ..settings }, time: 60.0, ..begun.clone() };
     let shown = files.open(other).unwrap_err().to_string();
-    assert!(shown.contains("its seed is 1, not 9; its time-budget is 0.0, not 60.0"), "{shown}");
+    assert!(shown.contains("its seed is 1, not 9; its time is 0.0, not 60.0"), "{shown}");
     assert!(shown.contains("experiment.json") && shown.contains("\nhelp: "), "{shown}");
 
     fs::write(folder.path().join("experiment.json"), "{}").unwrap();

@@ -125,7 +125,7 @@ fn an_iteration_far_longer_than_the_time_is_refused() {
 #[test]
 fn experiment_reports_its_minimum_time() {
     let folder = tempfile::tempdir().unwrap();
-    let hasty = ["--output", "out", "--resolution", "32x32", "--time-budget", "1ms"];
+    let hasty = ["--output", "out", "--resolution", "32x32", "--time", "1ms"];
     let mut command = command(&[&["reproduce", SCENE], &hasty[..]].concat(), folder.path());
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
@@ -134,5 +134,5 @@ fn experiment_reports_its_minimum_time() {
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(found.contains("the minimum of iterations takes about"), "{found}");
-    assert!(found.contains("longer than --time-budget 1ms"), "{found}");
+    assert!(found.contains("longer than --time 1ms"), "{found}");
 }

@@ -202,6 +202,7 @@ fn parts_of_different_renders_are_refused_by_name() {
     assert_eq!(noise.status.code(), Some(1));
     assert!(String::from_utf8(noise.stderr).unwrap().contains("batches of whole tiles"));
     // Parts of what has no parts.
+    let files = "--output y.exr --checkpoint y.ckpt";
     for (arguments, problem) in [
         ("--part 1/3", "fixed number of iterations"),
         ("--part 1/3 --iterations 2", "2 iterations are fewer than 3 parts"),
@@ -211,9 +212,9 @@ fn parts_of_different_renders_are_refused_by_name() {
         ("--part 1/3 --resume auto.ckpt", "cannot choose"),
     ] {
         let output = if arguments.contains("auto") {
-            desk.run(&format!("render {SCENE} --output y.exr {arguments}"))
+            desk.run(&format!("render {SCENE} {files} {arguments}"))
         } else {
-            desk.render_of(SCENE, &format!("--output y.exr {arguments}"))
+            desk.render_of(SCENE, &format!("{files} {arguments}"))
         };
         assert_refused(&output, problem, "");
     }

@@ -7,6 +7,7 @@ mod limits;
 mod merge;
 mod noise;
 mod optimize;
+mod options;
 mod outputs;
 mod page;
 mod render;

@@ -17,10 +17,8 @@ fn invalid_options_are_refused_before_rendering() {
     let output = folder.path().join("new");
     for option in ["--light-paths", "--camera-paths"] {
         let found = reproduce(&output, &[option, "7"]);
-        assert_refused(&found, "path counts from the paper", "--time-budget");
+        assert_refused(&found, "path counts from the paper", "--time");
     }
-    let found = reproduce(&output, &["--time", "7s"]);
-    assert_refused(&found, "path counts from the paper", "--time-budget");
     let found = reproduce(&output, &["scenes/keyhole"]);
     assert_refused(&found, "no region `side-walls`", "rectangle");
     let found = reproduce(&output, &["nowhere"]);

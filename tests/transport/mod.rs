@@ -10,6 +10,7 @@ mod backends_render;
 mod bsdf;
 mod camera_batches;
 mod cameras;
+mod crop;
 mod guides;
 mod hidden;
 mod instances;

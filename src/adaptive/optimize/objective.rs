@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 #[serde(rename_all = "kebab-case")]
 pub enum Objective {
     /// Mean variance, `mean_p V_p`.
-    #[default]
     Pooled,
     /// Mean variance weighted by `1/(L_p^2 + 0.01 mean(L)^2)`: dark pixels count as much as bright
     /// ones.
+    #[default]
     Relative,
     /// The paper's mean RMS, squared: `(mean_p sqrt(V_p))^2`.
     MeanRms,
@@ -30,7 +30,7 @@ impl Objective {
 
     /// The aggregate of weighted variances, squared luminance.
     // theory.md, section 20 (table of A)
-    pub(super) fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
+    pub(crate) fn aggregate(self, variances: impl ExactSizeIterator<Item = f64>) -> f64 {
         let count = variances.len().max(1) as f64;
         let root = |variance: f64| variance.max(0.0).sqrt();
         match self {
@@ -95,6 +95,6 @@ mod tests {
     #[test]
     fn objectives_are_written_in_kebab_case() {
         assert_eq!(serde_json::to_string(&Objective::MeanRms).unwrap(), "\"mean-rms\"");
-        assert_eq!(Objective::default(), Objective::Pooled);
+        assert_eq!(Objective::default(), Objective::Relative);
     }
 }

@@ -41,7 +41,7 @@ pub const ENOUGH_FOUND: f64 = 64.0;
 /// The image that trials sample.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageScale {
-    /// Width of the image, pixels.
+    /// Width of the full image, pixels.
     pub width: u32,
     /// Radius of a disc of the area that a pixel sees, scene units.
     pub footprint: f64,

@@ -167,7 +167,8 @@ impl Pilot<'_> {
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the prior.
     fn model(&self, tried: &Tried, weights: &[f64]) -> Model {
-        let scale = ImageScale { width: self.settings.width, footprint: self.runner.footprint };
+        let [width, _] = self.settings.full_resolution();
+        let scale = ImageScale { width, footprint: self.runner.footprint };
         Model::new(tried.technique, &tried.trials, weights, scale)
     }
 

@@ -401,7 +401,7 @@ fn times(renderer: &Renderer) -> impl Iterator<Item = TimeSample> {
 /// Radius of a disc of the area that a pixel sees head-on, median over the image, scene units; that of a
 /// unit square if nothing is seen.
 fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
-    let view = scene.camera.view(settings.width, settings.height);
+    let view = scene.camera.view_of(settings);
     let [w, h] = [settings.width, settings.height].map(|pixels| pixels as f32);
     // Offset between the two rays, pixels. A whole pixel may span the whole view.
     const PART: f32 = 0.1;

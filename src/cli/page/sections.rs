@@ -167,6 +167,7 @@ pub fn setup(
         ("lights", names(&summary.light_names)),
         ("fingerprint", Some(format!("{:016x}", provenance.fingerprint))),
         ("resolution", Some(format!("{} by {} pixels", settings.width, settings.height))),
+        ("window", settings.crop.map(|crop| crop.to_string())),
         ("seed", Some(settings.seed.to_string())),
         ("program", Some(format!("bdpm {}", provenance.version))),
         ("intersections", accel_name.map(str::to_owned)),

@@ -59,7 +59,7 @@ fn introduction(results: &Results) -> Markup {
 }
 
 fn setup(results: &Results) -> Markup {
-    let Conditions { setup, accel, settings, region, time_budget } = &results.experiment.conditions;
+    let Conditions { setup, accel, settings, region, time } = &results.experiment.conditions;
     let unknown = "unknown".to_owned();
     let rectangles: Vec<String> = region.rectangles.iter().map(|r| format!("{r:?}")).collect();
     let iterations: f64 = results.experiment.done.iter().map(|done| done.iterations as f64).sum();
@@ -74,7 +74,7 @@ fn setup(results: &Results) -> Markup {
         ("merge vertex", settings.merge_vertex.to_string()),
         ("region", format!("{}: {}", region.name, rectangles.join(", "))),
         ("seed", settings.seed.to_string()),
-        ("time", format!("{:.0} s of rendering, budget {time_budget} s", results.seconds)),
+        ("time", format!("{:.0} s of rendering, budget {time} s", results.seconds)),
         ("iterations measured", count(iterations)),
     ];
     let settings_json = serde_json::to_string_pretty(settings).expect("plain numbers and texts");
@@ -84,7 +84,7 @@ fn setup(results: &Results) -> Markup {
         pre {
             code {
                 "bdpm reproduce --output DIR --resolution " (settings.width) "x" (settings.height)
-                " --time-budget " (time_budget) "s --seed " (settings.seed)
+                " --time " (time) "s --seed " (settings.seed)
                 " --threads " (setup.threads)
             }
         }

@@ -1,0 +1,81 @@
+//! Options for the format of an image and its preview.
+
+use super::settings_args::word;
+use bdpm::image_io::{ExrCompression, ExrFormat, ToneCurve, ToneMapping};
+
+/// Format of an image and its preview.
+#[derive(clap::Args)]
+pub struct ImageFileArgs {
+    /// Map the colors of the PNG preview by this curve
+    #[arg(long, value_name = "CURVE", default_value = "srgb")]
+    #[arg(value_parser = word::<ToneCurve>(TONE_CURVE))]
+    tonemap: ToneCurve,
+    /// Brighten the PNG preview by this many stops, beyond the automatic exposure
+    #[arg(long, value_name = "STOPS", default_value = "0", value_parser = stops)]
+    #[arg(allow_negative_numbers = true)]
+    exposure: f32,
+    /// Compress the EXR image by this lossless method
+    #[arg(long, value_name = "METHOD", default_value = "zip")]
+    #[arg(value_parser = word::<ExrCompression>(EXR_COMPRESSION))]
+    exr_compression: ExrCompression,
+    /// Write colors of the EXR image as 16-bit floats, and other layers as 32-bit floats
+    #[arg(long)]
+    half: bool,
+}
+
+const TONE_CURVE: &[(&str, &str)] = &[
+    ("srgb", "Exact sRGB colors below 0.7, brighter ones roll off toward white"),
+    ("agx", "AgX: wide range, bright colors approach white"),
+    ("filmic", "Hable's filmic curve: soft shadows and highlights"),
+];
+
+const EXR_COMPRESSION: &[(&str, &str)] = &[
+    ("none", "No compression"),
+    ("rle", "Run lengths"),
+    ("zips", "zlib of single lines"),
+    ("zip", "zlib of 16 lines"),
+    ("piz", "Wavelets, for noisy images"),
+];
+
+impl ImageFileArgs {
+    /// Tone mapping of the preview.
+    pub fn tone_mapping(&self) -> ToneMapping {
+        ToneMapping { curve: self.tonemap, stops: self.exposure }
+    }
+
+    /// Format of the EXR file of a whole image.
+    pub fn exr_format(&self) -> ExrFormat {
+        ExrFormat { compression: self.exr_compression, half: self.half, window: None }
+    }
+}
+
+/// Reads a number of stops.
+fn stops(text: &str) -> Result<f32, &'static str> {
+    let stops = text.parse::<f32>().ok().filter(|stops| stops.is_finite());
+    stops.ok_or("give a number of stops, such as 1 or -0.5")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_those_of_the_library() {
+        for (word, _) in TONE_CURVE {
+            let value: ToneCurve = serde_json::from_str(&format!("\"{word}\"")).unwrap();
+            assert_eq!(serde_json::to_value(value).unwrap(), *word);
+        }
+        for (word, _) in EXR_COMPRESSION {
+            let value: ExrCompression = serde_json::from_str(&format!("\"{word}\"")).unwrap();
+            assert_eq!(serde_json::to_value(value).unwrap(), *word);
+        }
+    }
+
+    #[test]
+    fn stops_are_finite_numbers() {
+        assert_eq!(stops("-0.5"), Ok(-0.5));
+        for bad in ["", "bright", "inf", "NaN"] {
+            assert!(stops(bad).is_err(), "{bad}");
+        }
+    }
+}

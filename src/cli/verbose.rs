@@ -1,0 +1,142 @@
+//! `bdpm render --verbose`: settings with their origin, candidates of the pilot, and times of phases.
+
+use super::human_time;
+use super::render::Args;
+use super::render_report::describe_counts;
+use super::run_report::Seconds;
+use super::scene_input::SceneInput;
+use bdpm::adaptive::technique::Selection;
+use bdpm::job::RenderState;
+use bdpm::settings::PartialSettings;
+use serde_json::Map;
+use std::collections::BTreeSet;
+
+/// Maximum number of candidates that are listed.
+const CANDIDATES: usize = 5;
+
+/// Lines at the start of a render.
+pub fn at_start(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<String> {
+    let [load, build] = [input.load_time, state.build_time].map(|time| time.as_secs_f64());
+    let mut lines = vec![format!(
+        "read the scene in {load:.3}s, built the acceleration structure in {build:.3}s"
+    )];
+    if let Some(selection) = &state.selection {
+        lines.extend(candidates(selection));
+    }
+    lines.extend(settings_by_origin(args, input, state));
+    lines
+}
+
+/// The best candidates of the pilot with their predicted errors.
+fn candidates(selection: &Selection) -> impl Iterator<Item = String> {
+    selection.candidates.iter().take(CANDIDATES).enumerate().map(|(index, candidate)| {
+        let [error, noise, bias] =
+            [candidate.error, candidate.noise, candidate.bias].map(|share| 100.0 * share);
+        format!(
+            "{}: {}, radius {:.4}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %",
+            if index == 0 { "chosen" } else { "not chosen" },
+            candidate.technique.describe(),
+            candidate.radius,
+            human_time(candidate.seconds),
+        )
+    })
+}
+
+/// Returns true if a pilot chose this setting.
+fn is_chosen(selection: Option<&Selection>, name: &str) -> bool {
+    let Some(Selection { open, .. }) = selection else { return false };
+    match name {
+        "strategy" | "merge_vertex" => open.strategy,
+        "direct" => open.direct,
+        "kernel" => open.kernel,
+        "radius" => open.radius,
+        "caustic_radius" => open.caustic_radius,
+        "guide" => open.guide,
+        "bias" => open.bias,
+        "light_visibility" => open.any(),
+        _ => false,
+    }
+}
+
+/// One line for each origin of settings.
+fn settings_by_origin(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<String> {
+    let (of_command_line, of_file) = (names(&args.settings()), names(&input.loaded.defaults));
+    let continued = args.resume.as_ref().or(args.plan.as_ref());
+    let origin = |name: &str| match continued {
+        _ if of_command_line.contains(name) => "settings of the command line".to_owned(),
+        Some(file) => format!("settings of {}", file.display()),
+        None if is_chosen(state.selection.as_ref(), name) => "settings of the pilot".into(),
+        None if of_file.contains(name) => "settings of the scene file".into(),
+        None => "default settings".into(),
+    };
+    let mut lines: Vec<(String, Vec<String>)> = Vec::new();
+    for (name, value) in state.provenance.settings.to_map() {
+        // Path counts that are chosen are reported when they are
+        if state.is_automatic && ["light_paths", "camera_paths"].contains(&&name[..]) {
+            continue;
+        }
+        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let (origin, text) = (origin(&name), format!("{} {value}", name.replace('_', " ")));
+        match lines.iter_mut().find(|(other, _)| *other == origin) {
+            Some((_, texts)) => texts.push(text),
+            None => lines.push((origin, vec![text])),
+        }
+    }
+    lines.into_iter().map(|(origin, texts)| format!("{origin}: {}", texts.join(", "))).collect()
+}
+
+/// Names of the settings that are given.
+fn names(given: &PartialSettings) -> BTreeSet<String> {
+    let value = serde_json::to_value(given).expect("plain numbers and names");
+    let mut names: BTreeSet<_> =
+        value.as_object().into_iter().flat_map(Map::keys).cloned().collect();
+    if names.remove("resolution") {
+        names.extend(["width", "height"].map(str::to_owned));
+    }
+    if given.crop.is_some() {
+        names.extend(["width", "height", "crop"].map(str::to_owned));
+    }
+    names
+}
+
+/// The number of an iteration, and the path counts that begin with it.
+pub fn new_counts(state: &RenderState) -> String {
+    let counts = describe_counts(state.renderer.block(), &state.provenance.settings);
+    let elapsed = human_time(state.elapsed().as_secs_f64());
+    format!("iteration {}, after {elapsed}: {counts}", state.renderer.iterations())
+}
+
+/// Times of the phases at the end.
+pub fn at_end(seconds: &Seconds) -> String {
+    let Seconds { load, build, light, camera, merge, render, write, .. } = *seconds;
+    let all = [
+        ("reading", load),
+        ("building", build),
+        ("rendering", render),
+        ("light paths", light),
+        ("camera paths", camera),
+        ("merging", merge),
+        ("writing", write),
+    ];
+    let all = all.map(|(name, seconds)| format!("{name} {seconds:.3}s"));
+    format!("times: {}", all.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bdpm::settings::Settings;
+
+    #[test]
+    fn names_of_given_settings_are_those_of_all_settings() {
+        let given = PartialSettings {
+            resolution: Some([4, 3]),
+            crop: Some([0, 0, 2, 2]),
+            seed: Some(1),
+            ..Default::default()
+        };
+        let names = names(&given);
+        assert_eq!(names.iter().collect::<Vec<_>>(), ["crop", "height", "seed", "width"]);
+        assert!(names.iter().all(|name| Settings::NAMES.contains(&&name[..])));
+    }
+}
