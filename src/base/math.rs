@@ -1,7 +1,7 @@
 //! Frames, sampling warps with their densities, and small vector helpers.
 
 use glam::Vec3;
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
 /// Linear Rec. 709 color: radiance, flux, albedo or throughput per channel.
 pub type Rgb = Vec3;
@@ -180,6 +180,46 @@ pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
     [s * (1.0 - v), s * v]
 }
 
+/// The numbers of which [`uniform_sphere`] makes a unit direction.
+pub fn uniform_sphere_inverse(direction: Vec3) -> [f32; 2] {
+    [0.5 * (1.0 - direction.z), turns(direction.x, direction.y)]
+}
+
+/// The numbers of which [`cosine_hemisphere`] makes a unit direction around the unit normal `n`.
+pub fn cosine_hemisphere_inverse(n: Vec3, direction: Vec3) -> [f32; 2] {
+    let (tangent, bitangent) = n.any_orthonormal_pair();
+    let [x, y] = [tangent, bitangent].map(|axis| axis.dot(direction));
+    [x * x + y * y, turns(x, y)]
+}
+
+/// The numbers of which [`uniform_disc`] makes a point.
+pub fn uniform_disc_inverse([x, y]: [f32; 2]) -> [f32; 2] {
+    let radius = x.hypot(y);
+    if radius == 0.0 {
+        return [0.5; 2];
+    }
+    let [x, y] = if x.abs() > y.abs() {
+        let r = radius.copysign(x);
+        [r, r * (y / x).atan() / FRAC_PI_4]
+    } else {
+        let r = radius.copysign(y);
+        [r * (x / y).atan() / FRAC_PI_4, r]
+    };
+    [0.5 * (x + 1.0), 0.5 * (y + 1.0)]
+}
+
+/// The numbers of which [`uniform_triangle`] makes barycentric weights.
+pub fn uniform_triangle_inverse([b, c]: [f32; 2]) -> [f32; 2] {
+    let s = b + c;
+    [s * s, if s > 0.0 { c / s } else { 0.5 }]
+}
+
+/// The angle of the vector `(x, y)`, in turns of [0, 1].
+pub fn turns(x: f32, y: f32) -> f32 {
+    let turns = y.atan2(x) / TAU;
+    if turns < 0.0 { turns + 1.0 } else { turns }
+}
+
 /// Area of the disc of the merge kernel, scene units squared.
 #[inline]
 pub fn disc_area(radius: f32) -> f32 {
@@ -217,6 +257,29 @@ mod tests {
             assert_close(mean(|u| f64::from(uniform_sphere(u).dot(axis))), 0.0);
             assert_close(mean(|u| f64::from(uniform_sphere(u).dot(axis)).powi(2)), 1.0 / 3.0);
         }
+    }
+
+    #[test]
+    fn inverses_return_the_numbers() {
+        let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
+        for _ in 0..20_000 {
+            let u = rng.next_2d();
+            let n = uniform_sphere(rng.next_2d());
+            let found = [
+                uniform_sphere_inverse(uniform_sphere(u)),
+                cosine_hemisphere_inverse(n, cosine_hemisphere(n, u)),
+                uniform_disc_inverse(uniform_disc(u)),
+                uniform_triangle_inverse(uniform_triangle(u)),
+            ];
+            for (mapping, found) in found.into_iter().enumerate() {
+                // Near their poles and corners, mappings lose the digits of the second number.
+                let is_near = u[0] < 1e-3 || u[0] > 1.0 - 1e-3;
+                let off = [0, 1].map(|i| (found[i] - u[i]).abs());
+                assert!(off[0] < 2e-5 && (off[1] < 2e-4 || is_near), "{mapping}: {u:?} {found:?}");
+            }
+        }
+        assert_eq!(uniform_disc_inverse([0.0; 2]), [0.5; 2]);
+        assert_eq!(uniform_triangle_inverse([0.0; 2]), [0.0, 0.5]);
     }
 
     #[test]

@@ -85,7 +85,7 @@ impl Renderer {
         // First sample of the current round
         let mut round = 0;
         while should_continue(iterations, &guide) {
-            renderer.light_paths.guide = Some(Arc::clone(&guide));
+            renderer.set_guide(Some(Arc::clone(&guide)));
             samples.extend(renderer.guide_samples(&guide));
             second_moment = relative_second_moment(&samples[round..]);
             iterations += 1;

@@ -35,6 +35,7 @@ use crate::scene::{Scene, View};
 use crate::settings::{Kernel, MAX_LIGHT_PATHS, Settings};
 use crate::transport::area::Areas;
 use crate::transport::light_paths::LightPaths;
+use crate::transport::mis::Mis;
 use crate::transport::photon::PhotonClass;
 use crate::transport::photon_map::PhotonMap;
 use accumulators::SharedStatistics;
@@ -291,8 +292,16 @@ impl Renderer {
     /// the lights without one.
     #[must_use]
     pub fn guided(mut self, guide: Option<Arc<Guide>>) -> Self {
-        self.light_paths.guide = guide;
+        self.set_guide(guide);
         self
+    }
+
+    fn set_guide(&mut self, guide: Option<Arc<Guide>>) {
+        let weighted = guide.clone().filter(|_| Mis::new(&self.settings).is_some());
+        if weighted.is_some() || self.scene.lights().has_weighted_guide() {
+            self.scene = Arc::new(self.scene.with_weighted_guide(weighted));
+        }
+        self.light_paths.guide = guide;
     }
 
     /// The guide that light paths start from, if there is one.

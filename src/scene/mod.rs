@@ -46,6 +46,7 @@ use crate::base::error::Result;
 use crate::base::math::Bounds;
 use diffuse::TriangleSide;
 use hit::Lambertian;
+use lights::guide::Guide;
 use lights::visibility::Visibility;
 use std::sync::Arc;
 use triangle::Corners;
@@ -219,6 +220,14 @@ impl Scene {
     pub fn with_visibility(&self, visibility: Option<Arc<Visibility>>) -> Self {
         let mut scene = self.clone();
         scene.lights.set_visibility(visibility);
+        scene
+    }
+
+    /// The scene with this guide, or without one, in the densities of emission for MIS weights.
+    #[must_use]
+    pub fn with_weighted_guide(&self, guide: Option<Arc<Guide>>) -> Self {
+        let mut scene = self.clone();
+        scene.lights.set_weighted_guide(guide);
         scene
     }
 

@@ -3,8 +3,9 @@
 use super::solid_angle::SphericalTriangle;
 use super::{Emission, LightSample, below_one};
 use crate::base::math::{
-    Rgb, cosine_hemisphere, luminance, sin_cos_turns, uniform_disc, uniform_sphere,
-    uniform_triangle,
+    Rgb, cosine_hemisphere, cosine_hemisphere_inverse, luminance, sin_cos_turns, turns,
+    uniform_disc, uniform_disc_inverse, uniform_sphere, uniform_sphere_inverse, uniform_triangle,
+    uniform_triangle_inverse,
 };
 use crate::base::rng::Rng;
 use crate::scene::{TexturedTriangle, Triangle};
@@ -110,6 +111,20 @@ impl Spot {
         }
     }
 
+    /// The numbers of which [`Self::emit`] makes this direction.
+    fn emission_numbers(&self, direction: Vec3) -> [f32; 2] {
+        let [full, falloff] = self.solid_angles();
+        let cosine = direction.dot(self.direction);
+        let chosen = if cosine >= self.cos_inner {
+            full * (1.0 - cosine) / (1.0 - self.cos_inner)
+        } else {
+            let t = (cosine - self.cos_outer) / (self.cos_inner - self.cos_outer);
+            full + falloff * (1.0 - t.max(0.0).powi(3))
+        };
+        let (tangent, bitangent) = self.direction.any_orthonormal_pair();
+        [chosen / (full + falloff), turns(tangent.dot(direction), bitangent.dot(direction))]
+    }
+
     fn connect(&self, position: Vec3, prob: f32) -> Option<LightSample> {
         let (wi, distance2) = toward(self.position, position);
         let share = self.falloff(-wi.dot(self.direction));
@@ -138,6 +153,13 @@ impl Directional {
             direction: self.direction,
             flux: self.irradiance * (self.area() / prob),
         }
+    }
+
+    /// The numbers of which [`Self::emit`] makes the ray through `point`.
+    fn emission_numbers(&self, point: Vec3) -> [f32; 2] {
+        let (right, up) = self.direction.any_orthonormal_pair();
+        let across = (point - self.center) / self.radius;
+        uniform_disc_inverse([right, up].map(|axis| axis.dot(across)))
     }
 
     fn connect(&self, position: Vec3, prob: f32) -> LightSample {
@@ -169,6 +191,18 @@ impl Triangle {
             direction: cosine_hemisphere(self.normal, [c, d]),
             flux: radiance(at) * (PI * self.area() / prob),
         }
+    }
+
+    /// The numbers of which [`Self::emit`] makes a light path from `point`, near the triangle, along `direction`.
+    fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f32; 4] {
+        let from_corner = point - self.origin;
+        // The cross product with the normal leaves out what is off the plane.
+        let inverse = self.edge1.cross(self.edge2).dot(self.normal).recip();
+        let at = [from_corner.cross(self.edge2), self.edge1.cross(from_corner)]
+            .map(|area| area.dot(self.normal) * inverse);
+        let [a, b] = uniform_triangle_inverse(at);
+        let [c, d] = cosine_hemisphere_inverse(self.normal, direction);
+        [a, b, c, d]
     }
 
     /// Connects `position` with a point that emits `radiance`, a function of its barycentric weights; `None` from
@@ -258,6 +292,22 @@ impl Emitter {
         }
     }
 
+    /// The numbers of which [`Self::emit`] makes a light path from `origin` along `direction`; `None` for those that it
+    /// does not use.
+    pub(super) fn emission_numbers(&self, origin: Vec3, direction: Vec3) -> [Option<f64>; 4] {
+        let two = |[a, b]: [f32; 2]| [Some(a.into()), Some(b.into()), None, None];
+        let four = |shape: &Triangle| {
+            shape.emission_numbers(origin, direction).map(|number| Some(f64::from(number)))
+        };
+        match self {
+            Self::Point { .. } => two(uniform_sphere_inverse(direction)),
+            Self::Spot(spot) => two(spot.emission_numbers(direction)),
+            Self::Directional(light) => two(light.emission_numbers(origin)),
+            Self::Triangle { shape, .. } => four(shape),
+            Self::Textured(panel) => four(&panel.shape),
+        }
+    }
+
     /// Returns true if the light emits anything.
     pub(in crate::scene) fn has_power(&self) -> bool {
         luminance(self.power()) > 0.0
@@ -307,101 +357,4 @@ impl Emitter {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::base::rng::{Stream, StreamKey};
-
-    fn spot() -> Spot {
-        Spot {
-            position: Vec3::new(1.0, 2.0, 3.0),
-            direction: Vec3::new(2.0, -1.0, 2.0) / 3.0,
-            intensity: Rgb::new(3.0, 2.0, 1.0),
-            cos_inner: 0.9,
-            cos_outer: 0.6,
-        }
-    }
-
-    #[test]
-    fn power_of_a_spot_is_the_integral_of_its_intensity() {
-        // Midpoints over the cosine.
-        let n = 100_000;
-        let spot = spot();
-        let integral: f64 = (0..n)
-            .map(|i| f64::from(spot.falloff(2.0 * (i as f32 + 0.5) / n as f32 - 1.0)))
-            .sum::<f64>()
-            * 2.0
-            / f64::from(n)
-            * std::f64::consts::TAU;
-        assert!((integral / f64::from(spot.solid_angle()) - 1.0).abs() < 1e-4, "{integral}");
-        let power = Emitter::Spot(spot).power();
-        assert!((power / spot.intensity - spot.solid_angle()).abs().max_element() < 1e-5);
-    }
-
-    #[test]
-    fn light_paths_of_a_spot_follow_its_intensity() {
-        let spot = spot();
-        let emitter = Emitter::Spot(spot);
-        let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-        const BINS: usize = 16;
-        let n = 400_000;
-        let mut counts = [0.0; BINS];
-        for _ in 0..n {
-            let Emission { origin, direction, flux } =
-                emitter.emit(0.5, [(); 4].map(|()| rng.next_f64()));
-            assert_eq!((origin, flux), (spot.position, emitter.power() / 0.5));
-            assert!((direction.length() - 1.0).abs() < 1e-5);
-            let place = (direction.dot(spot.direction) - spot.cos_outer) / (1.0 - spot.cos_outer);
-            counts[((BINS as f32 * place) as usize).min(BINS - 1)] += 1.0;
-        }
-        for (bin, count) in counts.into_iter().enumerate() {
-            // Midpoints within the bin.
-            let cosine = |i: i32| {
-                let place = (bin as f32 + (i as f32 + 0.5) / 64.0) / BINS as f32;
-                spot.cos_outer + place * (1.0 - spot.cos_outer)
-            };
-            let mean: f32 = (0..64).map(|i| spot.falloff(cosine(i)) / 64.0).sum();
-            let share = TAU * (1.0 - spot.cos_outer) / BINS as f32 * mean / spot.solid_angle();
-            let expected = f64::from(share) * f64::from(n);
-            let error = expected.max(1.0).sqrt();
-            assert!((count - expected).abs() < 4.5 * error, "{bin}: {count} {expected}");
-        }
-    }
-
-    #[test]
-    fn parallel_light_has_uniform_irradiance_in_the_sphere() {
-        let light = Directional {
-            center: Vec3::new(3.0, 0.0, 1.0),
-            radius: 2.0,
-            ..Directional::new(Vec3::new(0.6, 0.0, -0.8), Rgb::splat(5.0))
-        };
-        let emitter = Emitter::Directional(light);
-        let mut rng = StreamKey::new(6, Stream::Test, 0).rng(0);
-        let n = 200_000;
-        let (mut inner, mut flux_sum) = (0.0, 0.0);
-        for _ in 0..n {
-            let Emission { origin, direction, flux } =
-                emitter.emit(1.0, [(); 4].map(|()| rng.next_f64()));
-            assert_eq!(direction, light.direction);
-            let from_center = origin - light.center;
-            let axis = from_center - from_center.dot(direction) * direction;
-            assert!(axis.length() <= 2.0 + 1e-5);
-            assert!((from_center.dot(direction) + 2.0).abs() < 1e-5, "outside of the sphere");
-            if axis.length() < 1.0 {
-                inner += 1.0;
-                flux_sum += f64::from(flux.x) / f64::from(n);
-            }
-        }
-        let error = (0.25 * 0.75 / f64::from(n)).sqrt();
-        assert!((inner / f64::from(n) - 0.25).abs() < 4.0 * error, "{inner}");
-        // Flux through a unit disc: irradiance times its area.
-        let expected = 5.0 * std::f64::consts::PI;
-        assert!((flux_sum / expected - 1.0).abs() < 4.0 * error / 0.25, "{flux_sum}");
-        // Connections from in front of, inside and behind the sphere start outside of it.
-        for position in [-5.0f32, 0.0, 5.0].map(|t| light.center + t * light.direction) {
-            let sample = emitter.connect(position, 0.5, &mut rng).unwrap();
-            assert_eq!((sample.wi, sample.irradiance), (-light.direction, Rgb::splat(10.0)));
-            let ahead = (sample.target - light.center).dot(light.direction);
-            assert!(ahead <= -2.0 + 1e-5 && (sample.target - position).dot(sample.wi) > 1.9);
-        }
-    }
-}
+mod tests;

@@ -20,6 +20,7 @@ use crate::base::rng::Rng;
 use emitter::Emitter;
 use environment::{Environment, Sight};
 use glam::Vec3;
+use guide::Guide;
 use sampler::EstimateSampler;
 use std::sync::Arc;
 use visibility::Visibility;
@@ -90,6 +91,8 @@ pub struct Lights {
     by_estimate: EstimateSampler,
     /// Chooses among the emitters that no ray can hit.
     delta_by_estimate: EstimateSampler,
+    /// Density of the starts of light paths, where MIS weights depend on it.
+    weighted_guide: Option<Arc<Guide>>,
 }
 
 /// Chooses in proportion to the luminance of the power.
@@ -129,6 +132,12 @@ impl PowerSampler {
         let index = self.cumulative.partition_point(|&end| end <= u).min(last);
         (index, self.prob[index])
     }
+
+    /// The interval of [0, 1] of an index.
+    fn interval(&self, index: usize) -> [f64; 2] {
+        let begin = index.checked_sub(1).map_or(0.0, |before| self.cumulative[before]);
+        [begin, self.cumulative[index]]
+    }
 }
 
 impl Lights {
@@ -144,6 +153,7 @@ impl Lights {
             by_power,
             by_estimate,
             delta_by_estimate,
+            weighted_guide: None,
         }
     }
 
@@ -160,6 +170,18 @@ impl Lights {
     /// Sets or removes the visibility that the choices of lights for connections take into account.
     pub(super) fn set_visibility(&mut self, visibility: Option<Arc<Visibility>>) {
         self.by_estimate.set_visibility(visibility);
+    }
+
+    /// Sets or removes the guide of light paths in the densities of emission, [`Self::emission_density`],
+    /// [`Self::connection_over_emission`] and [`LightSample::relative`].
+    pub(super) fn set_weighted_guide(&mut self, guide: Option<Arc<Guide>>) {
+        self.weighted_guide = guide;
+    }
+
+    /// Returns true if the densities of emission depend on a guide.
+    #[inline]
+    pub fn has_weighted_guide(&self) -> bool {
+        self.weighted_guide.is_some()
     }
 
     /// Returns true if there are no lights.
@@ -264,7 +286,9 @@ impl Lights {
             }
         };
         let cos = direction.dot(normal).abs();
-        (prob * self.total_power() / (irradiance * cos).max(f32::MIN_POSITIVE)).min(f32::MAX)
+        let guided = self.guide_density(index, [origin, direction]);
+        let emission = irradiance * cos * guided;
+        (prob * self.total_power() / emission.max(f32::MIN_POSITIVE)).min(f32::MAX)
     }
 
     /// Density in solid angle of connections of `at` with the point `origin` of the emissive triangle with this
@@ -276,16 +300,21 @@ impl Lights {
         inverse.map_or(0.0, |inverse| prob / inverse)
     }
 
-    /// Density of emission of the light with this index along `direction`, per area of its surface (or of a disc that
-    /// faces the direction of an environment) and per projected solid angle, 1/(m^2 sr): radiance over power, both as
-    /// luminance. `None` if no ray can hit the light.
+    /// Density of emission of the light with this index from `origin` along `direction`, per area of its surface (or of
+    /// a disc that faces the direction of an environment) and per projected solid angle, 1/(m^2 sr): radiance over
+    /// power, both as luminance, times the density of the guide. `None` if no ray can hit the light.
     /// theory.md (47b), `e`.
-    pub fn emission_density(&self, index: usize, direction: Vec3) -> Option<f32> {
+    pub fn emission_density(&self, index: usize, [origin, direction]: [Vec3; 2]) -> Option<f32> {
         let radiance = match self.emitters.get(index) {
             Some(emitter) => emitter.mean_radiance()?,
             None => self.environment_radiance(-direction),
         };
-        Some(luminance(radiance) / self.total_power())
+        Some(self.emission_density_of(radiance, index, [origin, direction]))
+    }
+
+    /// [`Self::emission_density`] of a light that emits this radiance along the ray, W/(m^2 sr).
+    fn emission_density_of(&self, radiance: Rgb, index: usize, ray: [Vec3; 2]) -> f32 {
+        luminance(radiance) / self.total_power() * self.guide_density(index, ray)
     }
 
     /// Radiance of a ray that hits nothing in a unit direction, W/(m^2 sr), and the density in solid angle of
@@ -295,6 +324,11 @@ impl Lights {
         let Sight { radiance, pdf_w, region } = map.sight(direction);
         let prob = self.by_estimate.prob(self.emitters.len(), at);
         (radiance, pdf_w * prob * self.by_estimate.region_density(at, region))
+    }
+
+    /// [`Self::emission_density`] of the environment, whose radiance against `direction` is known, W/(m^2 sr).
+    pub fn environment_emission(&self, radiance: Rgb, ray: [Vec3; 2]) -> f32 {
+        self.emission_density_of(radiance, self.emitters.len(), ray)
     }
 
     /// Density with which connections of `at` choose the environment in a unit direction, over the density of a choice
@@ -335,9 +369,17 @@ impl Lights {
         at: Receiver,
         rng: &mut Rng,
     ) -> Option<LightSample> {
-        if let Some(emitter) = self.emitters.get(index) {
-            return emitter.connect(at.position, prob, rng);
-        }
+        let sample = match self.emitters.get(index) {
+            Some(emitter) => emitter.connect(at.position, prob, rng)?,
+            None => self.connect_environment(prob, at, rng)?,
+        };
+        Some(LightSample {
+            relative: sample.relative / self.guide_density(index, [sample.target, -sample.wi]),
+            ..sample
+        })
+    }
+
+    fn connect_environment(&self, prob: f32, at: Receiver, rng: &mut Rng) -> Option<LightSample> {
         let map = self.chosen_environment();
         if !self.by_estimate.has_regions() {
             return Some(map.connect(at.position, prob, rng));

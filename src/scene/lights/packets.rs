@@ -41,6 +41,9 @@ pub struct LightSamples {
     pub inverse_pdf_w: [f32; LANES],
 }
 
+/// Marks lanes without a point light.
+const NO_POINT: u32 = u32::MAX;
+
 impl Lights {
     /// [`Self::emit`], or [`Self::emit_guided`], for the first `count` lanes.
     ///
@@ -110,11 +113,12 @@ impl Lights {
             let relative = [1.0; LANES];
             let mut samples = LightSamples { target, irradiance, relative, ..Default::default() };
             samples.reach_points(&at.position, &[1.0; LANES]);
+            self.guide_points(&[0; LANES], &mut samples);
             return samples;
         }
         let mut samples = LightSamples { relative: [1.0; LANES], ..LightSamples::default() };
-        // Probability of the choice in lanes with point lights.
-        let mut probs = [1.0; LANES];
+        // Index and probability of the choice in lanes with point lights.
+        let (mut points, mut probs) = ([NO_POINT; LANES], [1.0; LANES]);
         // Lanes with other lights: lane, index and probability.
         let mut others = [(0, 0, 0.0); LANES];
         let mut other_count = 0;
@@ -127,13 +131,14 @@ impl Lights {
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 samples.target.set(lane, *position);
                 samples.irradiance.set(lane, *intensity);
-                probs[lane] = prob;
+                (points[lane], probs[lane]) = (index as u32, prob);
             } else {
                 others[other_count] = (lane, index, prob);
                 other_count += 1;
             }
         }
         samples.reach_points(&at.position, &probs);
+        self.guide_points(&points, &mut samples);
         for &(lane, index, prob) in &others[..other_count] {
             let mut rng = rngs.get(lane);
             let (position, normal) = (at.position.get(lane), Some(at.normal.get(lane)));
@@ -148,6 +153,22 @@ impl Lights {
             rngs.set(lane, rng);
         }
         samples
+    }
+
+    /// Divides the relative flux of light paths from point lights with these indices by their guide's density.
+    #[inline(always)]
+    fn guide_points(&self, points: &[u32; LANES], samples: &mut LightSamples) {
+        if self.has_weighted_guide() {
+            self.divide_by_guide(points, samples);
+        }
+    }
+
+    #[inline(never)] // keeps the loop over vertices short
+    fn divide_by_guide(&self, points: &[u32; LANES], samples: &mut LightSamples) {
+        for (lane, &index) in points.iter().enumerate().filter(|(_, index)| **index != NO_POINT) {
+            let ray = [samples.target.get(lane), -samples.wi.get(lane)];
+            samples.relative[lane] /= self.guide_density(index as usize, ray);
+        }
     }
 }
 

@@ -106,6 +106,22 @@ fn learned(mut lights: Lights) -> Lights {
     lights
 }
 
+/// Lights whose densities of emission depend on a guide, which is taught more starts from one side of the environment,
+/// from some lights and in some directions.
+fn guided(mut lights: Lights) -> (Lights, Arc<Guide>) {
+    let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
+    let sample = |_| {
+        let start = Guide::even().start(&mut rng);
+        let place = start.place;
+        let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
+        guide::GuideSample { start, square }
+    };
+    let guide = Arc::new(Guide::learn(&(0..50_000).map(sample).collect::<Vec<_>>()));
+    assert!(guide.cell_count() > 10);
+    lights.set_weighted_guide(Some(Arc::clone(&guide)));
+    (lights, guide)
+}
+
 #[test]
 fn ratios_of_connection_and_emission_densities_are_reciprocal() {
     assert_reciprocal_densities(&all_kinds());
@@ -114,6 +130,41 @@ fn ratios_of_connection_and_emission_densities_are_reciprocal() {
 #[test]
 fn ratios_of_densities_with_learned_visibility_are_reciprocal() {
     assert_reciprocal_densities(&learned(all_kinds()));
+}
+
+#[test]
+fn ratios_of_densities_with_a_guide_are_reciprocal() {
+    assert_reciprocal_densities(&guided(all_kinds()).0);
+}
+
+#[test]
+fn rays_of_guided_light_paths_have_the_density_of_their_numbers() {
+    let (lights, guide) = guided(all_kinds());
+    let mut rng = StreamKey::new(9, Stream::Test, 0).rng(0);
+    let (mut found, mut strayed, mut least, mut most) = ([0; 7], 0, f32::MAX, 0.0f32);
+    for _ in 0..20_000 {
+        let [_, numbers @ ..] = guide.start(&mut rng).place;
+        let index = (rng.next_f64() * 7.0) as usize;
+        let emission = lights.emit_chosen(index, 1.0, numbers);
+        let density = lights.guide_density(index, [emission.origin, emission.direction]);
+        let [from, to] = lights.by_power.interval(index);
+        let mut extent = guide::Extent { low: [from; 5], high: [to; 5] };
+        let used = match lights.emitters.get(index) {
+            Some(emitter) if emitter.is_delta() => 2,
+            _ => 4,
+        };
+        for side in 1..5 {
+            let u = numbers[side - 1];
+            (extent.low[side], extent.high[side]) = if side <= used { (u, u) } else { (0.0, 1.0) };
+        }
+        let expected = guide.mean_density(extent) as f32;
+        // By rounding at the edges of cells
+        strayed += u32::from((density / expected - 1.0).abs() > 1e-5);
+        found[index] += 1;
+        (least, most) = (least.min(density), most.max(density));
+    }
+    assert!(found.iter().all(|&found| found > 100), "{found:?}");
+    assert!(strayed < 40 && most > 1.5 * least, "{strayed}, {least} to {most}");
 }
 
 #[test]
@@ -189,17 +240,8 @@ fn assert_reciprocal_densities(lights: &Lights) {
 
 #[test]
 fn guided_light_paths_carry_the_power_of_all_lights() {
-    // Teach more starts from one side of the environment, from some lights and in some directions.
-    let lights = all_kinds();
-    let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
-    let sample = |_| {
-        let start = guide::Guide::even().start(&mut rng);
-        let place = start.place;
-        let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
-        guide::GuideSample { start, square }
-    };
-    let guide = guide::Guide::learn(&(0..50_000).map(sample).collect::<Vec<_>>());
-    assert!(guide.cell_count() > 10);
+    let (lights, guide) = guided(all_kinds());
+    let mut rng = StreamKey::new(10, Stream::Test, 0).rng(0);
     let n = 200_000;
     let (mut sum, mut square) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
     let mut toward = [glam::DVec3::ZERO; 2];

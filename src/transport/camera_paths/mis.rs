@@ -241,7 +241,7 @@ impl CameraPaths {
         } else {
             0.0
         };
-        let emission = lights.emission_density(emitter, -direction).unwrap_or(0.0);
+        let emission = lights.emission_density(emitter, [position, -direction]).unwrap_or(0.0);
         last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 
@@ -260,7 +260,7 @@ impl CameraPaths {
         } else {
             (lights.environment_radiance(direction), 0.0)
         };
-        let emission = luminance(radiance) / lights.total_power();
+        let emission = lights.environment_emission(radiance, [last.receiver.position, -direction]);
         radiance * last.hit_weight(&mis, diffuse, &Hit { direction, connection_pdf_w, emission })
     }
 }

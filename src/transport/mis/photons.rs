@@ -72,8 +72,9 @@ impl LightPartials {
         let Some(mis) = self.mis else { return };
         let first = (first - self.first) as usize;
         for (lane, path) in self.paths[first..][..count].iter_mut().enumerate() {
-            let (emitter, direction) = (emissions.emitter[lane], emissions.direction.get(lane));
-            let emission = lights.emission_density(emitter as usize, direction);
+            let emitter = emissions.emitter[lane];
+            let ray = [emissions.origin.get(lane), emissions.direction.get(lane)];
+            let emission = lights.emission_density(emitter as usize, ray);
             let partial = mis.balance.start(emission.map_or(0.0, f32::recip));
             *path = PathPartial { emitter, partial };
         }

@@ -5,7 +5,7 @@
 //! and mass `m v` it is minimal if `g` is proportional to the root of `m`. Its value is then the square of the sum of
 //! `sqrt(v * mass)`: cells are cut where this sum falls most. theory.md, section 10a.
 
-use super::{Cell, Guide, GuidedStart};
+use super::{Cell, Guide, GuidedStart, Node};
 use crate::scene::lights::PrimarySample;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -48,6 +48,8 @@ struct SplittableCell {
     cell: Cell,
     /// Range of the paths that start in the cell.
     moments: Range<usize>,
+    /// Its node in the tree of cells.
+    node: u32,
     mass: f64,
     /// Gain of cutting the cell, and the side to cut.
     gain: f64,
@@ -65,7 +67,7 @@ impl Guide {
         };
         let moments = samples.iter().map(moment);
         let mut moments: Vec<_> = moments.filter(|moment| moment.mass > 0.0).collect();
-        let cells = cut(&mut moments);
+        let (cells, nodes) = cut(&mut moments);
         let root = |open: &SplittableCell| (open.mass * open.cell.volume()).sqrt();
         let sum: f64 = cells.iter().map(root).sum();
         let with_density = |open: &SplittableCell| {
@@ -79,27 +81,36 @@ impl Guide {
             own += open.mass / cell.density;
             even += open.mass;
         }
-        Self::of_cells(dense, if even > 0.0 { own / even } else { 1.0 })
+        Self::of_cells(dense, nodes, if even > 0.0 { own / even } else { 1.0 })
     }
 }
 
-/// Cuts the cube, the cell of the highest gain first.
-fn cut(moments: &mut [Moment]) -> Vec<SplittableCell> {
-    let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), moments);
+/// Cuts the cube, the cell of the highest gain first. Also returns the tree of the cells.
+fn cut(moments: &mut [Moment]) -> (Vec<SplittableCell>, Vec<Node>) {
+    let whole = SplittableCell::new(Cell::ALL, 0..moments.len(), 0, moments);
+    let mut nodes = vec![Node::Leaf(0)];
     let least = LEAST_GAIN * whole.mass.sqrt();
     let (mut heap, mut done) = (BinaryHeap::from([whole]), Vec::new());
     while let Some(open) = heap.pop() {
         if open.gain <= least || heap.len() + done.len() + 2 > MOST_CELLS {
             done.push(open);
         } else {
-            heap.extend(open.halves(moments));
+            let (node, below) = (open.node as usize, nodes.len() as u32);
+            let (side, halves) = (open.side as u8, open.halves(below, moments));
+            let middle = halves[1].cell.low[usize::from(side)];
+            nodes[node] = Node::Split { side, middle, below };
+            nodes.extend([Node::Leaf(0); 2]);
+            heap.extend(halves);
         }
     }
-    done
+    for (cell, open) in (0..).zip(&done) {
+        nodes[open.node as usize] = Node::Leaf(cell);
+    }
+    (done, nodes)
 }
 
 impl SplittableCell {
-    fn new(cell: Cell, range: Range<usize>, moments: &[Moment]) -> Self {
+    fn new(cell: Cell, range: Range<usize>, node: u32, moments: &[Moment]) -> Self {
         let own = &moments[range.clone()];
         let (mut mass, mut square, mut parts) = (0.0, 0.0, [[0.0; PARTS]; 5]);
         for moment in own {
@@ -126,10 +137,11 @@ impl SplittableCell {
         if gain < CERTAINTY * by_chance {
             gain = 0.0;
         }
-        Self { cell, moments: range, mass, gain, side }
+        Self { cell, moments: range, node, mass, gain, side }
     }
 
-    fn halves(self, moments: &mut [Moment]) -> [Self; 2] {
+    /// The halves, whose nodes are `below` and `below + 1`.
+    fn halves(self, below: u32, moments: &mut [Moment]) -> [Self; 2] {
         let Self { cell, moments: range, side, .. } = self;
         let mut size = cell.size;
         size[side] *= 0.5;
@@ -143,8 +155,8 @@ impl SplittableCell {
         }
         let mut low = cell.low;
         low[side] = middle;
-        let below = Self::new(Cell { size, ..cell }, range.start..first, moments);
-        [below, Self::new(Cell { low, size, ..cell }, first..range.end, moments)]
+        let lower = Self::new(Cell { size, ..cell }, range.start..first, below, moments);
+        [lower, Self::new(Cell { low, size, ..cell }, first..range.end, below + 1, moments)]
     }
 }
 

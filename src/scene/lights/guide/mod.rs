@@ -8,12 +8,15 @@ mod learn;
 
 use super::{Emission, Lights, PrimarySample};
 use crate::base::rng::Rng;
+use glam::Vec3;
 pub use learn::GuideSample;
 
 /// A density of the starts of light paths, uniform within cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Guide {
     cells: Vec<Cell>,
+    /// The tree whose leaves are the cells; the first node is its root.
+    nodes: Vec<Node>,
     /// Upper end of each cell's interval of [0, 1].
     cumulative: Vec<f64>,
     /// Expected second moment of contributions, over that of unguided light paths.
@@ -27,6 +30,24 @@ struct Cell {
     size: PrimarySample,
     /// Density of starts in the cell, relative to an unguided start.
     density: f64,
+}
+
+/// A node of the tree of cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Node {
+    /// The cell with this index.
+    Leaf(u32),
+    /// Cells below and above `middle` on a side of the cube, in the nodes `below` and `below + 1`.
+    Split { side: u8, middle: f64, below: u32 },
+}
+
+/// A box of the unit cube, of no size on sides where its ends are equal.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    /// Lower ends.
+    pub low: PrimarySample,
+    /// Upper ends.
+    pub high: PrimarySample,
 }
 
 /// A start of a light path.
@@ -49,18 +70,19 @@ impl Cell {
 impl Guide {
     /// The guide of density 1: light paths start in proportion to the emitted power.
     pub fn even() -> Self {
-        Self::of_cells(vec![Cell::ALL], 1.0)
+        Self::of_cells(vec![Cell::ALL], vec![Node::Leaf(0)], 1.0)
     }
 
-    /// A guide of cells that fill the cube and whose densities have the mean 1.
-    fn of_cells(cells: Vec<Cell>, expected: f64) -> Self {
+    /// A guide of cells that fill the cube and whose densities have the mean 1, and their tree.
+    fn of_cells(cells: Vec<Cell>, nodes: Vec<Node>, expected: f64) -> Self {
         let mut sum = 0.0;
         let cumulative = cells.iter().map(|cell| {
             sum += cell.density * cell.volume();
             sum
         });
         let cumulative: Vec<f64> = cumulative.collect();
-        Self { cumulative: cumulative.iter().map(|end| end / sum).collect(), cells, expected }
+        let cumulative = cumulative.iter().map(|end| end / sum).collect();
+        Self { cells, nodes, cumulative, expected }
     }
 
     /// Expected second moment of contributions, over that of unguided light paths. It is an estimate from the samples
@@ -72,6 +94,34 @@ impl Guide {
     /// Number of cells.
     pub fn cell_count(&self) -> usize {
         self.cells.len()
+    }
+
+    /// Mean density over a box, relative to an unguided start.
+    pub fn mean_density(&self, extent: Extent) -> f64 {
+        self.mean_below(0, extent)
+    }
+
+    /// Mean density over the part of a box in the cells below a node.
+    fn mean_below(&self, node: u32, extent: Extent) -> f64 {
+        let mut node = node;
+        loop {
+            let (side, middle, below) = match self.nodes[node as usize] {
+                Node::Leaf(cell) => return self.cells[cell as usize].density,
+                Node::Split { side, middle, below } => (usize::from(side), middle, below),
+            };
+            let (low, high) = (extent.low[side], extent.high[side]);
+            if low >= middle {
+                node = below + 1;
+            } else if high <= middle {
+                node = below;
+            } else {
+                let (mut first, mut second) = (extent, extent);
+                (first.high[side], second.low[side]) = (middle, middle);
+                let share = (middle - low) / (high - low);
+                return share * self.mean_below(below, first)
+                    + (1.0 - share) * self.mean_below(below + 1, second);
+            }
+        }
     }
 
     /// Samples the start of a light path.
@@ -98,6 +148,23 @@ impl Lights {
         let (index, emission) = self.emit_at(place);
         // theory.md (40a)
         (index, Emission { flux: emission.flux / density as f32, ..emission })
+    }
+
+    /// Density of light paths of the light with this index along a ray, relative to unguided ones: the factor that a
+    /// guide in the weights gives to the density of emission. It is a mean over the numbers that the ray leaves open.
+    /// theory.md (40c)
+    pub(super) fn guide_density(&self, index: usize, [origin, direction]: [Vec3; 2]) -> f32 {
+        let Some(guide) = &self.weighted_guide else { return 1.0 };
+        let numbers = match self.emitters.get(index) {
+            Some(emitter) => emitter.emission_numbers(origin, direction),
+            None => self.chosen_environment().emission_numbers(origin, direction).map(Some),
+        };
+        let [from, to] = self.by_power.interval(index);
+        let mut extent = Extent { low: [from; 5], high: [to; 5] };
+        for (side, number) in (1..).zip(numbers) {
+            (extent.low[side], extent.high[side]) = number.map_or((0.0, 1.0), |u| (u, u));
+        }
+        guide.mean_density(extent) as f32
     }
 }
 
@@ -152,6 +219,29 @@ mod tests {
             let [mean, error] = mean(starts.iter().map(|s| f(&s.place) / s.density));
             assert!((mean - expected).abs() < 4.0 * error, "{mean} +- {error}, {expected}");
         }
+    }
+
+    #[test]
+    fn mean_density_of_a_box_is_that_of_its_points() {
+        let guide = Guide::learn(&samples(&Guide::even(), 7, 100_000));
+        let mut rng = StreamKey::new(9, Stream::Test, 8).rng(0);
+        for _ in 0..20 {
+            // A point on some sides, an interval on others
+            let ends = [(); 5].map(|()| {
+                let [a, b] = [rng.next_f64(), rng.next_f64()];
+                if rng.next_1d() < 0.4 { [a, a] } else { [a.min(b), a.max(b)] }
+            });
+            let extent = Extent { low: ends.map(|[low, _]| low), high: ends.map(|[_, high]| high) };
+            let point = || {
+                let place = ends.map(|[low, high]| low + (high - low) * rng.next_f64());
+                guide.mean_density(Extent { low: place, high: place })
+            };
+            let [expected, error] = mean(std::iter::repeat_with(point).take(20_000));
+            let off = (guide.mean_density(extent) - expected).abs();
+            assert!(off < 4.5 * error.max(0.0) + 1e-9, "{extent:?}: {off}, {expected} +- {error}");
+        }
+        let all = Extent { low: [0.0; 5], high: [1.0; 5] };
+        assert!((guide.mean_density(all) - 1.0).abs() < 1e-9);
     }
 
     #[test]
