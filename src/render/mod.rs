@@ -147,6 +147,9 @@ impl Renderer {
         check_has_light(scene)?;
         let counts = Counts::uniform(settings.light_paths, settings.camera_paths);
         let blocks = vec![Block::new(&request, 0, counts)];
+        let areas = areas(&settings);
+        let mut light_paths = LightPaths::default();
+        light_paths.areas = areas.clone();
         Ok(Self {
             scene: Arc::clone(scene),
             accel: Arc::clone(accel),
@@ -155,9 +158,9 @@ impl Renderer {
             sums: PartialRender::new(blocks, SharedStatistics::default()),
             current: 0,
             assigned: IterationSet::all(),
-            areas: areas(&settings),
             settings,
-            light_paths: LightPaths::default(),
+            light_paths,
+            areas,
             photon_map: PhotonMap::default(),
             workers: Pool::default(),
         })

@@ -2,8 +2,10 @@
 
 use super::area::{Areas, Query, admission};
 use super::gather::GatherPacket;
-use super::photon::{Photon, PhotonClass};
+use super::photon::{Photon, PhotonClass, PhotonSide};
+use super::photon_map::MergeQuery;
 use crate::base::math::disc_area;
+use crate::scene::diffuse::TriangleSide;
 use crate::settings::{self, Settings};
 use crate::simd::{LANES, Mask, Vec3s};
 use glam::Vec3;
@@ -17,7 +19,8 @@ const CAUSTIC: usize = PhotonClass::Caustic as usize;
 const DIFFUSE: usize = PhotonClass::Diffuse as usize;
 
 /// Decides which photons count at a point: those within the radius of their class, on a surface whose normal is
-/// nearly the point's and whose plane is near the point. theory.md (45b).
+/// nearly the point's and whose plane is near the point, but not on the other side of the point's surface.
+/// theory.md (45b).
 #[derive(Clone, Copy, Debug)]
 pub struct Admission {
     /// Squares of the merge radii, scene units squared.
@@ -42,10 +45,12 @@ impl Admission {
         distance2.max(self.flattening * offset * offset)
     }
 
-    /// Tests whether a photon of this [`Self::min_radius2`] counts where the surface has the unit normal `normal`.
+    /// Tests whether a photon of this [`Self::min_radius2`] counts in a query.
     #[inline]
-    pub fn admits(&self, photon: &Photon, min_radius2: f32, normal: Vec3) -> bool {
-        min_radius2 <= self.radius2[photon.class() as usize] && photon.cosine(normal) > self.limit
+    pub fn admits(&self, photon: &Photon, min_radius2: f32, query: &MergeQuery) -> bool {
+        min_radius2 <= self.radius2[photon.class() as usize]
+            && photon.cosine(query.normal) > self.limit
+            && !photon.arrival.is_on(query.excluded)
     }
 
     /// Tests whether photons of both classes are added to one sum, having the same radius.
@@ -168,6 +173,12 @@ impl<'a> MergeKernel<'a> {
         let nested2 = NESTED.map(|share| square(self.nested(share)));
         let radius2 = square(self.radii);
         Admission { radius2, nested2, limit, flattening, separate_classes: false }
+    }
+
+    /// The side whose photons do not count at a point on `facet`: the other side of the same surface.
+    #[inline(always)] // vectorized
+    pub(crate) fn excluded_side(&self, TriangleSide { mesh, side }: TriangleSide) -> PhotonSide {
+        self.areas.map_or(PhotonSide::NONE, |areas| PhotonSide::other(areas.side_tag(mesh, side)))
     }
 
     /// The nested radii at this share of the merge radii.

@@ -1,5 +1,6 @@
 //! Light phase: traces light paths breadth-first and stores their photons.
 
+use super::area::Areas;
 use super::mis::Mis;
 use super::mis::photons::LightPartials;
 use super::mis::weights::PhotonPartials;
@@ -10,9 +11,9 @@ use crate::accel::{Coherence, HitPacket, Intersect, Ray};
 use crate::base::math::{Rgb, pack_direction};
 use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
-use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::lights::guide::Guide;
-use crate::scene::{HitScratch, Lights, Scene, Surface};
+use crate::scene::{HitScratch, Scene, Surface};
 use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
 use crate::simd::{LANES, Mask, any, lanes_of};
@@ -31,12 +32,14 @@ const BATCH: u32 = 1024;
 pub(super) const MAX_SURVIVAL: f32 = 0.995;
 
 /// The photons of one iteration; buffers are reused by the next.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct LightPaths {
     batches: Vec<Batch>,
     tracers: Pool<Tracer>,
     /// Density of the starts of paths; without it they start in proportion to the lights' power.
     pub guide: Option<Arc<Guide>>,
+    /// Tells the sides of surfaces apart, for merges by area.
+    pub areas: Option<Arc<Areas>>,
 }
 
 impl LightPaths {
@@ -55,8 +58,9 @@ impl LightPaths {
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let count = light_paths.div_ceil(BATCH);
         self.batches.resize_with(count as usize, Batch::default);
-        let Self { batches, tracers, guide } = self;
-        let pass = LightPass { scene, accel, settings, guide: guide.as_deref(), key };
+        let Self { batches, tracers, guide, areas } = self;
+        let (guide, areas) = (guide.as_deref(), areas.as_deref());
+        let pass = LightPass { scene, accel, settings, guide, areas, key };
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
@@ -109,6 +113,7 @@ struct LightPass<'a> {
     accel: &'a dyn Intersect,
     settings: &'a Settings,
     guide: Option<&'a Guide>,
+    areas: Option<&'a Areas>,
     /// Random streams of the iteration.
     key: StreamKey,
 }
@@ -208,7 +213,7 @@ impl Tracer {
             pass.accel.intersect(rays, count, &mut self.hits, Coherence::Incoherent);
             vectorized(
                 #[inline(always)]
-                |simd| self.bounce(simd, pass.scene),
+                |simd| self.bounce(simd, pass),
             );
         }
         mem::swap(&mut self.photons, &mut batch.photons);
@@ -245,7 +250,8 @@ impl Tracer {
 
     /// Stores a photon at each hit of a surface that merges, and scatters the path.
     #[inline(always)] // vectorized
-    fn bounce(&mut self, simd: Simd, scene: &Scene) {
+    fn bounce(&mut self, simd: Simd, pass: &LightPass) {
+        let scene = pass.scene;
         self.next.clear();
         let (segments, hits) = (mem::take(&mut self.segments), mem::take(&mut self.hits));
         let (mut states, mut seen, mut at) = <(PathStates, HitScratch, DiffuseVertices)>::default();
@@ -254,16 +260,15 @@ impl Tracer {
             let rest = scene.lambertian(simd, &states.direction, hits, count, &mut seen, &mut at);
             for lane in lanes_of(rest.others) {
                 let (ray, state) = states.get(lane);
-                let (lights, origin) = (scene.lights(), ray.origin);
-                let scatter =
-                    |surface: &Surface| self.scatter_other(lights, surface, origin, state);
+                let origin = ray.origin;
+                let scatter = |surface: &Surface| self.scatter_other(pass, surface, origin, state);
                 if let Some((ray, state)) =
                     at_other_surface(scene, &ray, &hits.get(lane), &mut at, lane, scatter)
                 {
                     self.next.push_state(&ray, &state);
                 }
             }
-            self.store_diffuse(simd, &at, &states);
+            self.store_diffuse(simd, pass, &at, &states);
             let arrived = self.partials.is_active().then_some(states);
             let goes_on = self.scatter_diffuse(simd, &at, &mut states);
             if let Some(arrived) = arrived {
@@ -276,7 +281,13 @@ impl Tracer {
 
     /// Stores arrivals at diffuse vertices.
     #[inline(always)] // vectorized
-    fn store_diffuse(&mut self, simd: Simd, at: &DiffuseVertices, states: &PathStates) {
+    fn store_diffuse(
+        &mut self,
+        simd: Simd,
+        pass: &LightPass,
+        at: &DiffuseVertices,
+        states: &PathStates,
+    ) {
         let (mut stored, mut arrival, mut from) = (Mask::default(), [0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let depth = states.depth[lane];
@@ -292,6 +303,12 @@ impl Tracer {
         if self.stores_directions {
             for (lane, from) in from.iter_mut().enumerate() {
                 *from = pack_direction(-states.direction.get(lane));
+            }
+        }
+        if let Some(areas) = pass.areas {
+            for lane in (0..LANES).filter(|&lane| stored[lane]) {
+                let tag = areas.side_tag(at.mesh[lane], at.side[lane]);
+                arrival[lane] = Arrival(arrival[lane]).on_side(tag).0;
             }
         }
         let (position, path, flux) = (at.position, states.path, states.weight);
@@ -332,16 +349,20 @@ impl Tracer {
     /// Stores and scatters at a surface that is not only diffuse. Returns the next ray unless the path ends.
     fn scatter_other(
         &mut self,
-        lights: &Lights,
+        pass: &LightPass,
         surface: &Surface,
         origin: Vec3,
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
+        let lights = pass.scene.lights();
         let Surface { position, normal, wo, .. } = *surface;
         if surface.bsdf.merges() && (self.stores_direct || !state.depth.is_start()) {
             self.partials.store(&state);
             let class = class_of(state.depth);
-            let photon = Photon::new(position, state.path, state.weight, normal, class);
+            let TriangleSide { mesh, side } = surface.facet;
+            let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
+            let photon =
+                Photon::new(position, state.path, state.weight, normal, class).on_side(tag);
             self.photons.push(if self.stores_directions { photon.coming_from(wo) } else { photon });
         }
         let sample = surface.scatter_flux(&mut state.rng)?;

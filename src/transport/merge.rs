@@ -13,7 +13,7 @@ use super::pair_list::{Pair, PairList};
 use super::photon::PhotonClass;
 use super::photon_map::{
     MergeQueries, MergeQuery, MergedFlux, NoPairs, PairSink, PhotonMap, PhotonWeights, PointPairs,
-    PointSearch, Ranges, Unweighted,
+    PointSearch, QueryKind, Ranges, Unweighted,
 };
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::simd::dispatch::{Simd, vectorized};
@@ -345,7 +345,7 @@ impl<'a> Merge<'a> {
         pairs: &mut PairList,
     ) -> MergedFlux {
         let query = search.query;
-        if query.directional {
+        if query.kind.is_directional() {
             return self.merge_directional::<PAIRS>(batch.paths, search, pairs);
         }
         let Some(mis) = self.options.mis else {
@@ -353,7 +353,7 @@ impl<'a> Merge<'a> {
         };
         let point = batch.paths.gather_points.mis_partials(query.point as usize);
         let has_caustics = self.map.has_caustic_photons();
-        if !query.all_classes {
+        if !query.kind.all_classes() {
             let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
             return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
         }
@@ -427,9 +427,10 @@ impl<'a> Merge<'a> {
         let mis = self.options.mis.map(of_point);
         self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partials| {
             let class = photon.class();
-            let counts = search.query.all_classes || mis.is_some() || class == PhotonClass::Caustic;
+            let counts =
+                search.query.kind.all_classes() || mis.is_some() || class == PhotonClass::Caustic;
             let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
-            if counts && self.admission.admits(photon, min_radius2, point.normal) {
+            if counts && self.admission.admits(photon, min_radius2, search.query) {
                 // theory.md (46)
                 let wi = photon.from_as_at(point.normal);
                 let mut flux = photon.flux * view.value_from(wi, &point);
@@ -465,10 +466,10 @@ impl<'a> Merge<'a> {
     /// The query of the gather point in the lane of this number.
     #[inline(always)] // vectorized
     fn query(&self, point: &GatherPoint, number: usize) -> MergeQuery {
-        let GatherPoint { position, normal, vertex, view, .. } = *point;
-        let all_classes = vertex == self.merge_vertex;
-        let directional = view != GatherPoint::NO_VIEW;
-        MergeQuery { position, point: number as u32, normal, all_classes, directional, zone: 0 }
+        let GatherPoint { position, normal, vertex, view, facet, .. } = *point;
+        let kind = QueryKind::new(vertex == self.merge_vertex, view != GatherPoint::NO_VIEW);
+        let excluded = self.kernel.excluded_side(facet);
+        MergeQuery { position, point: number as u32, normal, kind, excluded, zone: 0 }
     }
 
     /// Adds the flux at a packet of gather points to their camera paths. `kernels` are known if pairs are listed.

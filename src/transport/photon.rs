@@ -95,8 +95,9 @@ impl PhotonPacket {
     }
 }
 
-/// Normal and class of a photon in one word, as admission tests need them: the surface normal on the side of
-/// arrival, each coordinate in 1/127 and one byte, and the class in the highest byte.
+/// Normal, class and side of a photon in one word, as admission tests need them: the surface normal on the side of
+/// arrival, each coordinate in 1/127 and one byte; in the highest byte the class in the lowest bit, and above it the
+/// [tag](super::area::SideId::tag) of the side, 0 unless areas tell sides apart.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Arrival(pub u32);
@@ -128,10 +129,44 @@ impl Arrival {
         ((self.0 << (24 - 8 * axis)) as i32 >> 24) as f32
     }
 
+    /// Sets the tag of the side.
+    #[inline(always)]
+    #[must_use]
+    pub fn on_side(self, tag: u8) -> Self {
+        Self(self.0 | u32::from(tag) << 25)
+    }
+
     /// Tests whether the class is [`PhotonClass::Caustic`].
     #[inline(always)]
     pub fn is_caustic(self) -> bool {
-        self.0 >> 24 == PhotonClass::Caustic as u32
+        self.0 >> 24 & 1 == PhotonClass::Caustic as u32
+    }
+
+    /// Tests whether the photon is on this side.
+    #[inline(always)]
+    pub fn is_on(self, side: PhotonSide) -> bool {
+        self.0 & 0xfe00_0000 == u32::from(side.0) << 24
+    }
+}
+
+/// A side of a surface: the highest byte of the [`Arrival`] of its photons, without their class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PhotonSide(u8);
+
+impl PhotonSide {
+    /// The side on which no photon is.
+    pub const NONE: Self = Self(1);
+
+    /// The other side of the surface whose side has this tag.
+    #[inline(always)]
+    pub fn other(tag: u8) -> Self {
+        Self((tag ^ 1) << 1)
+    }
+}
+
+impl Default for PhotonSide {
+    fn default() -> Self {
+        Self::NONE
     }
 }
 
@@ -152,6 +187,12 @@ impl Photon {
     /// A photon without a direction; `normal` is the unit normal on the side of arrival.
     pub fn new(position: Vec3, path: u32, flux: Rgb, normal: Vec3, class: PhotonClass) -> Self {
         Self { position, path, flux, arrival: Arrival::new(normal, class as u32), from: 0 }
+    }
+
+    /// Sets the [tag](super::area::SideId::tag) of the side that it arrived on.
+    #[must_use]
+    pub(crate) fn on_side(self, tag: u8) -> Self {
+        Self { arrival: self.arrival.on_side(tag), ..self }
     }
 
     /// Sets the unit vector against the direction of flight, for BSDFs that depend on it.

@@ -5,7 +5,7 @@
 use crate::common::*;
 use bdpm::noise::Measure;
 use bdpm::scene::bsdf::Bsdf;
-use bdpm::scene::{Material, Mesh, Scene};
+use bdpm::scene::{Emitter, Material, Mesh, Scene};
 use bdpm::settings::{Direct, Kernel};
 use bdpm::{Renderer, Settings};
 use glam::{Quat, Vec3};
@@ -73,10 +73,15 @@ fn solid(min: [f32; 3], max: [f32; 3]) -> Mesh {
 
 /// In a room two units wide, seen from a corner.
 fn furnace(things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Arc<Scene> {
+    furnace_with(vec![], things, two_sided, cuts)
+}
+
+/// [`furnace`] with further lights.
+fn furnace_with(lights: Vec<Emitter>, things: Vec<Mesh>, two_sided: bool, cuts: u32) -> Arc<Scene> {
     let mut meshes = vec![cuboid(Vec3::NEG_ONE, Vec3::ONE, true, cuts)];
     meshes.extend(things);
     let camera = camera(Vec3::new(-0.9, -0.95, 0.75), Vec3::new(0.2, 0.1, -0.6), 75.0);
-    scene(meshes, vec![glowing(two_sided), reflecting()], vec![], camera)
+    scene(meshes, vec![glowing(two_sided), reflecting()], lights, camera)
 }
 
 /// Largest deviation of a tile from the answer in standard errors, and the image's mean with its own.
@@ -128,6 +133,15 @@ fn assert_exact(name: &str, scene: &Arc<Scene>, radii: &[f32]) {
     }
     let (worst, [mean, error]) = deviation(scene, Kernel::Disc, radii[radii.len() - 1]);
     assert!(worst > 2.0 * MOST, "{name}: the disc is as good, {worst}, {mean} +- {error}");
+}
+
+#[test]
+fn light_inside_of_a_thin_block_stays_there() {
+    // The insides of its faces are nearer than a quarter of the radius and have the normals of the outsides.
+    let block = solid([-0.6, -0.4, -0.6], [0.6, -0.396, 0.6]);
+    let lamp = point_light(Vec3::new(0.1, -0.398, 0.1), 1.0);
+    let scene = furnace_with(vec![lamp], vec![block], true, 1);
+    assert_exact("lamp in a thin block", &scene, &[0.05, 0.2]);
 }
 
 #[test]

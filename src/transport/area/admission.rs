@@ -16,6 +16,14 @@ pub const THICKNESS: f32 = 0.25;
 /// exceed the squared radius.
 pub const FLATTENING: f32 = 1.0 / (127.0 * 127.0 * THICKNESS * THICKNESS);
 
+/// Whether photons on the side of the first [tag](super::SideId::tag) are on the other side of the surface of the
+/// second one: inside of a thin box, say, whose outside is seen. Their normals do not tell, since the sides of a box
+/// face each other.
+#[inline]
+pub fn is_other_side(photon: u8, point: u8) -> bool {
+    photon ^ point == 1
+}
+
 /// A unit normal as photons hold it: each coordinate rounded to 1/127, 127 units long.
 #[inline(always)] // part of vector loops
 pub fn packed(normal: Vec3) -> Vec3 {

@@ -30,6 +30,15 @@ impl SideId {
     pub fn component(self) -> u32 {
         self.0 >> 1
     }
+
+    /// The side as photons hold it: the lowest bit tells the sides of a component apart, and six bits are a hash of
+    /// the component.
+    #[inline]
+    pub fn tag(self) -> u8 {
+        // The high bits of a product with an odd number near the golden ratio of 2^32
+        let hash = self.component().wrapping_mul(0x9e37_79b9) >> 26;
+        (hash << 1 | self.0 & 1) as u8
+    }
 }
 
 /// The components of a mesh alone.

@@ -1,6 +1,6 @@
 //! Finds the surface around a cell.
 
-use super::admission::{THICKNESS, admits, packed};
+use super::admission::{self, THICKNESS, admits, packed};
 use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame};
 use super::components::SideId;
 use super::solids::{Wall, Walls};
@@ -106,7 +106,8 @@ impl CellBuilder<'_> {
             let sends = may_send.then(|| {
                 let given = self.surfaces.normal(place, triangle);
                 let may_send = |&side: &usize| {
-                    let counts = lit[side] || sides[side] == own.side;
+                    let counts = (lit[side] || sides[side] == own.side)
+                        && !admission::is_other_side(sides[side].tag(), own.side.tag());
                     let normal = if side == 0 { given } else { -given };
                     counts && admits(packed(normal), own.normal)
                 };

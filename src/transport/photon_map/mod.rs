@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 
 pub(crate) use mis_weights::{PhotonWeights, QuadPartials, Unweighted};
 pub(crate) use quad::{NoPairs, PairSink, PointPairs};
-pub(crate) use queries::{MergeQueries, MergeQuery};
+pub(crate) use queries::{MergeQueries, MergeQuery, QueryKind};
 
 /// Photons sorted by the cell of a uniform grid. The cells form an array, or are hashed where photons crowd.
 #[derive(Debug, Default)]

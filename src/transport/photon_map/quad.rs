@@ -6,7 +6,7 @@ use crate::base::math::Rgb;
 use crate::simd::dispatch::{Simd, interleave_selected};
 use crate::transport::kernel::{Admission, ByClass, PointKernel};
 use crate::transport::pair_list::Pair;
-use crate::transport::photon::{Arrival, Photon};
+use crate::transport::photon::{Arrival, Photon, PhotonSide};
 use glam::{BVec4A, Vec3, Vec4};
 
 /// Photons of a quad.
@@ -32,6 +32,8 @@ pub struct QuadQuery {
     limit: Vec4,
     flattening: Vec4,
     all_classes: bool,
+    /// Photons on this side do not count.
+    excluded: PhotonSide,
     /// Kernels over the kernel of diffuse photons, times the weight of the class.
     relative: ByClass<Vec4>,
     /// Kernels at the nested radii over the kernels at the merge radii.
@@ -73,7 +75,8 @@ impl QuadQuery {
             normal: query.normal.to_array().map(Vec4::splat),
             limit: Vec4::splat(admission.limit),
             flattening: Vec4::splat(admission.flattening),
-            all_classes: W::ALL_CLASSES | query.all_classes,
+            all_classes: W::ALL_CLASSES | query.kind.all_classes(),
+            excluded: query.excluded,
             relative: relative.map(Vec4::splat),
             nested: kernel.nested.map(|nested| nested.map(Vec4::splat)),
             by_class: by_class.unwrap_or([1.0; 2]),
@@ -186,7 +189,7 @@ impl Quad {
     pub fn admitted(&self, query: &QuadQuery, lanes: BVec4A) -> BVec4A {
         let faces = dot(&self.normal(), &query.normal);
         let near = self.min_radius2(query).cmple(self.by_class(query, &query.radius2));
-        let mut admitted = near & faces.cmpgt(query.limit) & lanes;
+        let mut admitted = near & faces.cmpgt(query.limit) & lanes & !self.is_on(query.excluded);
         if !query.all_classes {
             admitted &= self.is_caustic();
         }
@@ -207,6 +210,13 @@ impl Quad {
     pub fn is_caustic(&self) -> BVec4A {
         let diffuse = self.arrival.map(|arrival| if arrival.is_caustic() { 0.0 } else { 1.0 });
         Vec4::from_array(diffuse).cmpeq(Vec4::ZERO)
+    }
+
+    /// Selects the lanes of photons on a side.
+    #[inline(always)]
+    fn is_on(&self, side: PhotonSide) -> BVec4A {
+        let others = self.arrival.map(|arrival| if arrival.is_on(side) { 0.0 } else { 1.0 });
+        Vec4::from_array(others).cmpeq(Vec4::ZERO)
     }
 
     /// Adds the flux of some lanes, times the weights of single photons.

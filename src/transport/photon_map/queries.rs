@@ -2,6 +2,7 @@
 
 use super::PhotonMap;
 use crate::simd::LANES;
+use crate::transport::photon::PhotonSide;
 use glam::Vec3;
 
 /// Maximum number of zones of a map: sorting writes to as many places in turn.
@@ -17,12 +18,36 @@ pub struct MergeQuery {
     pub point: u32,
     /// Unit normal on the side that the camera path sees: photons that arrived on that side count.
     pub normal: Vec3,
-    /// Photons of all classes count, not only caustic photons.
-    pub all_classes: bool,
-    /// The BSDF depends on the photons' directions.
-    pub directional: bool,
+    /// Which photons count, and how.
+    pub kind: QueryKind,
+    /// Photons on this side do not count.
+    pub excluded: PhotonSide,
     /// Zone of the position; set by [`MergeQueries::sort`].
     pub zone: u16,
+}
+
+/// Which photons count in a query, and how. (In one byte: a query is half a cache line.)
+#[derive(Clone, Copy, Debug, Default)]
+pub struct QueryKind(u8);
+
+impl QueryKind {
+    /// Photons of all classes count, not only caustic photons; the BSDF depends on the photons' directions.
+    #[inline(always)] // vectorized, as the functions below
+    pub fn new(all_classes: bool, directional: bool) -> Self {
+        Self(u8::from(all_classes) | u8::from(directional) << 1)
+    }
+
+    /// Photons of all classes count.
+    #[inline(always)]
+    pub fn all_classes(self) -> bool {
+        self.0 & 1 != 0
+    }
+
+    /// The BSDF depends on the photons' directions.
+    #[inline(always)]
+    pub fn is_directional(self) -> bool {
+        self.0 & 2 != 0
+    }
 }
 
 /// Merge queries zone by zone; buffers are reused.
