@@ -4,7 +4,8 @@
 //! The area around a point `y` counts triangles in the sphere of radius `r`:
 //!
 //! 1. those whose material merges and whose normal, packed as photons pack theirs, has a dot product
-//!    above one half with the normal at `y` ([`admission`]);
+//!    above one half with the normal at `y`, but not the other side of the component of `y`, such as
+//!    the inside of a thin box ([`admission`]);
 //! 2. of these the part in the sphere, a disc in the triangle's plane, in closed form ([`disc`]);
 //! 3. only on sides that light reaches ([`lit_sides`]);
 //! 4. only where nothing covers it: of layers the highest, and nothing inside of solids (`covered`);
