@@ -180,19 +180,19 @@ pub fn uniform_triangle([u, v]: [f32; 2]) -> [f32; 2] {
     [s * (1.0 - v), s * v]
 }
 
-/// The numbers of which [`uniform_sphere`] makes a unit direction.
+/// Inverse of [`uniform_sphere`]: the numbers that give a unit direction.
 pub fn uniform_sphere_inverse(direction: Vec3) -> [f32; 2] {
     [0.5 * (1.0 - direction.z), turns(direction.x, direction.y)]
 }
 
-/// The numbers of which [`cosine_hemisphere`] makes a unit direction around the unit normal `n`.
+/// Inverse of [`cosine_hemisphere`]: the numbers that give a unit direction around the unit normal `n`.
 pub fn cosine_hemisphere_inverse(n: Vec3, direction: Vec3) -> [f32; 2] {
     let (tangent, bitangent) = n.any_orthonormal_pair();
     let [x, y] = [tangent, bitangent].map(|axis| axis.dot(direction));
     [x * x + y * y, turns(x, y)]
 }
 
-/// The numbers of which [`uniform_disc`] makes a point.
+/// Inverse of [`uniform_disc`]: the numbers that give a point.
 pub fn uniform_disc_inverse([x, y]: [f32; 2]) -> [f32; 2] {
     let radius = x.hypot(y);
     if radius == 0.0 {
@@ -208,7 +208,7 @@ pub fn uniform_disc_inverse([x, y]: [f32; 2]) -> [f32; 2] {
     [0.5 * (x + 1.0), 0.5 * (y + 1.0)]
 }
 
-/// The numbers of which [`uniform_triangle`] makes barycentric weights.
+/// Inverse of [`uniform_triangle`]: the numbers that give barycentric weights.
 pub fn uniform_triangle_inverse([b, c]: [f32; 2]) -> [f32; 2] {
     let s = b + c;
     [s * s, if s > 0.0 { c / s } else { 0.5 }]

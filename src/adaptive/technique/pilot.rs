@@ -31,6 +31,10 @@ const HOPELESS: f64 = 4.0;
 /// prediction. Of several candidates the best looks better than it is.
 const UNTRIED: f64 = 2.0;
 
+/// An untried candidate is worth more of the pilot's time if its predicted squared error is less by this factor than
+/// that of all that were tried.
+const PROMISING: f64 = 1.25;
+
 /// Techniques that are tried at large radii, even if the time is over.
 const MIN_AT_LARGE_RADII: u32 = 2;
 
@@ -243,14 +247,14 @@ impl Pilot<'_> {
     }
 }
 
-/// Tests whether an untried candidate is predicted to be far better than all that were tried.
+/// Tests whether an untried candidate is predicted to be better by [`PROMISING`] than all that were tried.
 fn is_promising(finalists: &[Finalist], demand: &CandidateCost) -> bool {
     let least = |tried: bool| {
         let of = finalists.iter().filter(|finalist| finalist.best.tried == tried);
         of.map(|Finalist { best, penalty, .. }| penalty * best.rank(demand))
             .fold(f64::INFINITY, f64::min)
     };
-    UNTRIED * least(false) < least(true)
+    PROMISING * least(false) < least(true)
 }
 
 impl SceneTraits {

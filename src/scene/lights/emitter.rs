@@ -111,7 +111,7 @@ impl Spot {
         }
     }
 
-    /// The numbers of which [`Self::emit`] makes this direction.
+    /// Inverse of [`Self::emit`]: the numbers that give this direction.
     fn emission_numbers(&self, direction: Vec3) -> [f32; 2] {
         let [full, falloff] = self.solid_angles();
         let cosine = direction.dot(self.direction);
@@ -155,7 +155,7 @@ impl Directional {
         }
     }
 
-    /// The numbers of which [`Self::emit`] makes the ray through `point`.
+    /// Inverse of [`Self::emit`]: the numbers that give the ray through `point`.
     fn emission_numbers(&self, point: Vec3) -> [f32; 2] {
         let (right, up) = self.direction.any_orthonormal_pair();
         let across = (point - self.center) / self.radius;
@@ -193,7 +193,7 @@ impl Triangle {
         }
     }
 
-    /// The numbers of which [`Self::emit`] makes a light path from `point`, near the triangle, along `direction`.
+    /// Inverse of [`Self::emit`]: the numbers that give a light path from `point`, near the triangle, along `direction`.
     fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f32; 4] {
         let from_corner = point - self.origin;
         // The cross product with the normal leaves out what is off the plane.
@@ -292,8 +292,8 @@ impl Emitter {
         }
     }
 
-    /// The numbers of which [`Self::emit`] makes a light path from `origin` along `direction`; `None` for those that it
-    /// does not use.
+    /// Inverse of [`Self::emit`]: the numbers that start a light path at `origin` along `direction`; `None` for those
+    /// that it does not use.
     pub(super) fn emission_numbers(&self, origin: Vec3, direction: Vec3) -> [Option<f64>; 4] {
         let two = |[a, b]: [f32; 2]| [Some(a.into()), Some(b.into()), None, None];
         let four = |shape: &Triangle| {

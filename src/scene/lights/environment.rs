@@ -241,7 +241,7 @@ impl Environment {
         v * REGIONS_ACROSS + u
     }
 
-    /// The numbers of which [`Self::sample`] makes a direction.
+    /// Inverse of [`Self::sample`]: the numbers that give a direction.
     fn numbers_at(&self, at: &Location, direction: Vec3) -> [f64; 2] {
         let begin_of_row = if at.row == 0 { 0 } else { self.rows[at.row - 1].end };
         let Row { end, edges: [upper, lower], .. } = self.rows[at.row];
@@ -281,7 +281,7 @@ impl Environment {
         Emission { origin, direction: -toward, flux: radiance * (self.disc() / prob) }
     }
 
-    /// The numbers of which [`Self::emit`] makes a light path along the ray through `point`.
+    /// Inverse of [`Self::emit`]: the numbers that give a light path along the ray through `point`.
     pub(super) fn emission_numbers(&self, point: Vec3, direction: Vec3) -> [f64; 4] {
         let toward = -direction;
         let [a, b] = self.numbers_at(&self.locate(toward), toward);

@@ -1,25 +1,26 @@
-//! The kernel by true area: the flux of photons merged at a point is divided by the area of the surface
-//! within the sphere that could have sent one there, instead of that of a disc.
+//! The kernel by true area. The flux of photons merged at a point is divided by the area of the surface
+//! within the sphere that could have sent one there. (The kernel of the paper is a disc.)
 //!
 //! The area around a point `y` counts triangles in the sphere of radius `r`:
 //!
-//! 1. those whose material merges and whose normal, packed as photons pack theirs, has a dot product
-//!    above one half with the normal at `y`, but not the other side of the component of `y`, such as
-//!    the inside of a thin box ([`admission`]);
-//! 2. of these the part in the sphere, a disc in the triangle's plane, in closed form ([`disc`]);
-//! 3. only on sides that light reaches ([`lit_sides`]);
-//! 4. only where nothing covers it: of layers the highest, and nothing inside of solids (`covered`);
-//! 5. of cut-outs the mean opacity.
+//! 1. *Admitted* are materials that merge. The normal, packed as in photons, must have a dot product above
+//!    one half with the normal at `y`. The other side of the component of `y` is not admitted, such as
+//!    the inside of a thin box ([`admission`]).
+//! 2. The part in the sphere is a disc in the triangle's plane, in closed form ([`disc`]).
+//! 3. Only sides count that light reaches ([`lit_sides`]).
+//! 4. Covered parts do not count: of layers only the highest does, and nothing inside of solids
+//!    (`covered`).
+//! 5. Cut-outs count by their mean opacity.
 //!
-//! All of this is computed once per cell: a part of a triangle about as large as the sphere (`patch`).
+//! This is computed once per cell: a part of a triangle about as large as the sphere (`patch`).
 //! Most cells are flat, or have one straight edge. [`Areas`] keeps the cells that were computed.
 //!
-//! The work for one cell is bounded. Where more triangles are in reach of a cell than the bound allows
-//! (`cell`), all its points take the area of a disc at every radius of a query, times the mean opacity
-//! of their own surface. Whether they do depends on the geometry, the point and the largest radius
-//! alone: not on time, threads or earlier queries. The kernel at a point is therefore the same in all
-//! iterations, as the law of the noise requires. Photons are admitted there as everywhere else. On a
-//! flat surface, for which the disc stands, that admits every photon of the disc.
+//! The work for one cell is bounded (`cell`). Where more triangles are in reach of a cell, its points take
+//! the area of a disc, times the mean opacity of their own surface. This holds at every radius of a query.
+//! It depends on the geometry, the point and the largest radius alone, not on time, threads or earlier
+//! queries. Hence the kernel at a point is the same in each iteration, as the law of the noise requires.
+//! Photons are admitted there as everywhere else. On a flat surface, for which the disc stands, this admits
+//! every photon of the disc.
 
 pub mod admission;
 mod boundary;
