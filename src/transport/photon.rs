@@ -97,7 +97,7 @@ impl PhotonPacket {
 
 /// Normal, class and side of a photon in one word, as admission tests need them: the surface normal on the side of
 /// arrival, each coordinate in 1/127 and one byte; in the highest byte the class in the lowest bit, and above it the
-/// [tag](super::area::SideId::tag) of the side, 0 unless areas tell sides apart.
+/// tag (`SideId::tag`) of the side, 0 unless areas tell sides apart.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Arrival(pub u32);
@@ -149,7 +149,7 @@ impl Arrival {
     }
 }
 
-/// A side of a surface: the highest byte of the [`Arrival`] of its photons, without their class.
+/// A side of a surface: the highest byte of the `Arrival` of its photons, without their class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhotonSide(u8);
 
@@ -189,7 +189,7 @@ impl Photon {
         Self { position, path, flux, arrival: Arrival::new(normal, class as u32), from: 0 }
     }
 
-    /// Sets the [tag](super::area::SideId::tag) of the side that it arrived on.
+    /// Sets the tag (`SideId::tag`) of the side that it arrived on.
     #[must_use]
     pub(crate) fn on_side(self, tag: u8) -> Self {
         Self { arrival: self.arrival.on_side(tag), ..self }

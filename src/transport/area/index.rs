@@ -107,7 +107,7 @@ impl Areas {
         2 * self.shared.first[mesh as usize] + side
     }
 
-    /// The [tag](super::components::SideId::tag) of a side of a triangle; arguments as of [`Self::number`].
+    /// The tag (`SideId::tag`) of a side of a triangle; arguments as of [`Self::number`].
     #[inline]
     pub fn side_tag(&self, mesh: u32, side: u32) -> u8 {
         self.shared.sides.of(mesh, side >> 1, side & 1 == 0).tag()
