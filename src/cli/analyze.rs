@@ -51,7 +51,7 @@ pub struct Args {
     /// Show statistics of this part of the image [default: the whole image]
     ///
     /// Give a region's name in the scene file, or a rectangle in fractions of the image with the
-    /// provenance at the top left.
+    /// origin at the top left.
     #[arg(long, value_name = "NAME|X0,Y0,X1,Y1", allow_hyphen_values = true)]
     region: Option<String>,
 }

@@ -46,7 +46,10 @@ pub fn manual(args: &ManArgs, mut command: Command) -> Result<String> {
 
 fn write_page(folder: &Path, command: &Command, name: &str) -> Result<String> {
     let path = folder.join(format!("{name}.1"));
-    let page = Man::new(command.clone()).title(name).manual("bdpm");
+    // Pages describe all options, also those that `-h` leaves out, and need no reference to `--help`
+    let command = command.clone().mut_args(|argument| argument.hide_short_help(false));
+    let command = command.after_help(None::<&'static str>).after_long_help(None::<&'static str>);
+    let page = Man::new(command).title(name).manual("bdpm");
     write_atomically(&path, |to| page.render(to))?;
     Ok(format!("{}\n", path.display()))
 }

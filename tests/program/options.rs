@@ -313,6 +313,8 @@ fn completions_and_manual_pages_cover_all_commands() {
     }
     let render = fs::read_to_string(at("man/one/bdpm-render.1")).unwrap();
     assert!(render.contains("target\\-error"), "{render}");
+    // Options that `-h` leaves out have their text, too
+    assert!(render.contains("Refuse a scene") && !render.contains("EXTRA"), "{render}");
     fs::write(at("file"), "").unwrap();
     let refused = output(bdpm(&["man", at("file").to_str().unwrap()]));
     assert_refused(&refused, "file: cannot create the folder", "");
