@@ -299,6 +299,7 @@ impl Renderer {
         self
     }
 
+    /// Sets the guide that light paths start from, and with multiple importance sampling that of the weights.
     fn set_guide(&mut self, guide: Option<Arc<Guide>>) {
         let weighted = guide.clone().filter(|_| Mis::new(&self.settings).is_some());
         if weighted.is_some() || self.scene.lights().has_weighted_guide() {

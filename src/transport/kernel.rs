@@ -19,7 +19,7 @@ const CAUSTIC: usize = PhotonClass::Caustic as usize;
 const DIFFUSE: usize = PhotonClass::Diffuse as usize;
 
 /// Decides which photons count at a point: those within the radius of their class, on a surface whose normal is
-/// nearly the point's and whose plane is near the point, but not on the other side of the point's surface.
+/// nearly the point's and whose plane is near the point. Those on the other side of the point's surface do not count.
 /// theory.md (45b).
 #[derive(Clone, Copy, Debug)]
 pub struct Admission {

@@ -38,7 +38,7 @@ pub struct LightPaths {
     tracers: Pool<Tracer>,
     /// Density of the starts of paths; without it they start in proportion to the lights' power.
     pub guide: Option<Arc<Guide>>,
-    /// Tells the sides of surfaces apart, for merges by area.
+    /// Distinguishes the sides of surfaces, for merges by area.
     pub areas: Option<Arc<Areas>>,
 }
 

@@ -95,9 +95,9 @@ impl PhotonPacket {
     }
 }
 
-/// Normal, class and side of a photon in one word, as admission tests need them: the surface normal on the side of
-/// arrival, each coordinate in 1/127 and one byte; in the highest byte the class in the lowest bit, and above it the
-/// tag (`SideId::tag`) of the side, 0 unless areas tell sides apart.
+/// Normal, class and side of a photon in one word, as admission tests need them. Three bytes are the surface normal on
+/// the side of arrival, each coordinate in 1/127. The lowest bit of the highest byte is the class. Its other bits are the
+/// tag (`SideId::tag`) of the side, or 0 without areas.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Arrival(pub u32);

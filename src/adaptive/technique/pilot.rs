@@ -43,9 +43,9 @@ const MIN_AT_LARGE_RADII: u32 = 2;
 /// of them was predicted 11 % relative error and had 77 %.
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
-/// Penalty on the squared error of techniques that merge. Short trials miss rare photons and a part of the merge bias:
-/// over seven public interiors of 20 s (docs/measurements/interiors.md) the squared error was about 1.8 times the
-/// prediction with merging, and 1.25 times without.
+/// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has no bias and no
+/// photons that a whole image shares. It is a choice, not a measured factor: errors exceed predictions by much more in
+/// some scenes than in others, with merging and without (docs/measurements/interiors.md).
 const MERGING_PENALTY: f64 = 1.4;
 
 /// Typical number of techniques that the last round tries.

@@ -31,7 +31,7 @@ impl SideId {
         self.0 >> 1
     }
 
-    /// The side as photons hold it: the lowest bit tells the sides of a component apart, and six bits are a hash of
+    /// The side as photons hold it: the lowest bit distinguishes the sides of a component, and six bits are a hash of
     /// the component.
     #[inline]
     pub fn tag(self) -> u8 {
