@@ -44,8 +44,8 @@ const MIN_AT_LARGE_RADII: u32 = 2;
 const RARE_LIGHT_PENALTY: f64 = 4.0;
 
 /// Penalty on the squared error of techniques that merge: near ties go to path tracing, which has no bias and no
-/// photons that a whole image shares. It is a choice, not a measured factor: errors exceed predictions by much more in
-/// some scenes than in others, with merging and without (docs/measurements/interiors.md).
+/// photons that a whole image shares. In three interiors where predictions are near ties, the squared error of `mis` was
+/// 2.7, 3.1 and 0.73 times that of `path` (docs/measurements/interiors.md).
 const MERGING_PENALTY: f64 = 1.4;
 
 /// Typical number of techniques that the last round tries.
