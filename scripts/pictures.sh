@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Makes the pictures of the documentation in docs/pictures, as JPEG files of at most 400 KB.
 #
-#   scripts/pictures.sh            all of them: about three hours on two cores
-#   scripts/pictures.sh NAME...    only these; each takes at most 20 minutes
+#   scripts/pictures.sh            all of them: about 80 minutes on two cores
+#   scripts/pictures.sh NAME...    only these; each takes at most 15 minutes
 #
 # Set SECONDS_EACH=5 for a quick trial: then no render takes longer than that. OUT=FOLDER writes to another
 # folder. BDPM and PICTURE name programs that are built already. The pictures of Blender are made by
@@ -59,23 +59,23 @@ make_picture() {
     case $1 in
         # The hero: promised and measured error in its corner.
         point-caustic)
-            render point-caustic point-caustic 1140 --resolution 1600x1200
+            render point-caustic point-caustic 900 --resolution 1600x1200
             "$picture" strip "$out/point-caustic.jpg" "$work/point-caustic.exr" "@$work/point-caustic.json"
             ;;
-        hall) single hall hall 1140 --resolution 1620x1080 ;;
-        objective) single objective objective 1140 --resolution 1620x1080 ;;
-        daylight) single daylight daylight 1140 --resolution 1920x1080 ;;
-        materials) single materials materials 600 --resolution 1440x810 ;;
-        caustic-sphere) single caustic-sphere caustic-sphere 600 --resolution 800x800 ;;
+        hall) single hall hall 600 --resolution 1620x1080 ;;
+        objective) single objective objective 600 --resolution 1620x1080 ;;
+        daylight) single daylight daylight 600 --resolution 1920x1080 ;;
+        materials) single materials materials 400 --resolution 1440x810 ;;
+        caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;
         # Equal time against path tracing; a path tracer cannot sample the lights of point-caustic at all.
-        equal-time-caustic) equal_time equal-time-caustic caustic-sphere 30 900 --resolution 512x512 ;;
-        equal-time-keyhole) equal_time equal-time-keyhole keyhole 30 900 --resolution 512x512 ;;
-        equal-time-daylight) equal_time equal-time-daylight daylight 30 900 --resolution 640x360 ;;
+        equal-time-caustic) equal_time equal-time-caustic caustic-sphere 30 300 --resolution 512x512 ;;
+        equal-time-keyhole) equal_time equal-time-keyhole keyhole 30 300 --resolution 512x512 ;;
+        equal-time-daylight) equal_time equal-time-daylight daylight 30 300 --resolution 640x360 ;;
         # Image, reported error and true error on one scale.
         error-maps)
             render error-maps caustic-sphere 20 --resolution 480x480
-            render error-maps-reference caustic-sphere 1100 --resolution 480x480 --seed 2
+            render error-maps-reference caustic-sphere 600 --resolution 480x480 --seed 2
             "$picture" errors "$out/error-maps.jpg" "$work/error-maps.exr" "$work/error-maps-reference.exr"
             # For the table in docs/measurements/predictions.md.
             grep -oE '"(error|promise)":\{"(total|rms)[^}]*\}' "$work/error-maps.json" || true
