@@ -132,7 +132,8 @@ fetch_library() {
     # The wheel's Python version is pinned with its checksum; it need not be this machine's.
     python3 -m pip download -q --disable-pip-version-check --no-deps --only-binary=:all: \
         --implementation cp --python-version 3.11 --abi cp311 \
-        --platform manylinux_2_28_x86_64 --dest "$to/wheel" "$wheel"
+        --platform manylinux_2_28_x86_64 --dest "$to/wheel" "$wheel" ||
+        die "the wheel cannot be fetched. $archive_hint"
     file=$(echo "$to"/wheel/embreex-*.whl)
     echo "$wheel_sha256  $file" | sha256sum --check --status ||
         die "the wheel's checksum is $(sha256sum "$file" | cut -d' ' -f1), expected $wheel_sha256"

@@ -36,6 +36,9 @@ const DEFAULT_ITERATIONS: u64 = 256;
 const MIN_ITERATIONS: u64 = 2;
 
 #[derive(clap::Args)]
+#[command(mut_arg("time", |arg| arg.help(
+    "Measure for about this time, such as 30s or 2m [default: no limit]"
+)))]
 pub struct Args {
     #[command(flatten)]
     session: SessionArgs,
@@ -99,11 +102,11 @@ pub fn run(args: &Args) -> Result<String> {
         .at_least(MIN_ITERATIONS)
         .stop(stop)
         .interrupted_by(catch_interrupts(progress.clone())?);
-    let RenderResult { state, stopped_by, .. } = job.run(|event| {
+    let result = job.run(|event| {
         match event {
             Event::Warning(warning) => progress.note(&format!("warning: {warning}")),
             Event::Started(state) => {
-                announce(&progress, &input, state, "measuring", "");
+                announce(&progress, state, "measuring", "");
                 progress.start();
             }
             Event::Iterated(state) => progress.update(state),
@@ -112,11 +115,12 @@ pub fn run(args: &Args) -> Result<String> {
         ControlFlow::Continue(())
     })?;
     progress.finish();
+    let RenderResult { state, stopped_by, .. } = &result;
     let film = state.renderer.film();
     if film.iterations < MIN_ITERATIONS {
         return Err(too_few(film.iterations));
     }
-    if film.iterations < 32 && stopped_by != StoppedBy::Iterations {
+    if film.iterations < 32 && *stopped_by != StoppedBy::Iterations {
         progress.note("note: standard errors need at least 32 iterations");
     }
 
@@ -138,7 +142,7 @@ pub fn run(args: &Args) -> Result<String> {
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let report = AnalyzeReport {
-        run: RunReport::new(&input, &state, stopped_by, write_time),
+        run: RunReport::new(&input, &result, write_time),
         light_paths: settings.light_paths,
         camera_paths: settings.camera_paths,
         estimator: args.estimator,

@@ -33,7 +33,7 @@ pub fn text(report: &AnalyzeReport) -> String {
         report.light_paths,
         report.camera_paths,
         report.run.iterations,
-        human_time(report.run.seconds.render),
+        human_time(report.run.seconds.total),
         report.region,
         noise.pixels,
     );

@@ -1,6 +1,6 @@
 //! `bdpm convert SCENE OUT`.
 
-use super::{LightArgs, json, say};
+use super::{LightArgs, json, print_notes};
 use bdpm::base::error::Result;
 use bdpm::import::counted;
 use bdpm::import::{SceneSummary, Warning, export, load, load_with};
@@ -62,7 +62,7 @@ pub fn run(args: &Args) -> Result<String> {
         let warning = "the copy is not bit-identical, so its image may differ by rounding";
         warnings.push(Warning::chosen(warning));
     }
-    warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
+    print_notes(&warnings);
     let folder = args.out.display().to_string();
     let fingerprints = [fingerprint, again].map(|bits| format!("{bits:016x}"));
     let read = &loaded.summary;

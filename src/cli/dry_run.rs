@@ -1,6 +1,7 @@
 //! `bdpm render --dry-run`: a description of the job, without an image.
 
 use super::render_files::Outputs;
+use super::render_report::counts_text;
 use super::scene_input::SceneInput;
 use super::{human_time, json};
 use bdpm::adaptive::stopping::{Stop, Target};
@@ -48,7 +49,7 @@ pub fn report(
     as_json: bool,
 ) -> String {
     if !as_json {
-        return text(outline, input, outputs);
+        return text(outline, outputs);
     }
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let Stop { time, error, target, .. } = outline.stop;
@@ -86,7 +87,7 @@ fn chosen(free: &FreeParameters) -> Vec<&'static str> {
     all.into_iter().filter_map(|(is_free, name)| is_free.then_some(name)).collect()
 }
 
-fn text(outline: &JobOutline, input: &SceneInput, outputs: &Outputs) -> String {
+fn text(outline: &JobOutline, outputs: &Outputs) -> String {
     let settings = &outline.provenance.settings;
     let pilot = match &outline.pilot {
         Some(free) => format!("chosen by a pilot: {}", chosen(free).join(", ")),
@@ -94,13 +95,10 @@ fn text(outline: &JobOutline, input: &SceneInput, outputs: &Outputs) -> String {
     };
     let counts = match outline.is_automatic {
         true => "chosen during the render".to_owned(),
-        false => {
-            let Settings { light_paths, camera_paths, .. } = settings;
-            format!("{light_paths} light paths, {camera_paths} camera paths per pixel")
-        }
+        false => counts_text(settings, settings.light_paths, &settings.camera_paths.to_string()),
     };
     let lines = [
-        ("scene", format!("{}: {}", outline.provenance.scene, input.loaded.summary)),
+        ("scene", outline.provenance.scene.clone()),
         ("image", image(settings)),
         ("technique", pilot),
         ("path counts", counts),
@@ -154,13 +152,16 @@ fn time(outline: &JobOutline) -> String {
 fn memory(outline: &JobOutline) -> String {
     let MemoryNeed { light_paths, image } = outline.memory;
     let mib = |bytes: f64| format!("{:.0} MiB", (bytes / MIB).ceil());
-    let n = outline.provenance.settings.light_paths;
-    let more = if outline.is_automatic { ", more if more light paths are chosen" } else { "" };
+    let settings = &outline.provenance.settings;
+    // A pilot may choose photons
+    let photons = if settings.has_photons() || outline.pilot.is_some() {
+        format!(" and {} for {} light paths", mib(light_paths), settings.light_paths)
+    } else {
+        String::new()
+    };
+    let is_open = outline.is_automatic && !photons.is_empty();
+    let more = if is_open { ", more if more light paths are chosen" } else { "" };
     let available = outline.available_memory;
     let available = available.map_or(String::new(), |bytes| format!("; {} available", mib(bytes)));
-    format!(
-        "{} for the image and {} for {n} light paths{more}{available}",
-        mib(image),
-        mib(light_paths)
-    )
+    format!("{} for the image{photons}{more}{available}", mib(image))
 }

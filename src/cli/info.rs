@@ -1,18 +1,22 @@
 //! `bdpm info SCENE`.
 
-use super::{SceneArgs, human_time, json, say};
+use super::settings_args::with_chosen_default;
+use super::verbose::given_names;
+use super::{SceneArgs, human_time, json, print_notes};
 use bdpm::accel::AccelInfo;
 use bdpm::base::error::Result;
 use bdpm::import::counted;
 use bdpm::import::{Loaded, SceneSummary, Warning};
 use bdpm::scene::backend;
 use bdpm::scene::{Emitter, FieldOfView, Optics};
-use bdpm::settings::Settings;
+use bdpm::settings::{PartialSettings, Settings};
 use serde::Serialize;
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 #[derive(clap::Args)]
+#[command(mut_args(with_chosen_default))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -142,13 +146,14 @@ pub fn run(args: &Args) -> Result<String> {
     let start = Instant::now();
     let loaded = args.scene.load()?;
     let loading = start.elapsed();
-    loaded.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
+    print_notes(&loaded.warnings);
     let scene = &loaded.scene;
     let settings =
         Settings::resolve(&(&args.scene.settings).into(), &loaded.defaults, scene.size())?;
     let accel = backend::build(args.scene.accel.unwrap_or_default(), scene)?.describe();
     let report = InfoReport::new(&loaded, loading, &accel, &settings);
-    Ok(if args.scene.json { json(&report) } else { text(&report) })
+    let fixed = fixed_names(&(&args.scene.settings).into());
+    Ok(if args.scene.json { json(&report) } else { text(&report, &fixed) })
 }
 
 impl<'a> InfoReport<'a> {
@@ -202,7 +207,16 @@ impl<'a> InfoReport<'a> {
     }
 }
 
-fn text(report: &InfoReport) -> String {
+/// Names of the settings that automatic rendering does not choose, because the command line fixes them or a pilot never
+/// does.
+fn fixed_names(command_line: &PartialSettings) -> BTreeSet<String> {
+    let mut names = given_names(command_line);
+    names.extend(["width", "height", "seed"].map(str::to_owned));
+    names
+}
+
+/// The contents of the scene, and the `fixed` settings.
+fn text(report: &InfoReport, fixed: &BTreeSet<String>) -> String {
     let InfoReport { bounds: [min, max], accel, lights, camera, .. } = report;
     let numbers = |values: &[f32; 3]| {
         let [x, y, z] = values.map(|value| (f64::from(value) * 1e4).round() / 1e4);
@@ -266,9 +280,12 @@ fn text(report: &InfoReport) -> String {
         },
     );
     for (name, value) in report.settings.to_map() {
-        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        row(&name.replace('_', " "), value);
+        if fixed.contains(&name) {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            row(&name.replace('_', " "), value);
+        }
     }
+    row("other settings", "chosen by `bdpm render`, unless --iterations is given".into());
     text
 }
 

@@ -6,6 +6,7 @@ use super::outputs::{self, Attempts, Output};
 use super::preview;
 use super::render_files::{Outputs, Writer};
 use super::render_observer::save_noise;
+use super::render_report::rms_text;
 use super::say;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::importance;
@@ -176,7 +177,7 @@ impl MergeReport {
 
     fn text(&self) -> String {
         let rms = match (self.rms, self.relative_rms) {
-            (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
+            (Some(rms), Some(share)) => format!(", {}", rms_text(rms, share)),
             _ => String::new(),
         };
         format!(

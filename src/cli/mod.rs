@@ -35,20 +35,23 @@ mod scene_input;
 mod paper;
 mod settings_args;
 mod shell_files;
+mod usage_tips;
 mod verbose;
 mod view;
 
 use bdpm::base::error::{Error, Result};
-use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, load_with};
+use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, Warning, load_with};
 use bdpm::scene::backend::Backend;
-use clap::{CommandFactory, FromArgMatches};
+use clap::{Args, CommandFactory, FromArgMatches};
 use option_groups::with_groups;
 use option_hints::with_options;
 use serde::Serialize;
 use settings_args::SettingsArgs;
+use std::ffi::OsString;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use usage_tips::with_tip;
 
 /// Renders scenes by bidirectional photon mapping and estimates its own noise.
 #[derive(clap::Parser)]
@@ -95,7 +98,11 @@ fn definition() -> clap::Command {
 
 /// Runs the program: 0 on success, 1 on an error, 2 on wrong usage.
 pub fn run() -> ExitCode {
-    let matches = definition().get_matches();
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let matches = match definition().try_get_matches_from(&arguments) {
+        Ok(matches) => matches,
+        Err(error) => with_tip(error, &definition(), &arguments).exit(),
+    };
     let command = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli.command,
         Err(error) => error.exit(),
@@ -142,6 +149,15 @@ fn print(text: &str) -> Result<()> {
 /// Prints a line to stderr. A failure cannot be reported anywhere, so it is ignored.
 fn say(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// Prints warnings about a scene, with the options that their advice is about.
+fn print_notes<'a>(warnings: impl IntoIterator<Item = &'a Warning>) {
+    // Every subcommand has the same options for loading a scene
+    let options = LightArgs::augment_args(clap::Command::new(""));
+    for warning in warnings {
+        say(&with_options(&format!("note: {warning}"), &options));
+    }
 }
 
 /// One JSON object on a line.

@@ -13,6 +13,7 @@ struct Group {
 
 /// All groups, in the order of help texts.
 const GROUPS: &[Group] = &[
+    Group { heading: "Main options", common: &["output", "time", "resolution"], other: &[] },
     Group {
         heading: "Scene",
         common: &["camera", "environment"],
@@ -20,17 +21,17 @@ const GROUPS: &[Group] = &[
     },
     Group {
         heading: "Image",
-        common: &["resolution", "crop", "denoise"],
+        common: &["crop", "denoise"],
         other: &["layers", "tonemap", "exposure", "exr_compression", "half"],
     },
     Group {
         heading: "When to stop",
-        common: &["time", "target_error", "quick"],
+        common: &["target_error", "quick"],
         other: &["target_rms", "iterations"],
     },
     Group {
         heading: "Output",
-        common: &["output", "report", "view", "verbose", "dry_run"],
+        common: &["report", "view", "verbose", "dry_run"],
         other: &["noise", "region", "json", "progress", "quiet"],
     },
     Group {
@@ -39,7 +40,7 @@ const GROUPS: &[Group] = &[
         other: &["plan", "part"],
     },
     Group {
-        heading: "Expert (chosen automatically)",
+        heading: EXPERT,
         common: &[],
         other: &[
             "strategy",
@@ -62,6 +63,9 @@ const GROUPS: &[Group] = &[
         ],
     },
 ];
+
+/// Heading of the options that few people need.
+const EXPERT: &str = "Expert";
 
 /// Last line of short help texts.
 const MORE: &str = "`--help` shows all options.";

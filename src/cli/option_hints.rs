@@ -3,10 +3,12 @@
 
 use clap::Command;
 
-/// Quantities in the advice of errors, and their options. Phrases are whole words.
+/// Quantities in the advice of errors, and their options. Phrases are whole words, longer ones before their parts.
 const OPTIONS: &[(&str, &str)] = &[
     ("light paths", "light-paths"),
+    ("light path", "light-paths"),
     ("camera paths", "camera-paths"),
+    ("camera path", "camera-paths"),
     ("resolution", "resolution"),
     ("crop", "crop"),
     ("merge radius", "radius"),
@@ -38,11 +40,16 @@ pub fn with_options(error: &str, command: &Command) -> String {
         options.any(|option| option.get_long() == Some(name) && !option.is_hide_set())
     };
     let advice: Vec<&str> = error.lines().filter_map(|line| line.strip_prefix("help: ")).collect();
-    let advice = without_quoted(&advice.join("\n"));
+    let mut advice = without_quoted(&advice.join("\n"));
     let mut options: Vec<String> = Vec::new();
     for (quantity, option) in OPTIONS {
         let option_text = format!("--{option}");
-        if has_words(&advice, quantity) && has_option(option) && !options.contains(&option_text) {
+        if !has_words(&advice, quantity) {
+            continue;
+        }
+        // A camera path is no camera
+        advice = advice.replace(quantity, "");
+        if has_option(option) && !options.contains(&option_text) {
             options.push(option_text);
         }
     }
@@ -88,6 +95,8 @@ mod tests {
     fn advice_about_quantities_is_followed_by_their_options() {
         let found = shown("use fewer light paths or a lower resolution", "render");
         assert!(found.ends_with("resolution\noptions: --light-paths, --resolution"), "{found}");
+        let found = shown("give at least 1 camera path per pixel", "render");
+        assert!(found.ends_with("\noption: --camera-paths"), "{found}");
         let found = shown("load the scene without strict checking", "info");
         assert!(found.ends_with("\noption: --strict"), "{found}");
     }

@@ -9,7 +9,8 @@ use super::render_files::Outputs;
 use super::render_observer::RenderObserver;
 use super::say;
 use super::scene_input::{SceneInput, SessionArgs};
-use super::settings_args::{OBJECTIVE, word};
+use super::settings_args::{OBJECTIVE, with_chosen_default, word};
+use super::verbose;
 use super::view::ViewTarget;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::plan::Plan;
@@ -30,6 +31,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
+#[command(mut_args(with_chosen_default))]
 pub struct Args {
     #[command(flatten)]
     pub session: SessionArgs,
@@ -47,10 +49,10 @@ pub struct Args {
     /// Check everything and show what would be done, but render nothing
     #[arg(long)]
     dry_run: bool,
-    /// Stop after N iterations, including resumed ones; path counts are then fixed
+    /// Stop after N iterations, including resumed ones; then nothing is chosen
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     iterations: Option<u64>,
-    /// Stop at this relative RMS error, noise and merge bias [default: 1%]
+    /// Stop at this relative error [default: 1%, none with another limit]
     #[arg(long, value_name = "X%", value_parser = share, allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Stop at this pooled RMS noise: a luminance, or a share of the mean luminance
@@ -135,6 +137,9 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         let outline = job.outline()?;
         if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {
             say(&format!("warning: {warning}"));
+        }
+        if args.verbose {
+            verbose::before_render(args, &input, &outline).iter().for_each(|line| say(line));
         }
         return Ok(dry_run::report(&outline, &input, &outputs, args.session.scene.json));
     }

@@ -77,7 +77,7 @@ impl<'a> RenderObserver<'a> {
             self.progress
                 .note(&format!("part {part}: iterations {assigned} of {}", sharded.iterations));
         }
-        announce(&self.progress, self.input, state, "rendering", &processes);
+        announce(&self.progress, state, "rendering", &processes);
         if self.args.verbose {
             let lines = verbose::at_start(self.args, self.input, state);
             lines.iter().for_each(|line| self.progress.note(line));
@@ -179,7 +179,7 @@ impl<'a> RenderObserver<'a> {
         }
         attempts.finish()?;
         if args.verbose {
-            progress.note(&verbose::at_end(&report.run.seconds));
+            verbose::at_end(&report).iter().for_each(|line| progress.note(line));
         }
         Ok(match (args.session.scene.json, args.session.quiet) {
             (true, _) => json(&report),

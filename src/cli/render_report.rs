@@ -58,7 +58,7 @@ impl<'a> RenderReport<'a> {
         let name = |path: &Path| path.to_string_lossy().into_owned();
         let rms = result.rms.map(|(rms, _)| rms);
         Self {
-            run: RunReport::new(input, state, result.stopped_by, writer.time),
+            run: RunReport::new(input, result, writer.time),
             automatic: state.is_automatic,
             blocks: block_reports(&image, state.renderer.blocks()),
             rms,
@@ -108,19 +108,12 @@ pub fn block_reports(image: &CombinedImage, blocks: &[Block]) -> Vec<BlockReport
     blocks.iter().zip(image.weights()).map(report).collect()
 }
 
-/// Prints the scene, its path counts and `more` at the start of a job. `verb` says what the job does.
-pub fn announce(
-    progress: &Progress,
-    input: &SceneInput,
-    state: &RenderState,
-    verb: &str,
-    more: &str,
-) {
+/// Prints the image, its path counts and `more` at the start of a job. `verb` says what the job does.
+pub fn announce(progress: &Progress, state: &RenderState, verb: &str, more: &str) {
     let counts = match state.is_automatic {
         true => "path counts chosen automatically".to_owned(),
         false => describe_counts(state.renderer.block(), &state.provenance.settings),
     };
-    progress.note(&format!("read {}", input.loaded.summary));
     progress.note(&format!(
         "{verb} {}: {}, {counts}{more}, {} threads, {}",
         state.provenance.scene,
@@ -134,45 +127,42 @@ pub fn announce(
 pub fn describe_counts(block: &Block, settings: &Settings) -> String {
     let camera = &block.counts.camera_paths;
     let (min, max) = (camera.least(), camera.most());
-    let light = light_path_count(settings, block.counts.light_paths);
-    if min == max {
-        format!("{light} light paths, {min} camera paths per pixel")
-    } else {
-        format!("{light} light paths, {:.2} ({min} to {max}) camera paths per pixel", camera.mean())
-    }
+    let camera = match min == max {
+        true => min.to_string(),
+        false => format!("{:.2} ({min} to {max})", camera.mean()),
+    };
+    counts_text(settings, block.counts.light_paths, &camera)
 }
 
-/// Number of light paths of an iteration in words.
-fn light_path_count(settings: &Settings, light_paths: u32) -> String {
-    if settings.has_photons() { light_paths.to_string() } else { "no".to_owned() }
+/// Path counts in words. Path tracing has no light paths.
+pub fn counts_text(settings: &Settings, light_paths: u32, camera_paths: &str) -> String {
+    let light = match settings.has_photons() {
+        true => format!("{light_paths} light paths, "),
+        false => String::new(),
+    };
+    format!("{light}{camera_paths} camera paths per pixel")
+}
+
+/// The pooled RMS of the noise in words: as a luminance, and relative to the mean luminance.
+pub fn rms_text(rms: f64, relative: f64) -> String {
+    format!("pooled RMS {rms:.4}, {:.2} % of the mean luminance", 100.0 * relative)
 }
 
 /// The report in a few lines.
 pub fn text(report: &RenderReport) -> String {
     let run = &report.run;
     let stopped = if run.stopped_by == StoppedBy::Interrupt { ", interrupted" } else { "" };
-    let rms = match (report.rms, report.relative_rms) {
-        (Some(rms), Some(share)) => format!(", RMS {rms:.4} ({:.2} %)", 100.0 * share),
-        _ => String::new(),
-    };
     let mut text = format!(
-        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{rms}{stopped}\n",
+        "{} and {}: {} iterations in {}, {:.1} Mray/s, mean luminance {:.4}{stopped}\n",
         report.exr,
         report.png,
         run.iterations,
-        human_time(run.seconds.render),
+        human_time(run.seconds.total),
         run.rays_per_second / 1e6,
         run.mean_luminance
     );
     text += &processes(run);
-    if let Some(RelativeError { total, noise, bias }) = report.error {
-        text += &format!(
-            "relative error {:.2} %: noise {:.2} %, merge bias {:.2} %\n",
-            100.0 * total,
-            100.0 * noise,
-            100.0 * bias
-        );
-    }
+    text += &error(report);
     text += &report.denoised.as_ref().map_or(String::new(), denoised);
     text += &report.technique.map_or(String::new(), technique);
     text += &path_counts(report);
@@ -187,6 +177,25 @@ pub fn text(report: &RenderReport) -> String {
         );
     }
     text
+}
+
+/// The relative error of the image, or the noise if the relative error is not known.
+fn error(report: &RenderReport) -> String {
+    let percent = |share: f64| format!("{:.2} %", 100.0 * share);
+    let has_photons = report.run.settings.has_photons();
+    match (report.error, report.rms.zip(report.relative_rms)) {
+        (Some(RelativeError { total, noise, bias }), _) if has_photons => format!(
+            "relative error {}: noise {}, merge bias {}\n",
+            percent(total),
+            percent(noise),
+            percent(bias)
+        ),
+        (Some(RelativeError { total, .. }), _) => {
+            format!("relative error {}, all of it noise\n", percent(total))
+        }
+        (None, Some((rms, relative))) => format!("noise: {}\n", rms_text(rms, relative)),
+        (None, None) => String::new(),
+    }
 }
 
 /// Number of processes, and the share of the time that they spent on exchanging sums.
@@ -241,19 +250,21 @@ fn denoised(report: &DenoisedReport) -> String {
     text
 }
 
-/// The chosen technique, and its advantage over the runner-up.
+/// The chosen technique, and its advantage over the runner-up. Radii and guide are those of photons, which path tracing
+/// does not have.
 fn technique(chosen: &Selection) -> String {
     let best = chosen.best();
     let mut text = format!(
-        "{} in {}: {}, radius {:.4}, {:.4} for caustics",
+        "{} in {}: {}",
         if chosen.open.any() { "chosen" } else { "tried" },
         human_time(chosen.seconds),
-        best.technique.describe(),
-        best.radius,
-        best.caustic_radius
+        best.technique.describe()
     );
-    if let Some(guided) = &chosen.guide {
-        text += &format!("; {}", guided.describe());
+    if best.technique.strategy.has_photons() {
+        text += &format!(", radius {:.4}, {:.4} for caustics", best.radius, best.caustic_radius);
+        if let Some(guided) = &chosen.guide {
+            text += &format!("; {}", guided.describe());
+        }
     }
     // The runner-up may look too good if it was not tried at its best radii, so only its disadvantages are shown.
     if let Some(next) = chosen.runner_up() {
@@ -273,32 +284,28 @@ fn path_counts(report: &RenderReport) -> String {
     let (Some(promise), Some(last)) = (&report.promise, report.blocks.last()) else {
         return String::new();
     };
-    let camera = if last.least_camera_paths == last.most_camera_paths {
-        last.least_camera_paths.to_string()
-    } else {
-        let (min, max) = (last.least_camera_paths, last.most_camera_paths);
-        format!("{:.2} ({min} to {max})", last.camera_paths)
+    let (min, max) = (last.least_camera_paths, last.most_camera_paths);
+    let camera = match min == max {
+        true => min.to_string(),
+        false => format!("{:.2} ({min} to {max})", last.camera_paths),
     };
-    let mut text = format!(
-        "chosen: {} light paths, {camera} camera paths per pixel; one light path and one camera \
-         path per pixel would take {:.2} times as long\n",
-        light_path_count(report.run.settings, last.light_paths),
-        promise.gain_over_one_each
-    );
+    let run = &report.run;
+    let counts = counts_text(run.settings, last.light_paths, &camera);
+    let mut text = format!("chosen: {counts} in each iteration\n");
     if let (Some(error), Some(result)) = (promise.error, report.error) {
         text += &format!(
-            "promised after {}: an error of {:.2} %; result: {:.2} %\n",
+            "promised after {}: a relative error of {:.2} %; result: {:.2} %\n",
             human_time(promise.said_after),
             100.0 * error,
             100.0 * result.total
         );
     } else if let Some(rms) = report.rms {
         text += &format!(
-            "promised after {}: RMS {:.4} in {}; result: {rms:.4} in {}\n",
+            "promised after {}: a pooled RMS of {:.4} in {}; result: {rms:.4} in {}\n",
             human_time(promise.said_after),
             promise.rms,
             human_time(promise.seconds),
-            human_time(report.half_way.map_or(report.run.seconds.render, |half| half.took)),
+            human_time(run.seconds.total),
         );
     }
     text

@@ -1,8 +1,9 @@
 //! Fields that the reports of `render` and `analyze` share.
 
 use super::scene_input::SceneInput;
+use bdpm::RenderResult;
 use bdpm::adaptive::stopping::StoppedBy;
-use bdpm::job::{RenderState, Totals};
+use bdpm::job::Totals;
 use bdpm::settings::Settings;
 use serde::Serialize;
 use std::time::Duration;
@@ -36,11 +37,14 @@ pub struct RunReport<'a> {
     non_finite: u64,
 }
 
-/// Wall-clock times. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
+/// Wall-clock times. `total` is the time of the job: `pilot`, iterations (`render`), estimates of the error, and
+/// denoising. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
 #[derive(Default, Serialize)]
 pub struct Seconds {
+    pub total: f64,
     pub load: f64,
     pub build: f64,
+    pub pilot: f64,
     pub light: f64,
     pub camera: f64,
     pub merge: f64,
@@ -53,12 +57,8 @@ pub struct Seconds {
 
 impl<'a> RunReport<'a> {
     /// Reports a run whose files took `write_time`.
-    pub fn new(
-        input: &SceneInput,
-        state: &'a RenderState,
-        stopped_by: StoppedBy,
-        write_time: Duration,
-    ) -> Self {
+    pub fn new(input: &SceneInput, result: &'a RenderResult, write_time: Duration) -> Self {
+        let state = &result.state;
         let Totals { iterations: new, rays, photons, non_finite, times } = state.totals;
         let provenance = &state.provenance;
         let threads = input.threads.current_num_threads();
@@ -75,10 +75,12 @@ impl<'a> RunReport<'a> {
             settings: &provenance.settings,
             iterations: image.iterations(),
             new_iterations: new,
-            stopped_by,
+            stopped_by: result.stopped_by,
             seconds: Seconds {
+                total: result.time.as_secs_f64(),
                 load: input.load_time.as_secs_f64(),
                 build: state.build_time.as_secs_f64(),
+                pilot: state.selection.as_ref().map_or(0.0, |selection| selection.seconds),
                 light: busy(times.light),
                 camera: busy(times.camera),
                 merge: busy(times.merge),

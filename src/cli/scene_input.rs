@@ -1,7 +1,7 @@
 //! The loaded scene of a command, with the threads that render it.
 
 use super::progress::ProgressFormat;
-use super::{SceneArgs, say};
+use super::{SceneArgs, print_notes, say};
 use bdpm::accel::Intersect;
 use bdpm::base::error::Result;
 use bdpm::import::Loaded;
@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 pub struct SessionArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Render for about this time, such as 30s, 2m or 1h (at least one iteration)
+    /// Render for about this time, such as 30s, 2m or 1h [default: no limit]
     #[arg(long, value_name = "TIME", value_parser = humantime::parse_duration)]
     pub time: Option<Duration>,
     /// Use this many threads, without effect on the image [default: all processors]
@@ -46,14 +46,15 @@ pub struct SceneInput {
 }
 
 impl SceneInput {
-    /// Loads the scene and prints the warnings about it.
+    /// Loads the scene, and prints its contents and the warnings about it.
     pub fn load(args: &SessionArgs) -> Result<Self> {
         let threads = Arc::new(job::thread_pool(args.threads.unwrap_or(0).into())?);
         let start = Instant::now();
         let loaded = threads.install(|| args.scene.load())?;
         let load_time = start.elapsed();
         if !args.quiet {
-            loaded.warnings.iter().for_each(|warning| say(&format!("note: {warning}")));
+            say(&format!("read {}", loaded.summary));
+            print_notes(&loaded.warnings);
         }
         Ok(Self { threads, loaded, load_time })
     }

@@ -2,7 +2,8 @@
 
 use bdpm::scene::backend::Backend;
 use bdpm::settings::{Bias, Direct, Kernel, Length, PartialSettings, Strategy};
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::Arg;
+use clap::builder::{PossibleValue, PossibleValuesParser, StyledStr, TypedValueParser};
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error, StrDeserializer};
 
@@ -48,6 +49,31 @@ pub struct SettingsArgs {
     /// Seed all random numbers with S [default: 1]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
+}
+
+/// Options for settings that automatic rendering chooses, by their ids.
+const CHOSEN: &[&str] = &[
+    "light_paths",
+    "camera_paths",
+    "radius",
+    "caustic_radius",
+    "bias",
+    "kernel",
+    "merge_vertex",
+    "strategy",
+    "guide",
+    "light_visibility",
+    "direct",
+];
+
+/// The option with the default `chosen` in its help, if automatic rendering chooses its value.
+pub fn with_chosen_default(option: Arg) -> Arg {
+    if !CHOSEN.contains(&option.get_id().as_str()) {
+        return option;
+    }
+    let help = option.get_help().map_or(String::new(), StyledStr::to_string);
+    let (meaning, _) = help.split_once(" [default: ").expect("a fixed default");
+    option.help(format!("{meaning} [default: chosen]"))
 }
 
 impl From<&SettingsArgs> for PartialSettings {

@@ -2,12 +2,12 @@
 
 use super::human_time;
 use super::render::Args;
-use super::render_report::describe_counts;
+use super::render_report::{RenderReport, describe_counts};
 use super::run_report::Seconds;
 use super::scene_input::SceneInput;
-use bdpm::adaptive::technique::Selection;
-use bdpm::job::RenderState;
-use bdpm::settings::PartialSettings;
+use bdpm::adaptive::technique::{FreeParameters, Selection};
+use bdpm::job::{JobOutline, RenderState};
+use bdpm::settings::{PartialSettings, Settings};
 use serde_json::Map;
 use std::collections::BTreeSet;
 
@@ -23,8 +23,25 @@ pub fn at_start(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<Str
     if let Some(selection) = &state.selection {
         lines.extend(candidates(selection));
     }
-    lines.extend(settings_by_origin(args, input, state));
+    let resolved = ResolvedSettings {
+        settings: &state.provenance.settings,
+        is_automatic: state.is_automatic,
+        chosen: state.selection.as_ref().map(|selection| selection.open),
+        is_open: false,
+    };
+    lines.extend(settings_by_origin(args, input, &resolved));
     lines
+}
+
+/// Lines of `--dry-run`: the settings that are known before the render.
+pub fn before_render(args: &Args, input: &SceneInput, outline: &JobOutline) -> Vec<String> {
+    let resolved = ResolvedSettings {
+        settings: &outline.provenance.settings,
+        is_automatic: outline.is_automatic,
+        chosen: outline.pilot,
+        is_open: true,
+    };
+    settings_by_origin(args, input, &resolved)
 }
 
 /// The best candidates of the pilot with their predicted errors.
@@ -32,19 +49,22 @@ fn candidates(selection: &Selection) -> impl Iterator<Item = String> {
     selection.candidates.iter().take(CANDIDATES).enumerate().map(|(index, candidate)| {
         let [error, noise, bias] =
             [candidate.error, candidate.noise, candidate.bias].map(|share| 100.0 * share);
+        let radius = match candidate.technique.strategy.has_photons() {
+            true => format!(", radius {:.4}", candidate.radius),
+            false => String::new(),
+        };
         format!(
-            "{}: {}, radius {:.4}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %",
+            "{}: {}{radius}: error {error:.2} % after {}, noise {noise:.2} %, merge bias {bias:.2} %",
             if index == 0 { "chosen" } else { "not chosen" },
             candidate.technique.describe(),
-            candidate.radius,
             human_time(candidate.seconds),
         )
     })
 }
 
-/// Returns true if a pilot chose this setting.
-fn is_chosen(selection: Option<&Selection>, name: &str) -> bool {
-    let Some(Selection { open, .. }) = selection else { return false };
+/// Returns true if a pilot that may choose these parameters chooses this setting.
+fn is_chosen(open: Option<FreeParameters>, name: &str) -> bool {
+    let Some(open) = open else { return false };
     match name {
         "strategy" | "merge_vertex" => open.strategy,
         "direct" => open.direct,
@@ -58,21 +78,35 @@ fn is_chosen(selection: Option<&Selection>, name: &str) -> bool {
     }
 }
 
-/// One line for each origin of settings.
-fn settings_by_origin(args: &Args, input: &SceneInput, state: &RenderState) -> Vec<String> {
-    let (of_command_line, of_file) = (names(&args.settings()), names(&input.loaded.defaults));
+/// Settings of a job, before or after the choice of a pilot.
+struct ResolvedSettings<'a> {
+    settings: &'a Settings,
+    /// True if the path counts are chosen during the render.
+    is_automatic: bool,
+    /// The parameters that a pilot chose or will choose.
+    chosen: Option<FreeParameters>,
+    /// True if the pilot has not chosen yet.
+    is_open: bool,
+}
+
+/// One line for each origin of settings. Settings that are still to be chosen have none.
+fn settings_by_origin(args: &Args, input: &SceneInput, resolved: &ResolvedSettings) -> Vec<String> {
+    let ResolvedSettings { settings, is_automatic, chosen, is_open } = *resolved;
+    let (of_command_line, of_file) =
+        (given_names(&args.settings()), given_names(&input.loaded.defaults));
     let continued = args.resume.as_ref().or(args.plan.as_ref());
     let origin = |name: &str| match continued {
         _ if of_command_line.contains(name) => "settings of the command line".to_owned(),
         Some(file) => format!("settings of {}", file.display()),
-        None if is_chosen(state.selection.as_ref(), name) => "settings of the pilot".into(),
+        None if is_chosen(chosen, name) => "settings of the pilot".into(),
         None if of_file.contains(name) => "settings of the scene file".into(),
         None => "default settings".into(),
     };
     let mut lines: Vec<(String, Vec<String>)> = Vec::new();
-    for (name, value) in state.provenance.settings.to_map() {
+    for (name, value) in settings.to_map() {
         // Path counts that are chosen are reported when they are
-        if state.is_automatic && ["light_paths", "camera_paths"].contains(&&name[..]) {
+        let is_count = ["light_paths", "camera_paths"].contains(&&name[..]);
+        if is_automatic && is_count || is_open && is_chosen(chosen, &name) {
             continue;
         }
         let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
@@ -86,7 +120,7 @@ fn settings_by_origin(args: &Args, input: &SceneInput, state: &RenderState) -> V
 }
 
 /// Names of the settings that are given.
-fn names(given: &PartialSettings) -> BTreeSet<String> {
+pub fn given_names(given: &PartialSettings) -> BTreeSet<String> {
     let value = serde_json::to_value(given).expect("plain numbers and names");
     let mut names: BTreeSet<_> =
         value.as_object().into_iter().flat_map(Map::keys).cloned().collect();
@@ -106,26 +140,39 @@ pub fn new_counts(state: &RenderState) -> String {
     format!("iteration {}, after {elapsed}: {counts}", state.renderer.iterations())
 }
 
-/// Times of the phases at the end.
-pub fn at_end(seconds: &Seconds) -> String {
-    let Seconds { load, build, light, camera, merge, render, write, .. } = *seconds;
+/// Lines at the end of a render: times of the phases, and the gain of the chosen path counts.
+pub fn at_end(report: &RenderReport) -> Vec<String> {
+    let Seconds { total, load, build, pilot, light, camera, merge, render, write, .. } =
+        report.run.seconds;
     let all = [
         ("reading", load),
         ("building", build),
-        ("rendering", render),
+        ("rendering in total", total),
+        ("pilot", pilot),
+        ("iterations", render),
         ("light paths", light),
         ("camera paths", camera),
         ("merging", merge),
         ("writing", write),
     ];
     let all = all.map(|(name, seconds)| format!("{name} {seconds:.3}s"));
-    format!("times: {}", all.join(", "))
+    let mut lines = vec![format!("times: {}", all.join(", "))];
+    // Path tracing has no number of light paths to choose
+    if report.run.settings.has_photons()
+        && let Some(promise) = &report.promise
+    {
+        lines.push(format!(
+            "iterations of one light path and one camera path per pixel would take {:.2} times as long for the same \
+             noise",
+            promise.gain_over_one_each
+        ));
+    }
+    lines
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bdpm::settings::Settings;
 
     #[test]
     fn names_of_given_settings_are_those_of_all_settings() {
@@ -135,7 +182,7 @@ mod tests {
             seed: Some(1),
             ..Default::default()
         };
-        let names = names(&given);
+        let names = given_names(&given);
         assert_eq!(names.iter().collect::<Vec<_>>(), ["crop", "height", "seed", "width"]);
         assert!(names.iter().all(|name| Settings::NAMES.contains(&&name[..])));
     }

@@ -80,8 +80,9 @@ pub(super) fn with_light(
 }
 
 fn warning(path: &Path, problem: &str, added: &str) -> Warning {
-    let advice = "give another environment, or disable the default light";
-    Warning::chosen(format!("{}: {problem}; added {added} ({advice})", path.display()))
+    let text = format!("{}: {problem}; added {added}", path.display());
+    let advice = Some("give another environment, or disable the default light");
+    Warning { advice, ..Warning::chosen(text) }
 }
 
 fn environment_text(white: f32) -> String {

@@ -40,7 +40,7 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// All warnings, one per line.
+    /// All warnings, each on lines of its own.
     pub fn warnings_text(&self) -> String {
         self.warnings.iter().map(Warning::to_string).collect::<Vec<_>>().join("\n")
     }
@@ -116,6 +116,7 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         "toml" => load_toml(path, options),
         "obj" => load_obj(path, options),
         "xml" => mitsuba::load(path, options),
+        "blend" => Err(Error::new("files of Blender cannot be read", FROM_BLENDER).at(path)),
         other => {
             let problem = format!("scenes of type `.{other}` cannot be read");
             Err(Error::new(problem, KNOWN_TYPES).at(path))
@@ -123,8 +124,14 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
 }
 
+/// Extensions of scene files, in lower case.
+pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml"];
+
 const KNOWN_TYPES: &str =
     "give a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml";
+
+const FROM_BLENDER: &str = "in Blender, choose File > Export > glTF 2.0 and give the .glb file, or render with the \
+                            add-on (docs/how-to/blender.md)";
 
 /// The extension of a file name in lower case.
 pub(super) fn extension(path: &Path) -> String {

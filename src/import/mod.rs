@@ -28,6 +28,6 @@ mod warnings;
 
 pub use environment::EnvironmentSource;
 pub use export::{Exported, export};
-pub use load::{LoadOptions, Loaded, load, load_with};
+pub use load::{LoadOptions, Loaded, SCENE_EXTENSIONS, load, load_with};
 pub use summary::{SceneSummary, counted};
 pub use warnings::{Warning, WarningKind};

@@ -14,6 +14,9 @@ pub struct Warning {
     pub kind: WarningKind,
     /// A sentence without a full stop.
     pub text: String,
+    /// What to do, if there is a choice.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub advice: Option<&'static str>,
 }
 
 /// Kinds of [`Warning`].
@@ -29,12 +32,12 @@ pub enum WarningKind {
 impl Warning {
     /// A warning about something that the image lacks.
     pub fn skipped(text: impl Into<String>) -> Self {
-        Self { kind: WarningKind::Skipped, text: text.into() }
+        Self { kind: WarningKind::Skipped, text: text.into(), advice: None }
     }
 
     /// A warning about something that the file leaves open.
     pub fn chosen(text: impl Into<String>) -> Self {
-        Self { kind: WarningKind::Chosen, text: text.into() }
+        Self { kind: WarningKind::Chosen, text: text.into(), advice: None }
     }
 }
 
@@ -44,9 +47,11 @@ pub(super) fn replaced_environment(path: &Path) -> Warning {
     Warning::chosen(format!("{}: {text}", path.display()))
 }
 
+/// The text, and a line with the advice if there is some.
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.text.chars().try_for_each(|c| f.write_char(visible(c)))
+        self.text.chars().try_for_each(|c| f.write_char(visible(c)))?;
+        self.advice.map_or(Ok(()), |advice| write!(f, "\nhelp: {advice}"))
     }
 }
 
@@ -90,7 +95,7 @@ impl GroupedWarnings {
     pub fn into_warnings(self, file: &str) -> impl Iterator<Item = Warning> {
         self.0.into_iter().map(move |((kind, phrase), names)| {
             let names = list(names.iter().map(String::as_str));
-            Warning { kind, text: format!("{file}: {phrase} {names}") }
+            Warning { kind, text: format!("{file}: {phrase} {names}"), advice: None }
         })
     }
 }

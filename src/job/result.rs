@@ -12,6 +12,7 @@ use crate::output::denoise;
 use crate::output::layers::LayerSelection;
 use crate::render::bias::MergeBias;
 use serde::Serialize;
+use std::time::Duration;
 
 /// An image with its error and its plan.
 pub struct RenderResult {
@@ -30,6 +31,8 @@ pub struct RenderResult {
     pub plan: Plan,
     /// Reason for the end of the render.
     pub stopped_by: StoppedBy,
+    /// Wall-clock time of this run: pilot, iterations, estimates of the error, and denoising.
+    pub time: Duration,
     /// Sums, technique, promise, denoiser and history.
     pub state: RenderState,
 }
@@ -72,7 +75,18 @@ impl RenderResult {
         if let (Err(error), Some(denoising)) = (denoised, &mut state.denoising) {
             denoising.failure = Some(error);
         }
-        Ok(Self { resolution, image: pixels, error, rms, merge_bias, plan, stopped_by, state })
+        let time = state.elapsed();
+        Ok(Self {
+            resolution,
+            image: pixels,
+            error,
+            rms,
+            merge_bias,
+            plan,
+            stopped_by,
+            time,
+            state,
+        })
     }
 
     /// The technique that the pilot chose, and the others that it compared, if it ran.
@@ -105,7 +119,9 @@ fn relative_error(state: &RenderState) -> Option<RelativeError> {
     let (blocks, weights) = (state.renderer.blocks(), image.weights().to_vec());
     let importance = importance(blocks, state.stop.objective);
     let convergence = Convergence::new(blocks, weights, &importance);
-    if state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
+    // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
+    let has_photons = state.provenance.settings.has_photons();
+    if has_photons && state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
         return None;
     }
     let stop = &convergence.with_measured_bias(&state.stop);

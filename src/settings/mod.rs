@@ -43,6 +43,13 @@ pub enum Strategy {
     Path,
 }
 
+impl Strategy {
+    /// Tests whether light paths are traced, and their photons merged.
+    pub fn has_photons(self) -> bool {
+        self != Self::Path
+    }
+}
+
 /// Area that the flux of merged photons is divided by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -248,7 +248,7 @@ impl Settings {
 
     /// Tests whether light paths are traced, and their photons merged.
     pub fn has_photons(&self) -> bool {
-        self.strategy != Strategy::Path
+        self.strategy.has_photons()
     }
 
     /// Constants of MIS weights.

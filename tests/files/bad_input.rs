@@ -94,6 +94,11 @@ fn folders_and_unknown_types_are_refused() {
     let error = load(empty.path()).unwrap_err().to_string();
     assert!(error.contains("d.obj: this is a folder"), "{error}");
     files(&[("a.stl", b"{}")]).refused(&["a.stl: scenes of type `.stl`", "scene.toml"]);
+    files(&[("a.BLEND", b"BLENDER-v400")]).refused(&[
+        "a.BLEND: files of Blender",
+        "Export > glTF 2.0",
+        "docs/how-to/blender.md",
+    ]);
     changed("a.obj", "a.stl")
         .refused(&["s.toml:7: `a.stl` is neither an OBJ nor a PLY file", ".obj"]);
 }

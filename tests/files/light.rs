@@ -212,6 +212,9 @@ fn render_command_adds_light_or_reports_black_images() {
     assert!(told.contains("is black\nhelp: add an environment by --environment"), "{told}");
     let told = render(&[]);
     assert!(told.contains("added soft gray light") && !told.contains("warning"), "{told}");
+    let advice = "\nhelp: give another environment, or disable the default light\n\
+                  options: --environment, --no-fallback-light\n";
+    assert!(told.contains(advice), "{told}");
     let fingerprint = |more: &[&str]| {
         let arguments: Vec<&str> = ["info", "--json"].iter().chain(more).copied().collect();
         output(&run(&arguments))["fingerprint"].clone()

@@ -11,6 +11,7 @@ mod options;
 mod outputs;
 mod page;
 mod render;
+mod render_text;
 mod reproduce;
 mod timings;
 mod view;

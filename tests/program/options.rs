@@ -217,6 +217,8 @@ fn dry_run_describes_the_render_and_writes_nothing() {
     ] {
         assert!(shown.contains(part), "{part}: {shown}");
     }
+    let path = dry(&["--iterations", "8", "--strategy", "path"]);
+    assert!(path.contains(" 2 camera paths per pixel") && !path.contains("light paths"), "{path}");
     let shown = dry(&["--time", "3s", "--output", "new.exr", "--checkpoint", "c.ckpt"]);
     assert!(shown.contains("after 3.0s") && shown.contains("new.exr"), "{shown}");
     let mut automatic = bdpm(&["render", SCENE, "--dry-run", "--json", "--report", "r.html"]);
@@ -232,6 +234,77 @@ fn dry_run_describes_the_render_and_writes_nothing() {
     let to = at("none/a.exr");
     let refused = output(render(folder.path(), &["--dry-run", "--output", to.to_str().unwrap()]));
     assert_eq!(refused.status.code(), Some(1));
+}
+
+#[test]
+fn verbose_dry_run_shows_known_settings_with_their_origin() {
+    let (folder, _) = folder();
+    let shown = |arguments: &[&str]| {
+        let mut command = bdpm(&["render", SCENE, "--accel", "bvh", "--dry-run", "-v"]);
+        command.current_dir(folder.path()).args(arguments);
+        text(&succeed(command).stderr).to_owned()
+    };
+    let fixed = shown(&["--iterations", "8", "--resolution", "24x18"]);
+    for part in ["settings of the command line: ", "width 24", "strategy single", "seed 1"] {
+        assert!(fixed.contains(part), "{part}: {fixed}");
+    }
+    // Settings that are not chosen yet have no value to show.
+    let open = shown(&["--time", "3s", "--radius", "2"]);
+    assert!(open.contains("settings of the command line: radius 2.0\n"), "{open}");
+    assert!(open.contains("seed 1") && !open.contains("strategy"), "{open}");
+    assert!(names(&folder).is_empty());
+}
+
+#[test]
+fn options_of_other_renderers_are_answered_with_ours() {
+    let render = |more: &[&str]| bdpm(&[&["render", SCENE][..], more].concat());
+    for option in ["--spp", "--samples", "--samples-per-pixel"] {
+        for words in ["use `--time`", "`--camera-paths` fixes"] {
+            assert_wrong_usage(render(&[option, "64"]), words);
+        }
+    }
+    for option in ["--width", "--height=480", "--size"] {
+        assert_wrong_usage(render(&[option, "640"]), "use `--resolution WxH`");
+    }
+    assert_wrong_usage(bdpm(&["box.glb"]), "did you mean `bdpm render box.glb`?");
+    assert_wrong_usage(bdpm(&[SCENE]), "did you mean `bdpm render ");
+    // Where there is nothing to tell, clap's own tips remain.
+    assert_wrong_usage(render(&["--tim", "3s"]), "a similar argument exists: '--time'");
+    assert_wrong_usage(bdpm(&["rendr"]), "a similar subcommand exists: 'render'");
+}
+
+#[test]
+fn help_states_the_defaults_of_the_command() {
+    let entry = |subcommand: &str, option: &str| {
+        let help = succeed(bdpm(&[subcommand, "--help"]));
+        let help = text(&help.stdout);
+        let start = format!("--{option} <");
+        let (_, rest) = help.split_once(&start).unwrap_or_else(|| panic!("{subcommand} {option}"));
+        rest.split("\n      --").next().unwrap().to_owned()
+    };
+    assert!(entry("render", "time").contains("[default: no limit]"));
+    assert!(entry("render", "target-error").contains("[default: 1%, none with another limit]"));
+    for (option, fixed) in [
+        ("strategy", "single"),
+        ("light-paths", "scene file, else 100000"),
+        ("camera-paths", "scene file, else 4"),
+        ("radius", "0.5%"),
+        ("caustic-radius", "a quarter of --radius"),
+        ("kernel", "area"),
+        ("bias", "reduce if radii are chosen, else keep"),
+        ("direct", "connect"),
+        ("merge-vertex", "2"),
+        ("guide", "0"),
+        ("light-visibility", "0"),
+    ] {
+        for subcommand in ["render", "info"] {
+            let help = entry(subcommand, option);
+            assert!(help.contains("[default: chosen]"), "{subcommand} {option}: {help}");
+        }
+        // `analyze` renders with the settings as they are.
+        let help = entry("analyze", option);
+        assert!(help.contains(&format!("[default: {fixed}]")), "analyze {option}: {help}");
+    }
 }
 
 #[test]
@@ -284,9 +357,20 @@ fn short_help_is_short_and_long_help_has_groups() {
     assert!(short.lines().count() < 45, "{short}");
     assert!(short.trim_end().ends_with("`--help` shows all options."), "{short}");
     assert!(!short.contains("--kernel") && long.contains("--kernel"));
+    let (_, options) = short.split_once("Print help").unwrap();
+    let names = options.lines().filter_map(|line| line.split("--").nth(1));
+    let first: Vec<_> = names.map(|name| name.split(' ').next().unwrap()).take(3).collect();
+    assert_eq!(first, ["output", "time", "resolution"], "{short}");
     let mut rest = &long[..];
-    for heading in ["Scene", "Image", "When to stop", "Output", "Continue and distribute", "Expert"]
-    {
+    for heading in [
+        "Main options",
+        "Scene",
+        "Image",
+        "When to stop",
+        "Output",
+        "Continue and distribute",
+        "Expert",
+    ] {
         let (_, after) = rest.split_once(&format!("\n{heading}")).expect(heading);
         rest = after;
     }

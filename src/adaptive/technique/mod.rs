@@ -166,7 +166,7 @@ impl Guided {
     /// Describes the guide in words.
     pub fn describe(&self) -> String {
         let gain = self.second_moment.recip();
-        format!("light paths start where they bring more, for {gain:.2} times less variance")
+        format!("guided light paths, which divide the variance by {gain:.2}")
     }
 }
 

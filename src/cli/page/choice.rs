@@ -25,9 +25,9 @@ pub fn section(snapshot: &Snapshot) -> Markup {
             }
             p {
                 "An iteration takes " (describe_counts(block, settings)) "."
-                @if let Some(promise) = snapshot.state.promise() {
-                    " One light path and one camera path per pixel would take "
-                    (number(promise.gain_over_one_each)) " times as long to the same noise."
+                @if settings.has_photons() && let Some(promise) = snapshot.state.promise() {
+                    " Iterations of one light path and one camera path per pixel would take "
+                    (number(promise.gain_over_one_each)) " times as long for the same noise."
                 }
             }
         }
@@ -41,10 +41,10 @@ fn technique(chosen: &Selection) -> Markup {
         p {
             @if chosen.open.any() { "Chosen in " } @else { "Tried in " } (human_time(chosen.seconds)) ": "
             b { (best.technique.describe()) } "."
-            " Photons are merged within " (number(best.radius.into())) " scene units, those of caustics within "
-            (number(best.caustic_radius.into())) "."
-            @if let Some(guided) = &chosen.guide {
-                " " (guided.describe().replacen("light", "Light", 1)) "."
+            @if best.technique.strategy.has_photons() {
+                " Photons are merged within " (number(best.radius.into())) " scene units, those of caustics within "
+                (number(best.caustic_radius.into())) "."
+                @if let Some(guided) = &chosen.guide { " It has " (guided.describe()) "." }
             }
             @if let Some(next) = chosen.runner_up() {
                 " The next best, " (next.technique.describe()) ", " (disadvantage(best, next)) "."
