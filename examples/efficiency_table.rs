@@ -66,8 +66,13 @@ fn main() -> Result<()> {
                     continue;
                 }
                 let radius = subject.settings.radius;
-                let technique =
-                    Technique { strategy, merge_vertex, direct: Direct::Connect, kernel };
+                let technique = Technique {
+                    strategy,
+                    merge_vertex,
+                    direct: Direct::Connect,
+                    kernel,
+                    splitting: 1,
+                };
                 let place = Place { technique, radius, caustic_radius: caustics * radius };
                 let mut runs = Vec::new();
                 for seed in SEEDS {

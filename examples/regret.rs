@@ -59,7 +59,7 @@ struct Run {
 fn places(subject: &Subject) -> Vec<Place> {
     let Settings { radius, .. } = subject.settings;
     let place = |(strategy, merge_vertex, direct), kernel, factor, caustics| Place {
-        technique: Technique { strategy, merge_vertex, direct, kernel },
+        technique: Technique { strategy, merge_vertex, direct, kernel, splitting: 1 },
         radius: factor * radius,
         caustic_radius: caustics * factor * radius,
     };
@@ -131,7 +131,9 @@ fn compare(
         let area = |strategy, vertex, direct| {
             least(&move |place: &Place| {
                 let kernel = Kernel::Area;
-                place.technique == Technique { strategy, merge_vertex: vertex, direct, kernel }
+                let Technique { splitting, .. } = place.technique;
+                let own = Technique { strategy, merge_vertex: vertex, direct, kernel, splitting };
+                place.technique == own
             })
         };
         println!(

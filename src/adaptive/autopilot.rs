@@ -218,7 +218,7 @@ impl Autopilot {
         let most_light_paths = if settings.has_photons() { renderer.most_light_paths() } else { 2 };
         let problem = |iteration_time| {
             let bounds = CountLimits {
-                light_paths: 2..=most_light_paths,
+                light_paths: settings.whole_sets(2)..=most_light_paths,
                 camera_paths: 1..=MAX_CAMERA_PATHS,
                 iteration_time,
             };
@@ -241,13 +241,15 @@ impl Autopilot {
         }
         let problem = problem(max_time);
         let uniform = problem.shortest_uniform(NEAR_OPTIMUM);
-        let mut counts = Counts::uniform(uniform.light_paths, uniform.camera_paths);
+        let light_paths = settings.whole_sets(uniform.light_paths);
+        let mut counts = Counts::uniform(light_paths, uniform.camera_paths);
         let mut cost = uniform.cost;
         if self.per_pixel {
             let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
                 let camera_paths = CameraCounts::PerPixel(best.camera_paths);
-                counts = Counts { light_paths: best.light_paths, camera_paths };
+                let light_paths = settings.whole_sets(best.light_paths);
+                counts = Counts { light_paths, camera_paths };
                 cost = best.cost;
             }
         }

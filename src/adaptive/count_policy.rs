@@ -33,7 +33,11 @@ impl CountPolicy {
             Self::Plan(replay) => replay.enter_step(renderer)?,
             Self::Automatic(autopilot) => return autopilot.prepare(renderer, elapsed),
         }
-        Ok(self.schedule().measure(renderer.block_iteration(), &renderer.block().counts))
+        Ok(self.schedule().measure(
+            renderer.block_iteration(),
+            &renderer.block().counts,
+            renderer.settings(),
+        ))
     }
 
     /// The iterations that are measured before the next decision.

@@ -37,8 +37,13 @@ pub fn min_times(
     let stride = (settings.width.min(settings.height) / SAMPLE_SIDE).max(1);
     let many = settings.light_paths.clamp(COUNT_RATIO, MAX_LIGHT_PATHS);
     let few = many / COUNT_RATIO;
-    let sample_settings =
-        Settings { light_paths: few, camera_paths: 1, kernel: Kernel::Disc, ..settings.clone() };
+    let sample_settings = Settings {
+        light_paths: few,
+        camera_paths: 1,
+        kernel: Kernel::Disc,
+        sobol_set: 1,
+        ..settings.clone()
+    };
     let mut renderer =
         Renderer::new(scene, accel, sample_settings.clone())?.sample(sample_settings, stride)?;
     renderer.iterate(Measure::Off);

@@ -20,6 +20,8 @@ pub enum Stream {
     LitCheck = 6,
     /// One stream per batch of vertices that test which lights they see.
     Visibility = 7,
+    /// One stream per set of light paths, which scrambles the Sobol points that they start from.
+    LightPathSet = 8,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].
@@ -69,8 +71,7 @@ impl Rng {
     /// Uniform in [0, 1), a multiple of 2^-24.
     #[inline(always)]
     pub fn next_1d(&mut self) -> f32 {
-        // Convert from `i32`, which has vector instructions.
-        (self.next_u32() >> 8) as i32 as f32 * (1.0 / (1 << 24) as f32)
+        unit_f32(self.next_u32())
     }
 
     /// Uniform in [0, 1), a multiple of 2^-53: for choices among many items.
@@ -84,6 +85,13 @@ impl Rng {
     pub fn next_2d(&mut self) -> [f32; 2] {
         [self.next_1d(), self.next_1d()]
     }
+}
+
+/// A number in [0, 1) of 32 random bits, a multiple of 2^-24.
+#[inline(always)]
+pub(crate) fn unit_f32(bits: u32) -> f32 {
+    // Convert from `i32`, which has vector instructions.
+    (bits >> 8) as i32 as f32 * (1.0 / (1 << 24) as f32)
 }
 
 /// A number in [0, 1) of 64 random bits, a multiple of 2^-53.

@@ -74,7 +74,17 @@ pub fn report(
 
 /// Names of the settings that a pilot may choose.
 fn chosen(free: &FreeParameters) -> Vec<&'static str> {
-    let FreeParameters { strategy, direct, kernel, radius, caustic_radius, guide, bias } = *free;
+    let FreeParameters {
+        strategy,
+        direct,
+        kernel,
+        radius,
+        caustic_radius,
+        guide,
+        sobol_set,
+        splitting,
+        bias,
+    } = *free;
     let all = [
         (strategy, "strategy"),
         (direct, "direct"),
@@ -82,6 +92,8 @@ fn chosen(free: &FreeParameters) -> Vec<&'static str> {
         (radius, "radius"),
         (caustic_radius, "caustic radius"),
         (guide, "guide"),
+        (sobol_set, "Sobol sets"),
+        (splitting, "splitting"),
         (bias, "bias"),
     ];
     all.into_iter().filter_map(|(is_free, name)| is_free.then_some(name)).collect()

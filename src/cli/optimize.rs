@@ -7,6 +7,7 @@ use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
 use super::settings_args::{OBJECTIVE, word};
+use bdpm::Settings;
 use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
@@ -119,7 +120,11 @@ pub fn run(args: &Args) -> Result<String> {
     let best = problem.uniform();
     let flat = problem.flat_range(best.camera_paths, NEAR_OPTIMUM);
     let pixels = timings.model.pixels as u32;
-    let compared = ComparedCounts::new(&measured, &problem, &light_paths, pixels, args.per_pixel);
+    let mut compared =
+        ComparedCounts::new(&measured, &problem, &light_paths, pixels, args.per_pixel);
+    if let Some(file) = &file {
+        compared = compared.in_whole_sets(&settings(file).map_err(|e| e.at(from))?);
+    }
 
     let name = |path: &Path| path.to_string_lossy().into_owned();
     let mut attempts = Attempts::default();
@@ -226,10 +231,8 @@ impl Args {
                 .at(path));
             }
         };
-        // The counts do not matter for the memory of light paths.
-        let counts = Counts::uniform(1, 1);
-        let origin = Provenance::from_metadata(&facts(file, &counts)).map_err(|e| e.at(path))?;
-        let most = light_paths_in(bytes as f64, photons, &origin.settings);
+        let own = settings(file).map_err(|e| e.at(path))?;
+        let most = light_paths_in(bytes as f64, photons, &own);
         if most < 1.0 {
             return Err(Error::new(
                 format!("the image alone takes more than the {bytes} bytes of --max-memory"),
@@ -238,6 +241,12 @@ impl Args {
         }
         Ok(1..=most.min(f64::from(MAX_LIGHT_PATHS)) as u32)
     }
+}
+
+/// Settings of the measured image. Its camera paths do not matter.
+fn settings(file: &NoiseFile) -> Result<Settings> {
+    let counts = Counts::uniform(file.noise.light_paths, 1);
+    Ok(Provenance::from_metadata(&facts(file, &counts))?.settings)
 }
 
 /// Metadata of the measured image, but with these counts.

@@ -1,5 +1,6 @@
 //! The counts that `bdpm optimize` compares, with their noise and times.
 
+use bdpm::Settings;
 use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Problem;
 use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
@@ -72,6 +73,15 @@ impl ComparedCounts {
         all.push((RowName::OneCameraPath, measured.one_camera_path(light_paths.clone())));
         all.push((RowName::OneEach, Counts::uniform(pixels, 1)));
         Self { all, recommended }
+    }
+
+    /// The same with whole sets of light paths.
+    #[must_use]
+    pub fn in_whole_sets(mut self, settings: &Settings) -> Self {
+        for (_, counts) in &mut self.all {
+            counts.light_paths = settings.whole_sets(counts.light_paths);
+        }
+        self
     }
 
     /// The shortest iteration whose cost is within 1 % of the least.

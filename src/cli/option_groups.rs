@@ -53,6 +53,8 @@ const GROUPS: &[Group] = &[
             "direct",
             "merge_vertex",
             "guide",
+            "sobol_set",
+            "splitting",
             "light_visibility",
             "objective",
             "estimator",

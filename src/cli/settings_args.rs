@@ -40,6 +40,12 @@ pub struct SettingsArgs {
     /// Learn in N iterations where light paths should start [default: 0]
     #[arg(long, value_name = "N")]
     pub guide: Option<u32>,
+    /// Start light paths from Sobol points, in sets of S light paths [default: 1]
+    #[arg(long, value_name = "S")]
+    pub sobol_set: Option<u32>,
+    /// Split light paths at their first diffuse vertex into M times as many [default: 1]
+    #[arg(long, value_name = "M")]
+    pub splitting: Option<u32>,
     /// Learn by N shadow rays which lights are visible from where [default: 0]
     #[arg(long, value_name = "N")]
     pub light_visibility: Option<u32>,
@@ -90,6 +96,8 @@ impl From<&SettingsArgs> for PartialSettings {
             merge_vertex: args.merge_vertex,
             strategy: args.strategy,
             guide: args.guide,
+            sobol_set: args.sobol_set,
+            splitting: args.splitting,
             light_visibility: args.light_visibility,
             direct: args.direct,
             seed: args.seed,

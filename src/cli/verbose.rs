@@ -72,6 +72,8 @@ fn is_chosen(open: Option<FreeParameters>, name: &str) -> bool {
         "radius" => open.radius,
         "caustic_radius" => open.caustic_radius,
         "guide" => open.guide,
+        "sobol_set" => open.sobol_set,
+        "splitting" => open.splitting,
         "bias" => open.bias,
         "light_visibility" => open.any(),
         _ => false,

@@ -1,7 +1,7 @@
 //! Numbers of light paths and camera paths of an iteration.
 
 use crate::base::error::Result;
-use crate::settings::{Settings, check_camera_paths, check_light_paths};
+use crate::settings::{Settings, check_camera_paths, check_light_paths, check_whole_sets};
 use serde::{Deserialize, Serialize};
 
 /// Numbers of paths of one iteration. They determine the noise and the time, but not the bias.
@@ -28,10 +28,10 @@ impl Counts {
         Self { light_paths, camera_paths: CameraCounts::Uniform(camera_paths) }
     }
 
-    /// Whether noise coefficients can be measured, which needs two light paths and two camera paths in
-    /// each pixel.
-    pub fn can_measure(&self) -> bool {
-        self.light_paths >= 2 && self.camera_paths.least() >= 2
+    /// Whether noise coefficients can be measured, which needs two independent samples of light paths and two camera
+    /// paths in each pixel.
+    pub fn can_measure(&self, settings: &Settings) -> bool {
+        settings.light_samples(self.light_paths) >= 2 && self.camera_paths.least() >= 2
     }
 
     /// Refuses counts that cannot be rendered.
@@ -43,6 +43,7 @@ impl Counts {
     /// If there are counts for another number of pixels than `settings` has.
     pub fn validate(&self, settings: &Settings) -> Result<()> {
         check_light_paths(&self.light_paths)?;
+        check_whole_sets(self.light_paths, settings.sobol_set)?;
         if let CameraCounts::PerPixel(counts) = &self.camera_paths {
             assert_eq!(counts.len(), settings.pixels(), "one count for each pixel");
         }

@@ -82,7 +82,11 @@ pub(super) fn render_assigned(
     let mut reports = Vec::new();
     for _ in 0..count {
         let number = renderer.next_iteration();
-        let measure = schedule.measure(renderer.block_iteration(), &renderer.block().counts);
+        let measure = schedule.measure(
+            renderer.block_iteration(),
+            &renderer.block().counts,
+            renderer.settings(),
+        );
         reports.push((threads.install(|| renderer.iterate(measure)), number));
         if is_over() {
             break;

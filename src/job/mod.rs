@@ -477,6 +477,8 @@ impl RenderJob {
             radius,
             caustic_radius,
             guide: any && fixed.guide.is_none(),
+            sobol_set: any && fixed.sobol_set.is_none(),
+            splitting: any && fixed.splitting.is_none(),
             // At radii that the user chose, the image keeps its bias. The denoiser needs the uncorrected image of
             // each fold.
             bias: (radius || caustic_radius) && fixed.bias.is_none() && !self.denoise,

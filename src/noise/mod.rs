@@ -49,6 +49,14 @@ impl Coefficients {
         interaction + camera + light
     }
 
+    /// Coefficients for numbers of light paths, from those for numbers of samples of as many light paths each. For a
+    /// fixed size of the samples `V` has the same form in both numbers.
+    // theory.md (40e)
+    #[must_use]
+    pub fn per_light_path(self, per_sample: f64) -> Self {
+        Self { a: self.a * per_sample, b: self.b, f: self.f * per_sample }
+    }
+
     /// The coefficients with 0 in place of negative ones.
     #[must_use]
     pub fn clamped(self) -> Self {
@@ -124,6 +132,9 @@ pub enum Measure {
 }
 
 /// Estimates the coefficients of one pixel from the pairs of one iteration.
+///
+/// Light paths are numbered by independent samples: each is one, or a set of them is, which contributes the mean over its
+/// light paths.
 ///
 /// Calls come in this order: [`start_pixel`](Self::start_pixel), then for each camera path any
 /// number of [`pair`](Self::pair) and one [`end_path`](Self::end_path), then

@@ -2,6 +2,7 @@
 
 use super::Measure;
 use crate::film::counts::Counts;
+use crate::settings::Settings;
 use serde::{Deserialize, Serialize};
 
 /// Measured iterations at the start of a render at fixed counts: the fewest from which batches of two iterations
@@ -43,8 +44,8 @@ impl MeasureSchedule {
     }
 
     /// Measurement of the iteration with this index in its block, at these counts.
-    pub fn measure(self, block_iteration: u64, counts: &Counts) -> Measure {
+    pub fn measure(self, block_iteration: u64, counts: &Counts, settings: &Settings) -> Measure {
         let measures = block_iteration < self.pilot || block_iteration.is_multiple_of(self.every);
-        if measures && counts.can_measure() { self.estimator } else { Measure::Off }
+        if measures && counts.can_measure(settings) { self.estimator } else { Measure::Off }
     }
 }

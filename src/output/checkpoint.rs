@@ -24,7 +24,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_64};
 const MAGIC: [u8; 8] = *b"bdpm\x1aCP\n";
 
 /// Version of the payload's layout. Increase it with every change.
-const FORMAT: u32 = 12;
+const FORMAT: u32 = 13;
 
 /// Bytes before the payload.
 const HEADER: usize = MAGIC.len() + size_of::<u32>();
@@ -268,6 +268,8 @@ mod tests {
             strategy: Strategy::Single,
             direct: Direct::Connect,
             guide: 0,
+            sobol_set: 1,
+            splitting: 1,
             light_visibility: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,

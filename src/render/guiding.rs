@@ -11,6 +11,7 @@ use crate::film::tiled_buffer::Tile;
 use crate::noise::Measure;
 use crate::noise::pair_table::PairTable;
 use crate::scene::lights::guide::{Guide, GuideSample};
+use crate::scene::lights::primary_sample;
 use crate::settings::{Kernel, Settings};
 use crate::transport::camera_paths::CameraPaths;
 use crate::transport::merge::MergeOutput;
@@ -112,6 +113,9 @@ impl Renderer {
             // Renders with different seeds share the guide, so that they have the same distribution
             seed: LEARNING_SEED,
             guide: 0,
+            // Each light path is scored by itself
+            sobol_set: 1,
+            splitting: 1,
             mis_scales: Some(settings.mis_scales()),
             radius: LEARNING_RADIUS * settings.radius,
             caustic_radius: LEARNING_RADIUS * settings.caustic_radius,
@@ -147,7 +151,7 @@ impl Renderer {
         scores.sort_by_key(|score| score.light_path);
         let key = StreamKey::new(settings.seed, Stream::LightPath, iteration);
         let sample = |scores: &[Score]| GuideSample {
-            start: guide.start(&mut key.rng(scores[0].light_path.into())),
+            start: guide.start(primary_sample(&mut key.rng(scores[0].light_path.into()))),
             square: scores.iter().map(|score| score.square).sum(),
         };
         scores.chunk_by(|a, b| a.light_path == b.light_path).map(sample).collect()

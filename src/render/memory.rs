@@ -15,12 +15,12 @@ use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::Photon;
 
 /// Mean memory of a light path, bytes. A path stores at most `1/(1 - albedo)` photons on average;
-/// surfaces with specular reflection only store none.
+/// surfaces with specular reflection only store none. Splitting multiplies their number.
 pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
     let storing = scene.materials().iter().map(|m| m.bsdf).filter(Bsdf::merges);
     let albedo = storing.map(|bsdf| bsdf.albedo().max_element()).fold(0.0, f32::max);
     let photons_per_path = (1.0 - f64::from(albedo)).recip().min(20.0);
-    photons_per_path * bytes_per_photon(settings)
+    f64::from(settings.splitting) * photons_per_path * bytes_per_photon(settings)
 }
 
 /// Memory of a photon, bytes: as traced, while it is sorted with its bucket in two orders, and in the

@@ -192,10 +192,11 @@ impl Renderer {
                 })
             })?
         };
-        // The guide depends neither on the path counts nor on the seed.
-        let Settings { light_paths, camera_paths, seed, mis_scales, .. } = self.settings;
+        // The guide depends neither on the path counts and sets nor on the seed.
+        let Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, .. } = self.settings;
         let new = &renderer.settings;
-        let counted = Settings { light_paths, camera_paths, seed, mis_scales, ..new.clone() };
+        let counted =
+            Settings { light_paths, camera_paths, sobol_set, seed, mis_scales, ..new.clone() };
         if counted == self.settings && new.mis_scales() == self.settings.mis_scales() {
             Ok(renderer.guided(self.guide().cloned()))
         } else {

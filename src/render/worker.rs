@@ -261,8 +261,10 @@ struct Measuring<'a, E> {
     image: ImageSums<'a>,
     estimator: &'a mut E,
     measurements: &'a mut [PixelMeasurement],
-    /// `N_F`.
-    n_light: u32,
+    /// Independent samples of light paths: `N_F`, or the number of sets.
+    light_samples: u32,
+    /// Light paths of a sample.
+    per_sample: f64,
     /// Nested differences of the current camera path.
     nested: [f64; 2],
 }
@@ -275,8 +277,11 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         measurements: &'a mut [PixelMeasurement],
     ) -> Self {
         estimator.start_pixel();
-        let n_light = job.counts.light_paths;
-        Self { job, image, estimator, measurements, n_light, nested: [0.0; 2] }
+        let settings = job.pass.settings;
+        let light_samples = settings.light_samples(job.counts.light_paths);
+        let per_sample = f64::from(settings.sobol_set);
+        let nested = [0.0; 2];
+        Self { job, image, estimator, measurements, light_samples, per_sample, nested }
     }
 
     fn run(
@@ -303,7 +308,8 @@ impl<'a, E: Estimator> Measuring<'a, E> {
     #[inline]
     fn add_pairs(&mut self, pairs: &[Pair], nested: [f32; 2]) {
         for &Pair { light_path, value } in pairs {
-            self.estimator.pair(light_path, f64::from(value));
+            // theory.md (40d)
+            self.estimator.pair(light_path, f64::from(value) / self.per_sample);
         }
         self.nested.iter_mut().zip(nested).for_each(|(sum, d)| *sum += f64::from(d));
     }
@@ -313,7 +319,7 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         let TilePaths { pixel, path, traced, .. } = self.image.paths;
         self.image.end_path(paths, gathered, number);
         let direct = paths.direct[number];
-        self.estimator.end_path(f64::from(math::luminance(direct)), self.n_light);
+        self.estimator.end_path(f64::from(math::luminance(direct)), self.light_samples);
         let measurement = &mut self.measurements[pixel];
         // theory.md (68)
         let scale = self.image.per_light_path / f64::from(traced);
@@ -322,7 +328,8 @@ impl<'a, E: Estimator> Measuring<'a, E> {
         }
         if path + 1 == traced {
             // theory.md (51) to (61)
-            measurement.coefficients = self.estimator.finish_pixel(self.n_light, traced);
+            let of_samples = self.estimator.finish_pixel(self.light_samples, traced);
+            measurement.coefficients = of_samples.per_light_path(self.per_sample);
             self.estimator.start_pixel();
         }
     }

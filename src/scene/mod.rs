@@ -27,7 +27,7 @@ pub use camera::{Camera, FieldOfView, Optics, View};
 pub use hit::HitScratch;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::Environment;
-pub use lights::packets::{Emissions, LightSamples};
+pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights, Receiver};
 pub use material::Material;

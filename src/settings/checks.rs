@@ -3,6 +3,8 @@
 use super::Strategy;
 use super::length::LENGTH_ADVICE;
 use crate::base::error::{Error, Result};
+use crate::simd::LANES;
+use crate::simd::sobol::MAX_POINTS;
 use serde::{Deserialize, Deserializer, de};
 
 /// Separates problem and advice in the text of a serde error.
@@ -63,6 +65,59 @@ pub(super) fn check_guide(&iterations: &u32) -> Result<()> {
     Err(Error::new(
         format!("{iterations} iterations to learn a guide"),
         format!("give at most {MAX_GUIDE}, such as 32, or 0 for none"),
+    ))
+}
+
+/// Sizes of sets of light paths besides 1.
+const SOBOL_SETS: std::ops::RangeInclusive<u32> = LANES as u32..=MAX_POINTS;
+
+pub(super) fn check_sobol_set(&size: &u32) -> Result<()> {
+    if size == 1 || SOBOL_SETS.contains(&size) && size.is_power_of_two() {
+        return Ok(());
+    }
+    let [least, most] = [SOBOL_SETS.start(), SOBOL_SETS.end()];
+    Err(Error::new(
+        format!("sets of {size} light paths"),
+        format!(
+            "give a power of two from {least} to {most}, such as 4096, or 1 for independent light paths"
+        ),
+    ))
+}
+
+/// Maximum factor of splitting: more continuations of a path only repeat it.
+const MAX_SPLITTING: u32 = 64;
+
+pub(super) fn check_splitting(&factor: &u32) -> Result<()> {
+    if (1..=MAX_SPLITTING).contains(&factor) {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("splitting by {factor}"),
+        format!("give 1 to {MAX_SPLITTING}; 1 splits no light path"),
+    ))
+}
+
+/// Refuses splitting with several techniques, whose weights do not know it.
+pub(super) fn check_unweighted(splitting: u32, strategy: Strategy) -> Result<()> {
+    if splitting == 1 || !matches!(strategy, Strategy::Mis | Strategy::CutMis) {
+        return Ok(());
+    }
+    Err(Error::new(
+        format!("splitting by {splitting} with strategy `mis` or `cut-mis`"),
+        "use the strategy `single`, or splitting by 1",
+    ))
+}
+
+/// Refuses a number of light paths that is no multiple of the size of their sets.
+pub(crate) fn check_whole_sets(light_paths: u32, size: u32) -> Result<()> {
+    if light_paths.is_multiple_of(size) {
+        return Ok(());
+    }
+    let below = light_paths / size * size;
+    let near = if below == 0 { size.to_string() } else { format!("{below} or {}", below + size) };
+    Err(Error::new(
+        format!("{light_paths} light paths in sets of {size}"),
+        format!("give {near} light paths, or another size of sets (`sobol_set`)"),
     ))
 }
 

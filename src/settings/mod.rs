@@ -8,11 +8,13 @@ pub mod provenance;
 mod table;
 
 pub use checks::MAX_LIGHT_PATHS;
-pub(crate) use checks::{ADVICE, as_serde, check_camera_paths, check_light_paths};
+pub(crate) use checks::{
+    ADVICE, as_serde, check_camera_paths, check_light_paths, check_whole_sets,
+};
 pub use crop::Crop;
 pub(crate) use fixed_array::FixedArray;
 pub use length::Length;
-pub use table::{PartialSettings, Settings};
+pub use table::{MIN_SETS, PartialSettings, Settings};
 
 use serde::{Deserialize, Serialize};
 

@@ -163,6 +163,8 @@ mod tests {
             strategy: Strategy::Single,
             direct: Direct::Connect,
             guide: 0,
+            sobol_set: 1,
+            splitting: 1,
             light_visibility: 0,
             bias: crate::settings::Bias::Keep,
             seed: u64::MAX,

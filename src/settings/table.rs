@@ -2,11 +2,12 @@
 
 use super::checks::{
     as_serde, check_camera_paths, check_guide, check_light_paths, check_light_visibility,
-    check_merge_vertex, check_radius, check_resolution, check_strategy, checked,
+    check_merge_vertex, check_radius, check_resolution, check_sobol_set, check_splitting,
+    check_strategy, check_unweighted, check_whole_sets, checked,
 };
-use super::crop;
 use super::fixed_array::FixedArray;
 use super::{Bias, Crop, Direct, Kernel, Length, MisScales, Strategy};
+use super::{MAX_LIGHT_PATHS, crop};
 use crate::base::error::Result;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -132,7 +133,9 @@ macro_rules! settings {
                     crop.check([self.width, self.height])?;
                 }
                 $($check(&self.$name)?;)+
-                check_strategy(self.strategy, self.merge_vertex)
+                check_strategy(self.strategy, self.merge_vertex)?;
+                check_unweighted(self.splitting, self.strategy)?;
+                check_whole_sets(self.light_paths, self.sobol_set)
             }
         }
 
@@ -197,6 +200,15 @@ settings! {
     #[serde(deserialize_with = "read::guide")]
     guide: u32 as u32 = 0, check_guide;
 
+    /// Light paths that start from one set of scrambled Sobol points, a power of two. With 1 light paths are independent.
+    #[serde(deserialize_with = "read::sobol_set")]
+    sobol_set: u32 as u32 = 1, check_sobol_set;
+
+    /// Factor on the expected number of continuations of a light path at its first diffuse vertex. With 1 Russian roulette
+    /// leaves at most one, as at all later vertices.
+    #[serde(deserialize_with = "read::splitting")]
+    splitting: u32 as u32 = 1, check_splitting;
+
     /// Shadow rays beside the image that learn which lights are visible from where. With 0 vertices choose among lights
     /// as if nothing were in between.
     #[serde(deserialize_with = "read::light_visibility")]
@@ -208,6 +220,10 @@ settings! {
     /// Seed of all random numbers.
     seed: u64 as u64 = 1, any;
 }
+
+/// Minimum number of sets of light paths in an iteration whose counts are chosen: each measured iteration estimates the
+/// variance between its sets.
+pub const MIN_SETS: u32 = 8;
 
 /// Deserializers that check bounds, so that an error names its line.
 mod read {
@@ -236,6 +252,8 @@ mod read {
         camera_paths: u32, check_camera_paths;
         merge_vertex: u32, check_merge_vertex;
         guide: u32, check_guide;
+        sobol_set: u32, check_sobol_set;
+        splitting: u32, check_splitting;
         light_visibility: u32, check_light_visibility;
     }
 }
@@ -249,6 +267,22 @@ impl Settings {
     /// Tests whether light paths are traced, and their photons merged.
     pub fn has_photons(&self) -> bool {
         self.strategy.has_photons()
+    }
+
+    /// Number of independent samples that some light paths are: their sets.
+    /// theory.md (40e): `M`.
+    pub fn light_samples(&self, light_paths: u32) -> u32 {
+        light_paths / self.sobol_set
+    }
+
+    /// The multiple of the sets of light paths that is nearest to a number, at least [`MIN_SETS`] sets.
+    pub fn whole_sets(&self, light_paths: u32) -> u32 {
+        if self.sobol_set == 1 {
+            return light_paths;
+        }
+        let most = MAX_LIGHT_PATHS / self.sobol_set;
+        let sets = light_paths.saturating_add(self.sobol_set / 2) / self.sobol_set;
+        sets.clamp(MIN_SETS, most) * self.sobol_set
     }
 
     /// Constants of MIS weights.
@@ -271,9 +305,10 @@ impl Settings {
         self.width as usize * self.height as usize
     }
 
-    /// Tests whether noise coefficients can be measured, which takes two paths of each kind.
+    /// Tests whether noise coefficients can be measured, which takes two independent samples of light paths and two
+    /// camera paths.
     pub fn can_measure(&self) -> bool {
-        self.light_paths >= 2 && self.camera_paths >= 2
+        self.light_samples(self.light_paths) >= 2 && self.camera_paths >= 2
     }
 
     /// All settings by name.
@@ -316,6 +351,8 @@ mod tests {
             strategy: Strategy::Single,
             direct: Direct::PhotonMap,
             guide: 0,
+            sobol_set: 1,
+            splitting: 1,
             light_visibility: 0,
             seed: 9,
             mis_scales: None,
@@ -345,6 +382,8 @@ mod tests {
             strategy: Some(Strategy::Mis),
             direct: Some(Direct::PhotonMap),
             guide: Some(15),
+            sobol_set: Some(256),
+            splitting: Some(4),
             light_visibility: Some(16),
             seed: Some(13),
         };
@@ -365,6 +404,17 @@ mod tests {
         refuse(PartialSettings { light_paths: Some(0), ..none() }, "0 light paths");
         refuse(PartialSettings { camera_paths: Some(0), ..none() }, "0 camera paths");
         refuse(PartialSettings { merge_vertex: Some(256), ..none() }, "merge vertex 256");
+        refuse(PartialSettings { sobol_set: Some(100), ..none() }, "sets of 100 light paths");
+        refuse(
+            PartialSettings { sobol_set: Some(1 << 19), ..none() },
+            "sets of 524288 light paths",
+        );
+        refuse(PartialSettings { splitting: Some(0), ..none() }, "splitting by 0");
+        let (splitting, strategy) = (Some(2), Some(Strategy::Mis));
+        refuse(PartialSettings { splitting, strategy, ..none() }, "splitting by 2");
+        let (light_paths, sobol_set) = (Some(100_000), Some(4096));
+        let uneven = PartialSettings { light_paths, sobol_set, ..none() };
+        refuse(uneven, "98304 or 102400");
         let (strategy, merge_vertex) = (Some(Strategy::Mis), Some(1));
         refuse(PartialSettings { strategy, merge_vertex, ..none() }, "merge at vertices 1 and 2");
         refuse(

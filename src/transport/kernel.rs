@@ -1,6 +1,6 @@
 //! The merge kernel: which photons count at a point, and by what area their flux is divided.
 
-use super::area::{Areas, Query, admission};
+use super::area::{Areas, PointAreas, Query, admission};
 use super::gather::GatherPacket;
 use super::photon::{Photon, PhotonClass, PhotonSide};
 use super::photon_map::MergeQuery;
@@ -65,6 +65,15 @@ impl Admission {
         Self { radius2, ..self }
     }
 
+    /// Admits photons within `2^-level` of all radii.
+    #[must_use]
+    pub fn at_level(self, level: u8) -> Self {
+        let scale = 0.25f32.powi(level.into());
+        let smaller = |radius2: ByClass<f32>| radius2.map(|radius2| scale * radius2);
+        let (radius2, nested2) = (smaller(self.radius2), self.nested2.map(smaller));
+        Self { radius2, nested2, ..self }
+    }
+
     /// Index of the sum to which the flux of a photon class is added.
     pub fn sum_of(&self, class: PhotonClass) -> usize {
         if self.is_uniform() { DIFFUSE } else { class as usize }
@@ -98,6 +107,8 @@ pub(super) enum NestedRadii {
 /// The kernel at sixteen points.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PointKernels {
+    /// The radii of each point are `2^-level` of the merge radii.
+    pub(super) level: [u8; LANES],
     inverse_area: [f32; LANES],
     caustic: [f32; LANES],
     nested: [ByClass<[f32; LANES]>; 2],
@@ -200,6 +211,7 @@ impl<'a> MergeKernel<'a> {
         let Some(areas) = self.areas else {
             let [caustic, diffuse] = self.radii.map(disc_area);
             return PointKernels {
+                level: [0; LANES],
                 inverse_area: [diffuse.recip(); LANES],
                 caustic: [diffuse / caustic; LANES],
                 nested: NESTED.map(|share| {
@@ -240,7 +252,8 @@ impl<'a> MergeKernel<'a> {
 /// Kernels from areas at the merge radii, at half and at `1/sqrt(2)` of them, as far as these were computed. Each is
 /// one area for all photons, or one for each of two classes.
 #[inline(always)] // vectorized
-fn from_areas<const CLASSES: usize, const N: usize>(areas: [[f32; LANES]; N]) -> PointKernels {
+fn from_areas<const CLASSES: usize, const N: usize>(found: PointAreas<N>) -> PointKernels {
+    let PointAreas { areas, level } = found;
     let of_class = |class: usize| class.min(CLASSES - 1);
     let over = |at: usize| -> ByClass<[f32; LANES]> {
         let quotient = |class: usize| {
@@ -252,6 +265,7 @@ fn from_areas<const CLASSES: usize, const N: usize>(areas: [[f32; LANES]; N]) ->
     };
     let [caustic, diffuse] = [CAUSTIC, DIFFUSE].map(|class| areas[of_class(class)]);
     PointKernels {
+        level,
         inverse_area: diffuse.map(f32::recip),
         caustic: from_fn(|lane| if CLASSES == 1 { 1.0 } else { diffuse[lane] / caustic[lane] }),
         nested: [over(2), over(1)],

@@ -13,10 +13,12 @@ use crate::base::pool::Pool;
 use crate::base::rng::{Stream, StreamKey};
 use crate::scene::diffuse::{DiffuseVertices, TriangleSide};
 use crate::scene::lights::guide::Guide;
-use crate::scene::{HitScratch, Scene, Surface};
+
+use crate::scene::{HitScratch, PrimarySamples, Scene, Surface};
 use crate::settings::{Direct, Settings};
 use crate::simd::dispatch::{Simd, vectorized};
-use crate::simd::{LANES, Mask, any, lanes_of};
+use crate::simd::sobol::ScrambledSobol;
+use crate::simd::{LANES, Mask, Rngs, any, lanes_of};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::mem;
@@ -60,7 +62,9 @@ impl LightPaths {
         self.batches.resize_with(count as usize, Batch::default);
         let Self { batches, tracers, guide, areas } = self;
         let (guide, areas) = (guide.as_deref(), areas.as_deref());
-        let pass = LightPass { scene, accel, settings, guide, areas, key };
+        let sets = StreamKey::new(settings.seed, Stream::LightPathSet, iteration);
+        let splitting = settings.splitting as f32;
+        let pass = LightPass { scene, accel, settings, guide, areas, key, sets, splitting };
         let batches = batches.par_iter_mut().zip(0..count);
         batches.for_each_init(
             || tracers.lease(),
@@ -114,8 +118,31 @@ struct LightPass<'a> {
     settings: &'a Settings,
     guide: Option<&'a Guide>,
     areas: Option<&'a Areas>,
-    /// Random streams of the iteration.
+    /// Random streams of the light paths. The upper half of an index numbers their continuations where they split.
     key: StreamKey,
+    /// Random streams of their sets.
+    sets: StreamKey,
+    /// Factor on the number of continuations at the first diffuse vertex.
+    splitting: f32,
+}
+
+impl LightPass<'_> {
+    /// Numbers that start the sixteen light paths from `first`, a multiple of sixteen.
+    #[inline(always)] // part of the loop over light paths
+    fn starts(&self, first: u32, rngs: &mut Rngs) -> PrimarySamples {
+        let size = self.settings.sobol_set;
+        if size == 1 {
+            return PrimarySamples::independent(rngs);
+        }
+        let set = ScrambledSobol::new(self.sets.rng(u64::from(first / size)));
+        PrimarySamples::of_points(&set.points(first % size), rngs)
+    }
+
+    /// The independent sample that a light path belongs to: its set of Sobol points.
+    #[inline(always)]
+    fn sample_of(&self, path: u32) -> u32 {
+        path >> self.settings.sobol_set.trailing_zeros()
+    }
 }
 
 /// Photons of consecutive paths.
@@ -232,7 +259,8 @@ impl Tracer {
             for lane in 0..count {
                 states.rng.set(lane, pass.key.rng(u64::from(first) + lane as u64));
             }
-            let emissions = pass.scene.lights().emit_all(pass.guide, &mut states.rng, count);
+            let starts = pass.starts(first, &mut states.rng);
+            let emissions = pass.scene.lights().emit_all(pass.guide, &starts, count);
             if self.partials.is_active() {
                 self.partials.emit(pass.scene.lights(), first, &emissions, count);
             }
@@ -270,7 +298,7 @@ impl Tracer {
             }
             self.store_diffuse(simd, pass, &at, &states);
             let arrived = self.partials.is_active().then_some(states);
-            let goes_on = self.scatter_diffuse(simd, &at, &mut states);
+            let goes_on = self.scatter_diffuse(simd, pass, &at, &mut states);
             if let Some(arrived) = arrived {
                 self.partials.scatter_diffuse(scene.lights(), &at, &arrived, &goes_on);
             }
@@ -311,7 +339,8 @@ impl Tracer {
                 arrival[lane] = Arrival(arrival[lane]).on_side(tag).0;
             }
         }
-        let (position, path, flux) = (at.position, states.path, states.weight);
+        let path = states.path.map(|path| pass.sample_of(path));
+        let (position, flux) = (at.position, states.weight);
         let photons = PhotonPacket { position, path, flux, arrival };
         // Writes all sixteen and keeps those that are stored: a branch for each could not be predicted.
         let (space, mut count) = (self.photons.space(), 0);
@@ -322,28 +351,63 @@ impl Tracer {
         self.photons.commit(count);
     }
 
-    /// Scatters at diffuse vertices, and returns the lanes whose paths survive.
+    /// Scatters at diffuse vertices, and returns the lanes whose paths survive. Without splitting each has at most one
+    /// continuation.
     #[inline(always)] // vectorized
     fn scatter_diffuse(
         &mut self,
         simd: Simd,
+        pass: &LightPass,
         at: &DiffuseVertices,
         states: &mut PathStates,
     ) -> Mask {
         states.origin = at.off_surface;
         states.direction = at.sample(&mut states.rng);
         let ends = states.rng.next_1d();
-        let mut goes_on = Mask::default();
+        let (mut goes_on, mut expected) = (Mask::default(), [0.0; LANES]);
         for lane in 0..LANES {
             let (flux, albedo) = (states.weight.get(lane), at.albedo.get(lane));
-            let survival = survival(albedo);
-            goes_on[lane] = at.active[lane] & (ends[lane] < survival);
+            let is_first = states.depth[lane].diffuse() == 0;
+            expected[lane] = survival(albedo) * if is_first { pass.splitting } else { 1.0 };
+            goes_on[lane] = at.active[lane] & (ends[lane] < expected[lane]);
             // theory.md (38)
-            states.weight.set(lane, flux * (albedo / survival));
+            states.weight.set(lane, flux * (albedo / expected[lane]));
             states.depth[lane] = states.depth[lane].scattered();
         }
         self.next.append(simd, &goes_on, states);
+        if pass.splitting > 1.0 {
+            self.split(simd, pass, at, states, (&ends, &expected));
+        }
         goes_on
+    }
+
+    /// Adds the continuations after the first. Their number is the expected one, rounded up or down at random.
+    /// theory.md (39a)
+    #[inline(always)] // vectorized
+    fn split(
+        &mut self,
+        simd: Simd,
+        pass: &LightPass,
+        at: &DiffuseVertices,
+        first: &PathStates,
+        (ends, expected): (&[f32; LANES], &[f32; LANES]),
+    ) {
+        let mut states = *first;
+        for number in 1u32.. {
+            let mut goes_on = Mask::default();
+            for (lane, goes_on) in goes_on.iter_mut().enumerate() {
+                *goes_on = at.active[lane] & (number as f32 + ends[lane] < expected[lane]);
+            }
+            if !any(&goes_on) {
+                return;
+            }
+            for lane in 0..LANES {
+                let stream = u64::from(number) << 32 | u64::from(states.path[lane]);
+                states.rng.set(lane, pass.key.rng(stream));
+            }
+            states.direction = at.sample(&mut states.rng);
+            self.next.append(simd, &goes_on, &states);
+        }
     }
 
     /// Stores and scatters at a surface that is not only diffuse. Returns the next ray unless the path ends.
@@ -361,8 +425,8 @@ impl Tracer {
             let class = class_of(state.depth);
             let TriangleSide { mesh, side } = surface.facet;
             let tag = pass.areas.map_or(0, |areas| areas.side_tag(mesh, side));
-            let photon =
-                Photon::new(position, state.path, state.weight, normal, class).on_side(tag);
+            let path = pass.sample_of(state.path);
+            let photon = Photon::new(position, path, state.weight, normal, class).on_side(tag);
             self.photons.push(if self.stores_directions { photon.coming_from(wo) } else { photon });
         }
         let sample = surface.scatter_flux(&mut state.rng)?;

@@ -17,7 +17,7 @@ use super::photon_map::{
 };
 use crate::base::math::{LUMINANCE, Rgb};
 use crate::simd::dispatch::{Simd, vectorized};
-use crate::simd::{LANES, Mask, Vec3s};
+use crate::simd::{LANES, Mask, Vec3s, any};
 use std::array::from_fn;
 use std::{ops, slice};
 
@@ -109,7 +109,7 @@ struct PacketFlux<'a> {
     flux: &'a mut [ByClass<Vec3s>],
     /// Flux within half the merge radii; may be empty unless the annulus is recorded.
     inner: &'a mut [ByClass<Vec3s>],
-    /// The kernels at the points, if pairs are listed.
+    /// The kernels at the points, where they are known: if pairs are listed.
     kernels: &'a [PointKernels],
     pairs: &'a mut PairList,
 }
@@ -252,7 +252,11 @@ impl<'a> Merge<'a> {
             if PAIRS && self.are_too_many(batch, pairs) {
                 return false;
             }
-            self.add_packet::<PAIRS>(packet, kernels, &flux, Some(&inner), sums);
+            if !PAIRS {
+                kernels = self.kernels_where_lit(packet, &flux);
+                self.merge_crowded(batch, index, &kernels, ranges, [&mut flux, &mut inner]);
+            }
+            self.add_packet(packet, &kernels, &flux, Some(&inner), sums);
         }
         true
     }
@@ -303,10 +307,63 @@ impl<'a> Merge<'a> {
             }
         }
         for (index, packet) in packets.iter().enumerate() {
-            let inner = inner.get(index);
-            self.add_packet::<PAIRS>(packet, kernels[index], &flux[index], inner, sums);
+            let (flux, mut inner) = (&mut flux[index], inner.get_mut(index));
+            if !PAIRS {
+                kernels[index] = self.kernels_where_lit(packet, flux);
+                let mut unused = <ByClass<Vec3s>>::default();
+                let inner = inner.as_deref_mut().unwrap_or(&mut unused);
+                self.merge_crowded(batch, index, &kernels[index], ranges, [flux, inner]);
+            }
+            self.add_packet(packet, &kernels[index], flux, inner.as_deref(), sums);
         }
         true
+    }
+
+    /// The kernels at points with flux: elsewhere they do not matter.
+    #[inline(always)] // vectorized
+    fn kernels_where_lit(&self, packet: &GatherPacket, flux: &ByClass<Vec3s>) -> PointKernels {
+        let lit = from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO));
+        let half = self.options.records_annulus;
+        let nested = if half { NestedRadii::Half } else { NestedRadii::None };
+        self.kernel.at(packet, &lit, nested)
+    }
+
+    /// Merges again where the kernels show that too much is in reach, within smaller radii.
+    #[inline(always)] // vectorized
+    fn merge_crowded(
+        &self,
+        batch: &Batch,
+        index: usize,
+        kernels: &PointKernels,
+        ranges: &mut Ranges,
+        flux: [&mut ByClass<Vec3s>; 2],
+    ) {
+        let crowded = kernels.level.map(|level| level > 0);
+        if any(&crowded) {
+            self.merge_packet_again(batch, (index, &crowded), kernels, ranges, flux);
+        }
+    }
+
+    #[inline(never)] // rare
+    fn merge_packet_again(
+        &self,
+        batch: &Batch,
+        (index, crowded): (usize, &Mask),
+        kernels: &PointKernels,
+        ranges: &mut Ranges,
+        [flux, inner]: [&mut ByClass<Vec3s>; 2],
+    ) {
+        let packet = &batch.packets()[index];
+        self.map.find_ranges(&packet.position, crowded, ranges);
+        let mut found = PacketFlux {
+            first: index,
+            flux: slice::from_mut(flux),
+            inner: slice::from_mut(inner),
+            kernels: slice::from_ref(kernels),
+            pairs: &mut PairList::default(),
+        };
+        let query = |lane: usize| self.query(&packet.get(lane), index * LANES + lane);
+        self.merge_ranges::<false>(batch, ranges, query, &mut found);
     }
 
     /// Tests whether there are more pairs than are listed at a time, and several camera paths to divide.
@@ -327,8 +384,15 @@ impl<'a> Merge<'a> {
             let query = &query(ranges[0].lane);
             let (packet, lane) =
                 (query.point as usize / LANES - found.first, query.point as usize % LANES);
-            let search = PointSearch { query, ranges, kernel: found.kernels[packet].get(lane) };
-            let flux = self.merge_point::<PAIRS>(batch, &search, found.pairs);
+            let kernels = &found.kernels[packet];
+            let search = PointSearch { query, ranges, kernel: kernels.get(lane) };
+            let flux = match kernels.level[lane] {
+                0 => self.merge_point::<PAIRS>(batch, &search, found.pairs),
+                level => {
+                    let admission = self.admission.at_level(level);
+                    Self { admission, ..*self }.merge_point::<PAIRS>(batch, &search, found.pairs)
+                }
+            };
             set(&mut found.flux[packet], lane, flux.all);
             if let Some(inner) = found.inner.get_mut(packet) {
                 set(inner, lane, flux.inner);
@@ -472,23 +536,17 @@ impl<'a> Merge<'a> {
         MergeQuery { position, point: number as u32, normal, kind, excluded, zone: 0 }
     }
 
-    /// Adds the flux at a packet of gather points to their camera paths. `kernels` are known if pairs are listed.
+    /// Adds the flux at a packet of gather points to their camera paths.
     #[inline(always)] // vectorized
-    fn add_packet<const PAIRS: bool>(
+    fn add_packet(
         &self,
         packet: &GatherPacket,
-        mut kernels: PointKernels,
+        kernels: &PointKernels,
         flux: &ByClass<Vec3s>,
         inner: Option<&ByClass<Vec3s>>,
         to: &mut PathSums,
     ) {
-        // Kernels are computed and matter where there is flux.
-        let lit = from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO));
-        if !PAIRS {
-            let half = self.options.records_annulus;
-            let nested = if half { NestedRadii::Half } else { NestedRadii::None };
-            kernels = self.kernel.at(packet, &lit, nested);
-        }
+        let lit: Mask = from_fn(|lane| flux.iter().any(|flux| flux.get(lane) != Rgb::ZERO));
         let (mut weights, mut contributions) = <(Vec3s, Vec3s)>::default();
         for lane in 0..LANES {
             // theory.md (45)

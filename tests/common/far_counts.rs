@@ -67,7 +67,7 @@ impl Subject<'_> {
         let Self { name, scene, settings, iterations, quiet, most } = self;
         let accel = accel(scene);
         let at = |light_paths, camera_paths, seed| Settings {
-            light_paths,
+            light_paths: settings.whole_sets(light_paths),
             camera_paths,
             seed,
             ..settings.clone()
@@ -80,6 +80,7 @@ impl Subject<'_> {
         let poor = measure(scene, &accel, at(300, 4, 1), *iterations, Measure::Pairs);
         for &(light_paths, camera_paths, iterations) in far {
             let settings = at(light_paths, camera_paths, 2);
+            let light_paths = settings.light_paths;
             let far = measure(scene, &accel, settings, iterations, Measure::Pairs);
             let what = format!("{name} {light_paths} {camera_paths}");
             let (n, m) = (f64::from(light_paths), f64::from(camera_paths));

@@ -165,6 +165,8 @@ pub fn settings(width: u32, height: u32) -> Settings {
         strategy: Strategy::Single,
         direct: Direct::Connect,
         guide: 0,
+        sobol_set: 1,
+        splitting: 1,
         light_visibility: 0,
         seed: 1,
         mis_scales: None,

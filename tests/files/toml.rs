@@ -108,6 +108,8 @@ fn cornell_box_has_the_dimensions_of_the_paper() {
         merge_vertex: Some(2),
         strategy: None,
         guide: None,
+        sobol_set: None,
+        splitting: None,
         light_visibility: None,
         direct: Some(Direct::Connect),
         seed: None,

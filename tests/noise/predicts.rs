@@ -15,6 +15,72 @@ fn coefficients_measured_anywhere_predict_the_noise_everywhere() {
     }
 }
 
+/// Sets of light paths that split have coefficients of their own, which predict as well.
+#[test]
+fn noise_of_sobol_sets_that_split_is_predicted_at_far_counts() {
+    let settings = Settings {
+        direct: Direct::PhotonMap,
+        merge_vertex: 1,
+        kernel: Kernel::Disc,
+        sobol_set: 64,
+        splitting: 3,
+        radius: 0.2,
+        caustic_radius: 0.2,
+        ..settings(12, 12)
+    };
+    let (name, scene) = ("Sobol sets".into(), &furnished_box());
+    Subject { name, scene, settings, iterations: 2500, quiet: 1.0, most: 0.05 }
+        .assert_far_counts(&[(32_768, 4, 130), (512, 100, 500), (3200, 25, 250)]);
+}
+
+/// Asserts that settings have the same mean image as with independent light paths that do not split, and at most `share`
+/// of their light coefficient.
+#[track_caller]
+fn assert_less_noise_of_light_paths(settings: Settings, share: f64) {
+    const ITERATIONS: usize = 200;
+    let scene = furnished_box();
+    let accel = accel(&scene);
+    let independent = Settings { sobol_set: 1, splitting: 1, seed: 2, ..settings.clone() };
+    let [plain, other] = [independent, settings]
+        .map(|settings| measure(&scene, &accel, settings, ITERATIONS, Measure::Pairs));
+    let region = all(&plain);
+    let light = |image: &NoiseImage| {
+        image.statistic(&region, |pixels| {
+            bdpm::noise::image::mean(pixels, |noise| noise.coefficients.f)
+        })
+    };
+    let (before, after) = (light(&plain), light(&other));
+    println!(
+        "f {:.4} +- {:.4}, {:.4} +- {:.4}",
+        before.value, before.error, after.value, after.error
+    );
+    assert!(after.value + 3.0 * after.error < share * (before.value - 3.0 * before.error));
+    // Equal means, pixel by pixel: squared deviations over their variances.
+    let squares = plain.pixels.iter().zip(&other.pixels).map(|(one, other)| {
+        let variance = (one.noise.sampled + other.noise.sampled) / ITERATIONS as f64;
+        (one.luminance - other.luminance).powi(2) / variance
+    });
+    let mean = squares.sum::<f64>() / region.len() as f64;
+    println!("mean squared deviation {mean:.3}");
+    // Pixels share light paths: about 40 of them are independent at this radius.
+    assert!((mean - 1.0).abs() < 4.0 * (2.0f64 / 40.0).sqrt(), "{mean}");
+}
+
+#[test]
+fn sobol_sets_and_splitting_keep_the_mean_and_lower_the_noise_of_light_paths() {
+    let own = Settings {
+        merge_vertex: 1,
+        light_paths: 8192,
+        camera_paths: 4,
+        radius: 0.1,
+        caustic_radius: 0.1,
+        ..settings(12, 12)
+    };
+    let sets = Settings { direct: Direct::PhotonMap, sobol_set: 1024, ..own.clone() };
+    assert_less_noise_of_light_paths(sets, 0.9);
+    assert_less_noise_of_light_paths(Settings { splitting: 6, ..own }, 0.6);
+}
+
 #[test]
 fn formula_and_samples_of_one_run_agree_pixel_by_pixel_as_the_batches_say() {
     let scene = furnished_box();

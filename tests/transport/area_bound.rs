@@ -1,10 +1,10 @@
-//! The bound on the work of an area query: points with too many triangles in reach take the disc.
+//! The bound on the work of an area query: points with too many triangles in reach have smaller radii.
 
 use crate::common::*;
 use bdpm::scene::{Material, Mesh, Scene};
 use bdpm::simd::{LANES, Vec3s};
 use bdpm::transport::area::disc::half_plane;
-use bdpm::transport::area::{Areas, Query};
+use bdpm::transport::area::{Areas, MAX_LEVEL, PointAreas, Query};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
@@ -41,8 +41,8 @@ fn floor(cuts: u32, opacity: Option<f32>) -> Arc<Scene> {
 }
 
 /// The point in the middle of the second triangle of each square along the edge `x = -1`: areas at
-/// [`RADII`], in the order of the squares.
-fn areas_along_edge(scene: &Arc<Scene>, areas: &Areas, order: &[u32]) -> Vec<[f32; 3]> {
+/// [`RADII`] and the level, in the order of the squares.
+fn areas_along_edge(scene: &Arc<Scene>, areas: &Areas, order: &[u32]) -> Vec<([f32; 3], u8)> {
     let ask = |&square: &u32| {
         let triangle = 2 * square + 1;
         let mesh = &scene.meshes()[0];
@@ -52,7 +52,8 @@ fn areas_along_edge(scene: &Arc<Scene>, areas: &Areas, order: &[u32]) -> Vec<[f3
         (0..LANES).for_each(|lane| position.set(lane, middle));
         let facet = [areas.facet(0, triangle, true); LANES];
         let query = Query { position: &position, facet: &facet, wanted: &[true; LANES] };
-        areas.areas(&query, &RADII).map(|lanes| lanes[3])
+        let PointAreas { areas, level } = areas.areas(&query, &RADII);
+        (areas.map(|lanes| lanes[3]), level[3])
     };
     order.par_iter().map(ask).collect()
 }
@@ -72,7 +73,8 @@ fn points_with_few_triangles_in_reach_take_the_area() {
     // The middle of the triangle is a third of the square away from the edge.
     let height = 2.0 / COARSE as f32 / 3.0;
     // Corners of the floor are out of reach of the squares in between.
-    for areas in areas_along_edge(&scene, &fresh(&scene), &[1, 2]) {
+    for (areas, level) in areas_along_edge(&scene, &fresh(&scene), &[1, 2]) {
+        assert_eq!(level, 0);
         for (area, radius) in areas.into_iter().zip(RADII) {
             assert_close(area, half_plane(height, radius * radius));
         }
@@ -81,12 +83,32 @@ fn points_with_few_triangles_in_reach_take_the_area() {
 }
 
 #[test]
-fn points_with_many_triangles_in_reach_take_the_disc_at_all_radii() {
+fn points_with_many_triangles_in_reach_take_the_area_within_a_quarter_of_the_radii() {
+    // The middle of the triangle is a third of the square away from the edge.
+    let height = 2.0 / FINE as f32 / 3.0;
     for (opacity, share) in [(None, 1.0), (Some(0.5), 0.5)] {
         let scene = floor(FINE, opacity);
-        let squares: Vec<u32> = (0..FINE).collect();
-        for areas in areas_along_edge(&scene, &fresh(&scene), &squares) {
-            for (area, radius) in areas.into_iter().zip(RADII) {
+        // Corners of the floor are out of reach.
+        let squares: Vec<u32> = (16..FINE - 16).collect();
+        for (areas, level) in areas_along_edge(&scene, &fresh(&scene), &squares) {
+            assert_eq!(level, 2);
+            for (area, radius) in areas.into_iter().zip(RADII.map(|radius| 0.25 * radius)) {
+                assert_close(area, share * half_plane(height / radius, 1.0) * radius * radius);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_with_too_many_triangles_within_the_smallest_radius_take_the_disc() {
+    let shrink = 0.5f32.powi(MAX_LEVEL.into());
+    for (opacity, share) in [(None, 1.0), (Some(0.5), 0.5)] {
+        let scene = floor(FINE, opacity);
+        // Too many are in reach within `RADIUS`, which is the smallest radius of these areas.
+        let areas = Areas::of_scene(&scene, &*accel(&scene), RADIUS / shrink);
+        for (areas, level) in areas_along_edge(&scene, &areas, &[1, FINE / 2]) {
+            assert_eq!(level, MAX_LEVEL);
+            for (area, radius) in areas.into_iter().zip(RADII.map(|radius| shrink * radius)) {
                 assert_close(area, share * PI * radius * radius);
             }
         }
@@ -108,9 +130,8 @@ fn areas_do_not_depend_on_earlier_queries_or_threads() {
         })
     };
     let expected = on(1, &forward);
-    let is_disc = |areas: &&[f32; 3]| areas[0] > 0.99 * PI * RADIUS * RADIUS;
-    let discs = expected.iter().filter(is_disc).count();
-    assert!(discs > 0 && discs < expected.len(), "{discs} of {} are discs", expected.len());
+    let smaller = expected.iter().filter(|(_, level)| *level > 0).count();
+    assert!(smaller > 0 && smaller < expected.len(), "{smaller} of {}", expected.len());
     assert_eq!(on(4, &forward), expected);
     let mut reversed = on(1, &backward);
     reversed.reverse();

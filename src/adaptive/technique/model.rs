@@ -289,6 +289,7 @@ mod tests {
             merge_vertex: 1,
             direct: Direct::Connect,
             kernel: Kernel::Area,
+            splitting: 1,
         };
         let bias = Bias { radius: 4.0, square: 0.01, error: 0.001, falls_to: TYPICAL_FALL };
         let mut known = [None; 2];

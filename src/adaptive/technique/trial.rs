@@ -261,9 +261,16 @@ impl<'a> TrialRunner<'a> {
         let camera_paths = TRIAL_CAMERA_PATHS;
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
         let mis_scales = Some(settings.mis_scales());
-        let guide = 0;
-        let mut own =
-            Settings { light_paths, camera_paths, seed, guide, mis_scales, ..settings.clone() };
+        // Trials have too few light paths for sets of them.
+        let mut own = Settings {
+            light_paths,
+            camera_paths,
+            seed,
+            guide: 0,
+            sobol_set: 1,
+            mis_scales,
+            ..settings.clone()
+        };
         if nests.is_some() && own.caustic_radius == own.radius {
             // With equal radii the nested radii would measure the bias of both classes together.
             own.caustic_radius *= RADIUS_RATIO;
@@ -361,7 +368,8 @@ impl<'a> TrialRunner<'a> {
 fn seconds_per_path(renderer: &Renderer, stride: u32) -> Result<f64> {
     let light_paths = (TRIAL_PATHS.start as u32).min(renderer.most_light_paths());
     let camera_paths = TRIAL_CAMERA_PATHS;
-    let own = Settings { light_paths, camera_paths, guide: 0, ..renderer.settings().clone() };
+    let settings = renderer.settings().clone();
+    let own = Settings { light_paths, camera_paths, guide: 0, sobol_set: 1, ..settings };
     let mut probe = renderer.sample(own, stride)?;
     let paths = probe.settings().pixels() as f64 * f64::from(camera_paths) + f64::from(light_paths);
     // The first iteration meets cold caches.

@@ -42,6 +42,11 @@ pub struct Emission {
 /// the direction. Lights without a surface, or of one direction, leave two unused.
 pub type PrimarySample = [f64; 5];
 
+/// Independent numbers for a start.
+pub fn primary_sample(rng: &mut Rng) -> PrimarySample {
+    [(); 5].map(|()| rng.next_f64())
+}
+
 /// A number of [0, 1) in single precision, still less than 1.
 fn below_one(u: f64) -> f32 {
     (u as f32).min(1.0f32.next_down())
@@ -222,8 +227,7 @@ impl Lights {
     /// # Panics
     /// If there are no lights.
     pub fn emit(&self, rng: &mut Rng) -> Emission {
-        let (index, prob) = self.choose_by_power(rng.next_f64());
-        self.emit_chosen(index, prob, self.numbers(index, rng))
+        self.emit_at(primary_sample(rng)).1
     }
 
     /// Starts a light path from uniform numbers; also returns the light's index.
@@ -239,13 +243,6 @@ impl Lights {
     #[inline(always)] // part of the loop over light paths
     pub(super) fn choose_by_power(&self, u: f64) -> (usize, f32) {
         self.by_power.choose(u)
-    }
-
-    /// Random numbers for [`Self::emit_chosen`]: those that choose among an environment's pixels have 53 bits.
-    #[inline]
-    pub(super) fn numbers(&self, index: usize, rng: &mut Rng) -> [f64; 4] {
-        let is_environment = index == self.emitters.len();
-        [(); 4].map(|()| if is_environment { rng.next_f64() } else { rng.next_1d().into() })
     }
 
     #[inline(never)] // point lights do not call it: see `emit_all`

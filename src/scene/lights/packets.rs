@@ -4,11 +4,12 @@
 
 use super::emitter::Emitter;
 use super::guide::Guide;
-use super::{Emission, Receiver};
+use super::{Emission, PrimarySample, Receiver};
 use crate::base::math::uniform_sphere;
-use crate::base::rng::unit_f64;
+use crate::base::rng::{unit_f32, unit_f64};
 use crate::scene::Lights;
 use crate::scene::diffuse::DiffuseVertices;
+use crate::simd::sobol::DIMENSIONS;
 use crate::simd::{LANES, Rngs, Vec3s};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -24,6 +25,44 @@ pub struct Emissions {
     pub flux: Vec3s,
     /// Index of each path's emitter; the environment has the index after the last emitter.
     pub emitter: [u32; LANES],
+}
+
+/// The numbers that start sixteen light paths: 64 bits for each number of a [`PrimarySample`], the lower half first.
+#[derive(Clone, Copy, Debug)]
+pub struct PrimarySamples([[[u32; LANES]; 2]; 5]);
+
+/// Numbers of a [`PrimarySample`] by the dimension of the Sobol points that they take. The first dimensions are the
+/// most evenly distributed together. Positions and directions come first, because few scenes have many lights.
+const SIDES: [usize; DIMENSIONS] = [1, 2, 3, 4, 0];
+
+impl PrimarySamples {
+    /// Independent numbers, those of [`primary_sample`](super::primary_sample).
+    #[inline(always)] // as those below: parts of the loop over light paths
+    pub fn independent(rngs: &mut Rngs) -> Self {
+        Self([(); 5].map(|()| rngs.next_bits()))
+    }
+
+    /// Numbers whose upper halves are those of Sobol points.
+    #[inline(always)]
+    pub fn of_points(points: &[[u32; LANES]; DIMENSIONS], rngs: &mut Rngs) -> Self {
+        let mut samples = Self::independent(rngs);
+        for (side, words) in SIDES.into_iter().zip(points) {
+            samples.0[side][1] = *words;
+        }
+        samples
+    }
+
+    /// The numbers of one path.
+    #[inline(always)]
+    fn get(&self, lane: usize) -> PrimarySample {
+        self.0.map(|words| unit_f64(words.map(|word| word[lane])))
+    }
+
+    /// One number of each path in single precision.
+    #[inline(always)]
+    fn singles(&self, side: usize) -> [f32; LANES] {
+        self.0[side][1].map(unit_f32)
+    }
 }
 
 /// A point on a light for each vertex; see [`LightSample`](super::LightSample).
@@ -45,19 +84,23 @@ pub struct LightSamples {
 const NO_POINT: u32 = u32::MAX;
 
 impl Lights {
-    /// [`Self::emit`], or [`Self::emit_guided`], for the first `count` lanes.
+    /// [`Self::emit_at`], or [`Self::emit_guided`], for the first `count` lanes.
     ///
     /// # Panics
     /// If there are no lights.
     #[inline(always)] // part of the loop over light paths
-    pub fn emit_all(&self, guide: Option<&Guide>, rngs: &mut Rngs, count: usize) -> Emissions {
+    pub fn emit_all(
+        &self,
+        guide: Option<&Guide>,
+        starts: &PrimarySamples,
+        count: usize,
+    ) -> Emissions {
         let mut emissions = Emissions::default();
         if let Some(guide) = guide {
-            self.emit_all_guided(guide, rngs, &mut emissions, count);
+            self.emit_all_guided(guide, starts, &mut emissions, count);
             return emissions;
         }
-        let choices = rngs.next_bits();
-        let (u, v) = (rngs.next_1d(), rngs.next_1d());
+        let (u, v) = (starts.singles(1), starts.singles(2));
         for lane in 0..LANES {
             emissions.direction.set(lane, uniform_sphere([u[lane], v[lane]]));
         }
@@ -69,16 +112,14 @@ impl Lights {
             return emissions;
         }
         for lane in 0..count {
-            let (index, prob) = self.choose_by_power(unit_f64(choices.map(|bits| bits[lane])));
+            let [choice, numbers @ ..] = starts.get(lane);
+            let (index, prob) = self.choose_by_power(choice);
             emissions.emitter[lane] = index as u32;
             if let Some(Emitter::Point { position, intensity }) = self.emitters().get(index) {
                 emissions.origin.set(lane, *position);
                 emissions.flux.set(lane, *intensity * (4.0 * PI / prob));
             } else {
-                let mut rng = rngs.get(lane);
-                let emission = self.emit_chosen(index, prob, self.numbers(index, &mut rng));
-                rngs.set(lane, rng);
-                emissions.set(lane, &emission);
+                emissions.set(lane, &self.emit_chosen(index, prob, numbers));
             }
         }
         emissions
@@ -88,14 +129,12 @@ impl Lights {
     fn emit_all_guided(
         &self,
         guide: &Guide,
-        rngs: &mut Rngs,
+        starts: &PrimarySamples,
         emissions: &mut Emissions,
         count: usize,
     ) {
         for lane in 0..count {
-            let mut rng = rngs.get(lane);
-            let (index, emission) = self.emit_guided(guide, &mut rng);
-            rngs.set(lane, rng);
+            let (index, emission) = self.emit_guided(guide, starts.get(lane));
             emissions.emitter[lane] = index as u32;
             emissions.set(lane, &emission);
         }

@@ -111,7 +111,7 @@ fn learned(mut lights: Lights) -> Lights {
 fn guided(mut lights: Lights) -> (Lights, Arc<Guide>) {
     let mut rng = StreamKey::new(5, Stream::Test, 0).rng(0);
     let sample = |_| {
-        let start = Guide::even().start(&mut rng);
+        let start = Guide::even().start(primary_sample(&mut rng));
         let place = start.place;
         let square = if place[0] < 0.4 || place[1] * place[2] > 0.7 { 9.0 } else { 0.5 };
         guide::GuideSample { start, square }
@@ -143,7 +143,7 @@ fn rays_of_guided_light_paths_have_the_density_of_their_numbers() {
     let mut rng = StreamKey::new(9, Stream::Test, 0).rng(0);
     let (mut found, mut strayed, mut least, mut most) = ([0; 7], 0, f32::MAX, 0.0f32);
     for _ in 0..20_000 {
-        let [_, numbers @ ..] = guide.start(&mut rng).place;
+        let [_, numbers @ ..] = guide.start(primary_sample(&mut rng)).place;
         let index = (rng.next_f64() * 7.0) as usize;
         let emission = lights.emit_chosen(index, 1.0, numbers);
         let density = lights.guide_density(index, [emission.origin, emission.direction]);
@@ -230,9 +230,10 @@ fn assert_reciprocal_densities(lights: &Lights) {
     assert!(found.iter().all(|&found| found > 100), "{found:?}");
     assert!(strayed < 5, "{strayed}");
     // All light paths, but those of textures, start with the flux that the ratio assumes.
+    let numbers = |rng: &mut Rng| [(); 4].map(|()| rng.next_f64());
     for _ in 0..5000 {
         let (index, prob) = lights.choose_by_power(rng.next_f64());
-        let flux = luminance(lights.emit_chosen(index, prob, lights.numbers(index, &mut rng)).flux);
+        let flux = luminance(lights.emit_chosen(index, prob, numbers(&mut rng)).flux);
         let textured = matches!(lights.emitters.get(index), Some(Emitter::Textured(_)));
         assert!(textured || (flux / lights.total_power() - 1.0).abs() < 2e-3, "{index} {flux}");
     }
@@ -246,7 +247,7 @@ fn guided_light_paths_carry_the_power_of_all_lights() {
     let (mut sum, mut square) = (glam::DVec3::ZERO, glam::DVec3::ZERO);
     let mut toward = [glam::DVec3::ZERO; 2];
     for _ in 0..n {
-        let (_, emission) = lights.emit_guided(&guide, &mut rng);
+        let (_, emission) = lights.emit_guided(&guide, primary_sample(&mut rng));
         let flux = emission.flux.as_dvec3();
         sum += flux / f64::from(n);
         square += flux * flux / f64::from(n);

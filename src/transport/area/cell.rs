@@ -16,17 +16,16 @@ const LARGE: f64 = 0.8;
 /// Triangles in reach of a large cell above which it is split: each query goes through all of them.
 const CROWD: usize = 48;
 
-/// Triangles in reach of a small cell above which its points take the disc: those that may send
-/// photons or be in front of a solid. The work grows faster than their number, since each is tested
-/// against the others.
+/// Triangles in reach of a small cell above which its points are merged within a smaller radius: those
+/// that may send photons or be in front of a solid. The work grows faster than their number, since each
+/// is tested against the others.
 ///
 /// Measured in `scenes/hall` (1.5 million triangles) at four times its radius, 180x120 pixels, 100,000
 /// light paths, one thread, 2 cores shared with other work, on top of a9793da: without a bound merging
 /// takes 55 % of the first iteration, with 256 triangles 50 %, with 128 45 %, with 64 33 %. With 128,
-/// 11 % of the cells take the disc, and the image differs from that without a bound by a relative MSE of
-/// 0.005. At the radius of the scene 0.2 % of the cells take it, and the times are equal. At their
-/// own radii the other scenes stay below 128, but `objective` (14 % of the cells); `materials` has up to
-/// 115 and keeps its exact areas.
+/// 11 % of the cells exceed the bound. At the radius of the scene 0.2 % of the cells do, and the times are
+/// equal. At their own radii the other scenes stay below 128, but `objective` (14 % of the cells);
+/// `materials` has up to 115.
 const MAX_KEPT: usize = 128;
 
 /// Triangles that are looked at for a cell, whether they are kept or not. It bounds the search among
@@ -50,8 +49,10 @@ pub enum Cell {
     Holed(Box<HoledList>),
     /// Too much is in reach of a large cell.
     Split(Box<Grid>),
-    /// Too much is in reach of a small cell whose own surface has holes: points take the disc times
-    /// the mean opacity there.
+    /// Too much is in reach of a small cell: points are merged within half the radius.
+    Crowded,
+    /// Too much is in reach even within the smallest radius, of a cell whose own surface has holes: points
+    /// take the disc times the mean opacity there.
     HoledDisc(Box<Holed>),
 }
 
@@ -62,7 +63,7 @@ impl Cell {
     /// Size in bytes of the memory that it owns.
     pub fn bytes(&self) -> usize {
         match self {
-            Self::Line { .. } => 0,
+            Self::Line { .. } | Self::Crowded => 0,
             Self::List(list) => list.bytes(),
             Self::Holed(list) => list.bytes(),
             Self::Split(grid) => grid.bytes(),
@@ -85,6 +86,7 @@ impl CellBuilder<'_> {
         match self.surroundings(own, &frame, &cell, bound) {
             Some(surroundings) => surroundings.cell(own, &cell),
             None if is_large => Cell::Split(Box::new(grid.split(index))),
+            None if self.may_shrink => Cell::Crowded,
             None if own.holes => Cell::HoledDisc(Box::new(own.hole_in(&frame, own_corners))),
             None => Cell::DISC,
         }

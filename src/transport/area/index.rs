@@ -23,7 +23,7 @@ const CHUNK: usize = 64;
 /// The area that could have sent photons to a point, for all points of a scene and spheres of up to
 /// one radius.
 ///
-/// The bound on the work of a query is counted within that radius and holds for all smaller ones.
+/// Points with too much in reach have areas within smaller spheres; see [`PointAreas`].
 pub struct Areas {
     shared: Arc<SharedGeometry>,
     radius: f32,
@@ -31,6 +31,22 @@ pub struct Areas {
     patches: Box<[OnceLock<Chunk>]>,
     kept: AtomicUsize,
     budget: usize,
+    /// How often the radius was halved.
+    level: u8,
+    /// Areas for half the radius, once a point needs them.
+    finer: OnceLock<Box<Self>>,
+}
+
+/// Maximum number of times that the radii at a point are halved.
+pub const MAX_LEVEL: u8 = 5;
+
+/// Areas at sixteen points.
+#[derive(Clone, Copy, Debug)]
+pub struct PointAreas<const N: usize> {
+    /// Areas in spheres of the radii of the query times `2^-level`, scene units squared.
+    pub areas: [[f32; LANES]; N],
+    /// Level of each point.
+    pub level: [u8; LANES],
 }
 
 /// Surfaces and search structures, shared by areas of all radii.
@@ -74,16 +90,16 @@ impl Areas {
             let count = surfaces.mesh(place.mesh).triangles.len();
             first.push(first[first.len() - 1] + count as u32);
         }
-        Self::on(Arc::new(SharedGeometry { surfaces, sides, reach, first }), radius, budget)
+        Self::on(Arc::new(SharedGeometry { surfaces, sides, reach, first }), radius, budget, 0)
     }
 
     /// Areas of these surfaces for another radius.
     #[must_use]
     pub fn at(&self, radius: f32) -> Self {
-        Self::on(Arc::clone(&self.shared), radius, self.budget)
+        Self::on(Arc::clone(&self.shared), radius, self.budget, 0)
     }
 
-    fn on(shared: Arc<SharedGeometry>, radius: f32, budget: usize) -> Self {
+    fn on(shared: Arc<SharedGeometry>, radius: f32, budget: usize, level: u8) -> Self {
         let facets = 2 * shared.first[shared.first.len() - 1] as usize;
         Self {
             shared,
@@ -91,7 +107,17 @@ impl Areas {
             patches: (0..facets.div_ceil(CHUNK)).map(|_| OnceLock::new()).collect(),
             kept: AtomicUsize::new(0),
             budget,
+            level,
+            finer: OnceLock::new(),
         }
+    }
+
+    /// Areas for half the radius.
+    fn finer(&self) -> &Self {
+        self.finer.get_or_init(|| {
+            let shared = Arc::clone(&self.shared);
+            Box::new(Self::on(shared, 0.5 * self.radius, self.budget, self.level + 1))
+        })
     }
 
     /// Number of the side of a triangle.
@@ -123,11 +149,16 @@ impl Areas {
         let SharedGeometry { sides, reach, first, .. } = &*self.shared;
         let fixed =
             reach.bytes() + sides.bytes() + 4 * first.capacity() + size_of_val(&*self.patches);
-        Memory { fixed, kept: self.kept.load(Relaxed) }
+        let own = Memory { fixed, kept: self.kept.load(Relaxed) };
+        let finer = self.finer.get().map(|finer| finer.memory());
+        finer.map_or(own, |finer| Memory {
+            fixed: own.fixed + size_of_val(&*self.patches),
+            kept: own.kept + finer.kept,
+        })
     }
 
-    /// Areas in spheres of these radii around points, scene units squared.
-    pub fn areas<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> [[f32; LANES]; N] {
+    /// Areas in spheres of these radii around points, or in smaller ones where too much is in reach.
+    pub fn areas<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> PointAreas<N> {
         vectorized(
             #[inline(always)]
             |_| self.areas_vectorized(query, radii),
@@ -135,11 +166,7 @@ impl Areas {
     }
 
     #[inline(always)] // vectorized
-    fn areas_vectorized<const N: usize>(
-        &self,
-        query: &Query,
-        radii: &[f32; N],
-    ) -> [[f32; LANES]; N] {
+    fn areas_vectorized<const N: usize>(&self, query: &Query, radii: &[f32; N]) -> PointAreas<N> {
         let radii2 = radii.map(|radius| (radius / self.radius) * (radius / self.radius));
         let mut height = [2.0; LANES];
         // Step by step for all points, so that their waits for memory overlap.
@@ -172,14 +199,15 @@ impl Areas {
             }
         }
         std::hint::black_box(touched);
-        let mut listed = [[0.0; N]; LANES];
+        let (mut listed, mut level) = ([[0.0; N]; LANES], [0; LANES]);
         for lane in lanes_of(lists) {
             if let Some(Cell::List(list)) = cells[lane] {
                 listed[lane] = list.areas(at[lane], &radii2);
             }
         }
         for lane in lanes_of(others) {
-            listed[lane] = self.compute(query.facet[lane], query.position.get(lane), &radii2);
+            (listed[lane], level[lane]) =
+                self.compute(query.facet[lane], query.position.get(lane), &radii2);
         }
         let mut areas = [[0.0; LANES]; N];
         for (areas, radius2) in areas.iter_mut().zip(radii2) {
@@ -194,12 +222,14 @@ impl Areas {
             }
         }
         let unit = self.radius * self.radius;
+        // Radii and their unit are halved together.
+        let scale = level.map(|level| unit * 0.25f32.powi(level.into()));
         for (areas, radius2) in areas.iter_mut().zip(radii2) {
-            for area in areas {
-                *area = area.max(MIN_SHARE * PI * radius2) * unit;
+            for (area, scale) in areas.iter_mut().zip(scale) {
+                *area = area.max(MIN_SHARE * PI * radius2) * scale;
             }
         }
-        areas
+        PointAreas { areas, level }
     }
 
     /// A patch that is kept.
@@ -209,10 +239,18 @@ impl Areas {
         self.patches[chunk].get()?[own].get().map(|patch| &**patch)
     }
 
-    /// Areas at one point of a cell that is not known yet or is no simple list.
+    /// Areas at one point of a cell that is not known yet or is no simple list, in squares of the radius of its level,
+    /// and that level.
     #[inline(never)] // keeps the common case short
-    fn compute<const N: usize>(&self, facet: u32, position: Vec3, radii2: &[f32; N]) -> [f32; N] {
-        let Some(own) = self.own(facet) else { return radii2.map(|radius2| PI * radius2) };
+    fn compute<const N: usize>(
+        &self,
+        facet: u32,
+        position: Vec3,
+        radii2: &[f32; N],
+    ) -> ([f32; N], u8) {
+        let Some(own) = self.own(facet) else {
+            return (radii2.map(|radius2| PI * radius2), self.level);
+        };
         let make = || {
             let surfaces = &*self.shared.surfaces;
             let place = &surfaces.places()[own.place as usize];
@@ -239,21 +277,30 @@ impl Areas {
                 &made
             }
         };
-        self.in_grid(&own, patch.grid(), patch.local(position), radii2)
+        match self.in_grid(&own, patch.grid(), patch.local(position), radii2) {
+            Some(areas) => (areas, self.level),
+            None => self.finer().compute(facet, position, radii2),
+        }
     }
 
+    /// Areas at a point in one cell; `None` if too much is in reach.
     fn in_grid<const N: usize>(
         &self,
         own: &GatherFacet,
         grid: &Grid,
         local: [f32; 2],
         radii2: &[f32; N],
-    ) -> [f32; N] {
+    ) -> Option<[f32; N]> {
         let CellPoint { index, at } = grid.place(local);
         let make = || {
             let SharedGeometry { surfaces, sides, reach, .. } = &*self.shared;
-            let builder =
-                CellBuilder { surfaces: &**surfaces, sides, reach, radius: self.radius.into() };
+            let builder = CellBuilder {
+                surfaces: &**surfaces,
+                sides,
+                reach,
+                radius: self.radius.into(),
+                may_shrink: self.level < MAX_LEVEL,
+            };
             builder.build(own, grid, index)
         };
         let made;
@@ -269,16 +316,18 @@ impl Areas {
                 &made
             }
         };
-        match cell {
+        let surfaces = &*self.shared.surfaces;
+        Some(match cell {
             Cell::Line { toward, offset } => {
                 let height = offset + (toward[0] * at[0] + toward[1] * at[1]);
                 radii2.map(|radius2| half_plane(height.max(0.0), radius2))
             }
             Cell::List(list) => list.areas(at, radii2),
-            Cell::Holed(list) => list.areas(&*self.shared.surfaces, self.radius, at, radii2),
-            Cell::Split(grid) => self.in_grid(own, grid, local, radii2),
-            Cell::HoledDisc(hole) => hole.discs(&*self.shared.surfaces, self.radius, at, radii2),
-        }
+            Cell::Holed(list) => list.areas(surfaces, self.radius, at, radii2),
+            Cell::Split(grid) => return self.in_grid(own, grid, local, radii2),
+            Cell::Crowded => return None,
+            Cell::HoledDisc(hole) => hole.discs(surfaces, self.radius, at, radii2),
+        })
     }
 
     /// Whether another cell may be kept.

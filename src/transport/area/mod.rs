@@ -15,12 +15,13 @@
 //! This is computed once per cell: a part of a triangle about as large as the sphere (`patch`).
 //! Most cells are flat, or have one straight edge. [`Areas`] keeps the cells that were computed.
 //!
-//! The work for one cell is bounded (`cell`). Where more triangles are in reach of a cell, its points take
-//! the area of a disc, times the mean opacity of their own surface. This holds at every radius of a query.
-//! It depends on the geometry, the point and the largest radius alone, not on time, threads or earlier
-//! queries. Hence the kernel at a point is the same in each iteration, as the law of the noise requires.
-//! Photons are admitted there as everywhere else. On a flat surface, for which the disc stands, this admits
-//! every photon of the disc.
+//! The work for one cell is bounded (`cell`). Where more triangles are in reach of a cell, its points are
+//! merged within half the radii, or a quarter of them, and so on: `2^-level` of them. All radii of a query
+//! shrink together, and [`PointAreas`] has the level of each point. Cells for smaller radii are those of
+//! other [`Areas`]. At [`MAX_LEVEL`], the area is that of a disc times the mean opacity of the surface.
+//! The level depends on the geometry, the point and the largest radius alone, not on time, threads or
+//! earlier queries. Hence the kernel at a point is the same in each iteration, as the law of the noise
+//! requires.
 
 pub mod admission;
 mod boundary;
@@ -41,6 +42,6 @@ pub mod lit_sides;
 mod surfaces;
 mod neighbors;
 
-pub use index::{Areas, Memory, Query};
+pub use index::{Areas, MAX_LEVEL, Memory, PointAreas, Query};
 pub use lit_sides::{Marks, Sides};
 pub use surfaces::{Hole, Surfaces};

@@ -98,7 +98,7 @@ fn cut(moments: &mut [Moment]) -> (Vec<SplittableCell>, Vec<Node>) {
             let (node, below) = (open.node as usize, nodes.len() as u32);
             let (side, halves) = (open.side as u8, open.halves(below, moments));
             let middle = halves[1].cell.low[usize::from(side)];
-            nodes[node] = Node::Split { side, middle, below };
+            nodes[node] = Node::Split { side, middle, below, share: 0.5 };
             nodes.extend([Node::Leaf(0); 2]);
             heap.extend(halves);
         }

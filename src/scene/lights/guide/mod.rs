@@ -7,7 +7,6 @@
 mod learn;
 
 use super::{Emission, Lights, PrimarySample};
-use crate::base::rng::Rng;
 use glam::Vec3;
 pub use learn::GuideSample;
 
@@ -17,8 +16,6 @@ pub struct Guide {
     cells: Vec<Cell>,
     /// The tree whose leaves are the cells; the first node is its root.
     nodes: Vec<Node>,
-    /// Upper end of each cell's interval of [0, 1].
-    cumulative: Vec<f64>,
     /// Expected second moment of contributions, over that of unguided light paths.
     expected: f64,
 }
@@ -37,8 +34,9 @@ struct Cell {
 enum Node {
     /// The cell with this index.
     Leaf(u32),
-    /// Cells below and above `middle` on a side of the cube, in the nodes `below` and `below + 1`.
-    Split { side: u8, middle: f64, below: u32 },
+    /// Cells below and above `middle` on a side of the cube, in the nodes `below` and `below + 1`. The share of light
+    /// paths that start below is `share`.
+    Split { side: u8, middle: f64, below: u32, share: f64 },
 }
 
 /// A box of the unit cube, of no size on sides where its ends are equal.
@@ -73,16 +71,25 @@ impl Guide {
         Self::of_cells(vec![Cell::ALL], vec![Node::Leaf(0)], 1.0)
     }
 
-    /// A guide of cells that fill the cube and whose densities have the mean 1, and their tree.
-    fn of_cells(cells: Vec<Cell>, nodes: Vec<Node>, expected: f64) -> Self {
-        let mut sum = 0.0;
-        let cumulative = cells.iter().map(|cell| {
-            sum += cell.density * cell.volume();
-            sum
-        });
-        let cumulative: Vec<f64> = cumulative.collect();
-        let cumulative = cumulative.iter().map(|end| end / sum).collect();
-        Self { cells, nodes, cumulative, expected }
+    /// A guide of cells that fill the cube and whose densities have the mean 1, and their tree, in which nodes come before
+    /// those below them.
+    fn of_cells(cells: Vec<Cell>, mut nodes: Vec<Node>, expected: f64) -> Self {
+        // Shares of all light paths, from the leaves up
+        let mut shares = vec![0.0; nodes.len()];
+        for (index, node) in nodes.iter_mut().enumerate().rev() {
+            shares[index] = match node {
+                Node::Leaf(cell) => {
+                    let cell = &cells[*cell as usize];
+                    cell.density * cell.volume()
+                }
+                Node::Split { below, share, .. } => {
+                    let [low, high] = [shares[*below as usize], shares[*below as usize + 1]];
+                    *share = low / (low + high);
+                    low + high
+                }
+            };
+        }
+        Self { cells, nodes, expected }
     }
 
     /// Expected second moment of contributions, over that of unguided light paths. It is an estimate from the samples
@@ -107,7 +114,7 @@ impl Guide {
         loop {
             let (side, middle, below) = match self.nodes[node as usize] {
                 Node::Leaf(cell) => return self.cells[cell as usize].density,
-                Node::Split { side, middle, below } => (usize::from(side), middle, below),
+                Node::Split { side, middle, below, .. } => (usize::from(side), middle, below),
             };
             let (low, high) = (extent.low[side], extent.high[side]);
             if low >= middle {
@@ -124,27 +131,43 @@ impl Guide {
         }
     }
 
-    /// Samples the start of a light path.
+    /// The start of a light path for uniform numbers. Each cut of the tree stretches the part of the number on its side
+    /// that the start lies in, so that numbers that fill the cube evenly also fill the cells evenly.
+    /// theory.md, section 10a.
     #[inline]
-    pub fn start(&self, rng: &mut Rng) -> GuidedStart {
-        let u = rng.next_f64();
-        let index = self.cumulative.partition_point(|&end| end <= u).min(self.cells.len() - 1);
-        let Cell { low, size, density } = &self.cells[index];
-        let mut place = *low;
-        for (place, size) in place.iter_mut().zip(size) {
-            *place += size * rng.next_f64();
+    pub fn start(&self, mut numbers: PrimarySample) -> GuidedStart {
+        let mut node = 0;
+        loop {
+            match self.nodes[node as usize] {
+                Node::Leaf(cell) => {
+                    let Cell { low, size, density } = &self.cells[cell as usize];
+                    let mut place = *low;
+                    for ((place, size), number) in place.iter_mut().zip(size).zip(numbers) {
+                        *place += size * number;
+                    }
+                    return GuidedStart { place, density: *density };
+                }
+                Node::Split { side, below, share, .. } => {
+                    let number = &mut numbers[usize::from(side)];
+                    if *number < share {
+                        (*number, node) = (*number / share, below);
+                    } else {
+                        (*number, node) = ((*number - share) / (1.0 - share), below + 1);
+                    }
+                    *number = number.min(1.0f64.next_down());
+                }
+            }
         }
-        GuidedStart { place, density: *density }
     }
 }
 
 impl Lights {
-    /// Starts a light path with the density of `guide`; also returns the light's index.
+    /// Starts a light path from uniform numbers with the density of `guide`; also returns the light's index.
     ///
     /// # Panics
     /// If there are no lights.
-    pub fn emit_guided(&self, guide: &Guide, rng: &mut Rng) -> (usize, Emission) {
-        let GuidedStart { place, density } = guide.start(rng);
+    pub fn emit_guided(&self, guide: &Guide, numbers: PrimarySample) -> (usize, Emission) {
+        let GuidedStart { place, density } = guide.start(numbers);
         let (index, emission) = self.emit_at(place);
         // theory.md (40a)
         (index, Emission { flux: emission.flux / density as f32, ..emission })
@@ -172,6 +195,7 @@ impl Lights {
 mod tests {
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
+    use crate::scene::lights::primary_sample;
 
     /// Contribution of a light path that starts at `place`.
     fn contribution(place: &PrimarySample) -> f64 {
@@ -183,7 +207,7 @@ mod tests {
     fn samples(guide: &Guide, index: u64, count: usize) -> Vec<GuideSample> {
         let mut rng = StreamKey::new(9, Stream::Test, index).rng(0);
         let one = || {
-            let start = guide.start(&mut rng);
+            let start = guide.start(primary_sample(&mut rng));
             GuideSample { start, square: (contribution(&start.place) / start.density).powi(2) }
         };
         std::iter::repeat_with(one).take(count).collect()
@@ -205,7 +229,8 @@ mod tests {
         let guide = Guide::learn(&samples(&Guide::even(), 0, 100_000));
         assert!(guide.cell_count() > 20, "{}", guide.cell_count());
         let mut rng = StreamKey::new(9, Stream::Test, 1).rng(0);
-        let starts: Vec<GuidedStart> = (0..200_000).map(|_| guide.start(&mut rng)).collect();
+        let starts: Vec<GuidedStart> =
+            (0..200_000).map(|_| guide.start(primary_sample(&mut rng))).collect();
         assert!(starts.iter().all(|s| s.place.iter().all(|x| (0.0..1.0).contains(x))));
         // Estimate means of functions over the cube from guided starts.
         let functions: [fn(&PrimarySample) -> f64; 4] = [
