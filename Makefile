@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-report check-mitsuba blender check-blender
+.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -62,6 +62,18 @@ blender:
 # Compares the add-on with Cycles, in Blender as a Python module (500 MB from PyPI); 12 minutes on 2 cores.
 check-blender: build
 	scripts/blender-check.sh
+
+# The Python package as a wheel that carries Embree and the program (docs/tutorials/python.md).
+wheel: setup
+	scripts/wheel.sh out
+
+# The Python package in the development build: types, stubs, tests (needs PyPI).
+check-python: setup
+	CARGO=$(CARGO) scripts/check-python.sh
+
+# The wheel in a fresh environment, with its notebooks beside Mitsuba (needs PyPI).
+check-notebooks: wheel
+	scripts/check-notebooks.sh out/bdpm-*.whl
 
 bench: setup
 	$(CARGO) bench $(FLAGS)
