@@ -27,24 +27,26 @@ demo: build
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
-# Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles.
+# Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles. The Python
+# package is checked by `make check-python`.
 test: setup denoiser
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --workspace --exclude bdpm-python --all-targets -- -D warnings
 	$(CARGO) clippy $(FLAGS) --package bdpm --test check -- -D warnings
-	$(CARGO) test $(FLAGS) --workspace --tests
-	$(CARGO) test $(FLAGS) --workspace --doc
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
+	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --tests
+	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --doc
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace --exclude bdpm-python
 
 # Long statistical tables, renders by several processes, the program without Embree, the library alone, and small
-# scenes beside the renders of Mitsuba, briefly.
+# scenes beside the renders of Mitsuba, briefly. The program is built with a test, since dependencies then have the
+# features of `make test`, and the library is not compiled again.
 check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
 	$(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
-	$(CARGO) build $(FLAGS) --bin bdpm
+	$(CARGO) build $(FLAGS) --package bdpm --bin bdpm --test memory
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 
 # The longest tables, 10 minutes on 2 cores: run them after a change of an estimator or of its weights.

@@ -11,8 +11,10 @@ target=${CARGO_TARGET_DIR:-$root/target}
 python_venv check numpy pytest==9.2.0 mypy==2.4.1 typing_extensions
 
 cd "$root"
-"$cargo" clippy --locked --package bdpm-python -- -D warnings
-"$cargo" build --locked --package bdpm --package bdpm-python
+# With a test of bdpm, its dependencies have the features of `make test`, so that the library is not compiled again.
+packages=(--locked --package bdpm --package bdpm-python --lib --bins --test memory)
+"$cargo" clippy "${packages[@]}" -- -D warnings
+"$cargo" build "${packages[@]}"
 
 # The package as Python sees it: sources by links, the extension and the program as they were just built.
 package=$target/python/bdpm
