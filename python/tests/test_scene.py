@@ -29,7 +29,7 @@ def test_floor_under_a_point_light_has_the_analytic_radiance() -> None:
     floor = bdpm.Mesh(np.array(SQUARE, dtype=np.float64), np.array(HALVES, dtype=np.uint8), "chalk")
     scene = bdpm.Scene.from_meshes(
         [floor],
-        camera=CAMERA | {"fov_y_deg": 0.1},
+        camera=CAMERA | {"fov_y_deg": 0.01},
         lights=[{"type": "point", "position": np.array([0.75, 0, 1], dtype=np.float32), "intensity": 2.0}],
         materials={"chalk": {"albedo": np.float64(0.5)}},
     )
