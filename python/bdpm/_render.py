@@ -60,7 +60,7 @@ def render(
     - `target_rms`: pooled RMS of the noise: a luminance, W/(m^2 sr), or text such as "1%" of the mean luminance.
     - `iterations`: number of iterations; path counts are then not chosen.
 
-    What is rendered:
+    Kind of the render:
 
     - `objective`: aggregate of the variances to minimize: "relative", "pooled", "mean-rms" or "max-rms".
     - `plan`: a `Plan`; repeats an image, or renders the counts of `Noise.optimize`.

@@ -178,7 +178,7 @@ impl Scene {
         tables::object(py, &self.loaded.defaults)
     }
 
-    /// What was skipped, approximated or chosen when the scene was loaded.
+    /// Sentences about parts that were skipped, approximated or chosen when the scene was loaded.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.loaded.warnings.iter().map(ToString::to_string).collect()
