@@ -4,7 +4,7 @@ CARGO ?= cargo
 SCENE ?= cornell-box
 FLAGS = --locked
 
-.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-report check-mitsuba blender check-blender
+.PHONY: setup denoiser mpi build demo test check check-long bench memcheck check-package check-python check-notebooks wheel check-report check-mitsuba blender check-blender
 
 setup:
 	@scripts/setup.sh
@@ -27,14 +27,15 @@ demo: build
 	@echo "The image as radiance:  out/$(SCENE).exr"
 	@echo "The image to look at:   out/$(SCENE).png"
 
-# Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles.
+# Every family of tests has a case here. `--tests` leaves out examples and benches, which clippy compiles. The Python
+# package is checked by `make check-python`.
 test: setup denoiser
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy $(FLAGS) --workspace --all-targets -- -D warnings
+	$(CARGO) clippy $(FLAGS) --workspace --exclude bdpm-python --all-targets -- -D warnings
 	$(CARGO) clippy $(FLAGS) --package bdpm --test check -- -D warnings
-	$(CARGO) test $(FLAGS) --workspace --tests
-	$(CARGO) test $(FLAGS) --workspace --doc
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace
+	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --tests
+	$(CARGO) test $(FLAGS) --workspace --exclude bdpm-python --doc
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(FLAGS) --no-deps --workspace --exclude bdpm-python
 
 # Long statistical tables, small scenes beside the renders of Mitsuba, briefly, the program without Embree, the library
 # alone, and renders by several processes. Each set of features is a build of its own, so the tests of the last two,
@@ -62,6 +63,18 @@ blender:
 # Compares the add-on with Cycles, in Blender as a Python module (500 MB from PyPI); 12 minutes on 2 cores.
 check-blender: build
 	scripts/blender-check.sh
+
+# The Python package as a wheel that carries Embree and the program (docs/tutorials/python.md).
+wheel: setup
+	scripts/wheel.sh out
+
+# The Python package in the development build: types, stubs, tests (needs PyPI).
+check-python: setup
+	CARGO=$(CARGO) scripts/check-python.sh
+
+# The wheel in a fresh environment, with its notebooks beside Mitsuba (needs PyPI).
+check-notebooks: wheel
+	scripts/check-notebooks.sh out/bdpm-*.whl
 
 bench: setup
 	$(CARGO) bench $(FLAGS)

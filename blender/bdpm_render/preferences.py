@@ -12,7 +12,7 @@ class BdpmPreferences(bpy.types.AddonPreferences):
 
     program: bpy.props.StringProperty(
         name="Program",
-        description="The program bdpm; empty to take the one in this add-on's folder bin, or on the PATH",
+        description="The program bdpm; empty to take the one in this add-on's folder bin, on the PATH, or where pip installs it",
         subtype="FILE_PATH",
     )
 

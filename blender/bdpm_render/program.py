@@ -1,11 +1,13 @@
 """The program bdpm: where it is, whether it is new enough, and a render of its under way."""
 
+import importlib.util
 import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import sysconfig
 import threading
 from pathlib import Path
 
@@ -13,8 +15,8 @@ NAME = "bdpm.exe" if sys.platform == "win32" else "bdpm"
 # What this add-on needs of the program, as its help says it.
 NEEDED = ("--progress", "--view", "--layers")
 ADVICE = (
-    "Build it from its source (cargo build --release), then give its path in Preferences > Add-ons > BDPM, "
-    "or put it on the PATH"
+    "Install its Python wheel or build it from its source (cargo build --release), then give its path in "
+    "Preferences > Add-ons > BDPM, or put it on the PATH"
 )
 KEPT_LINES = 40
 
@@ -24,7 +26,7 @@ class ProgramError(Exception):
 
 
 def find(preferred):
-    """The program: as the preferences say, beside this file, or on the PATH.
+    """The program: as the preferences say, beside this file, on the PATH, or where pip installs it.
 
     Raises ProgramError if there is none."""
     if preferred:
@@ -35,10 +37,19 @@ def find(preferred):
             raise ProgramError(f"There is no program {path}. Correct its path in Preferences > Add-ons > BDPM")
         return str(path)
     beside = Path(__file__).parent / "bin" / NAME
-    found = str(beside) if beside.is_file() else shutil.which(NAME)
+    found = str(beside) if beside.is_file() else shutil.which(NAME) or _installed_by_pip()
     if not found:
         raise ProgramError(f"The program bdpm was not found. {ADVICE}")
     return found
+
+
+def _installed_by_pip():
+    """The program of the Python package bdpm, of Blender's own Python or of the user; None if there is none."""
+    package = importlib.util.find_spec("bdpm")
+    places = [Path(folder) / "bin" for folder in package.submodule_search_locations or ()] if package else []
+    # Desktops start Blender without this folder on the PATH.
+    places.append(Path(sysconfig.get_path("scripts", sysconfig.get_preferred_scheme("user"))))
+    return next((str(place / NAME) for place in places if (place / NAME).is_file()), None)
 
 
 _checked = {}

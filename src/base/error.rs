@@ -78,6 +78,16 @@ impl Error {
         &self.advice
     }
 
+    /// The file that the error names.
+    pub fn path(&self) -> Option<&Path> {
+        self.location.as_ref().map(|location| &*location.path)
+    }
+
+    /// The one-based line in [`Self::path`] that the error names.
+    pub fn line_number(&self) -> Option<usize> {
+        Some(self.location.as_ref()?.line.as_ref()?.0)
+    }
+
     /// Returns true if the error names a file.
     pub fn has_location(&self) -> bool {
         self.location.is_some()
@@ -149,7 +159,10 @@ mod tests {
     fn display_names_file_line_text_and_advice() {
         let text = "a = 1\nalbdo = 0.5\r\nb = 2\n";
         let error = Error::new("unknown key `albdo`", "use `albedo`").at("x.toml");
-        let shown = error.at_offset(text, 8).to_string();
+        assert_eq!((error.path(), error.line_number()), (Some(Path::new("x.toml")), None));
+        let error = error.at_offset(text, 8);
+        assert_eq!(error.line_number(), Some(2));
+        let shown = error.to_string();
         assert_eq!(shown, "x.toml:2: unknown key `albdo`\n  2 | albdo = 0.5\nhelp: use `albedo`");
     }
 

@@ -12,16 +12,10 @@ use super::settings_args::{ESTIMATOR, word};
 use bdpm::adaptive::optimize::Objective;
 use bdpm::adaptive::stopping::{Stop, StoppedBy};
 use bdpm::base::error::{Error, Result};
-use bdpm::film::radiance::Film;
-use bdpm::image_io::Value;
 use bdpm::noise::Measure;
-use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
-use bdpm::noise::image::NoiseImage;
 use bdpm::noise::picture::{TermsPicture, write_rms, write_terms};
 use bdpm::noise::region;
 use bdpm::noise::summary::NoiseSummary;
-use bdpm::scene::Region;
-use bdpm::settings::provenance::Provenance;
 use bdpm::{Event, RenderResult};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -124,14 +118,10 @@ pub fn run(args: &Args) -> Result<String> {
         progress.note("note: standard errors need at least 32 iterations");
     }
 
-    let noise = state.renderer.block().noise_image()?;
-    let pixels = region::pixels(&region, &noise)?;
+    let file = result.noise_file(args.estimator)?;
+    let pixels = region::pixels(&region, &file.noise)?;
     let start = Instant::now();
     let settings = &state.provenance.settings;
-    let mut file = noise_file((&state.provenance, &state.regions), film, noise, args.estimator);
-    let light_paths = state.totals.iterations as f64 * f64::from(settings.light_paths);
-    let photons = state.totals.photons as f64 / light_paths;
-    file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), Value::Number(photons));
     let mut attempts = Attempts::default();
     attempts.add(exr, || file.write(exr));
     let terms_picture = attempts.add(&terms_png, || write_terms(&terms_png, &file.noise));
@@ -158,22 +148,6 @@ pub fn run(args: &Args) -> Result<String> {
         (false, true) => String::new(),
         (false, false) => text(&report),
     })
-}
-
-/// The measured noise with the scene and settings that reproduce it.
-pub fn noise_file(
-    (provenance, regions): (&Provenance, &[Region]),
-    film: &Film,
-    noise: NoiseImage,
-    estimator: Measure,
-) -> NoiseFile {
-    let mut facts = provenance.to_metadata();
-    facts.insert("iterations".into(), Value::Number(film.iterations as f64));
-    let estimator = serde_json::to_value(estimator).expect("a plain name");
-    let estimator = estimator.as_str().unwrap_or_default().to_owned();
-    facts.insert("estimator".into(), Value::Text(estimator));
-    let regions = regions.to_vec();
-    NoiseFile { noise, pixels: film.mean(), regions, facts }
 }
 
 fn too_few(iterations: u64) -> Error {

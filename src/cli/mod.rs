@@ -19,7 +19,6 @@ mod optimize;
 mod option_groups;
 mod option_hints;
 mod optimize_plot;
-mod optimize_rows;
 mod optimize_text;
 mod outputs;
 mod page;

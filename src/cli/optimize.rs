@@ -2,7 +2,6 @@
 
 use super::json;
 use super::optimize_plot::plot;
-use super::optimize_rows::{ComparedCounts, CountsRow};
 use super::optimize_text::text;
 use super::outputs::{self, Attempts, Output};
 use super::predict::{Times, coefficients};
@@ -10,6 +9,7 @@ use super::settings_args::{OBJECTIVE, word};
 use bdpm::Settings;
 use bdpm::adaptive::optimize::NEAR_OPTIMUM;
 use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::optimize::compared::{ComparedCounts, CountsRow};
 use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
 use bdpm::adaptive::optimize::predict::Source;
 use bdpm::adaptive::plan::Plan;
@@ -17,7 +17,7 @@ use bdpm::adaptive::stopping::Target;
 use bdpm::base::error::{Error, Result};
 use bdpm::film::counts::Counts;
 use bdpm::image_io;
-use bdpm::image_io::{Image, Layer, Metadata, Value};
+use bdpm::image_io::{Image, Layer, Value};
 use bdpm::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use bdpm::noise::region;
 use bdpm::render::light_paths_in;
@@ -194,24 +194,7 @@ impl Args {
             (Some(_), _) => {
                 Err(Error::new("nothing can be rendered in 0 seconds", "give --time 1s or more"))
             }
-            (None, Some(Target::Absolute(rms))) => Ok(Budget::Rms(rms)),
-            (None, Some(target)) => {
-                let Source::Measured(noise, pixels) = source else {
-                    return Err(Error::new(
-                        "the mean luminance is unknown: coefficients do not contain it",
-                        "give --target-rms as luminance, without %",
-                    ));
-                };
-                let sum: f64 = pixels.iter().map(|&i| noise.pixels[i].luminance).sum();
-                let rms = target.absolute(sum / pixels.len() as f64);
-                if rms > 0.0 {
-                    return Ok(Budget::Rms(rms));
-                }
-                Err(Error::new(
-                    "the region is black, so that a noise in percent of it is undefined",
-                    "give --target-rms as luminance, without %, or another --region",
-                ))
-            }
+            (None, Some(target)) => Budget::to_target(target, source),
             (None, None) => Ok(Budget::Unbounded),
         }
     }
@@ -246,23 +229,14 @@ impl Args {
 /// Settings of the measured image. Its camera paths do not matter.
 fn settings(file: &NoiseFile) -> Result<Settings> {
     let counts = Counts::uniform(file.noise.light_paths, 1);
-    Ok(Provenance::from_metadata(&facts(file, &counts))?.settings)
-}
-
-/// Metadata of the measured image, but with these counts.
-fn facts(file: &NoiseFile, counts: &Counts) -> Metadata {
-    let camera_paths = counts.camera_paths.mean().round();
-    let mut facts = file.facts.clone();
-    facts.insert("light_paths".into(), Value::Number(counts.light_paths.into()));
-    facts.insert("camera_paths".into(), Value::Number(camera_paths));
-    facts
+    Ok(Provenance::from_metadata(&file.facts_with(&counts))?.settings)
 }
 
 /// Writes the measured image and the plan for rendering it.
 fn write_plan(path: &Path, file: &NoiseFile, counts: &Counts) -> Result<()> {
     let layers = vec![Layer::rgb("", &file.pixels)];
     let (width, height) = (file.noise.width, file.noise.height);
-    let mut image = Image { width, height, layers, metadata: facts(file, counts) };
+    let mut image = Image { width, height, layers, metadata: file.facts_with(counts) };
     Plan::new(counts.clone()).write_to(&mut image);
     image_io::write_exr(path, &image)
 }

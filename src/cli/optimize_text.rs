@@ -3,8 +3,8 @@
 use super::analyze_text::with_error;
 use super::human_time;
 use super::optimize::OptimizeReport;
-use super::optimize_rows::{CountsRow, RowName};
 use bdpm::adaptive::optimize::Objective;
+use bdpm::adaptive::optimize::compared::{CountsRow, RowName};
 use bdpm::adaptive::optimize::measured::Budget;
 use bdpm::adaptive::optimize::predict::Predicted;
 use bdpm::timing::setup::MeasurementSetup;

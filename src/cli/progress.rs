@@ -80,7 +80,7 @@ impl Progress {
 
     /// Shows the progress toward `stop` after `elapsed` time.
     pub fn show(&mut self, stop: &Stop, totals: &Totals, status: &Status, elapsed: Duration) {
-        let (left, fraction) = time_left(stop, status, elapsed.as_secs_f64());
+        let (left, fraction) = status.time_left(stop, elapsed.as_secs_f64());
         let left = left.and_then(|left| Duration::try_from_secs_f64(left).ok());
         let state = describe(stop, totals, status);
         match &self.shown {
@@ -150,21 +150,6 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
-}
-
-/// The remaining seconds, if they are known, and the share of the work that is done after `elapsed` seconds.
-pub fn time_left(stop: &Stop, status: &Status, elapsed: f64) -> (Option<f64>, f64) {
-    let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
-    let left = status.forecast.map(|forecast| forecast.seconds).or_else(|| {
-        let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
-        stop.time.filter(|_| stop.target.is_none() && stop.error.is_none()).map(rest)
-    });
-    let fraction = match (left, stop.iterations) {
-        (_, Some(n)) => status.iterations as f64 / n as f64,
-        (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
-        (None, None) => stop.time.map_or(0.0, of_time),
-    };
-    (left, fraction)
 }
 
 /// Progress as a JSON object: errors as shares, times in seconds, `null` for unknown values.

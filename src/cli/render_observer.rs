@@ -1,6 +1,5 @@
 //! Output of `bdpm render` while a job renders, and at its end.
 
-use super::analyze::noise_file;
 use super::black_image;
 use super::outputs::Attempts;
 use super::page::{Page, Snapshot};
@@ -15,6 +14,7 @@ use super::{human_time, json};
 use bdpm::base::error::Result;
 use bdpm::job::RenderState;
 use bdpm::noise::Measure;
+use bdpm::noise::file::NoiseFile;
 use bdpm::render::block::Block;
 use bdpm::scene::Region;
 use bdpm::settings::provenance::Provenance;
@@ -192,5 +192,5 @@ impl<'a> RenderObserver<'a> {
 /// Writes the noise from the measured iterations of a block.
 pub fn save_noise(path: &Path, scene: (&Provenance, &[Region]), block: &Block) -> Result<()> {
     let noise = block.noise_image()?;
-    noise_file(scene, &block.film, noise, Measure::Pairs).write(path)
+    NoiseFile::new(scene, &block.film, noise, Measure::Pairs).write(path)
 }

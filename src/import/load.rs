@@ -1,4 +1,4 @@
-//! Loading of scene files (TOML), folders with `scene.toml`, and OBJ files as a [`Scene`].
+//! Loading of scene files (TOML), folders with `scene.toml`, and OBJ files as a [`Scene`]; scenes from meshes in memory.
 //!
 //! The format is described in `docs/reference/scene-format.md`. No content of a file makes these functions
 //! panic. [`Loaded::warnings`] reports all defaults and omissions.
@@ -17,7 +17,7 @@ use super::text::{self, RELATIVE_NAME, list};
 use super::warnings::{self, Warning};
 use crate::base::error::{Error, Result};
 use crate::scene::transform::Transform;
-use crate::scene::{Material, Region, Scene};
+use crate::scene::{Material, Mesh, Region, Scene, check_mesh};
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -148,10 +148,47 @@ pub(super) fn scene_name(path: &Path) -> String {
     }
 }
 
+/// A mesh in memory, and the name of its material.
+#[derive(Clone, Debug)]
+pub struct NamedMesh {
+    /// The mesh; its index of a material is ignored.
+    pub mesh: Arc<Mesh>,
+    /// Name of a table `[materials.NAME]`.
+    pub material: String,
+}
+
+/// Builds a scene from `meshes` and the `text` of a scene file, which has the camera, the materials and the lights.
+///
+/// `path` names the scene and locates errors in `text`; files that `text` names are in its folder. No file is needed at
+/// `path` itself.
+///
+/// # Errors
+/// In the cases of [`load`], if a mesh is not valid (names it), or if `text` does not define its material.
+pub fn load_meshes(
+    path: &Path,
+    text: &str,
+    meshes: &[NamedMesh],
+    options: &LoadOptions,
+) -> Result<Loaded> {
+    let loaded = build_toml(path, text, meshes, options)?;
+    if options.strict {
+        warnings::require_complete(&loaded.warnings).map_err(|error| error.at(path))?;
+    }
+    Ok(loaded)
+}
+
 fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let text = text::read(path)?;
-    let file = scene_file::parse(path, &text)?;
-    let at = |error: Error, offset: usize| error.at(path).at_offset(&text, offset);
+    build_toml(path, &text::read(path)?, &[], options)
+}
+
+fn build_toml(
+    path: &Path,
+    text: &str,
+    meshes: &[NamedMesh],
+    options: &LoadOptions,
+) -> Result<Loaded> {
+    let file = scene_file::parse(path, text)?;
+    let at = |error: Error, offset: usize| error.at(path).at_offset(text, offset);
     let camera = file.camera.get_ref().camera().map_err(|e| at(e, file.camera.span().start))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut textures = TomlTextures::new(folder);
@@ -207,6 +244,17 @@ fn load_toml(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 at(error, table.span().start)
             })?;
         }
+    }
+    for NamedMesh { mesh, material } in meshes {
+        check_mesh(mesh).map_err(|error| error.at(path))?;
+        let obj = ObjFile::in_memory(mesh);
+        builder.count(obj.triangle_count(), 0, path)?;
+        check_material(material, &file, &obj).map_err(|error| error.at(path))?;
+        let place = builder.add(path, &obj, &Transform::IDENTITY, Some(material), &own);
+        place.ok_or_else(|| {
+            let problem = format!("the mesh `{}` is out of the range of coordinates", mesh.name);
+            Error::new(problem, "scale the scene down").at(path)
+        })?;
     }
     builder.arrange(path)?;
 

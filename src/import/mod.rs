@@ -28,6 +28,7 @@ mod warnings;
 
 pub use environment::EnvironmentSource;
 pub use export::{Exported, export};
-pub use load::{LoadOptions, Loaded, SCENE_EXTENSIONS, load, load_with};
+pub use load::{LoadOptions, Loaded, NamedMesh, SCENE_EXTENSIONS, load, load_meshes, load_with};
+pub use scene_file::render_settings;
 pub use summary::{SceneSummary, counted};
 pub use warnings::{Warning, WarningKind};

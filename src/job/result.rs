@@ -6,11 +6,14 @@ use crate::adaptive::stopping::{Convergence, StoppedBy, importance};
 use crate::adaptive::technique::Selection;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
-use crate::image_io::Layer;
+use crate::image_io::{Image, Layer, Value};
+use crate::noise::Measure;
+use crate::noise::file::{NoiseFile, PHOTONS_PER_LIGHT_PATH};
 use crate::noise::image::NoiseImage;
 use crate::output::denoise;
 use crate::output::layers::LayerSelection;
 use crate::render::bias::MergeBias;
+use crate::render::block::Block;
 use serde::Serialize;
 use std::time::Duration;
 
@@ -102,15 +105,54 @@ impl RenderResult {
         layers
     }
 
+    /// Content of the image file: the image without denoising, the noise of each pixel (`rms`, luminance, W/(m^2 sr)) if
+    /// it is known, the layers of [`Self::layers`], and the settings and the plan that repeat the image.
+    pub fn to_image_file(&self, selection: &LayerSelection) -> Image {
+        let image = self.state.image();
+        let pixels = image.mean();
+        let mut layers = vec![Layer::rgb("", &pixels)];
+        if let Some(rms) = image.rms() {
+            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
+        }
+        layers.extend(selection.layers(self.state.renderer.shared(), &image, &pixels));
+        layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
+        let mut metadata = self.state.provenance.to_metadata();
+        metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));
+        let (width, height) = self.resolution;
+        let mut file = Image { width, height, layers, metadata };
+        self.plan.write_to(&mut file);
+        file
+    }
+
     /// The coefficients `a`, `b` and `f` of each pixel, of the block with the most measured iterations.
     ///
     /// # Errors
     /// If the job did not keep [`pixel_noise`](super::RenderJob::pixel_noise), or measured fewer than 2 iterations.
     pub fn noise_image(&self) -> Result<NoiseImage> {
-        let block = self.state.best_measured().ok_or_else(|| {
+        self.best_measured()?.noise_image()
+    }
+
+    /// The coefficients of [`Self::noise_image`], which `estimator` measured, as a file with scene and settings.
+    ///
+    /// # Errors
+    /// As [`Self::noise_image`].
+    pub fn noise_file(&self, estimator: Measure) -> Result<NoiseFile> {
+        let block = self.best_measured()?;
+        let RenderState { provenance, regions, totals, is_automatic, .. } = &self.state;
+        let noise = block.noise_image()?;
+        let mut file = NoiseFile::new((provenance, regions), &block.film, noise, estimator);
+        if !is_automatic {
+            let light_paths = totals.iterations as f64 * f64::from(provenance.settings.light_paths);
+            let photons = Value::Number(totals.photons as f64 / light_paths);
+            file.facts.insert(PHOTONS_PER_LIGHT_PATH.into(), photons);
+        }
+        Ok(file)
+    }
+
+    fn best_measured(&self) -> Result<&Block> {
+        self.state.best_measured().ok_or_else(|| {
             Error::new("too few iterations to estimate the noise", "render more iterations")
-        })?;
-        block.noise_image()
+        })
     }
 }
 

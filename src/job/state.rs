@@ -104,6 +104,23 @@ pub struct Status {
     pub forecast: Option<Forecast>,
 }
 
+impl Status {
+    /// The remaining seconds, if they are known, and the share of the work that is done after `elapsed` seconds.
+    pub fn time_left(&self, stop: &Stop, elapsed: f64) -> (Option<f64>, f64) {
+        let of_time = |time: Duration| elapsed / time.as_secs_f64().max(1e-9);
+        let left = self.forecast.map(|forecast| forecast.seconds).or_else(|| {
+            let rest = |time: Duration| (time.as_secs_f64() - elapsed).max(0.0);
+            stop.time.filter(|_| stop.target.is_none() && stop.error.is_none()).map(rest)
+        });
+        let fraction = match (left, stop.iterations) {
+            (_, Some(n)) => self.iterations as f64 / n as f64,
+            (Some(left), None) => elapsed / (elapsed + left).max(1e-9),
+            (None, None) => stop.time.map_or(0.0, of_time),
+        };
+        (left, fraction)
+    }
+}
+
 /// Work of a run, of all its processes.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Totals {

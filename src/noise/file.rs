@@ -15,16 +15,19 @@
 //! then the batch of the first iteration. Without it iterations were assigned in turn, beginning with
 //! batch 0.
 
-use super::Coefficients;
 use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
 use super::image::{NoiseImage, NoiseSample, PixelEstimate};
 use super::region::{rectangles_from_text, rectangles_to_text};
+use super::{Coefficients, Measure};
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::base::memory::{GIB, available_memory};
+use crate::film::counts::Counts;
+use crate::film::radiance::Film;
 use crate::image_io;
 use crate::image_io::{Image, Layer, Metadata, Value};
 use crate::scene::Region;
+use crate::settings::provenance::Provenance;
 use std::path::Path;
 
 /// Attribute with the mean number of photons per light path.
@@ -53,6 +56,30 @@ pub struct NoiseFile {
 }
 
 impl NoiseFile {
+    /// The `noise` that `estimator` measured while `film` was rendered, with the scene and settings that reproduce it.
+    pub fn new(
+        (provenance, regions): (&Provenance, &[Region]),
+        film: &Film,
+        noise: NoiseImage,
+        estimator: Measure,
+    ) -> Self {
+        let mut facts = provenance.to_metadata();
+        facts.insert("iterations".into(), Value::Number(film.iterations as f64));
+        let estimator = serde_json::to_value(estimator).expect("a plain name");
+        let estimator = estimator.as_str().unwrap_or_default().to_owned();
+        facts.insert("estimator".into(), Value::Text(estimator));
+        Self { noise, pixels: film.mean(), regions: regions.to_vec(), facts }
+    }
+
+    /// Metadata of an image with the scene and settings of the measurement, but with these counts.
+    pub fn facts_with(&self, counts: &Counts) -> Metadata {
+        let camera_paths = counts.camera_paths.mean().round();
+        let mut facts = self.facts.clone();
+        facts.insert("light_paths".into(), Value::Number(counts.light_paths.into()));
+        facts.insert("camera_paths".into(), Value::Number(camera_paths));
+        facts
+    }
+
     /// Writes all layers and metadata.
     ///
     /// # Errors

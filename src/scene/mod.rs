@@ -41,6 +41,7 @@ pub use texture::{Sampling, Texture, Wrap};
 pub use transform::Transform;
 pub use triangle::Triangle;
 pub(crate) use triangle::triangle_area;
+pub(crate) use validate::check_mesh;
 
 use crate::base::error::Result;
 use crate::base::math::Bounds;

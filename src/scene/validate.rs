@@ -10,13 +10,7 @@ use crate::base::math::Rgb;
 /// Names the mesh and the rule that it breaks.
 pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result<()> {
     let Arrangement { meshes, placements } = arrangement;
-    let refused = |mesh: &Mesh, problem: String| {
-        let problem = format!("the mesh `{}` cannot be used: {problem}", mesh.name);
-        Error::new(problem, "mend the mesh, or leave it out")
-    };
-    for mesh in meshes {
-        check_mesh(mesh).map_err(|problem| refused(mesh, problem))?;
-    }
+    meshes.iter().try_for_each(check_mesh)?;
     let count: usize = meshes.iter().map(|mesh| mesh.triangles.len()).sum();
     // The last two indices have special meanings.
     if count >= u32::MAX as usize - 1 {
@@ -40,7 +34,20 @@ pub(super) fn check(arrangement: &Arrangement, materials: &[Material]) -> Result
     Ok(())
 }
 
-fn check_mesh(mesh: &Mesh) -> std::result::Result<(), String> {
+/// Refuses a mesh that is not valid by itself.
+///
+/// # Errors
+/// Names the mesh and the rule that it breaks.
+pub(crate) fn check_mesh(mesh: &Mesh) -> Result<()> {
+    problem_of(mesh).map_err(|problem| refused(mesh, problem))
+}
+
+fn refused(mesh: &Mesh, problem: String) -> Error {
+    let problem = format!("the mesh `{}` cannot be used: {problem}", mesh.name);
+    Error::new(problem, "mend the mesh, or leave it out")
+}
+
+fn problem_of(mesh: &Mesh) -> std::result::Result<(), String> {
     // The backends check the range of coordinates.
     if let Some(vertex) = mesh.positions.iter().position(|position| !position.is_finite()) {
         return Err(format!("vertex {vertex} is not finite"));

@@ -3,8 +3,10 @@
 //! 1. [`measure`] lists the counts to measure at and collects the times of single iterations as
 //!    [`TimeSample`](measure::TimeSample)s. [`criterion`] reads them from Criterion's output.
 //! 2. [`fit`](mod@fit) turns the samples into a [`TimeModel`] by `least_squares`.
-//! 3. [`file`](mod@file) keeps model, samples and the [`setup`] in a file, and reads it back.
+//! 3. [`calibrate`] does both for a scene.
+//! 4. [`file`](mod@file) keeps model, samples and the [`setup`] in a file, and reads it back.
 
+pub mod calibrate;
 pub mod criterion;
 pub mod file;
 pub mod fit;

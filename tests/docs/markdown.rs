@@ -141,8 +141,14 @@ fn without_code(text: &str) -> String {
 /// All pages that are checked.
 pub fn pages() -> Vec<Page> {
     let markdown = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "md");
-    let top =
-        ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "blender/README.md", "sys/README.md"];
+    let top = [
+        "README.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "blender/README.md",
+        "python/README.md",
+        "sys/README.md",
+    ];
     let docs = files("docs").into_iter().filter(markdown);
     top.into_iter().map(PathBuf::from).chain(docs).map(Page::read).collect()
 }

@@ -11,6 +11,7 @@ mod gltf_bad;
 mod gltf_looks;
 mod instances;
 mod light;
+mod memory;
 mod mitsuba;
 mod obj;
 mod shapes;

@@ -1,6 +1,12 @@
 //! The program as its users meet it: files, streams, exit codes.
 
+use bdpm::film::aov::AovSelection;
 use bdpm::image_io::{Value, read_exr};
+use bdpm::noise::Measure;
+use bdpm::output::layers::LayerSelection;
+use bdpm::scene::backend::Backend;
+use bdpm::settings::PartialSettings;
+use bdpm::{RenderJob, Stop};
 use std::fs;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -403,4 +409,43 @@ fn a_reader_that_goes_away_is_no_panic() {
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert!(!text(&output.stderr).contains("panic"), "{}", text(&output.stderr));
+}
+
+#[test]
+fn image_and_noise_files_of_the_library_are_those_of_the_program() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let counts = ["--resolution", "24x18", "--light-paths", "500", "--camera-paths", "2"];
+    for (subcommand, name) in [("render", "image.exr"), ("analyze", "noise.exr")] {
+        let mut command = bdpm(&[subcommand, SCENE, "--accel", "bvh", "--iterations", "4"]);
+        command.args(counts).arg("--output").arg(at(name));
+        succeed(command);
+    }
+    let settings = PartialSettings {
+        resolution: Some([24, 18]),
+        light_paths: Some(500),
+        camera_paths: Some(2),
+        ..PartialSettings::default()
+    };
+    let loaded = bdpm::load(SCENE).unwrap();
+    let layers = LayerSelection::new(&[]);
+    let job = RenderJob::new(&loaded)
+        .settings(settings)
+        .backend(Some(Backend::Bvh))
+        .stop(Stop::iterations(4))
+        .aovs(layers.aovs());
+    let image = job.clone().render().unwrap().to_image_file(&layers);
+    let measured = job.aovs(AovSelection::default()).measure_always(Measure::Pairs);
+    let noise = measured.render().unwrap().noise_file(Measure::Pairs).unwrap().to_image();
+    for (name, own) in [("image.exr", image), ("noise.exr", noise)] {
+        let written = read_exr(&at(name)).unwrap();
+        assert_eq!(own.metadata, written.metadata, "{name}");
+        assert_eq!(own.layers.len(), written.layers.len(), "{name}");
+        for layer in &own.layers {
+            let other = written.layer(&layer.name).unwrap();
+            for (channel, values) in &layer.channels {
+                assert_eq!(other.channel(channel), Some(&values[..]), "{name}: {}", layer.name);
+            }
+        }
+    }
 }

@@ -2,7 +2,8 @@
 
 use super::predict::{Predicted, Source};
 use super::{CountLimits, MAX_CAMERA_PATHS, MIN_ITERATIONS, Objective, PerPixel, Problem};
-use crate::adaptive::stopping::MIN_ITERATIONS_TO_TARGET;
+use crate::adaptive::stopping::{MIN_ITERATIONS_TO_TARGET, Target};
+use crate::base::error::{Error, Result};
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::box_filter;
 use crate::noise::Coefficients;
@@ -21,6 +22,36 @@ pub enum Budget {
     Time(f64),
     /// An RMS to reach, luminance, W/(m^2 sr).
     Rms(f64),
+}
+
+impl Budget {
+    /// The budget that ends at this pooled RMS of the region of `source`.
+    ///
+    /// # Errors
+    /// If the target is a share of the mean luminance, and that is 0 or not known.
+    pub fn to_target(target: Target, source: &Source) -> Result<Self> {
+        let luminance = match (target, source) {
+            (Target::Absolute(rms), _) => return Ok(Self::Rms(rms)),
+            (_, Source::Measured(noise, region)) => {
+                let sum: f64 = region.iter().map(|&i| noise.pixels[i].luminance).sum();
+                sum / region.len() as f64
+            }
+            (_, Source::Given(_)) => {
+                return Err(Error::new(
+                    "the mean luminance is unknown: coefficients do not contain it",
+                    "give the target RMS as luminance, without %",
+                ));
+            }
+        };
+        let rms = target.absolute(luminance);
+        if rms > 0.0 {
+            return Ok(Self::Rms(rms));
+        }
+        Err(Error::new(
+            "the region is black, so that a noise in percent of it is undefined",
+            "give the target RMS as luminance, without %, or another region",
+        ))
+    }
 }
 
 /// The noise of a region and the times of an image.

@@ -13,6 +13,7 @@
 //! bound of what whole numbers reach. Only the percentile of [`Objective::MaxRms`] is not convex.
 //! Section 20 of docs/explanation/theory.md has the details.
 
+pub mod compared;
 pub mod measured;
 mod objective;
 mod per_pixel;

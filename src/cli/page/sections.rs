@@ -3,7 +3,6 @@
 use super::Snapshot;
 use super::convergence::error;
 use crate::cli::human_time;
-use crate::cli::progress::time_left;
 use crate::cli::render_report::text;
 use crate::cli::scene_input::SceneInput;
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
@@ -34,7 +33,7 @@ pub fn summary(snapshot: &Snapshot) -> Markup {
         Some(StoppedBy::Interrupt) => ("stopped by Ctrl-C", "stopped"),
         Some(_) => ("done", "done"),
     };
-    let (left, fraction) = time_left(&state.stop, &state.status, elapsed);
+    let (left, fraction) = state.status.time_left(&state.stop, elapsed);
     html! {
         header {
             (heading(&state.provenance, progress, class))

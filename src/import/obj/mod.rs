@@ -56,6 +56,12 @@ impl ObjFile {
         Self { meshes, materials: BTreeMap::new(), notes: Vec::new() }
     }
 
+    /// Wraps a mesh in memory, which names no materials.
+    pub(super) fn in_memory(mesh: &Arc<Mesh>) -> Self {
+        let meshes = vec![ObjMesh { mesh: Arc::clone(mesh), material: None }];
+        Self { meshes, materials: BTreeMap::new(), notes: Vec::new() }
+    }
+
     /// Number of triangles of all meshes.
     pub(super) fn triangle_count(&self) -> u64 {
         self.meshes.iter().map(|part| part.mesh.triangles.len() as u64).sum()

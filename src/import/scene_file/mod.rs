@@ -17,6 +17,7 @@ use environment::EnvironmentTable;
 use glam::{DVec3, Vec3};
 use light::LightTable;
 use material::MaterialTable;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, de};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -207,6 +208,18 @@ impl<'de> Deserialize<'de> for Rectangles {
 /// # Errors
 /// Names the line that is not TOML, or the key that is unknown, missing or has a wrong value.
 pub(in crate::import) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
+    parse_table(path, text)
+}
+
+/// Reads settings from the keys of a `[render]` table, one per line of `text`. Errors name `origin` as their file.
+///
+/// # Errors
+/// Names the key that is unknown or has a wrong value.
+pub fn render_settings(origin: &Path, text: &str) -> Result<PartialSettings> {
+    parse_table(origin, text)
+}
+
+fn parse_table<T: DeserializeOwned>(path: &Path, text: &str) -> Result<T> {
     toml::from_str(text).map_err(|error| {
         let problem = explain(error.message()).at(path);
         match error.span() {

@@ -1,5 +1,6 @@
 //! Computes the surface in the spheres around the points of a cell, in f64.
 
+use super::MAX_LEVEL;
 use super::boundary::boundary;
 use super::cell_builder::{CellBuilder, CellFrame, GatherFacet, Near, PatchFrame};
 use super::edge_list::{Holed, HoledList, List, ListedTriangle};
@@ -28,9 +29,12 @@ const CROWD: usize = 48;
 /// `materials` has up to 115.
 const MAX_KEPT: usize = 128;
 
-/// Triangles that are looked at for a cell, whether they are kept or not. It bounds the search among
+/// The same where the radius was halved already: a cell of as many triangles takes a sixteenth of the time.
+const MAX_KEPT_AGAIN: usize = 32;
+
+/// Triangles that are looked at for a cell, over those that are kept at most. It bounds the search among
 /// triangles that do not matter, such as those of glass.
-const MAX_VISITED: usize = 4 * MAX_KEPT;
+const MAX_VISITED: usize = 4;
 
 /// The surface in reach of the points of a cell.
 #[derive(Debug)]
@@ -81,12 +85,16 @@ impl CellBuilder<'_> {
         let frame = PatchFrame::new(own_corners, own.normal, self.radius).about(at);
         let cell = self.cell_frame(&frame, own_corners, half);
         let is_large = half.max_element() > LARGE;
-        let kept = if is_large { CROWD } else { MAX_KEPT };
-        let bound = WorkBound { kept, visited: MAX_VISITED };
+        let kept = match (is_large, self.level) {
+            (true, _) => CROWD,
+            (false, 0 | MAX_LEVEL) => MAX_KEPT,
+            (false, _) => MAX_KEPT_AGAIN,
+        };
+        let bound = WorkBound { kept, visited: MAX_VISITED * kept.max(MAX_KEPT) };
         match self.surroundings(own, &frame, &cell, bound) {
             Some(surroundings) => surroundings.cell(own, &cell),
             None if is_large => Cell::Split(Box::new(grid.split(index))),
-            None if self.may_shrink => Cell::Crowded,
+            None if self.level < MAX_LEVEL => Cell::Crowded,
             None if own.holes => Cell::HoledDisc(Box::new(own.hole_in(&frame, own_corners))),
             None => Cell::DISC,
         }

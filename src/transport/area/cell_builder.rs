@@ -90,8 +90,8 @@ pub struct CellBuilder<'a> {
     pub reach: &'a TriangleIndex,
     /// Radius of the spheres, scene units.
     pub radius: f64,
-    /// Whether there are areas for smaller radii.
-    pub may_shrink: bool,
+    /// How often the radius was halved.
+    pub level: u8,
 }
 
 /// The points of a cell, in the coordinates of its patch about its middle.

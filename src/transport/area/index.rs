@@ -299,7 +299,7 @@ impl Areas {
                 sides,
                 reach,
                 radius: self.radius.into(),
-                may_shrink: self.level < MAX_LEVEL,
+                level: self.level,
             };
             builder.build(own, grid, index)
         };

@@ -1,35 +1,39 @@
-//! The counts that `bdpm optimize` compares, with their noise and times.
+//! The best counts beside their alternatives, with noise and times.
 
-use bdpm::Settings;
-use bdpm::adaptive::optimize::NEAR_OPTIMUM;
-use bdpm::adaptive::optimize::Problem;
-use bdpm::adaptive::optimize::measured::{Budget, MeasuredProblem};
-use bdpm::adaptive::optimize::predict::Predicted;
-use bdpm::film::counts::Counts;
+use super::measured::{Budget, MeasuredProblem};
+use super::predict::Predicted;
+use super::{NEAR_OPTIMUM, Problem};
+use crate::film::counts::Counts;
+use crate::settings::Settings;
 use serde::Serialize;
 use std::ops::RangeInclusive;
 
 /// Noise and time at one choice of counts.
 #[derive(Serialize)]
 pub struct CountsRow {
+    /// The choice.
     pub name: RowName,
+    /// `N_F`.
     pub light_paths: u32,
-    /// Mean, lowest and highest number of camera paths of the pixels.
+    /// Mean number of camera paths over the pixels.
     pub camera_paths: f64,
+    /// Minimum number of camera paths over the pixels.
     pub least_camera_paths: u32,
+    /// Maximum number of camera paths over the pixels.
     pub most_camera_paths: u32,
-    /// Seconds.
+    /// Time of one iteration, seconds.
     pub iteration_time: f64,
-    /// RMS of one iteration.
+    /// Root of the objective for one iteration, luminance, W/(m^2 sr).
     pub rms: Predicted,
     /// RMS after the time, if one was given.
     pub rms_after: Option<Predicted>,
-    /// Seconds up to the target, if one was given.
+    /// Time to the target, seconds, if one was given.
     pub time_to_target: Option<Predicted>,
-    /// Time for the same noise over that of the recommended counts.
+    /// Time for equal noise over that of the recommended counts.
     pub relative_time: Predicted,
 }
 
+/// A choice of counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowName {

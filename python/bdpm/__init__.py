@@ -1,0 +1,56 @@
+"""Bidirectional photon mapping that measures, predicts and minimizes its own noise.
+
+    import bdpm
+
+    scene = bdpm.load("scenes/cornell-box")
+    result = bdpm.render(scene, time=20)
+    print(result.error)
+    result.save("cornell-box.png")
+
+Images are float32 arrays of shape (height, width, 3) with linear Rec. 709 radiance, W/(m^2 sr), the first row at the top.
+Problems that the user can solve raise `bdpm.Error`, which has a file, a line and help.
+"""
+
+from bdpm._bdpm import (
+    VERSION as __version__,
+    BestCounts,
+    Estimate,
+    Job,
+    Mesh,
+    Noise,
+    Plan,
+    Prediction,
+    Progress,
+    RelativeError,
+    RenderResult,
+    Scene,
+    Timings,
+    calibrate,
+    load,
+    read_exr,
+)
+from bdpm._error import Error
+from bdpm._render import analyze, render, start
+
+__all__ = [
+    "BestCounts",
+    "Error",
+    "Estimate",
+    "Job",
+    "Mesh",
+    "Noise",
+    "Plan",
+    "Prediction",
+    "Progress",
+    "RelativeError",
+    "RenderResult",
+    "Scene",
+    "Timings",
+    "__version__",
+    "analyze",
+    "calibrate",
+    "load",
+    "read_exr",
+    "render",
+    "start",
+]

@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Installs the wheel into a fresh environment, renders with it, and executes the notebooks of python/notebooks.
+#
+#   scripts/check-notebooks.sh WHEEL [NOTEBOOK.ipynb...]
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+wheel=$(realpath "$1")
+shift
+[ $# -gt 0 ] || set -- "$root"/python/notebooks/*.ipynb
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+python3 -m venv "$work/venv"
+python=$work/venv/bin/python
+"$python" -m pip install --quiet --disable-pip-version-check "$wheel"
+
+# With NumPy alone: the example of the README, and the program.
+(
+    cd "$work"
+    ln -s "$root/scenes" scenes
+    sed -n '/^```python$/,/^```$/p' "$root/README.md" | sed '/^```/d; s/time=20/time=2/' | "$python" -
+    test -s cornell-box.png
+    venv/bin/bdpm render scenes/cornell-box --time 1s --quiet --output program.exr
+    test -s program.exr
+)
+
+"$python" -m pip install --quiet --disable-pip-version-check "$wheel[notebook]" nbclient mitsuba==3.9.1
+"$python" - "$@" <<'END'
+import sys, time
+from pathlib import Path
+
+import nbformat
+from nbclient import NotebookClient
+
+for path in map(Path, sys.argv[1:]):
+    start = time.monotonic()
+    notebook = nbformat.read(path, as_version=4)
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": path.parent}}).execute()
+    print(f"{path.name}: {time.monotonic() - start:.0f} s")
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            if output.output_type == "stream" and output.name == "stdout":
+                print(output.text, end="")
+END
