@@ -83,7 +83,7 @@ fn points_with_few_triangles_in_reach_take_the_area() {
 }
 
 #[test]
-fn points_with_many_triangles_in_reach_take_the_area_within_a_quarter_of_the_radii() {
+fn points_with_many_triangles_in_reach_take_the_area_within_an_eighth_of_the_radii() {
     // The middle of the triangle is a third of the square away from the edge.
     let height = 2.0 / FINE as f32 / 3.0;
     for (opacity, share) in [(None, 1.0), (Some(0.5), 0.5)] {
@@ -91,8 +91,8 @@ fn points_with_many_triangles_in_reach_take_the_area_within_a_quarter_of_the_rad
         // Corners of the floor are out of reach.
         let squares: Vec<u32> = (16..FINE - 16).collect();
         for (areas, level) in areas_along_edge(&scene, &fresh(&scene), &squares) {
-            assert_eq!(level, 2);
-            for (area, radius) in areas.into_iter().zip(RADII.map(|radius| 0.25 * radius)) {
+            assert_eq!(level, 3);
+            for (area, radius) in areas.into_iter().zip(RADII.map(|radius| 0.125 * radius)) {
                 assert_close(area, share * half_plane(height / radius, 1.0) * radius * radius);
             }
         }
