@@ -3,6 +3,7 @@
 pub mod annulus;
 pub mod aov;
 pub mod compare;
+pub mod confidence;
 pub mod counts;
 pub mod features;
 pub mod folds;
