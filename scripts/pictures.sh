@@ -36,6 +36,14 @@ single() {
     "$picture" strip "$out/$1.jpg" "$work/$1.exr" ""
 }
 
+# A picture of one scene, denoised: it wants `make denoiser`.
+#   denoised NAME SCENE SECONDS [OPTION...]
+denoised() {
+    render "$@"
+    "$bdpm" denoise "$work/$1.exr" --output "$work/$1.denoised.exr" >/dev/null
+    "$picture" strip "$out/$1.jpg" "denoised@$work/$1.denoised.exr" ""
+}
+
 # Relative RMSE of an image to a reference in percent.
 difference() {
     "$bdpm" compare "$1" "$2" --json | sed -E 's/.*"relative_mse":([0-9.eE+-]+).*/\1/' |
@@ -62,9 +70,9 @@ make_picture() {
             render point-caustic point-caustic 900 --resolution 1600x1200
             "$picture" strip "$out/point-caustic.jpg" "$work/point-caustic.exr" "@$work/point-caustic.json"
             ;;
-        hall) single hall hall 600 --resolution 1620x1080 ;;
-        objective) single objective objective 600 --resolution 1620x1080 ;;
-        daylight) single daylight daylight 600 --resolution 1920x1080 ;;
+        hall) denoised hall hall 600 --resolution 1620x1080 ;;
+        objective) denoised objective objective 600 --resolution 1620x1080 ;;
+        daylight) denoised daylight daylight 600 --resolution 1920x1080 ;;
         materials) single materials materials 400 --resolution 1440x810 ;;
         caustic-sphere) single caustic-sphere caustic-sphere 300 --resolution 800x800 ;;
         cornell-box) single cornell-box cornell-box 60 --resolution 512x512 ;;

@@ -32,6 +32,9 @@ const TRIAL_ITERATIONS: u64 = 32;
 /// next to nothing, and more only repeat what they measure.
 const TRIAL_PATHS: Range<f64> = 1024.0..16_384.0;
 
+/// Minimum number of light paths of an iteration of a trial, which is less than [`TRIAL_PATHS`] where they split.
+const LEAST_LIGHT_PATHS: u32 = 128;
+
 /// Camera paths per pixel of an iteration of a trial: the smallest number that can be measured, so
 /// that a trial sees as many pixels as possible.
 const TRIAL_CAMERA_PATHS: u32 = 2;
@@ -257,7 +260,8 @@ impl<'a> TrialRunner<'a> {
         seconds: f64,
     ) -> Result<Trial> {
         let start = Instant::now();
-        let light_paths = self.light_paths;
+        // As many photons as without splitting, so that trials of all techniques have similar numbers of iterations.
+        let light_paths = (self.light_paths / settings.splitting).max(LEAST_LIGHT_PATHS);
         let camera_paths = TRIAL_CAMERA_PATHS;
         let seed = settings.seed.wrapping_add(TRIAL_SEED);
         let mis_scales = Some(settings.mis_scales());
