@@ -4,6 +4,7 @@
 //! calls nor branches.
 
 pub mod dispatch;
+pub mod eight;
 
 use crate::base::rng::Rng;
 use bytemuck::{Pod, Zeroable};
