@@ -24,11 +24,11 @@ pub(super) fn bytes_per_light_path(scene: &Scene, settings: &Settings) -> f64 {
 }
 
 /// Memory of a photon, bytes: as traced, while it is sorted with its bucket in two orders, and in the
-/// map with up to eight buckets. MIS adds partials each time.
+/// map, where its normal takes 4 bytes more, with up to eight buckets. MIS adds partials each time.
 fn bytes_per_photon(settings: &Settings) -> f64 {
     let weight =
         if settings.strategy == Strategy::Single { 0 } else { size_of::<PhotonPartials>() };
-    (3 * (size_of::<Photon>() + weight) + 2 * 4 + 8 * 4) as f64
+    (3 * (size_of::<Photon>() + weight) + 2 * 4 + 4 + 8 * 4) as f64
 }
 
 /// Number of light paths with `photons_per_path` photons on average that fit in `memory` bytes beside

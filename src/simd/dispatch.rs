@@ -116,43 +116,10 @@ fn reordered(words: [u32; 8], order: [u8; 8]) -> [u32; 8] {
     order.map(|lane| words[usize::from(lane) % 8])
 }
 
-/// For four bits: for each set bit a lane of the first four words and the same lane of the last four, then
-/// any others.
-static PAIRS: [[u8; 8]; 16] = {
-    let mut pairs = [[0; 8]; 16];
-    let mut bits = 0;
-    while bits < 16 {
-        let (mut lane, mut place) = (0, 0);
-        while lane < 4 {
-            if bits >> lane & 1 == 1 {
-                pairs[bits][place] = lane;
-                pairs[bits][place + 1] = 4 + lane;
-                place += 2;
-            }
-            lane += 1;
-        }
-        bits += 1;
-    }
-    pairs
-};
-
-/// Pairs of a word of `first` and one of `second` for each set bit of `bits`, then any others.
+/// For the lowest eight bits: the lanes of the set ones, then any others.
 #[inline(always)]
-pub(crate) fn interleave_selected(
-    simd: Simd,
-    bits: u32,
-    first: [u32; 4],
-    second: [u32; 4],
-) -> [[u32; 2]; 4] {
-    let order = PAIRS[bits as usize % 16];
-    #[cfg(target_arch = "x86_64")]
-    if let Simd(Some(V3 { avx, avx2, .. })) = simd {
-        // Join them in a register: reading eight words just stored as two halves would stall.
-        let words = avx._mm256_set_m128i(bytemuck::cast(second), bytemuck::cast(first));
-        let order = avx2._mm256_cvtepu8_epi32(bytemuck::cast([u64::from_le_bytes(order), 0]));
-        return bytemuck::cast(avx2._mm256_permutevar8x32_epi32(words, order));
-    }
-    bytemuck::cast(reordered(bytemuck::cast([first, second]), order))
+pub(super) fn compacted(bits: u32) -> [u8; 8] {
+    ORDERS[bits as usize % ORDERS.len()]
 }
 
 /// Calls `each` with each row of a packet of eight columns of words.
@@ -251,17 +218,6 @@ mod tests {
                     });
                 }
                 assert_eq!(kept, lanes_of(bits.into()).collect::<Vec<_>>());
-            }
-        });
-    }
-
-    #[test]
-    fn interleave_selected_pairs_words_of_set_bits() {
-        let (first, second) = ([10, 11, 12, 13], [20, 21, 22, 23]);
-        both(|simd| {
-            for bits in 0..16 {
-                let set: Vec<_> = lanes_of(bits).map(|lane| [first[lane], second[lane]]).collect();
-                assert_eq!(interleave_selected(simd, bits, first, second)[..set.len()], set);
             }
         });
     }

@@ -4,6 +4,7 @@
 //! calls nor branches.
 
 pub mod dispatch;
+pub mod eight;
 pub mod sobol;
 
 use crate::base::rng::Rng;

@@ -16,7 +16,7 @@ use super::photon_map::{
     PointSearch, QueryKind, Ranges, Unweighted,
 };
 use crate::base::math::{LUMINANCE, Rgb};
-use crate::simd::dispatch::{Simd, vectorized};
+use crate::simd::eight::{Eight, EightWork, by_eight};
 use crate::simd::{LANES, Mask, Vec3s, any};
 use std::array::from_fn;
 use std::{ops, slice};
@@ -82,14 +82,14 @@ struct Workspace {
 }
 
 /// Camera paths that are merged together.
-struct Batch<'a> {
-    simd: Simd,
+struct Batch<'a, E> {
+    eight: E,
     paths: &'a CameraPaths,
     /// The paths among them that gather.
     part: &'a ops::Range<usize>,
 }
 
-impl Batch<'_> {
+impl<E> Batch<'_, E> {
     #[inline(always)] // vectorized
     fn packets(&self) -> &[GatherPacket] {
         self.paths.gather_points.packets()
@@ -119,6 +119,31 @@ struct PathSums<'a> {
     sums: &'a mut [Rgb],
     caustics: &'a mut [Rgb],
     annulus: &'a mut [ByClass<Rgb>],
+}
+
+/// The merging of some camera paths.
+struct MergePart<'a, 'b, const PAIRS: bool> {
+    merge: &'a Merge<'b>,
+    paths: &'a CameraPaths,
+    part: &'a ops::Range<usize>,
+    output: &'a mut MergeOutput,
+}
+
+impl<const PAIRS: bool> EightWork for MergePart<'_, '_, PAIRS> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<E: Eight>(self, eight: E) -> bool {
+        let Self { merge, paths, part, output } = self;
+        let MergeOutput { sums, pairs, caustics, annulus, workspace } = output;
+        let sums = &mut PathSums { sums, caustics, annulus };
+        let batch = &Batch { eight, paths, part };
+        if merge.by_zone {
+            merge.merge_by_zone::<E, PAIRS>(batch, workspace, pairs, sums)
+        } else {
+            merge.merge_in_order::<E, PAIRS>(batch, &mut workspace.ranges, pairs, sums)
+        }
+    }
 }
 
 impl<'a> Merge<'a> {
@@ -206,26 +231,14 @@ impl<'a> Merge<'a> {
         part: &ops::Range<usize>,
         output: &mut MergeOutput,
     ) -> bool {
-        let MergeOutput { sums, pairs, caustics, annulus, workspace } = output;
-        let sums = &mut PathSums { sums, caustics, annulus };
-        vectorized(
-            #[inline(always)]
-            |simd| {
-                let batch = &Batch { simd, paths, part };
-                if self.by_zone {
-                    self.merge_by_zone::<PAIRS>(batch, workspace, pairs, sums)
-                } else {
-                    self.merge_in_order::<PAIRS>(batch, &mut workspace.ranges, pairs, sums)
-                }
-            },
-        )
+        by_eight(MergePart::<PAIRS> { merge: self, paths, part, output })
     }
 
     /// Merges packet by packet.
     #[inline(always)] // vectorized
-    fn merge_in_order<const PAIRS: bool>(
+    fn merge_in_order<E: Eight, const PAIRS: bool>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         ranges: &mut Ranges,
         pairs: &mut PairList,
         sums: &mut PathSums,
@@ -248,7 +261,7 @@ impl<'a> Merge<'a> {
                 pairs,
             };
             let query = |lane: usize| self.query(&packet.get(lane), index * LANES + lane);
-            self.merge_ranges::<PAIRS>(batch, ranges, query, &mut found);
+            self.merge_ranges::<E, PAIRS, PAIRS>(batch, ranges, query, &mut found);
             if PAIRS && self.are_too_many(batch, pairs) {
                 return false;
             }
@@ -264,9 +277,9 @@ impl<'a> Merge<'a> {
     /// Merges zone by zone: all queries in one part of the photon map, which read the same photons, before those in
     /// the next part.
     #[inline(always)] // vectorized
-    fn merge_by_zone<const PAIRS: bool>(
+    fn merge_by_zone<E: Eight, const PAIRS: bool>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         workspace: &mut Workspace,
         pairs: &mut PairList,
         sums: &mut PathSums,
@@ -301,7 +314,7 @@ impl<'a> Merge<'a> {
                 positions.set(lane, query.position);
             }
             self.map.find_ranges(&positions, &from_fn(|lane| lane < queries.len()), ranges);
-            self.merge_ranges::<PAIRS>(batch, ranges, |lane| queries[lane], &mut found);
+            self.merge_ranges::<E, PAIRS, PAIRS>(batch, ranges, |lane| queries[lane], &mut found);
             if PAIRS && self.are_too_many(batch, found.pairs) {
                 return false;
             }
@@ -330,9 +343,9 @@ impl<'a> Merge<'a> {
 
     /// Merges again where the kernels show that too much is in reach, within smaller radii.
     #[inline(always)] // vectorized
-    fn merge_crowded(
+    fn merge_crowded<E>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         index: usize,
         kernels: &PointKernels,
         ranges: &mut Ranges,
@@ -340,42 +353,22 @@ impl<'a> Merge<'a> {
     ) {
         let crowded = kernels.level.map(|level| level > 0);
         if any(&crowded) {
-            self.merge_packet_again(batch, (index, &crowded), kernels, ranges, flux);
+            let Batch { paths, part, .. } = *batch;
+            let lanes = (index, crowded);
+            merge_again(CrowdedLanes { merge: self, paths, part, lanes, kernels, ranges, flux });
         }
     }
 
-    #[inline(never)] // rare
-    fn merge_packet_again(
-        &self,
-        batch: &Batch,
-        (index, crowded): (usize, &Mask),
-        kernels: &PointKernels,
-        ranges: &mut Ranges,
-        [flux, inner]: [&mut ByClass<Vec3s>; 2],
-    ) {
-        let packet = &batch.packets()[index];
-        self.map.find_ranges(&packet.position, crowded, ranges);
-        let mut found = PacketFlux {
-            first: index,
-            flux: slice::from_mut(flux),
-            inner: slice::from_mut(inner),
-            kernels: slice::from_ref(kernels),
-            pairs: &mut PairList::default(),
-        };
-        let query = |lane: usize| self.query(&packet.get(lane), index * LANES + lane);
-        self.merge_ranges::<false>(batch, ranges, query, &mut found);
-    }
-
     /// Tests whether there are more pairs than are listed at a time, and several camera paths to divide.
-    fn are_too_many(&self, batch: &Batch, pairs: &PairList) -> bool {
+    fn are_too_many<E>(&self, batch: &Batch<E>, pairs: &PairList) -> bool {
         pairs.len() > self.max_pairs && batch.part.len() > 1
     }
 
-    /// Merges the photons in the ranges of up to sixteen queries.
+    /// Merges the photons in the ranges of up to sixteen queries; with `LEVELS`, within the radii of the kernels' levels.
     #[inline(always)] // vectorized
-    fn merge_ranges<const PAIRS: bool>(
+    fn merge_ranges<E: Eight, const PAIRS: bool, const LEVELS: bool>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         ranges: &Ranges,
         query: impl Fn(usize) -> MergeQuery,
         found: &mut PacketFlux,
@@ -386,12 +379,11 @@ impl<'a> Merge<'a> {
                 (query.point as usize / LANES - found.first, query.point as usize % LANES);
             let kernels = &found.kernels[packet];
             let search = PointSearch { query, ranges, kernel: kernels.get(lane) };
-            let flux = match kernels.level[lane] {
-                0 => self.merge_point::<PAIRS>(batch, &search, found.pairs),
-                level => {
-                    let admission = self.admission.at_level(level);
-                    Self { admission, ..*self }.merge_point::<PAIRS>(batch, &search, found.pairs)
-                }
+            let flux = if LEVELS {
+                let admission = self.admission.at_level(kernels.level[lane]);
+                Self { admission, ..*self }.merge_point::<E, PAIRS>(batch, &search, found.pairs)
+            } else {
+                self.merge_point::<E, PAIRS>(batch, &search, found.pairs)
             };
             set(&mut found.flux[packet], lane, flux.all);
             if let Some(inner) = found.inner.get_mut(packet) {
@@ -402,9 +394,9 @@ impl<'a> Merge<'a> {
 
     /// Merges the photons that one query finds. Where the BSDF is not constant, flux and weights include its value.
     #[inline(always)] // vectorized
-    fn merge_point<const PAIRS: bool>(
+    fn merge_point<E: Eight, const PAIRS: bool>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         search: &PointSearch,
         pairs: &mut PairList,
     ) -> MergedFlux {
@@ -413,31 +405,31 @@ impl<'a> Merge<'a> {
             return self.merge_directional::<PAIRS>(batch.paths, search, pairs);
         }
         let Some(mis) = self.options.mis else {
-            return self.merge_lambertian::<PAIRS>(batch, search, &Unweighted, 1.0, pairs);
+            return self.merge_lambertian::<E, PAIRS>(batch, search, &Unweighted, 1.0, pairs);
         };
         let point = batch.paths.gather_points.mis_partials(query.point as usize);
         let has_caustics = self.map.has_caustic_photons();
         if !query.kind.all_classes() {
             let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
-            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }
         if mis.continues || !mis.connects {
             let weights = &VertexWeights::<2>::new(&mis, point, has_caustics);
-            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }
         let weights = &CutWeights::new(&mis, point);
         if has_caustics {
-            return self.merge_lambertian::<PAIRS>(batch, search, weights, 1.0, pairs);
+            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
         }
         // One weight for all photons.
-        self.merge_lambertian::<PAIRS>(batch, search, &Unweighted, weights.diffuse(), pairs)
+        self.merge_lambertian::<E, PAIRS>(batch, search, &Unweighted, weights.diffuse(), pairs)
     }
 
     /// Merges photons where the BSDF is constant. MIS weights are `weights` times `weight`.
     #[inline(always)] // vectorized
-    fn merge_lambertian<const PAIRS: bool>(
+    fn merge_lambertian<E: Eight, const PAIRS: bool>(
         &self,
-        batch: &Batch,
+        batch: &Batch<E>,
         search: &PointSearch,
         weights: &impl PhotonWeights,
         weight: f32,
@@ -446,30 +438,31 @@ impl<'a> Merge<'a> {
         let MergedFlux { all, inner } = if PAIRS {
             let point = batch.paths.gather_points.at(search.query.point as usize);
             let to_luminance = to_luminance(&point, search) * weight;
-            let mut sink = PointPairs::new(batch.simd, to_luminance, pairs.space(search.places()));
-            let flux = self.merge_photons(search, weights, &mut sink);
+            let mut sink = PointPairs::new(batch.eight, to_luminance, pairs.space(search.places()));
+            let flux = self.merge_photons(batch.eight, search, weights, &mut sink);
             let (count, nested) = sink.finish();
             if count > 0 {
                 pairs.commit(count, point.path, nested);
             }
             flux
         } else {
-            self.merge_photons(search, weights, &mut NoPairs)
+            self.merge_photons(batch.eight, search, weights, &mut NoPairs)
         };
         MergedFlux { all: all.map(|flux| flux * weight), inner: inner.map(|flux| flux * weight) }
     }
 
     #[inline(always)] // vectorized
-    fn merge_photons(
+    fn merge_photons<E: Eight>(
         &self,
+        eight: E,
         search: &PointSearch,
         weights: &impl PhotonWeights,
-        pairs: &mut impl PairSink,
+        pairs: &mut impl PairSink<E>,
     ) -> MergedFlux {
         if self.options.records_annulus {
-            self.map.merge::<true>(search, &self.admission, weights, pairs)
+            self.map.merge::<E, true>(eight, search, &self.admission, weights, pairs)
         } else {
-            self.map.merge::<false>(search, &self.admission, weights, pairs)
+            self.map.merge::<E, false>(eight, search, &self.admission, weights, pairs)
         }
     }
 
@@ -574,6 +567,46 @@ impl<'a> Merge<'a> {
                 }
             }
         }
+    }
+}
+
+/// Points of a packet that are merged again, within the radii of their levels.
+struct CrowdedLanes<'a, 'b> {
+    merge: &'a Merge<'a>,
+    paths: &'a CameraPaths,
+    part: &'a ops::Range<usize>,
+    /// Index of the packet, and its points.
+    lanes: (usize, Mask),
+    kernels: &'a PointKernels,
+    ranges: &'b mut Ranges,
+    /// Flux within the radii and within half of them.
+    flux: [&'b mut ByClass<Vec3s>; 2],
+}
+
+#[inline(never)] // rare
+fn merge_again(crowded: CrowdedLanes) {
+    by_eight(crowded);
+}
+
+impl EightWork for CrowdedLanes<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<E: Eight>(self, eight: E) {
+        let Self { merge, paths, part, lanes: (index, crowded), kernels, ranges, flux } = self;
+        let batch = &Batch { eight, paths, part };
+        let packet = &batch.packets()[index];
+        merge.map.find_ranges(&packet.position, &crowded, ranges);
+        let [flux, inner] = flux;
+        let mut found = PacketFlux {
+            first: index,
+            flux: slice::from_mut(flux),
+            inner: slice::from_mut(inner),
+            kernels: slice::from_ref(kernels),
+            pairs: &mut PairList::default(),
+        };
+        let query = |lane: usize| merge.query(&packet.get(lane), index * LANES + lane);
+        merge.merge_ranges::<E, false, true>(batch, ranges, query, &mut found);
     }
 }
 

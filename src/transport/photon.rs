@@ -139,13 +139,27 @@ impl Arrival {
     /// Tests whether the class is [`PhotonClass::Caustic`].
     #[inline(always)]
     pub fn is_caustic(self) -> bool {
-        self.0 >> 24 & 1 == PhotonClass::Caustic as u32
+        let (selected, value) = Self::class_bits(PhotonClass::Caustic);
+        self.0 >> 24 & selected == value
+    }
+
+    /// The bit of the class in the highest byte, and its value for photons of this class.
+    #[inline(always)]
+    pub fn class_bits(class: PhotonClass) -> (u32, u32) {
+        (1, class as u32)
+    }
+
+    /// The bits of the side in the highest byte, and their value for photons on this side.
+    #[inline(always)]
+    pub fn side_bits(side: PhotonSide) -> (u32, u32) {
+        (0xfe, u32::from(side.0))
     }
 
     /// Tests whether the photon is on this side.
     #[inline(always)]
     pub fn is_on(self, side: PhotonSide) -> bool {
-        self.0 & 0xfe00_0000 == u32::from(side.0) << 24
+        let (selected, value) = Self::side_bits(side);
+        self.0 >> 24 & selected == value
     }
 }
 

@@ -5,6 +5,7 @@ use crate::base::math::{disc_area, luminance, uniform_sphere};
 use crate::base::rng::{Rng, Stream, StreamKey};
 use crate::scene::bsdf::{Bsdf, Vertex};
 use crate::scene::diffuse::TriangleSide;
+use crate::simd::eight::Portable;
 use crate::transport::area::admission::THICKNESS;
 use crate::transport::gather::GatherView;
 use crate::transport::kernel::ByClass;
@@ -71,7 +72,7 @@ fn camera_paths(count: u32) -> CameraPaths {
 fn sums_in_either_order_of_queries_match_all_pairs() {
     let all = assert_sums(20_000, [0.05; 2], f32::INFINITY);
     assert!(all > 5000);
-    // Ranges of one query share a quad.
+    // Ranges of one query share an octet.
     assert!(assert_sums(40, [0.4; 2], f32::INFINITY) > 500);
     for radii in [[0.02, 0.05], [0.06, 0.03]] {
         assert!(assert_sums(20_000, radii, f32::INFINITY) > 1000);
@@ -80,6 +81,32 @@ fn sums_in_either_order_of_queries_match_all_pairs() {
     // Photons on other planes do not count.
     let flat = assert_sums(20_000, [0.05; 2], THICKNESS);
     assert!(flat > 3000 && flat < all, "{flat} of {all}");
+}
+
+#[test]
+fn merged_light_does_not_depend_on_the_processor() {
+    let (photons, paths) = (photons(20_000), camera_paths(500));
+    let mut map = PhotonMap::default();
+    let kernel = MergeKernel::discs([0.06, 0.04]);
+    map.build_from(&[&photons], kernel.reach());
+    let options = MergeOptions { records_annulus: true, ..MergeOptions::default() };
+    let mut merge = Merge::new(&map, 3, kernel, options);
+    merge.admission.flattening = (127.0 * THICKNESS).powi(-2);
+    let found = [false, true].map(|portable| {
+        let (mut output, part) = (MergeOutput::default(), 0..500);
+        output.clear(part.len(), &options);
+        let (merge, paths) = (&merge, &paths);
+        let work = MergePart::<true> { merge, paths, part: &part, output: &mut output };
+        assert!(if portable { work.run(Portable) } else { by_eight(work) });
+        output.pairs.order_by_path(part.clone());
+        let pairs: Vec<_> = part
+            .flat_map(|path| output.pairs.of_path(path))
+            .map(|(pairs, nested)| (pairs.to_vec(), nested))
+            .collect();
+        assert!(pairs.len() > 300, "{}", pairs.len());
+        (output.sums, output.annulus, pairs)
+    });
+    assert!(found[0] == found[1]);
 }
 
 /// Compares all sums; photons count up to `thickness` times the radius off their own planes.

@@ -2,17 +2,18 @@
 
 use super::Mis;
 use super::weights::{GatherPartials, PhotonPartials, merge_weight};
+use crate::simd::eight::Eight;
 use crate::transport::gather::{GatherPoint, GatherView};
 use crate::transport::kernel::ByClass;
 use crate::transport::photon::PhotonClass;
-use crate::transport::photon_map::{PhotonWeights, QuadPartials};
-use glam::{BVec4A, Vec3, Vec4};
+use crate::transport::photon_map::{OctetPartials, PhotonWeights};
+use glam::Vec3;
 
 /// Weights of merges at a Lambertian vertex of this number, 1 or 2.
 pub(crate) struct VertexWeights<const VERTEX: usize> {
     /// Terms of merges at earlier vertices for caustic and diffuse photons.
-    earlier: ByClass<Vec4>,
-    camera: Vec4,
+    earlier: ByClass<f32>,
+    camera: f32,
     /// Caustic photons have other terms.
     separate_classes: bool,
 }
@@ -32,9 +33,9 @@ impl<const VERTEX: usize> VertexWeights<VERTEX> {
     /// The weights at a gather point of these partials, which include the density of light paths there.
     #[inline(always)] // part of the loop over queries, as the functions below
     pub fn new(mis: &Mis, point: &GatherPartials, has_caustics: bool) -> Self {
-        let earlier = mis.balance.inverse_scales().map(|scale| Vec4::splat(point.earlier * scale));
+        let earlier = mis.balance.inverse_scales().map(|scale| point.earlier * scale);
         let separate_classes = has_caustics && VERTEX == 2;
-        Self { earlier, camera: Vec4::splat(point.camera), separate_classes }
+        Self { earlier, camera: point.camera, separate_classes }
     }
 }
 
@@ -61,23 +62,23 @@ impl<const VERTEX: usize> PhotonWeights for VertexWeights<VERTEX> {
     }
 
     #[inline(always)]
-    fn of_quad(
+    fn of_octet<E: Eight>(
         &self,
-        mis_partials: &[QuadPartials],
-        quad: usize,
-        is_caustic: impl FnOnce() -> BVec4A,
-    ) -> Option<Vec4> {
-        let photon = Vec4::from_array(mis_partials[quad][VERTEX - 1]);
-        // Four times `merge_weight`.
+        eight: E,
+        mis_partials: &[OctetPartials],
+        octet: usize,
+        is_caustic: E::Mask,
+    ) -> Option<E::Floats> {
+        let photon = eight.load(&mis_partials[octet][VERTEX - 1]);
+        // Eight times `merge_weight`.
         let [caustic, diffuse] = self.earlier;
-        let earlier = if self.separate_classes {
-            Vec4::select(is_caustic(), caustic, diffuse)
-        } else {
-            diffuse
-        };
-        let weight = (Vec4::ONE + earlier + self.camera * photon).recip();
+        let mut earlier = eight.splat(diffuse);
+        if self.separate_classes {
+            earlier = eight.select(is_caustic, eight.splat(caustic), earlier);
+        }
+        let weight = eight.recip(eight.splat(1.0) + earlier + eight.splat(self.camera) * photon);
         Some(if VERTEX == 2 {
-            Vec4::select(photon.cmplt(Vec4::ZERO), Vec4::ZERO, weight)
+            eight.keep(eight.le(eight.splat(0.0), photon), weight)
         } else {
             weight
         })
@@ -93,7 +94,13 @@ impl PhotonWeights for CutWeights {
     }
 
     #[inline(always)]
-    fn of_quad(&self, _: &[QuadPartials], _: usize, _: impl FnOnce() -> BVec4A) -> Option<Vec4> {
+    fn of_octet<E: Eight>(
+        &self,
+        _: E,
+        _: &[OctetPartials],
+        _: usize,
+        _: E::Mask,
+    ) -> Option<E::Floats> {
         None
     }
 }

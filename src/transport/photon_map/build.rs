@@ -4,7 +4,7 @@
 //! Photons of a bucket keep their order, which does not depend on chunks and partitions. Places, which
 //! decide the order of additions, depend on the photons but not on the number of threads.
 
-use super::{Grid, PhotonMap, QUAD, Quad, QuadPartials};
+use super::{Grid, OCTET, Octet, OctetPartials, PhotonMap};
 use crate::base::math::Rgb;
 use crate::transport::mis::weights::PhotonPartials;
 use crate::transport::photon::{Arrival, Extent, Photon};
@@ -137,9 +137,9 @@ struct Partition<'a> {
     /// Place of its first photon.
     offset: u32,
     starts: &'a mut [u32],
-    quads: &'a mut [Quad],
+    octets: &'a mut [Octet],
     directions: &'a mut [u32],
-    mis_partials: &'a mut [QuadPartials],
+    mis_partials: &'a mut [OctetPartials],
 }
 
 impl Partition<'_> {
@@ -166,19 +166,19 @@ impl Partition<'_> {
                 let start = &mut self.starts[(bucket - first) as usize];
                 *start -= 1;
                 let place = (*start - self.offset) as usize;
-                self.quads[place / QUAD].set(place % QUAD, photon);
+                self.octets[place / OCTET].set(place % OCTET, photon);
                 if let Some(direction) = self.directions.get_mut(place) {
                     *direction = photon.from;
                 }
-                if let Some(quad) = self.mis_partials.get_mut(place / QUAD) {
-                    for (lanes, partial) in quad.iter_mut().zip(mis_partials[index]) {
-                        lanes[place % QUAD] = partial;
+                if let Some(octet) = self.mis_partials.get_mut(place / OCTET) {
+                    for (lanes, partial) in octet.iter_mut().zip(mis_partials[index]) {
+                        lanes[place % OCTET] = partial;
                     }
                 }
             }
         }
-        for place in (end - self.offset) as usize..self.quads.len() * QUAD {
-            self.quads[place / QUAD].set(place % QUAD, &NOTHING);
+        for place in (end - self.offset) as usize..self.octets.len() * OCTET {
+            self.octets[place / OCTET].set(place % OCTET, &NOTHING);
         }
     }
 }
@@ -223,22 +223,22 @@ impl PhotonMap {
             _ => chunks.iter().map(|chunk| chunk.partition(partition)).collect(),
         };
 
-        // Each partition starts with a new quad, so that threads can fill them at the same time.
+        // Each partition starts with a new octet, so that threads can fill them at the same time.
         let sizes: Vec<usize> = (0..partitions)
             .map(|p| runs(p).iter().map(|run| run.photons.len()).sum::<usize>())
-            .map(|photons: usize| photons.next_multiple_of(QUAD))
+            .map(|photons: usize| photons.next_multiple_of(OCTET))
             .collect();
         let places = sizes.iter().sum();
         assert!(u32::try_from(places).is_ok(), "the photon map holds fewer than 2^32 photons");
-        self.quads.resize(places / QUAD, Quad::default());
+        self.octets.resize(places / OCTET, Octet::default());
         self.directions.resize(if has_directions { places } else { 0 }, 0);
-        let partials = if weighted { places / QUAD } else { 0 };
-        self.mis_partials.resize(partials, QuadPartials::default());
+        let partials = if weighted { places / OCTET } else { 0 };
+        self.mis_partials.resize(partials, OctetPartials::default());
         self.starts.resize(buckets + 1, 0);
         self.starts[buckets] = places as u32;
 
         let mut starts = &mut self.starts[..buckets];
-        let (mut quads, mut directions) = (&mut self.quads[..], &mut self.directions[..]);
+        let (mut octets, mut directions) = (&mut self.octets[..], &mut self.directions[..]);
         let mut mis_partials = &mut self.mis_partials[..];
         let mut offset = 0;
         let all: Vec<Partition> = sizes
@@ -248,9 +248,9 @@ impl PhotonMap {
                 let partition = Partition {
                     offset,
                     starts: take(&mut starts, own),
-                    quads: take(&mut quads, size / QUAD),
+                    octets: take(&mut octets, size / OCTET),
                     directions: take(&mut directions, if has_directions { size } else { 0 }),
-                    mis_partials: take(&mut mis_partials, if weighted { size / QUAD } else { 0 }),
+                    mis_partials: take(&mut mis_partials, if weighted { size / OCTET } else { 0 }),
                 };
                 offset += size as u32;
                 partition

@@ -168,7 +168,7 @@ impl Grid {
     }
 
     /// Tests whether cells share buckets.
-    #[cfg(test)]
+    #[inline]
     pub fn is_hashed(&self) -> bool {
         self.mask != u32::MAX
     }

@@ -1,11 +1,11 @@
 //! MIS weights of photons, as the loop over photons applies them.
 
-use super::QUAD;
+use super::OCTET;
+use crate::simd::eight::Eight;
 use crate::transport::kernel::ByClass;
-use glam::{BVec4A, Vec4};
 
-/// MIS partials of the photons of a quad, for merges at first and at second vertices.
-pub(crate) type QuadPartials = [[f32; QUAD]; 2];
+/// MIS partials of the photons of an octet, for merges at first and at second vertices.
+pub(crate) type OctetPartials = [[f32; OCTET]; 2];
 
 /// MIS weights of the photons that one query finds.
 pub(crate) trait PhotonWeights {
@@ -15,14 +15,15 @@ pub(crate) trait PhotonWeights {
     /// One weight for each photon class; `None` if both are 1.
     fn by_class(&self) -> Option<ByClass<f32>>;
 
-    /// Further weights of the photons of a quad, from their MIS partials; `None` if all are 1. `is_caustic` finds the
-    /// caustic photons.
-    fn of_quad(
+    /// Further weights of the photons of an octet, from their MIS partials; `None` if all are 1. `is_caustic` selects
+    /// the caustic photons.
+    fn of_octet<E: Eight>(
         &self,
-        mis_partials: &[QuadPartials],
-        quad: usize,
-        is_caustic: impl FnOnce() -> BVec4A,
-    ) -> Option<Vec4>;
+        eight: E,
+        mis_partials: &[OctetPartials],
+        octet: usize,
+        is_caustic: E::Mask,
+    ) -> Option<E::Floats>;
 }
 
 /// Weights of 1 for all photons.
@@ -37,7 +38,13 @@ impl PhotonWeights for Unweighted {
     }
 
     #[inline(always)]
-    fn of_quad(&self, _: &[QuadPartials], _: usize, _: impl FnOnce() -> BVec4A) -> Option<Vec4> {
+    fn of_octet<E: Eight>(
+        &self,
+        _: E,
+        _: &[OctetPartials],
+        _: usize,
+        _: E::Mask,
+    ) -> Option<E::Floats> {
         None
     }
 }

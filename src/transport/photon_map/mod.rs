@@ -5,7 +5,7 @@ mod grid;
 mod grid_choice;
 mod mis_weights;
 mod occupancy;
-mod quad;
+mod octet;
 mod queries;
 
 use super::kernel::{Admission, ByClass, PointKernel};
@@ -13,29 +13,30 @@ use super::light_paths::LightPaths;
 use super::mis::weights::PhotonPartials;
 use super::photon::{Extent, Photon};
 use crate::base::math::{Bounds, Rgb};
+use crate::simd::eight::{Eight, Portable};
 use crate::simd::{LANES, Mask, Vec3s, bits, lanes_of};
 use build::{PhotonChunk, PhotonSlices};
-use glam::{BVec4A, Vec3, Vec3A};
-use grid::Grid;
+use glam::{Vec3, Vec3A};
+use grid::{Grid, Rows};
 use occupancy::Occupancy;
-use quad::{FluxSum, QUAD, Quad, QuadQuery, lanes_from};
+use octet::{FluxSum, OCTET, Octet, OctetQuery};
 use std::array::from_fn;
 use std::ops;
 use std::time::{Duration, Instant};
 
-pub(crate) use mis_weights::{PhotonWeights, QuadPartials, Unweighted};
-pub(crate) use quad::{NoPairs, PairSink, PointPairs};
+pub(crate) use mis_weights::{OctetPartials, PhotonWeights, Unweighted};
+pub(crate) use octet::{NoPairs, PairSink, PointPairs};
 pub(crate) use queries::{MergeQueries, MergeQuery, QueryKind};
 
 /// Photons sorted by the cell of a uniform grid. The cells form an array, or are hashed where photons crowd.
 #[derive(Debug, Default)]
 pub struct PhotonMap {
     /// Sorted by bucket; places without a photon have the position NaN.
-    quads: Vec<Quad>,
+    octets: Vec<Octet>,
     /// Packed directions of the photons; empty if no BSDF needs them.
     directions: Vec<u32>,
     /// MIS partials of the photons; empty without MIS.
-    mis_partials: Vec<QuadPartials>,
+    mis_partials: Vec<OctetPartials>,
     /// Start of each bucket, and the end of the last one.
     starts: Vec<u32>,
     /// Buffers for sorting, kept for their memory.
@@ -77,10 +78,10 @@ pub(crate) struct PointSearch<'a> {
 }
 
 impl PointSearch<'_> {
-    /// Number of photons in all quads to test.
+    /// Number of photons in all octets to test.
     #[inline(always)]
     pub fn places(&self) -> usize {
-        self.ranges.iter().map(|range| range.quads().len() * QUAD).sum()
+        self.ranges.iter().map(|range| range.octets().len() * OCTET).sum()
     }
 }
 
@@ -96,7 +97,7 @@ pub struct Ranges {
     count: usize,
 }
 
-/// Consecutive photons of the map to test, at least one.
+/// Consecutive octets of the map to test, at least one. No other range of the query has any of them.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Range {
     start: u32,
@@ -106,9 +107,15 @@ pub struct Range {
 }
 
 impl Range {
-    /// The quads that it overlaps.
-    fn quads(&self) -> ops::Range<usize> {
-        self.start as usize / QUAD..(self.end as usize).div_ceil(QUAD)
+    /// The octets of the photons from `start` to before `end`.
+    #[inline(always)]
+    fn of(start: u32, end: u32, lane: usize) -> Self {
+        Self { start: start / OCTET as u32, end: end.div_ceil(OCTET as u32), lane }
+    }
+
+    /// Indices of the octets.
+    fn octets(&self) -> ops::Range<usize> {
+        self.start as usize..self.end as usize
     }
 }
 
@@ -207,25 +214,57 @@ impl PhotonMap {
             return;
         }
         let rows = self.grid.rows(positions, self.slack_radius);
-        let mut count = 0;
-        let mut push = |range: Range, met: bool| {
-            ranges.ranges[count] = range;
-            count += usize::from(met & (range.start < range.end));
-        };
         for lane in lanes_of(near) {
-            for row in &rows {
-                let (first, last) = (row.first[lane], row.last[lane]);
-                let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
-                if first <= last {
-                    push(Range { start, end, lane }, row.met[lane]);
-                } else {
-                    let last_end = self.starts[self.grid.buckets() as usize];
-                    push(Range { start, end: last_end, lane }, row.met[lane]);
-                    push(Range { start: 0, end, lane }, row.met[lane]);
-                }
+            if self.grid.is_hashed() {
+                self.hashed_ranges(lane, &rows, ranges);
+            } else {
+                self.array_ranges(lane, &rows, ranges);
             }
         }
-        ranges.count = count;
+    }
+
+    /// Adds the ranges of one lane where the cells form an array: its rows are in the order of the photons.
+    ///
+    /// All photons of an octet are tested. The photons outside of the row are farther away than the radius, or in
+    /// another row. An octet of two rows belongs to the first one.
+    #[inline(always)] // vectorized
+    fn array_ranges(&self, lane: usize, rows: &[Rows; 4], ranges: &mut Ranges) {
+        let mut free = 0;
+        for row in rows {
+            let start = self.starts[row.first[lane] as usize];
+            let end = self.starts[row.last[lane] as usize + 1];
+            let octets = Range::of(start, end, lane);
+            let range = Range { start: octets.start.max(free), ..octets };
+            let is_new = row.met[lane] & (start < end) & (range.start < range.end);
+            ranges.ranges[ranges.count] = range;
+            ranges.count += usize::from(is_new);
+            free = if is_new { range.end } else { free };
+        }
+    }
+
+    /// Adds the ranges of one lane where cells share buckets: its rows are in any order, and a row may lie at both
+    /// ends of the table.
+    #[inline(always)] // vectorized
+    fn hashed_ranges(&self, lane: usize, rows: &[Rows; 4], ranges: &mut Ranges) {
+        let all = self.starts[self.grid.buckets() as usize];
+        let before = ranges.count;
+        for row in rows {
+            let (first, last) = (row.first[lane], row.last[lane]);
+            let (start, end) = (self.starts[first as usize], self.starts[last as usize + 1]);
+            let parts: &[(u32, u32)] =
+                if first <= last { &[(start, end)] } else { &[(start, all), (0, end)] };
+            for &(start, end) in parts {
+                let mut range = Range::of(start, end, lane);
+                // Photons of different rows share the octets at the ends of ranges only.
+                for earlier in &ranges.ranges[before..ranges.count] {
+                    range.start += u32::from(range.start + 1 == earlier.end);
+                    range.end -= u32::from(range.end == earlier.start + 1);
+                }
+                let is_new = row.met[lane] & (start < end) & (range.start < range.end);
+                ranges.ranges[ranges.count] = range;
+                ranges.count += usize::from(is_new);
+            }
+        }
     }
 
     /// Bits of the wanted lanes that may find photons.
@@ -271,27 +310,13 @@ impl PhotonMap {
         position: Vec3,
         mut visit: impl FnMut(&Photon, f32, PhotonPartials),
     ) {
-        for range in ranges {
-            let (start, end) = (range.start as usize, range.end as usize);
-            // Up to 64 places at a time: bits of those within the radius.
-            let mut first = start / QUAD * QUAD;
-            while first < end {
-                let quads = first / QUAD..(first + 64).min(end).div_ceil(QUAD);
-                let mut found = 0;
-                for (quad, lane) in self.quads[quads].iter().zip((0..).step_by(QUAD)) {
-                    found |= quad.within(position, self.radius2) << lane;
-                }
-                found &= u64::MAX << start.saturating_sub(first);
-                found &= u64::MAX >> (first + 64).saturating_sub(end);
-                while found != 0 {
-                    let place = first + found.trailing_zeros() as usize;
-                    found &= found - 1;
-                    let photon = self.photon(place);
-                    let of_quad = self.mis_partials.get(place / QUAD).copied().unwrap_or_default();
-                    let partials = of_quad.map(|lanes| lanes[place % QUAD]);
-                    visit(&photon, photon.position.distance_squared(position), partials);
-                }
-                first += 64;
+        for index in ranges.iter().flat_map(Range::octets) {
+            let octet = &self.octets[index];
+            for lane in lanes_of(octet.within(Portable, position, self.radius2)) {
+                let photon = self.photon(OCTET * index + lane);
+                let of_octet = self.mis_partials.get(index);
+                let partials = of_octet.map_or([0.0; 2], |partials| partials.map(|of| of[lane]));
+                visit(&photon, photon.position.distance_squared(position), partials);
             }
         }
     }
@@ -299,56 +324,43 @@ impl PhotonMap {
     /// Merges the photons of a search that count: returns their flux, and adds each to `pairs`. `ANNULUS` adds the
     /// flux within half the merge radii, which costs a test for each photon.
     #[inline(always)] // vectorized
-    pub(crate) fn merge<const ANNULUS: bool>(
+    pub(crate) fn merge<E: Eight, const ANNULUS: bool>(
         &self,
+        eight: E,
         search: &PointSearch,
         admission: &Admission,
         weights: &impl PhotonWeights,
-        pairs: &mut impl PairSink,
+        pairs: &mut impl PairSink<E>,
     ) -> MergedFlux {
-        let query = QuadQuery::new(search.query, admission, &search.kernel, weights);
-        let (mut sum, mut inner) = (FluxSum::default(), FluxSum::default());
-        self.for_each_quad(
-            search.ranges,
-            #[inline(always)]
-            |index, quad, lanes| {
-                let count = quad.admitted(&query, lanes);
-                let weights = weights.of_quad(&self.mis_partials, index, || quad.is_caustic());
-                quad.add_to(&mut sum, &query, count, weights);
+        let query = OctetQuery::new(eight, search.query, admission, &search.kernel, weights);
+        let (mut sum, mut inner) = (FluxSum::new(eight), FluxSum::new(eight));
+        for range in search.ranges {
+            for (index, octet) in range.octets().zip(&self.octets[range.octets()]) {
+                let admitted = octet.admitted(&query);
+                let is_caustic = octet.is_caustic(eight);
+                let weights = weights.of_octet(eight, &self.mis_partials, index, is_caustic);
+                octet.add_to(&mut sum, &query, admitted.count, weights);
                 if ANNULUS {
-                    quad.add_to(&mut inner, &query, count & quad.within_half(&query), weights);
+                    let within = octet.within_half(&query, &admitted);
+                    octet.add_to(&mut inner, &query, within, weights);
                 }
-                pairs.add(quad, &query, count, weights);
-            },
-        );
-        MergedFlux { all: sum.total(&query), inner: inner.total(&query) }
-    }
-
-    /// Calls `visit` with each quad of the ranges, its index, and its lanes that are in the range.
-    #[inline(always)] // vectorized
-    fn for_each_quad(&self, ranges: &[Range], mut visit: impl FnMut(usize, &Quad, BVec4A)) {
-        for range in ranges {
-            let (start, end) = (range.start as usize, range.end as usize);
-            let (first, last) = (start / QUAD, (end - 1) / QUAD);
-            let mut lanes = lanes_from(start - first * QUAD);
-            for (index, quad) in (first..last).zip(&self.quads[first..last]) {
-                visit(index, quad, lanes);
-                lanes = lanes_from(0);
+                pairs.add(octet, &query, &admitted, weights);
             }
-            visit(last, &self.quads[last], lanes & !lanes_from(end - last * QUAD));
         }
+        let inner = if ANNULUS { inner.total(&query) } else { [Rgb::ZERO; 2] };
+        MergedFlux { all: sum.total(&query), inner }
     }
 
     /// The photon at a place.
     #[inline]
     fn photon(&self, place: usize) -> Photon {
-        let photon = self.quads[place / QUAD].get(place % QUAD);
+        let photon = self.octets[place / OCTET].get(place % OCTET);
         Photon { from: self.directions.get(place).copied().unwrap_or(0), ..photon }
     }
 
     /// Tests whether the photons exceed the caches, so that queries in any order wait for memory.
     pub fn is_large(&self) -> bool {
-        size_of_val(&self.quads[..]) > Self::CACHE
+        size_of_val(&self.octets[..]) > Self::CACHE
     }
 
     /// The radius of queries, scene units.
