@@ -10,6 +10,7 @@ use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
 use std::ops::Range;
+use std::time::Duration;
 
 /// Decides on path counts and measuring while an image is rendered.
 #[derive(Debug)]
@@ -34,6 +35,13 @@ impl CountPolicy {
             Self::Automatic(autopilot) => return autopilot.prepare(renderer, elapsed),
         }
         Ok(self.schedule().measure(renderer.block_iteration(), &renderer.block().counts))
+    }
+
+    /// Ends the iterations after this rendering time from now on.
+    pub fn set_time(&mut self, time: Duration) {
+        if let Self::Automatic(autopilot) = self {
+            autopilot.set_time(time);
+        }
     }
 
     /// The iterations that are measured before the next decision.

@@ -46,6 +46,8 @@ pub struct Seconds {
     pub merge: f64,
     pub render: f64,
     pub write: f64,
+    /// Time from the start of the program, or of the job without one, to the report.
+    pub total: f64,
     /// Times until the other processes were done, and until their sums were added.
     pub waiting: f64,
     pub adding: f64,
@@ -84,6 +86,7 @@ impl<'a> RunReport<'a> {
                 merge: busy(times.merge),
                 render: times.wall.as_secs_f64(),
                 write: write_time.as_secs_f64(),
+                total: state.elapsed().as_secs_f64(),
                 waiting: state.exchanged.waiting.as_secs_f64(),
                 adding: state.exchanged.adding.as_secs_f64(),
             },

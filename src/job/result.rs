@@ -83,7 +83,8 @@ impl RenderResult {
     /// Selected layers that the job accumulated, and the denoised image with its error.
     pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
         let image = self.state.image();
-        let mut layers = selection.layers(self.state.renderer.shared(), &image, &image.mean());
+        let (shared, rows) = (self.state.renderer.shared(), 0..self.resolution.1);
+        let mut layers = selection.layers(shared, &image, rows, &image.mean());
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         layers
     }
