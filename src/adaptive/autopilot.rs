@@ -4,17 +4,18 @@
 use super::stopping::{Convergence, Stop, importance, luminances};
 use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use crate::base::error::Result;
+use crate::film::cells::CellGrid;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{box_filter, luminance_weights};
 use crate::noise::schedule::{MEASURE_EVERY, MeasureSchedule};
 use crate::noise::{Coefficients, Measure};
-use crate::render::MAX_BLOCKS;
 use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::{Block, CombinedImage};
+use crate::render::max_blocks;
 use crate::timing::TimeModel;
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Before the first choice of counts, every second iteration is measured. The times of the iterations come
 /// from the others.
@@ -23,6 +24,17 @@ const MEASURE_FIRST_EVERY: u64 = 2;
 /// Iterations at new counts before the next choice or promise. The sample variance of the pooled noise is then
 /// known within a few percent.
 pub const FIRST_ITERATIONS: u64 = 12;
+
+/// Iterations of a large image, whose pixels share statistics, before the first choice or promise, if
+/// [`FIRST_ITERATIONS`] take too long. Its millions of pixels replace iterations.
+const FIRST_LARGE_ITERATIONS: u64 = 3;
+
+/// Share of the time after which the first counts of a large image are chosen after [`FIRST_LARGE_ITERATIONS`].
+const FIRST_CHOICE_SHARE: f64 = 0.2;
+
+/// If fewer iterations of a large image fit in the rest of the time, their counts are chosen such that a whole number of
+/// them does: a single iteration is a notable part of the time.
+const FEW_ITERATIONS: f64 = 16.0;
 
 /// Minimum number of iterations that should fit in the time after a choice of counts: some of them are
 /// measured, and counts may be chosen again among them.
@@ -173,6 +185,11 @@ impl Autopilot {
         Self { times: Some(times), ..self }
     }
 
+    /// Ends the iterations after this rendering time from now on.
+    pub fn set_time(&mut self, time: Duration) {
+        self.stop.time = Some(time);
+    }
+
     /// A promise from the first iterations at the chosen counts; `None` until the noise is known well enough or a part
     /// of the time is over. theory.md (89).
     fn make_promise(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
@@ -214,9 +231,10 @@ impl Autopilot {
             self.times.map(|times| times.scaled(f64::from(renderer.config().ranks).recip()));
         let model = times.unwrap_or_else(|| fitted_times(&self.state.pilot_times, blocks));
         let measured = block::coefficients(blocks).expect("the first iteration measures");
-        let smoothed = smoothed(blocks, &measured, settings.width, settings.height);
-        let (luminance, scale) = self.luminance(blocks, (settings.width, settings.height));
-        let scale = scale * self.pooled_share(&smoothed, &renderer.block().counts);
+        let grid = CellGrid::of(settings.resolution());
+        let smoothed = smoothed(blocks, &measured, grid);
+        let (luminance, scale) = self.luminance(blocks, grid);
+        let scale = scale * self.pooled_share(&smoothed, &renderer.block().counts, grid);
         // Without photons the number of light paths, which are not traced, makes no difference.
         let most_light_paths = if settings.has_photons() { renderer.most_light_paths() } else { 2 };
         let problem = |iteration_time| {
@@ -226,6 +244,7 @@ impl Autopilot {
                 iteration_time,
             };
             Problem::new(&smoothed, &luminance, self.stop.objective, model, &bounds)
+                .of_squares(grid.pixels_per_cell())
         };
         // Enough iterations must fit in the remaining time. If a target ends the render, this time depends on the
         // counts. A few rounds of this loop suffice for convergence.
@@ -250,28 +269,38 @@ impl Autopilot {
         if self.per_pixel {
             let best = problem.shortest_per_pixel(NEAR_OPTIMUM);
             if best.cost < uniform.cost * (1.0 - WORTHWHILE_PER_PIXEL) {
-                let camera_paths = CameraCounts::PerPixel(best.camera_paths);
+                let camera_paths = CameraCounts::PerPixel(grid.expanded(&best.camera_paths));
                 let light_paths = settings.whole_sets(best.light_paths);
                 counts = Counts { light_paths, camera_paths };
                 cost = best.cost;
             }
         }
-        let tau = |counts: &Counts| {
+        let time = |counts: &Counts| {
             model.iteration(f64::from(counts.light_paths), counts.camera_paths.mean())
         };
         let one_path_each = scale * problem.evaluate_uniform(settings.pixels() as u32, 1).cost;
         // The cost of the present counts is measured from the samples of the block.
         // theory.md (88)
-        let present_tau = tau(&renderer.block().counts);
+        let present_tau = time(&renderer.block().counts);
         let present = convergence.per_iteration.unwrap_or(0.0) * present_tau;
-        let is_worthwhile = scale * cost < present * (1.0 - WORTHWHILE);
-        let tau = if is_worthwhile { tau(&counts) } else { present_tau };
+        let mut is_worthwhile = scale * cost < present * (1.0 - WORTHWHILE);
+        let left = self.stop.time.map(|time| time.as_secs_f64() - elapsed);
+        if let Some(left) = left.filter(|_| is_large(renderer) && settings.has_photons()) {
+            let chosen =
+                if is_worthwhile { counts.clone() } else { renderer.block().counts.clone() };
+            if let Some(light_paths) = fitting_light_paths(&model, &chosen, left) {
+                let light_paths = light_paths.clamp(2, most_light_paths);
+                (counts, is_worthwhile) = (Counts { light_paths, ..chosen }, true);
+            }
+        }
+        let tau = if is_worthwhile { time(&counts) } else { present_tau };
         let costs = ExpectedCosts { tau, one_path_each, uniform: scale * uniform.cost };
         Ok(CountChoice { is_worthwhile, counts, costs })
     }
 
-    /// Luminance of each pixel for the allocation of camera paths, and the mean of the weights that follow from it.
-    fn luminance(&self, blocks: &[Block], (width, height): (u32, u32)) -> (Vec<f64>, f64) {
+    /// Luminance of each cell for the allocation of camera paths, and the mean of the weights that follow from it.
+    fn luminance(&self, blocks: &[Block], grid: CellGrid) -> (Vec<f64>, f64) {
+        let (width, height) = grid.size();
         let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
         let unfiltered: Vec<_> = luminances(&image).into_iter().map(|l| [l]).collect();
         let luminance: Vec<f64> =
@@ -287,15 +316,16 @@ impl Autopilot {
 
     /// Pooled variance over the objective at the present counts, as predicted. Costs are compared with sampled variances,
     /// which are pooled, so both agree at these counts. 1 for objectives that are means themselves.
-    fn pooled_share(&self, pixels: &[Coefficients], counts: &Counts) -> f64 {
+    fn pooled_share(&self, cells: &[Coefficients], counts: &Counts, grid: CellGrid) -> f64 {
         let objective = self.stop.objective;
         if matches!(objective, Objective::Pooled | Objective::Relative) {
             return 1.0;
         }
         let variances = || {
             let n_light = f64::from(counts.light_paths);
-            let pixels = pixels.iter().enumerate();
-            pixels.map(move |(i, pixel)| pixel.variance(n_light, counts.camera_paths.at(i).into()))
+            let n_camera = move |cell| counts.camera_paths.at(grid.first_pixel(cell)).into();
+            let cells = cells.iter().enumerate();
+            cells.map(move |(cell, own)| own.variance(n_light, n_camera(cell)))
         };
         let share = Objective::Pooled.aggregate(variances()) / objective.aggregate(variances());
         if share.is_finite() && share > 0.0 { share } else { 1.0 }
@@ -312,7 +342,7 @@ impl Autopilot {
         } else if self.update_promise_and_check_choice(renderer, now) {
             let is_first = self.state.next_choice.is_none();
             self.state.next_choice = Some(2.0 * now);
-            if is_first || renderer.blocks().len() < MAX_BLOCKS {
+            if is_first || renderer.blocks().len() < max_blocks(renderer.settings()) {
                 let choice = self.choose(renderer, elapsed)?;
                 if is_first {
                     self.state.costs = choice.costs;
@@ -323,8 +353,12 @@ impl Autopilot {
                 }
             }
         }
-        // The first iteration of a block is measured, so that its start-up is not part of the times.
-        let measures = renderer.film().iterations.is_multiple_of(self.schedule().every);
+        // The first iteration of a block is measured, so that its start-up is not part of the times. The first block of
+        // a large image has measured the noise of millions of pixels, so that its last one measures later.
+        let is_last =
+            is_large(renderer) && renderer.blocks().len() == max_blocks(renderer.settings());
+        let skipped = if is_last { 1 } else { 0 };
+        let measures = (renderer.film().iterations + skipped).is_multiple_of(self.schedule().every);
         Ok(if measures { Measure::Pairs } else { Measure::Off })
     }
 
@@ -333,11 +367,15 @@ impl Autopilot {
     /// The pilot used only a sample of the pixels, so a promise is made only after the first choice, which uses the
     /// whole image.
     fn update_promise_and_check_choice(&mut self, renderer: &Renderer, now: f64) -> bool {
-        if renderer.film().iterations < FIRST_ITERATIONS {
+        let late = self.stop.time.map(|time| FIRST_CHOICE_SHARE * time.as_secs_f64());
+        let is_late = late.is_some_and(|late| now - self.earlier > late);
+        let few = is_large(renderer) && is_late;
+        let first = if few { FIRST_LARGE_ITERATIONS } else { FIRST_ITERATIONS };
+        if renderer.film().iterations < first {
             return false;
         }
         let Some(next_choice) = self.state.next_choice else { return true };
-        if self.state.promise.is_none() && is_promise_check_due(renderer) {
+        if self.state.promise.is_none() && is_promise_check_due(renderer, first) {
             self.state.promise = self.make_promise(renderer, now - self.earlier);
         }
         now >= next_choice
@@ -376,12 +414,37 @@ impl Autopilot {
     }
 }
 
-/// Returns true after [`FIRST_ITERATIONS`] iterations of a block, twice as many, and so on, since each check takes a
-/// pass over the image.
-fn is_promise_check_due(renderer: &Renderer) -> bool {
+/// Returns true after `first` iterations of a block, twice as many, and so on, since each check takes a pass over the
+/// image.
+fn is_promise_check_due(renderer: &Renderer, first: u64) -> bool {
     let iterations = renderer.film().iterations;
-    iterations.is_multiple_of(FIRST_ITERATIONS) && (iterations / FIRST_ITERATIONS).is_power_of_two()
+    iterations.is_multiple_of(first) && (iterations / first).is_power_of_two()
 }
+
+/// Whether the pixels of the image share statistics.
+fn is_large(renderer: &Renderer) -> bool {
+    !CellGrid::of(renderer.settings().resolution()).is_single_pixels()
+}
+
+/// Light paths with which a whole number of iterations takes `left` seconds; `None` if that number is at least
+/// [`FEW_ITERATIONS`], or if it would take another number of camera paths. The number of iterations is the nearest one.
+/// If that leaves too few light paths, it is the next smaller one.
+fn fitting_light_paths(times: &TimeModel, counts: &Counts, left: f64) -> Option<u32> {
+    let n_light = f64::from(counts.light_paths);
+    let [base, per_light_path] = times.in_light_paths(counts.camera_paths.mean());
+    let number = left / (base + per_light_path * n_light);
+    if number >= FEW_ITERATIONS {
+        return None;
+    }
+    let fitting = |number: f64| (left / number.max(1.0) - base) / per_light_path;
+    let [least, most] = FITTING_RATIOS.map(|ratio| ratio * n_light);
+    let mut all = [number.round(), number.floor()].map(fitting).into_iter();
+    all.find(|own| (least..most).contains(own)).map(|own| own as u32)
+}
+
+/// Range of the ratio between fitting and best light paths. More of them cost little where camera paths take most of
+/// the time.
+const FITTING_RATIOS: [f64; 2] = [0.5, 8.0];
 
 /// Times proportional to `pilot_times` that match the times of the production iterations of all blocks.
 fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
@@ -396,14 +459,10 @@ fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
     pilot_times.scaled(scale)
 }
 
-/// Coefficients for the allocation of camera paths, at least 0. With few measurements, a pixel has those of its 5 by 5
+/// Coefficients for the allocation of camera paths, at least 0. With few measurements, a cell has those of its 5 by 5
 /// neighborhood. With more, the weight of its own coefficients increases.
-fn smoothed(
-    blocks: &[Block],
-    measured: &[Coefficients],
-    width: u32,
-    height: u32,
-) -> Vec<Coefficients> {
+fn smoothed(blocks: &[Block], measured: &[Coefficients], grid: CellGrid) -> Vec<Coefficients> {
+    let (width, height) = grid.size();
     let values: Vec<_> = measured.iter().map(|c| [c.a, c.b, c.f]).collect();
     let pooled = box_filter(&values, width, height);
     let freedom = block::degrees_of_freedom(blocks);
@@ -413,4 +472,35 @@ fn smoothed(
         (pixel * share + Coefficients { a, b, f } * (1.0 - share)).clamped()
     };
     measured.iter().zip(pooled).zip(freedom).map(mixed).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_iterations_of_a_large_image_fill_the_time() {
+        let times = TimeModel {
+            fixed: 0.1,
+            light_path: 1e-6,
+            camera_path: 1e-6,
+            look_up: 0.0,
+            merge_pair: 1e-11,
+            pixels: 1e6,
+        };
+        let counts = Counts::uniform(100_000, 1);
+        let tau = |n: u32| times.iteration(n.into(), 1.0);
+        assert!((tau(100_000) - 2.2).abs() < 1e-9);
+        for (left, number) in [(10.0, 5.0), (11.0, 5.0), (12.0, 5.0), (12.2, 6.0), (2.0, 1.0)] {
+            let light_paths = fitting_light_paths(&times, &counts, left).unwrap();
+            assert!((number * tau(light_paths) / left - 1.0).abs() < 1e-4, "{left}: {light_paths}");
+        }
+        // Many iterations end near enough to the time, and one cannot be shortened to any time.
+        assert_eq!(fitting_light_paths(&times, &counts, 40.0), None);
+        assert_eq!(fitting_light_paths(&times, &counts, 1.2), None);
+        // Where camera paths take most of the time, four iterations cannot be shortened, and three are longer.
+        let camera = TimeModel { merge_pair: 0.0, ..times };
+        let light_paths = fitting_light_paths(&camera, &counts, 4.2).unwrap();
+        assert!((3.0 * camera.iteration(light_paths.into(), 1.0) / 4.2 - 1.0).abs() < 1e-4);
+    }
 }

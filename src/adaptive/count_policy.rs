@@ -10,6 +10,7 @@ use crate::render::Renderer;
 use crate::render::block;
 use crate::render::block::Block;
 use std::ops::Range;
+use std::time::Duration;
 
 /// Decides on path counts and measuring while an image is rendered.
 #[derive(Debug)]
@@ -38,6 +39,13 @@ impl CountPolicy {
             &renderer.block().counts,
             renderer.settings(),
         ))
+    }
+
+    /// Ends the iterations after this rendering time from now on.
+    pub fn set_time(&mut self, time: Duration) {
+        if let Self::Automatic(autopilot) = self {
+            autopilot.set_time(time);
+        }
     }
 
     /// The iterations that are measured before the next decision.

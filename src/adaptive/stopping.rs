@@ -72,20 +72,31 @@ impl Stop {
     }
 }
 
-/// Weights of the squared errors of the pixels: by their luminance for the relative objective, else 1.
+/// Weights of the squared errors of the [cells](crate::film::cells), which are single pixels except in large images: by
+/// their luminance for the relative objective, else 1.
 pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
     let image = CombinedImage::new(blocks, vec![1.0; blocks.len()]);
-    let pixels = blocks[0].film.pixels();
     if objective != Objective::Relative {
-        return vec![1.0; pixels];
+        return vec![1.0; image.grid().len()];
     }
     luminance_weights(&luminances(&image))
 }
 
-/// Luminance of each pixel, W/(m^2 sr), without the contribution of noise to its square. If noise dominates a pixel, the
-/// luminance of its neighborhood takes its place. The image is used before bias correction, so that the correction does
+/// Luminance of each cell, W/(m^2 sr), without the contribution of noise to its square: the root of the mean square over
+/// its pixels. If noise dominates a cell, the luminance of its neighborhood takes its place. The image is used before bias correction, so that the correction does
 /// not change weights.
 pub fn luminances(image: &CombinedImage) -> Vec<f64> {
+    let grid = image.grid();
+    if !grid.is_single_pixels() {
+        let moments = image.cell_moments();
+        let rms: Vec<f64> = moments.par_iter().map(|moments| moments.square.sqrt()).collect();
+        let variance: Option<Vec<f64>> =
+            moments.par_iter().map(|moments| moments.variance).collect();
+        return match variance {
+            Some(variance) => without_noise(&rms, &variance, grid.size()),
+            None => rms,
+        };
+    }
     let mean: Vec<f64> =
         image.uncorrected_mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
     match image.uncorrected_variance() {
@@ -197,7 +208,7 @@ pub struct Forecast {
 }
 
 impl Convergence {
-    /// Convergence of an image with these weights of its blocks and importance of its pixels.
+    /// Convergence of an image with these weights of its blocks and importance of its cells.
     pub fn new(blocks: &[Block], weights: Vec<f64>, importance: &[f64]) -> Self {
         let combined = CombinedImage::new(blocks, weights);
         let mean_of = |variance: &[f64]| {
@@ -206,17 +217,18 @@ impl Convergence {
         };
         let film = blocks.last().map(|block| &block.film);
         let block_variance =
-            film.and_then(|film| Some((film.variance_of_mean()?, film.iterations as f64)));
+            film.and_then(|film| Some((film.cell_variance()?, film.iterations as f64)));
         let image_variance = match blocks {
             [_] if combined.bias_correction().is_none() => {
                 block_variance.as_ref().map(|(variance, _)| variance.clone())
             }
-            _ => combined.variance_of_mean(),
+            _ => combined.cell_variance(),
         };
         let bias2 =
             combined.bias_correction().map(|correction| mean_of(&correction.bias2).max(0.0));
         // Bias correction scales the variance of the image. Scale that of one iteration by the same factor.
-        let noise_factor = match (combined.bias_correction(), combined.uncorrected_variance()) {
+        let noise_factor = match (combined.bias_correction(), combined.uncorrected_cell_variance())
+        {
             (Some(_), Some(uncorrected)) => {
                 let uncorrected = mean_of(&uncorrected);
                 image_variance

@@ -3,8 +3,10 @@
 use super::error::{Error, Result};
 use super::file_id::{destination, folder};
 use std::fs::{File, TryLockError};
-use std::io::{BufWriter, Seek, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
+use std::sync::mpsc;
+use std::thread;
 use tempfile::NamedTempFile;
 
 /// Prefix and suffix of the names of files that are being written.
@@ -23,15 +25,56 @@ pub fn write_atomically(
     let file = temporary(&folder(&target)).map_err(|e| Error::io("write", path, e))?;
     let save = || {
         // Write to the `File` itself: errors then name `path`, not the temporary file.
-        let mut buffered = BufWriter::with_capacity(1 << 18, file.as_file());
-        write(&mut buffered)?;
-        buffered.into_inner()?;
+        let to = file.as_file();
+        thread::scope(|scope| {
+            let (sender, receiver) = mpsc::channel();
+            let syncing = scope.spawn(move || receiver.iter().try_for_each(|()| to.sync_data()));
+            let to = Syncing { to, unsynced: 0, sender };
+            let mut buffered = BufWriter::with_capacity(1 << 18, to);
+            write(&mut buffered)?;
+            drop(buffered.into_inner().map_err(io::IntoInnerError::into_error)?);
+            syncing.join().expect("syncing does not panic")
+        })?;
         // Without `sync_all`, a power failure after the renaming could leave an empty file.
         file.as_file().sync_all()?;
         file.persist(&target)?;
         Ok(())
     };
     save().map_err(|e| Error::io("write", path, e))
+}
+
+/// Bytes after which the system starts to write a large file to the disk, while the rest is still computed.
+const SYNC_EVERY: usize = 32 << 20;
+
+/// A file that another thread writes to the disk from time to time.
+struct Syncing<'a> {
+    to: &'a File,
+    /// Bytes since the last request.
+    unsynced: usize,
+    /// Requests to the other thread. If it has failed, its error is reported at the end.
+    sender: mpsc::Sender<()>,
+}
+
+impl Write for Syncing<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.to.write(bytes)?;
+        self.unsynced += written;
+        if self.unsynced >= SYNC_EVERY {
+            self.unsynced = 0;
+            let _ = self.sender.send(());
+        }
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.to.flush()
+    }
+}
+
+impl Seek for Syncing<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.to.seek(to)
+    }
 }
 
 /// A seekable target of [`write_atomically`].
@@ -92,7 +135,10 @@ pub fn check_writable(path: &Path, extension: Option<&str>) -> Result<()> {
 
 /// A file in `folder` that vanishes unless it is renamed. It is locked while it is being written: the lock
 /// distinguishes it from a file that a killed program left.
-fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
+///
+/// # Errors
+/// If the folder is not writable.
+pub fn temporary(folder: &Path) -> std::io::Result<NamedTempFile> {
     let [prefix, suffix] = TEMPORARY;
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
@@ -154,6 +200,19 @@ mod tests {
         write_atomically(&path, |file| file.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["a.exr"]);
+    }
+
+    #[test]
+    fn file_that_is_synced_while_it_is_written_is_complete() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let block: Vec<u8> = (0..1 << 20).map(|i| (i * 7) as u8).collect();
+        let blocks = 2 * SYNC_EVERY / block.len() + 1;
+        write_atomically(&path, |file| (0..blocks).try_for_each(|_| file.write_all(&block)))
+            .unwrap();
+        let read = fs::read(&path).unwrap();
+        assert_eq!(read.len(), blocks * block.len());
+        assert!(read.chunks(block.len()).all(|own| own == block));
     }
 
     #[test]

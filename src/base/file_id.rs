@@ -62,7 +62,7 @@ pub fn destination(path: &Path) -> PathBuf {
 }
 
 /// The folder of a file.
-pub(crate) fn folder(path: &Path) -> PathBuf {
+pub fn folder(path: &Path) -> PathBuf {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent.into(),
         _ => ".".into(),

@@ -45,7 +45,7 @@ impl ImageFileArgs {
 
     /// Format of the EXR file of a whole image.
     pub fn exr_format(&self) -> ExrFormat {
-        ExrFormat { compression: self.exr_compression, half: self.half, window: None }
+        ExrFormat { compression: self.exr_compression, half: self.half, ..ExrFormat::default() }
     }
 }
 

@@ -5,7 +5,7 @@ use super::image_file_args::ImageFileArgs;
 use super::interrupts::catch_interrupts;
 use super::layers::layer_parser;
 use super::progress::Progress;
-use super::render_files::Outputs;
+use super::render_files::{Outputs, WRITE_PIXEL};
 use super::render_observer::RenderObserver;
 use super::say;
 use super::scene_input::{SceneInput, SessionArgs};
@@ -29,6 +29,7 @@ use bdpm::timing::Timings;
 use bdpm::{RenderJob, Stop};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 #[derive(clap::Args)]
 #[command(mut_args(with_chosen_default))]
@@ -123,6 +124,7 @@ pub fn run(mut args: Args) -> Result<String> {
 
 fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
     // Check the files before any work is done.
+    let start_time = Instant::now();
     args.check_part()?;
     let mut outputs = Outputs::new(args)?;
     let start = args.image_start()?;
@@ -132,7 +134,7 @@ fn render(args: &Args, ranks: &dyn Ranks) -> Result<String> {
         let (preview, other) = (outputs.png.display(), outputs.exr.with_extension("png"));
         say(&format!("note: the preview is {preview}, since {} is not a preview", other.display()));
     }
-    let job = args.job(&input, start, times);
+    let job = args.job(&input, start, times).started(start_time).reserve_per_pixel(WRITE_PIXEL);
     if args.dry_run {
         let outline = job.outline()?;
         if let Some(warning) = outline.warning.as_deref().filter(|_| !args.session.quiet) {

@@ -6,8 +6,10 @@ use super::preview;
 use super::progress::Progress;
 use super::render::Args;
 use bdpm::adaptive::plan::Plan;
-use bdpm::base::error::Result;
-use bdpm::base::file_id::FileId;
+use bdpm::base::atomic::temporary;
+use bdpm::base::error::{Error, Result};
+use bdpm::base::file_id::{FileId, folder};
+use bdpm::base::math::Rgb;
 use bdpm::image_io;
 use bdpm::image_io::{DisplayWindow, ExrFormat, Image, Layer, ToneMapping, Value};
 use bdpm::job::RenderState;
@@ -18,6 +20,7 @@ use bdpm::render::accumulators::SharedStatistics;
 use bdpm::render::block::CombinedImage;
 use bdpm::settings::Crop;
 use bdpm::settings::provenance::Provenance;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -31,7 +34,16 @@ const FIRST_WRITE: Duration = Duration::from_secs(10);
 const WRITE_SHARE: u32 = 50;
 
 /// Time to write a pixel, assumed until a measurement replaces it.
-const WRITE_PIXEL: Duration = Duration::from_nanos(200);
+pub const WRITE_PIXEL: Duration = Duration::from_nanos(600);
+
+/// Time to write a pixel of a checkpoint, assumed until a measurement replaces it.
+const CHECKPOINT_PIXEL: Duration = Duration::from_nanos(800);
+
+/// Share of the given time after which the time of writing is estimated.
+const ESTIMATE_AFTER: f64 = 0.15;
+
+/// Share of the given time that writing must take by [`WRITE_PIXEL`] to be estimated. A lower share does not matter.
+const MIN_ESTIMATED: f64 = 0.005;
 
 /// Files to write.
 pub struct Outputs {
@@ -85,12 +97,19 @@ impl Outputs {
 pub struct FileSchedule {
     next_image: Duration,
     next_checkpoint: Duration,
+    /// Rendering time at which the time of writing is estimated; `None` if it is not or was.
+    next_estimate: Option<Duration>,
 }
 
 impl FileSchedule {
-    pub fn new(pixels: usize) -> Self {
-        let next_image = FIRST_WRITE.max(WRITE_PIXEL * pixels as u32 * WRITE_SHARE);
-        Self { next_image, next_checkpoint: CHECKPOINT_EVERY }
+    /// The schedule of an image of this many pixels that ends after `time`, if that is given.
+    pub fn new(pixels: usize, time: Option<Duration>) -> Self {
+        let assumed = WRITE_PIXEL * pixels as u32;
+        let next_image = FIRST_WRITE.max(assumed * WRITE_SHARE);
+        let next_estimate = time
+            .filter(|time| assumed >= time.mul_f64(MIN_ESTIMATED))
+            .map(|time| time.mul_f64(ESTIMATE_AFTER));
+        Self { next_image, next_checkpoint: CHECKPOINT_EVERY, next_estimate }
     }
 
     /// Writes the files that are due. A failure is only a warning, since its cause may be gone at the last write.
@@ -111,12 +130,30 @@ impl FileSchedule {
             warn(attempts.failures());
             self.next_checkpoint = state.elapsed() + CHECKPOINT_EVERY;
         }
+        if self.next_estimate.is_some_and(|next| state.elapsed() >= next) {
+            self.next_estimate = None;
+            match writer.estimate(state) {
+                Ok(time) => {
+                    let pixels = state.provenance.settings.pixels() as u32;
+                    let checkpoint = writer
+                        .outputs
+                        .checkpoint
+                        .as_ref()
+                        .map(|_| writer.checkpoint_time.unwrap_or(CHECKPOINT_PIXEL * pixels));
+                    state.reserve(time + checkpoint.unwrap_or_default());
+                }
+                Err(error) => warn(Err(error)),
+            }
+        }
         if state.elapsed() >= self.next_image {
             let before = Instant::now();
             match state.denoised_preview() {
                 Ok(denoised) => {
                     let mut attempts = Attempts::default();
-                    writer.save_image(state, &state.image(), denoised.as_ref(), &mut attempts);
+                    let image = state.image();
+                    let mean = if denoised.is_some() { Vec::new() } else { image.mean() };
+                    let preview = denoised.as_ref().map_or(&mean, |denoised| &denoised.image);
+                    writer.save_image(state, &image, (preview, denoised.as_ref()), &mut attempts);
                     warn(attempts.failures());
                 }
                 Err(error) => warn(Err(error)),
@@ -133,7 +170,10 @@ pub struct Writer {
     layers: LayerSelection,
     exr_format: ExrFormat,
     tone_mapping: ToneMapping,
+    /// Time of all files.
     pub time: Duration,
+    /// Time of the latest checkpoint.
+    checkpoint_time: Option<Duration>,
 }
 
 impl Writer {
@@ -144,6 +184,7 @@ impl Writer {
             exr_format: files.exr_format(),
             tone_mapping: files.tone_mapping(),
             time: Duration::ZERO,
+            checkpoint_time: None,
         }
     }
 
@@ -151,38 +192,33 @@ impl Writer {
         let Some(path) = &self.outputs.checkpoint else { return };
         let start = Instant::now();
         attempts.add(path, || state.checkpoint().save(path));
+        self.checkpoint_time = Some(start.elapsed());
         self.time += start.elapsed();
     }
 
-    /// Writes the image of a job.
+    /// Writes the image of a job. The preview is the denoised image if there is one, else the image.
     pub fn save_image(
         &mut self,
         state: &RenderState,
         image: &CombinedImage,
-        denoised: Option<&Denoised>,
+        shown: (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
     ) {
-        self.save(&state.provenance, (image, state.renderer.shared()), denoised, attempts);
+        let sums = (image, state.renderer.shared());
+        state.threads().install(|| self.save(&state.provenance, sums, shown, attempts));
     }
 
-    /// Writes an image and its preview, which shows the denoised image if there is one.
+    /// Writes an image and its preview.
     pub fn save(
         &mut self,
         provenance: &Provenance,
-        (combined, shared): (&CombinedImage, &SharedStatistics),
-        denoised: Option<&Denoised>,
+        sums: (&CombinedImage, &SharedStatistics),
+        (preview, denoised): (&[Rgb], Option<&Denoised>),
         attempts: &mut Attempts,
     ) {
         let start = Instant::now();
+        let combined = sums.0;
         let (width, height) = combined.resolution();
-        let pixels = combined.mean();
-        let mut layers = vec![Layer::rgb("", &pixels)];
-        if let Some(rms) = combined.rms() {
-            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
-        }
-        layers.extend(self.layers.layers(shared, combined, &pixels));
-        layers.extend(denoised.into_iter().flat_map(denoise::layers));
-        let preview = denoised.map_or(&pixels, |denoised| &denoised.image);
         let mut metadata = provenance.to_metadata();
         if let Some(error) = denoised.and_then(|denoised| denoised.error.as_ref()) {
             let error = &error.whole;
@@ -196,15 +232,102 @@ impl Writer {
         }
         let iterations = Value::Number(combined.iterations() as f64);
         metadata.insert("iterations".into(), iterations);
+        let layers = denoised.into_iter().flat_map(denoise::layers).collect();
         let mut image = Image { width, height, layers, metadata };
         Plan::of_blocks(combined.blocks(), combined.weights()).write_to(&mut image);
         let crop = provenance.settings.crop;
         let window = crop.map(|Crop { origin, full }| DisplayWindow { origin, size: full });
         let format = ExrFormat { window, ..self.exr_format };
         let Outputs { exr, png, .. } = &self.outputs;
-        attempts.add(exr, || image_io::write_exr_as(exr, &image, format));
-        let size = (width, height);
-        attempts.add(png, || image_io::write_png_as(png, size, preview, self.tone_mapping));
+        let rows = |rows| self.rows(sums, rows);
+        // The encoder of the preview has a single thread.
+        let (written, shown) = rayon::join(
+            || image_io::write_exr_rows(exr, &image, &rows, format),
+            || image_io::write_png_as(png, (width, height), preview, self.tone_mapping),
+        );
+        attempts.add(exr, || written);
+        attempts.add(png, || shown);
         self.time += start.elapsed();
+    }
+
+    /// Some rows of the image and of the layers that are computed from its sums.
+    fn rows(
+        &self,
+        (combined, shared): (&CombinedImage, &SharedStatistics),
+        rows: Range<u32>,
+    ) -> Vec<Layer> {
+        let pixels = combined.mean_rows(rows.clone());
+        let mut layers = vec![Layer::rgb("", &pixels)];
+        if let Some(rms) = combined.rms_rows(rows.clone()) {
+            layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
+        }
+        layers.extend(self.layers.layers(shared, combined, rows, &pixels));
+        layers
+    }
+
+    /// Estimates the time of [`Self::save_image`] by writing a part of the image to a temporary file beside it.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn estimate(&self, state: &RenderState) -> Result<Duration> {
+        let image = state.image();
+        let (width, height) = image.resolution();
+        let rows = (SAMPLE_LINES * state.threads().current_num_threads() as u32).min(height);
+        let first = (height - rows) / 2;
+        let sums = (&image, state.renderer.shared());
+        let format = self.exr_format.for_pixels(state.provenance.settings.pixels());
+        let sample =
+            Image { width, height: rows, layers: Vec::new(), metadata: Default::default() };
+        let computed = |rows: Range<u32>| self.rows(sums, first + rows.start..first + rows.end);
+        let file = temporary(&folder(&self.outputs.exr));
+        let file = file.map_err(|e| Error::io("write", &self.outputs.exr, e))?;
+        let path = file.path();
+        state.threads().install(|| {
+            // The bias correction is computed at the first use.
+            let pixels = image.mean_rows(first..first + rows);
+            let preview = |rows: u32| {
+                let start = Instant::now();
+                let pixels = &pixels[..(width * rows) as usize];
+                image_io::write_png_as(path, (width, rows), pixels, self.tone_mapping)?;
+                Ok(start.elapsed())
+            };
+            let fixed = preview(1)?;
+            let start = Instant::now();
+            image_io::write_exr_rows(path, &sample, &computed, format)?;
+            let exr = whole_time(start.elapsed(), fixed, (rows, height));
+            Ok(exr + whole_time(preview(rows)?, fixed, (rows, height)))
+        })
+    }
+}
+
+/// Time of a file of `height` lines, from the time of one of `rows` lines. A time `fixed` for opening and closing the file
+/// does not depend on the number of lines.
+fn whole_time(part: Duration, fixed: Duration, (rows, height): (u32, u32)) -> Duration {
+    part.saturating_sub(fixed).mul_f64(f64::from(height) / f64::from(rows)) + fixed.min(part)
+}
+
+/// Lines per thread of the sample that [`Writer::estimate`] writes: two blocks of a ZIP file.
+const SAMPLE_LINES: u32 = 32;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_of_a_file_grows_with_its_lines_but_for_opening_and_closing() {
+        let ms = Duration::from_millis;
+        assert_eq!(whole_time(ms(30), ms(10), (64, 2176)), ms(10 + 34 * 20));
+        // The part may by chance take less than the smallest file.
+        assert_eq!(whole_time(ms(8), ms(10), (64, 2176)), ms(8));
+    }
+
+    #[test]
+    fn time_of_writing_is_estimated_once_if_it_matters() {
+        let time = Some(Duration::from_secs(100));
+        // .6 s of 100 s by the assumed time, and a tenth of that.
+        let next = |pixels, time| FileSchedule::new(pixels, time).next_estimate;
+        assert_eq!(next(1_000_000, time), Some(Duration::from_secs(15)));
+        assert_eq!(next(100_000, time), None);
+        assert_eq!(next(1_000_000, None), None);
     }
 }

@@ -88,7 +88,8 @@ impl<'a> RenderObserver<'a> {
         let name = self.args.output().to_string_lossy().into_owned();
         let target = self.args.view.as_ref();
         self.view = target.map(|target| View::new(target, &name, &self.progress));
-        self.schedule = Some(FileSchedule::new(state.provenance.settings.pixels()));
+        let (pixels, time) = (state.provenance.settings.pixels(), state.stop.time);
+        self.schedule = Some(FileSchedule::new(pixels, time));
         self.progress.start();
     }
 
@@ -144,8 +145,9 @@ impl<'a> RenderObserver<'a> {
         // Write the image first, and try every file even if another one fails.
         let mut attempts = Attempts::default();
         let image = result.state.image();
-        writer.save_image(&result.state, &image, result.state.denoised(), &mut attempts);
-        black_image::warn(&image, &progress);
+        let shown = (&result.image[..], result.state.denoised());
+        writer.save_image(&result.state, &image, shown, &mut attempts);
+        black_image::warn(&result.image, &progress);
         drop(image);
         if let Some(denoising) = &mut result.state.denoising
             && let Some(failure) = denoising.failure.take()

@@ -3,6 +3,7 @@
 use super::scene_input::SceneInput;
 use bdpm::RenderResult;
 use bdpm::adaptive::stopping::StoppedBy;
+use bdpm::film::radiance::{luminance, total};
 use bdpm::job::Totals;
 use bdpm::settings::Settings;
 use serde::Serialize;
@@ -37,8 +38,7 @@ pub struct RunReport<'a> {
     non_finite: u64,
 }
 
-/// Wall-clock times. `total` is the time of the job: `pilot`, iterations (`render`), estimates of the error, and
-/// denoising. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
+/// Wall-clock times. `total` is the time from the start of the program to the report, files included. `light`, `camera` and `merge` are busy thread-seconds over the threads of all processes.
 #[derive(Default, Serialize)]
 pub struct Seconds {
     pub total: f64,
@@ -77,7 +77,7 @@ impl<'a> RunReport<'a> {
             new_iterations: new,
             stopped_by: result.stopped_by,
             seconds: Seconds {
-                total: result.time.as_secs_f64(),
+                total: state.elapsed().as_secs_f64(),
                 load: input.load_time.as_secs_f64(),
                 build: state.build_time.as_secs_f64(),
                 pilot: state.selection.as_ref().map_or(0.0, |selection| selection.seconds),
@@ -92,7 +92,9 @@ impl<'a> RunReport<'a> {
             rays,
             rays_per_second: state.totals.rays_per_second(),
             photons_per_iteration: photons as f64 / new.max(1) as f64,
-            mean_luminance: image.mean_luminance(),
+            // Of the image as it is written: corrected for the merge bias, and denoised if asked for.
+            mean_luminance: total(&result.image, |pixel| luminance(pixel.as_dvec3()))
+                / result.image.len() as f64,
             non_finite,
         }
     }

@@ -7,6 +7,7 @@ use super::statistic::{PixelSample, StatisticRequest};
 use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
 use crate::settings::{Bias, Kernel, Settings};
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
 /// Photon classes, each with its own merge radius.
@@ -16,7 +17,7 @@ pub const CLASSES: usize = 2;
 pub const FOLDS: usize = 2;
 
 /// Sums over iterations of the contribution of one photon class.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct AnnulusMoments {
     /// Sum of the radiance from the annulus, W/(m^2 sr).
     pub sum: Rgb,
@@ -26,8 +27,8 @@ pub struct AnnulusMoments {
     pub products: f32,
 }
 
-/// Sums over the iterations of one fold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Sums over the iterations of one fold, of a pixel or of the mean over a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct FoldSums {
     /// Sum of the luminance of the pixel's value, W/(m^2 sr).
     pub value: f32,
@@ -36,6 +37,8 @@ pub struct FoldSums {
 }
 
 impl Accumulate for FoldSums {
+    const BY_CELL: bool = true;
+
     #[inline]
     fn add_sample(&mut self, sample: &PixelSample) {
         let Some(annulus) = sample.annulus else { return };

@@ -17,12 +17,10 @@ pub struct AovSelection {
 }
 
 impl AovSelection {
-    /// Memory per pixel beside the sums: layers that are written, and the denoiser.
+    /// Memory per pixel beside the sums, for the denoiser. Layers are written row by row.
     pub fn output_bytes_per_pixel(self) -> usize {
-        let written = if self.any() { 2 * 20 * size_of::<f32>() } else { 0 };
         // Luminance of each fold and of the others, their moments, and the denoiser's workspace.
-        let denoising = if self.folds { DENOISE_FOLDS * 5 * size_of::<f64>() + 400 } else { 0 };
-        written + denoising
+        if self.folds { DENOISE_FOLDS * 5 * size_of::<f64>() + 400 } else { 0 }
     }
 
     /// Whether camera paths must record any layer.

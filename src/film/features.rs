@@ -2,10 +2,12 @@
 
 use super::aov::AovSelection;
 use super::folds::{DENOISE_FOLDS, FoldedBuffer, FoldedStatistic};
+use super::light_components::is_large;
 use super::statistic::{PixelSample, StatisticRequest};
 use super::tiled_buffer::Accumulate;
 use crate::base::math::Rgb;
 use crate::settings::Settings;
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +16,7 @@ pub const FAR: f32 = 1e10;
 
 /// Sums of the denoiser's auxiliary features, from the first surface that is neither a mirror nor
 /// clear glass.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct DenoiseFeatures {
     /// Albedo, times the tint of the mirrors and glass before the surface.
     pub albedo: Rgb,
@@ -44,8 +46,8 @@ impl Accumulate for DenoiseFeatures {
     }
 }
 
-/// Sums of position and depth of the first surface, whatever its material.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Values of position and depth of the first surface, whatever its material.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct DepthSample {
     /// Position in world space, scene units.
     pub position: DVec3,
@@ -78,6 +80,48 @@ impl Accumulate for DepthSample {
     }
 }
 
+/// Sums of [`DepthSample`] in single precision, for large images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
+pub struct CompactDepth {
+    position: Vec3,
+    depth: f32,
+    hits: f32,
+}
+
+impl Accumulate for CompactDepth {
+    #[inline]
+    fn add_sample(&mut self, sample: &PixelSample) {
+        if let Some(aovs) = &sample.aovs {
+            self.position += aovs.first_hit.position.as_vec3();
+            self.depth += aovs.first_hit.depth as f32;
+            self.hits += aovs.first_hit.hits as f32;
+        }
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.position += other.position;
+        self.depth += other.depth;
+        self.hits += other.hits;
+    }
+}
+
+impl From<CompactDepth> for DepthSample {
+    fn from(CompactDepth { position, depth, hits }: CompactDepth) -> Self {
+        Self { position: position.as_dvec3(), depth: depth.into(), hits: hits.into() }
+    }
+}
+
+impl FoldedStatistic for CompactDepth {
+    fn folds(request: &StatisticRequest) -> usize {
+        let is_kept = request.aovs.features || request.aovs.folds;
+        usize::from(is_kept && is_large(request.settings))
+    }
+
+    fn is_possible(folds: usize, settings: &Settings) -> bool {
+        folds <= usize::from(is_large(settings))
+    }
+}
+
 impl FoldedStatistic for DenoiseFeatures {
     fn folds(request: &StatisticRequest) -> usize {
         match request.aovs {
@@ -93,11 +137,12 @@ impl FoldedStatistic for DenoiseFeatures {
 
 impl FoldedStatistic for DepthSample {
     fn folds(request: &StatisticRequest) -> usize {
-        usize::from(request.aovs.features || request.aovs.folds)
+        let is_kept = request.aovs.features || request.aovs.folds;
+        usize::from(is_kept && !is_large(request.settings))
     }
 
-    fn is_possible(folds: usize, _settings: &Settings) -> bool {
-        folds <= 1
+    fn is_possible(folds: usize, settings: &Settings) -> bool {
+        folds <= usize::from(!is_large(settings))
     }
 }
 
@@ -123,16 +168,17 @@ impl FeatureFolds {
     }
 }
 
-impl FoldedBuffer<DepthSample> {
+impl<T: Copy + Into<DepthSample>> FoldedBuffer<T> {
     /// Fraction of one pixel's camera paths that hit a surface; `at` is its index in tile order.
     pub fn coverage(&self, at: usize) -> f32 {
-        (self.folds()[0].values()[at].hits / self.total().max(1) as f64) as f32
+        let sums: DepthSample = self.folds()[0].values()[at].into();
+        (sums.hits / self.total().max(1) as f64) as f32
     }
 
     /// Mean position and depth over the camera paths of one pixel that hit a surface; depth is [`FAR`]
     /// if none does.
-    pub fn mean(&self, at: usize) -> (Vec3, f32) {
-        let DepthSample { position, depth, hits } = self.folds()[0].values()[at];
+    pub fn mean_hit(&self, at: usize) -> (Vec3, f32) {
+        let DepthSample { position, depth, hits } = self.folds()[0].values()[at].into();
         if hits > 0.0 {
             ((position / hits).as_vec3(), (depth / hits) as f32)
         } else {
@@ -173,8 +219,8 @@ mod tests {
             }
             let DenoiseFeatures { albedo, normal } = features.mean(1, |_| true);
             assert_eq!((albedo, normal), (Rgb::splat(5.0), Vec3::X));
-            assert_eq!(first_hits.mean(1), (Vec3::Y, 3.0));
-            assert_eq!(first_hits.mean(0), (Vec3::ZERO, FAR));
+            assert_eq!(first_hits.mean_hit(1), (Vec3::Y, 3.0));
+            assert_eq!(first_hits.mean_hit(0), (Vec3::ZERO, FAR));
             assert_eq!((first_hits.coverage(0), first_hits.coverage(1)), (0.0, 5.0 / 11.0));
             assert_eq!(features.is_folded(), folds);
             if folds {

@@ -1,10 +1,12 @@
 //! Sums over disjoint subsets of the iterations, so that an estimate from some of them can be tested
 //! on the others.
 
+use super::cells::CellGrid;
 use super::statistic::{CurrentIteration, PixelSample, PixelStatistic, StatisticRequest};
 use super::tiled_buffer::{Accumulate, TiledBuffer};
 use crate::base::math::Rgb;
 use crate::settings::Settings;
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
 /// Folds for cross-validation of the denoiser.
@@ -19,7 +21,7 @@ pub struct FoldedBuffer<T> {
 }
 
 /// Sums of one pixel that make a [`PixelStatistic`].
-pub trait FoldedStatistic: Accumulate + Clone + Default {
+pub trait FoldedStatistic: Accumulate + Clone + Zeroable {
     /// Number of folds that `request` includes; 0 if it does not include this statistic.
     fn folds(request: &StatisticRequest) -> usize;
 
@@ -61,12 +63,12 @@ impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
 
     fn start(request: &StatisticRequest) -> Option<Self> {
         let n = T::folds(request);
-        let folds = || vec![TiledBuffer::new(request.settings.resolution()); n];
-        (n > 0).then(|| Self { folds: folds(), iterations: vec![0; n] })
+        let folds = || (0..n).map(|_| TiledBuffer::of_cells(grid::<T>(request.settings)));
+        (n > 0).then(|| Self { folds: folds().collect(), iterations: vec![0; n] })
     }
 
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        T::folds(request) * size_of::<T>()
+    fn bytes_per_pixel(request: &StatisticRequest) -> f64 {
+        (T::folds(request) * size_of::<T>()) as f64 / grid::<T>(request.settings).pixels_per_cell()
     }
 
     fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {
@@ -76,7 +78,7 @@ impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
         !folds.is_empty()
             && T::is_possible(folds.len(), settings)
             && iterations.len() == folds.len()
-            && folds.iter().all(|fold| fold.fits(settings.resolution()))
+            && folds.iter().all(|fold| fold.fits_cells(grid::<T>(settings)))
     }
 
     fn tiles_mut(&mut self, iteration: CurrentIteration) -> Vec<&mut [T]> {
@@ -98,6 +100,12 @@ impl<T: FoldedStatistic> PixelStatistic for FoldedBuffer<T> {
         self.folds.iter_mut().zip(&other.folds).for_each(|(own, other)| own.merge(other));
         self.iterations.iter_mut().zip(&other.iterations).for_each(|(n, m)| *n += m);
     }
+}
+
+/// The cells or pixels whose sums are kept.
+fn grid<T: Accumulate>(settings: &Settings) -> CellGrid {
+    let resolution = settings.resolution();
+    if T::BY_CELL { CellGrid::of(resolution) } else { CellGrid::single_pixels(resolution) }
 }
 
 /// Sum of the radiance of a pixel, for the error of the denoised image; W/(m^2 sr).

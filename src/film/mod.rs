@@ -2,6 +2,7 @@
 
 pub mod annulus;
 pub mod aov;
+pub mod cells;
 pub mod compare;
 pub mod confidence;
 pub mod counts;

@@ -1,15 +1,17 @@
 //! The image: sums over iterations of each pixel's value.
 
+use super::cells::CellGrid;
 use super::confidence::MeanUncertainty;
 use super::statistic::PixelSample;
 use super::tiled_buffer::{Accumulate, CHUNK, Tile, TiledBuffer};
 use crate::base::math::Rgb;
+use bytemuck::Zeroable;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Sums over iterations of a pixel's value `L_iter`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct PixelSums {
     /// Sum of `L_iter`, W/(m^2 sr).
     pub radiance: DVec3,
@@ -38,6 +40,18 @@ impl PixelSums {
                 (luminance(radiance) - luminance(self.radiance) / t).powi(2) * t / (t + 1.0)
             }
         }
+    }
+}
+
+impl PixelSums {
+    /// Unbiased estimate of the variance of the mean's luminance, from this number of iterations, at least 2.
+    /// theory.md (62).
+    #[inline]
+    pub fn variance_of_mean(&self, iterations: u64) -> f64 {
+        let n = iterations as f64;
+        let mean = luminance(self.radiance) / n;
+        let within = (self.luminance2 / n - mean * mean).max(0.0);
+        within / (n - 1.0)
     }
 }
 
@@ -198,13 +212,21 @@ impl Film {
     /// before the second iteration.
     /// theory.md (62).
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
-        let n = self.iterations as f64;
-        let variance = |sums: &PixelSums| {
-            let mean = luminance(sums.radiance) / n;
-            let within = (sums.luminance2 / n - mean * mean).max(0.0);
-            within / (n - 1.0)
-        };
-        (self.iterations >= 2).then(|| self.sums.map_rows(variance))
+        let n = self.iterations;
+        (n >= 2).then(|| self.sums.map_rows(|sums| sums.variance_of_mean(n)))
+    }
+
+    /// Mean over each cell of [`Self::variance_of_mean`], in row order.
+    pub fn cell_variance(&self) -> Option<Vec<f64>> {
+        let (grid, n) = (CellGrid::of(self.resolution()), self.iterations);
+        if grid.is_single_pixels() || n < 2 {
+            return self.variance_of_mean();
+        }
+        let pixels = self.sums.values();
+        let sums =
+            self.sums.fold_cells(grid, 0.0, |sum, at| *sum += pixels[at].variance_of_mean(n));
+        let mean = |(cell, sum): (usize, &f64)| sum / grid.pixels_of(cell);
+        Some(sums.par_iter().enumerate().map(mean).collect())
     }
 
     /// Adds the iterations of another image of the same pixels.

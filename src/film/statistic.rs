@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 pub enum BatchGrain {
     /// Batches of each pixel, 384 bytes: standard errors of any function of single pixels.
     Pixel,
-    /// Batches of each tile: standard errors of sums over many pixels.
+    /// Batches of each tile: standard errors of sums over many pixels. Large images keep the sums of [cells](super::cells).
     #[default]
     Tile,
 }
@@ -69,7 +69,7 @@ pub trait PixelStatistic: Clone {
     fn start(request: &StatisticRequest) -> Option<Self>;
 
     /// Memory per pixel that `request` takes.
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize;
+    fn bytes_per_pixel(request: &StatisticRequest) -> f64;
 
     /// Whether the sums, or their absence, are possible for an image with these settings. They may come
     /// from a file.
@@ -93,12 +93,20 @@ pub trait StatisticTile {
     /// Result of one iteration for one pixel.
     type Sample;
 
-    /// Adds one iteration to the tile's pixel `index`.
+    /// Whether the values are those of [cells](super::cells), each the mean over its pixels.
+    fn is_by_cell(&self) -> bool;
+
+    /// Adds one iteration to the tile's pixel or cell `index`.
     fn add_sample(&mut self, index: usize, sample: &Self::Sample);
 }
 
 impl<T: Accumulate> StatisticTile for &mut [T] {
     type Sample = PixelSample;
+
+    #[inline]
+    fn is_by_cell(&self) -> bool {
+        T::BY_CELL
+    }
 
     #[inline]
     fn add_sample(&mut self, index: usize, sample: &PixelSample) {

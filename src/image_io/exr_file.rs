@@ -1,5 +1,6 @@
 //! OpenEXR: 32-bit floats without loss, one part whose channel names carry the layers.
 
+use super::exr_blocks;
 use super::exr_format::{DisplayWindow, ExrFormat};
 use super::exr_header::SortedHeader;
 use super::{Image, Layer, Metadata, Value};
@@ -8,14 +9,14 @@ use crate::base::error::{Error, Result};
 use crate::base::input;
 use crate::base::memory::{GIB, available_memory};
 use exr::meta::attribute::Chromaticities;
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Blocks, Encoding, FlatSamples, ImageAttributes,
-    IntegerBounds, LayerAttributes, LineOrder, ReadChannels, ReadLayers, SmallVec, Text, Vec2,
-    WritableImage,
+    AttributeValue, FlatSamples, IntegerBounds, LineOrder, ReadChannels, ReadLayers, Text, Vec2,
 };
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
+use std::ops::Range;
 use std::path::Path;
 
 /// Prefix of the name of every custom attribute.
@@ -58,24 +59,32 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
 /// # Panics
 /// As [`write_exr`].
 pub fn write_exr_as(path: &Path, image: &Image, format: ExrFormat) -> Result<()> {
+    write_exr_rows(path, image, &|_| Vec::new(), format)
+}
+
+/// Writes an image together with layers that are computed while it is written: `computed` returns those of some
+/// rows, with the same channels for all rows. Blocks of rows are computed and compressed on the threads of the
+/// current rayon pool.
+///
+/// # Errors
+/// As [`write_exr`].
+///
+/// # Panics
+/// As [`write_exr`].
+pub fn write_exr_rows(
+    path: &Path,
+    image: &Image,
+    computed: &(dyn Fn(Range<u32>) -> Vec<Layer> + Sync),
+    format: ExrFormat,
+) -> Result<()> {
     let size = (image.width as usize, image.height as usize);
-    let mut channels = SmallVec::new();
-    for layer in &image.layers {
-        for (name, values) in &layer.channels {
-            assert_eq!(values.len(), size.0 * size.1, "one value per pixel");
-            let name = match &layer.name[..] {
-                "" => name.clone(),
-                layer => format!("{layer}.{name}"),
-            };
-            channels.push(AnyChannel::new(text(&name), format.samples(layer, values)));
-        }
-    }
-    // Increasing lines: the bytes then do not depend on the threads that compress them.
-    let encoding = Encoding {
-        compression: format.compression.method(),
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
+    let format = format.for_pixels(size.0 * size.1);
+    let layers = |rows: Range<u32>| {
+        let complete = image.layers.iter().map(|layer| layer.rows(rows.clone(), image.width));
+        complete.chain(computed(rows.clone())).collect::<Vec<_>>()
     };
+    let channels = exr_blocks::channels(&layers(0..0), &format);
+    let described = channels.iter().map(|own| own.description(text(&own.name))).collect();
     let software_name = Some(text(concat!("bdpm ", env!("CARGO_PKG_VERSION"))));
     let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
     for (name, value) in &image.metadata {
@@ -95,13 +104,21 @@ pub fn write_exr_as(path: &Path, image: &Image, format: ExrFormat) -> Result<()>
     };
     let mut shared = ImageAttributes::new(display);
     shared.chromaticities = Some(REC_709);
-    let part = exr::prelude::Layer::new(size, attributes, encoding, AnyChannels::sort(channels));
-    let file = exr::prelude::Image::new(shared, part);
+    // Increasing lines: the bytes then do not depend on the threads that compress them.
+    let header = Header::new(Text::from(""), size, described)
+        .with_encoding(
+            format.compression.method(),
+            BlockDescription::ScanLines,
+            LineOrder::Increasing,
+        )
+        .with_attributes(attributes)
+        .with_shared_attributes(shared);
     write_atomically(path, |to| {
-        file.write().to_buffered(SortedHeader::new(to)).map_err(|e| match e {
-            exr::error::Error::Io(e) => e,
-            e => std::io::Error::other(e.to_string()),
+        let headers = [header.clone()].into_iter().collect();
+        exr::block::write(SortedHeader::new(to), headers, true, |_, chunks| {
+            exr_blocks::write(&header, (&channels, format), &layers, chunks)
         })
+        .map_err(exr_blocks::io_error)
     })
 }
 
@@ -292,6 +309,35 @@ mod tests {
             assert_eq!(meta.headers[0].compression, compression.method());
             assert_eq!(read_exr(&path).unwrap().layer("rms"), written.layer("rms"));
         }
+    }
+
+    #[test]
+    fn large_image_is_lossless_and_its_files_are_equal_for_any_number_of_threads() {
+        let folder = tempfile::tempdir().unwrap();
+        let (width, height) = (1031, 1019);
+        // Runs of equal values, smooth ones, and noise in the lower digits.
+        let value = |i: u32| match i / width % 3 {
+            0 => 1.0,
+            1 => i as f32 * 1e-3,
+            _ => 1.0 + (i.wrapping_mul(0x9e37_79b9) >> 9) as f32 * 1e-9,
+        };
+        let layer = |rows: Range<u32>| {
+            let values = (rows.start * width..rows.end * width).map(value).collect();
+            vec![Layer { name: String::new(), channels: vec![("Y".into(), values)] }]
+        };
+        let image = Image { width, height, layers: Vec::new(), metadata: Metadata::new() };
+        let files = [1, 3].map(|threads| {
+            let path = folder.path().join(format!("{threads}.exr"));
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let write = || write_exr_rows(&path, &image, &layer, ExrFormat::default());
+            pool.install(write).unwrap();
+            let read = read_exr(&path).unwrap();
+            assert_eq!(read.layers, layer(0..height));
+            fs::read(&path).unwrap()
+        });
+        assert!(files[0] == files[1]);
+        let raw = 4 * (width * height) as usize;
+        assert!(files[0].len() < raw * 3 / 4, "{} of {raw}", files[0].len());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Format of an EXR file: compression, precision, and place in a larger image.
 
 use super::Layer;
-use exr::prelude::{Compression, FlatSamples, f16};
+use exr::prelude::{Compression, f16};
 use serde::{Deserialize, Serialize};
 
 /// Format of an EXR file.
@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 pub struct ExrFormat {
     /// Compression of the pixels.
     pub compression: ExrCompression,
+    /// Compress [`ExrCompression::Zip`] less, in a fraction of the time.
+    pub fast: bool,
     /// Write layers of colors (channels `R`, `G` and `B`) as 16-bit floats. Others keep 32 bits.
     pub half: bool,
     /// Place of the pixels in a larger image; `None` if they are the whole image.
@@ -54,19 +56,24 @@ impl ExrCompression {
     }
 }
 
+/// Maximum number of pixels of an image whose files are compressed well by default.
+const MAX_SLOW_PIXELS: usize = 1 << 20;
+
 impl ExrFormat {
-    /// The values of a channel of `layer` in the precision of the file.
-    pub(super) fn samples(&self, layer: &Layer, values: &[f32]) -> FlatSamples {
-        let is_color = layer.channels.iter().map(|(name, _)| &name[..]).eq(["R", "G", "B"]);
-        match self.half && is_color {
-            true => FlatSamples::F16(values.iter().map(|&value| half(value)).collect()),
-            false => FlatSamples::F32(values.to_vec()),
-        }
+    /// The format for an image of this many pixels: files of more than a million pixels are compressed fast.
+    #[must_use]
+    pub fn for_pixels(self, pixels: usize) -> Self {
+        Self { fast: self.fast || pixels > MAX_SLOW_PIXELS, ..self }
+    }
+
+    /// Whether the channels of `layer` are written as 16-bit floats.
+    pub(super) fn is_half(&self, layer: &Layer) -> bool {
+        self.half && layer.channels.iter().map(|(name, _)| &name[..]).eq(["R", "G", "B"])
     }
 }
 
 /// The nearest 16-bit float. Finite values stay finite: the largest is 65504.
-fn half(value: f32) -> f16 {
+pub(super) fn half(value: f32) -> f16 {
     if value.is_finite() {
         f16::from_f32(value.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()))
     } else {

@@ -5,6 +5,7 @@
 
 #[cfg(feature = "cli")]
 mod canvas;
+mod exr_blocks;
 mod exr_file;
 mod exr_format;
 mod exr_header;
@@ -15,7 +16,7 @@ mod tone_curves;
 
 #[cfg(feature = "cli")]
 pub use canvas::Canvas;
-pub use exr_file::{read_exr, write_exr, write_exr_as};
+pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_rows};
 pub use exr_format::{DisplayWindow, ExrCompression, ExrFormat};
 pub use png_file::{encode_png, is_ours, write_png, write_png_as, write_png_bytes};
 pub use scale::{digits, number, quantile, tick_step};
@@ -23,6 +24,7 @@ pub use tone::{ToneCurve, ToneMapping, auto_exposure, tone_map};
 
 use crate::base::math::Rgb;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Facts about an image, by name. Written to EXR as `bdpm.NAME`.
 pub type Metadata = BTreeMap<String, Value>;
@@ -52,6 +54,14 @@ impl Layer {
         let channels = ["R", "G", "B"].iter().enumerate();
         let channels = channels.map(|(i, &name)| (name.to_owned(), channel(i))).collect();
         Self { name: name.into(), channels }
+    }
+
+    /// Some rows of the layer of an image of this width.
+    pub fn rows(&self, rows: Range<u32>, width: u32) -> Self {
+        let values = (rows.start * width) as usize..(rows.end * width) as usize;
+        let channels = self.channels.iter();
+        let channels = channels.map(|(name, all)| (name.clone(), all[values.clone()].to_vec()));
+        Self { name: self.name.clone(), channels: channels.collect() }
     }
 
     /// The values of a channel.

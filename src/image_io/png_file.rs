@@ -3,6 +3,7 @@
 use super::ToneMapping;
 use crate::base::atomic::write_atomically;
 use crate::base::math::Rgb;
+use rayon::prelude::*;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -39,7 +40,9 @@ pub fn write_png_as(
 ) -> crate::Result<f32> {
     assert_eq!(pixels.len(), width as usize * height as usize);
     let exposure = mapping.exposure(pixels);
-    let bytes: Vec<u8> = pixels.iter().flat_map(|&pixel| mapping.apply(pixel, exposure)).collect();
+    let mapped: Vec<[u8; 3]> =
+        pixels.par_iter().map(|pixel| mapping.apply(*pixel, exposure)).collect();
+    let bytes = mapped.into_flattened();
     write_png_bytes(path, width, height, &bytes)?;
     Ok(exposure)
 }

@@ -58,8 +58,8 @@ use state::RunClock;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Relative error at which a job stops if no stop condition was given: 1 %.
@@ -97,6 +97,8 @@ pub struct RenderJob {
     start: Start,
     times: Option<(Timings, PathBuf)>,
     free: Option<FreeParameters>,
+    reserve_per_pixel: Duration,
+    started: Option<Instant>,
     min_iterations: u64,
     schedule: MeasureSchedule,
     pixel_noise: bool,
@@ -157,6 +159,8 @@ impl RenderJob {
             start: Start::New,
             times: None,
             free: None,
+            reserve_per_pixel: Duration::ZERO,
+            started: None,
             min_iterations: 1,
             schedule: MeasureSchedule::default(),
             pixel_noise: false,
@@ -237,6 +241,20 @@ impl RenderJob {
         Self { pixel_noise, ..self }
     }
 
+    /// Reserves a part of the time of [`Self::stop`] for the caller's work after the render, such as writing files: this
+    /// time for each pixel. An observer may replace it by a measured time: [`RenderState::reserve`].
+    #[must_use]
+    pub fn reserve_per_pixel(self, time: Duration) -> Self {
+        Self { reserve_per_pixel: time, ..self }
+    }
+
+    /// Counts the time of [`Self::stop`] from here, such as the start of the program [default: the start of
+    /// [`Self::run`]].
+    #[must_use]
+    pub fn started(self, start: Instant) -> Self {
+        Self { started: Some(start), ..self }
+    }
+
     /// Renders at least this many iterations, even if the time is over.
     #[must_use]
     pub fn at_least(self, iterations: u64) -> Self {
@@ -296,11 +314,11 @@ impl RenderJob {
         mut observer: impl FnMut(Event) -> ControlFlow<()>,
     ) -> Result<RenderResult> {
         let leader = Leader::new(ranks);
+        let start = self.started.unwrap_or_else(Instant::now);
         let Prepared { scene, accel, threads, mut provenance, build_time } = self.prepare()?;
         if let Some(leader) = &leader {
             leader.check_workers(&provenance)?;
         }
-        let start = Instant::now();
         let is_automatic = self.is_automatic();
         let mut stop = self.stop_with_default();
         let iterations = self.shard_iterations(&stop, is_automatic)?;
@@ -314,6 +332,10 @@ impl RenderJob {
         let denoising = denoising.transpose()?;
         if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
             *time = time.saturating_sub(denoising.reserve());
+        }
+        let reserve = self.reserve_per_pixel * provenance.settings.pixels() as u32;
+        if let Some(time) = &mut stop.time {
+            *time = time.saturating_sub(reserve);
         }
 
         let has_choice = scene.lights().has_choice();
@@ -382,7 +404,8 @@ impl RenderJob {
             exchanged: Exchanged::new(ranks.count()),
             interrupt: self.interrupt,
             threads,
-            clock: RunClock::new(start, self.min_iterations),
+            latest_weights: Mutex::default(),
+            clock: RunClock::new(start, self.min_iterations, reserve),
         };
         iterate::run(state, leader, &mut observer)
     }

@@ -103,7 +103,8 @@ impl RenderResult {
     /// Selected layers that the job accumulated, and the denoised image with its error.
     pub fn layers(&self, selection: &LayerSelection) -> Vec<Layer> {
         let image = self.state.image();
-        let mut layers = selection.layers(self.state.renderer.shared(), &image, &image.mean());
+        let (shared, rows) = (self.state.renderer.shared(), 0..self.resolution.1);
+        let mut layers = selection.layers(shared, &image, rows, &image.mean());
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         layers
     }
@@ -117,7 +118,8 @@ impl RenderResult {
         if let Some(rms) = image.rms() {
             layers.push(Layer { name: "rms".into(), channels: vec![("Y".into(), rms)] });
         }
-        layers.extend(selection.layers(self.state.renderer.shared(), &image, &pixels));
+        let (shared, rows) = (self.state.renderer.shared(), 0..self.resolution.1);
+        layers.extend(selection.layers(shared, &image, rows, &pixels));
         layers.extend(self.state.denoised().into_iter().flat_map(denoise::layers));
         let mut metadata = self.state.provenance.to_metadata();
         metadata.insert("iterations".into(), Value::Number(image.iterations() as f64));

@@ -7,6 +7,7 @@ use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importan
 use crate::adaptive::technique::Selection;
 use crate::base::error::Result;
 use crate::film::PhaseTimes;
+use crate::film::cells::CellGrid;
 use crate::output::checkpoint::{Checkpoint, ShardedImage};
 use crate::output::denoise::{Denoised, ErrorSummary};
 use crate::render::block::{Block, CombinedImage};
@@ -16,8 +17,9 @@ use crate::settings::provenance::Provenance;
 use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::mem;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Ratio of the times of two values of the history.
@@ -31,6 +33,9 @@ const ESTIMATE_PAUSE_SHARE: f64 = 0.02;
 
 /// Maximum share of these estimates in the time. Each is a pass over the image.
 const ESTIMATE_COST: f64 = 0.05;
+
+/// Maximum share for large images, whose pixels share statistics.
+const LARGE_ESTIMATE_COST: f64 = 0.02;
 
 /// The image of a job, its progress and its statistics, during and after the render.
 pub struct RenderState {
@@ -66,6 +71,8 @@ pub struct RenderState {
     pub sharded: Option<ShardedImage>,
     /// The scene's named regions, for files.
     pub regions: Vec<Region>,
+    /// Latest weights of the blocks, and the number of iterations that they belong to.
+    pub(super) latest_weights: Mutex<(u64, Vec<f64>)>,
     pub(super) threads: Arc<ThreadPool>,
     pub(super) interrupt: Arc<AtomicBool>,
     pub(super) clock: RunClock,
@@ -82,14 +89,32 @@ pub(super) struct RunClock {
     /// Time of the latest estimate of the noise, seconds, and its duration.
     last_estimate: f64,
     estimate_time: f64,
+    /// Time that the stop conditions leave out for the caller's work at the end.
+    reserve: Duration,
 }
 
+/// Estimates of the noise that take as long as the result at the end.
+const RESULT_ESTIMATES: f64 = 2.0;
+
 impl RunClock {
-    /// A clock for a run that started at `start` and renders its first iteration now.
-    pub fn new(start: Instant, min_iterations: u64) -> Self {
-        let (first_iteration, forecasts) = (Instant::now(), Vec::new());
-        let (last_estimate, estimate_time) = (0.0, 0.0);
-        Self { start, first_iteration, min_iterations, forecasts, last_estimate, estimate_time }
+    /// A clock for a run that started at `start` and renders its first iteration now. The stop conditions leave out
+    /// `reserve` for the caller.
+    pub fn new(start: Instant, min_iterations: u64, reserve: Duration) -> Self {
+        Self {
+            start,
+            first_iteration: Instant::now(),
+            min_iterations,
+            forecasts: Vec::new(),
+            last_estimate: 0.0,
+            estimate_time: 0.0,
+            reserve,
+        }
+    }
+
+    /// Leaves out `reserve` of the time instead of the present reserve, and returns the new `end` of the iterations.
+    fn replace_reserve(&mut self, end: Duration, reserve: Duration) -> Duration {
+        let all = end + mem::replace(&mut self.reserve, reserve);
+        all.saturating_sub(reserve)
     }
 }
 
@@ -215,8 +240,33 @@ impl RenderState {
     /// The image so far: all blocks with their weights.
     pub fn image(&self) -> CombinedImage<'_> {
         let blocks = self.renderer.blocks();
-        let importance = importance(blocks, self.stop.objective);
-        CombinedImage::new(blocks, self.policy.weights(blocks, &importance))
+        CombinedImage::new(blocks, self.weights())
+    }
+
+    /// Weight of an iteration of each block. A single block needs no importance of the pixels.
+    fn weights(&self) -> Vec<f64> {
+        let blocks = self.renderer.blocks();
+        let iterations = self.renderer.iterations();
+        let mut latest = self.latest_weights.lock().unwrap_or_else(PoisonError::into_inner);
+        let (known, weights) = &mut *latest;
+        if *known != iterations || weights.len() != blocks.len() {
+            let importance = match blocks {
+                [_] => Vec::new(),
+                _ => importance(blocks, self.stop.objective),
+            };
+            (*known, *weights) = (iterations, self.policy.weights(blocks, &importance));
+        }
+        weights.clone()
+    }
+
+    /// Reserves this time for the caller's work at the end, such as writing files, instead of that of
+    /// [`RenderJob::reserve_per_pixel`](super::RenderJob::reserve_per_pixel).
+    pub fn reserve(&mut self, time: Duration) {
+        if let Some(end) = self.stop.time {
+            let end = self.clock.replace_reserve(end, time);
+            self.stop.time = Some(end);
+            self.policy.set_time(end);
+        }
     }
 
     /// The promised error or time, once there is one.
@@ -301,8 +351,12 @@ impl RenderState {
         self.status.iterations = self.renderer.iterations();
         let elapsed = self.elapsed().as_secs_f64();
         let pause = MAX_ESTIMATE_PAUSE.min(ESTIMATE_PAUSE_SHARE * elapsed);
-        if elapsed >= self.clock.last_estimate + pause.max(self.clock.estimate_time / ESTIMATE_COST)
-        {
+        let is_large = !CellGrid::of(self.renderer.settings().resolution()).is_single_pixels();
+        if is_large && self.status.iterations < 2 {
+            return; // Nothing is known of the noise.
+        }
+        let share = if is_large { LARGE_ESTIMATE_COST } else { ESTIMATE_COST };
+        if elapsed >= self.clock.last_estimate + pause.max(self.clock.estimate_time / share) {
             self.estimate();
         }
     }
@@ -321,13 +375,21 @@ impl RenderState {
         if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
             return Some(StoppedBy::Target);
         }
-        // Stop if more than half of the next iteration would be after the end of the time.
-        let elapsed = self.elapsed().as_secs_f64();
-        // theory.md (92)
-        let iteration_time =
-            self.clock.first_iteration.elapsed().as_secs_f64() / done.max(1) as f64;
-        let half = 0.5 * iteration_time * f64::from(self.exchanged.ranks);
-        let is_over = time.is_some_and(|time| elapsed + half > time.as_secs_f64());
+        let rendering = self.clock.first_iteration.elapsed().as_secs_f64();
+        let mean = rendering / done.max(1) as f64;
+        let (blocks, elapsed) = (self.renderer.blocks().len(), self.elapsed().as_secs_f64());
+        // Iterations of earlier blocks may have taken another time.
+        let clock = &self.renderer.block().clock;
+        let iteration_time = match clock.iterations {
+            iterations if blocks > 1 && iterations > 0 => {
+                clock.times.wall.as_secs_f64() / iterations as f64
+            }
+            _ => mean,
+        };
+        let next = iteration_time * f64::from(self.exchanged.ranks);
+        let result = RESULT_ESTIMATES * self.clock.estimate_time;
+        let left = |time: Duration| time.as_secs_f64() - result - elapsed;
+        let is_over = time.is_some_and(|time| !has_time(left(time), next));
         is_over.then_some(StoppedBy::Time)
     }
 
@@ -380,10 +442,42 @@ impl RenderState {
     }
 }
 
+/// Whether to render another iteration that takes about `next` seconds if `left` seconds are left: at least half of it
+/// must be within the time.
+// theory.md (92)
+fn has_time(left: f64, next: f64) -> bool {
+    0.5 * next <= left
+}
+
 /// The block with the most measured iterations, if they suffice to estimate its noise.
 pub fn best_measured(blocks: &[Block]) -> Option<&Block> {
     let measured =
         |block: &Block| block.statistics.noise.as_ref().map_or(0, |noise| noise.iterations);
     let best = blocks.iter().max_by_key(|block| measured(block));
     best.filter(|block| measured(block) >= 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn iteration_starts_only_if_half_of_it_is_within_the_time() {
+        for (left, next, starts) in
+            [(3.0, 2.0, true), (1.0, 2.0, true), (0.9, 2.0, false), (-1.0, 0.5, false)]
+        {
+            assert_eq!(has_time(left, next), starts, "{left} {next}");
+        }
+    }
+
+    #[test]
+    fn measured_reserve_replaces_the_assumed_one() {
+        // 30 s with 4 s assumed for files; then measured as 6 s, as 1 s, and as more than all.
+        let mut clock = RunClock::new(Instant::now(), 1, Duration::from_secs(4));
+        let mut end = Duration::from_secs(26);
+        for (measured, expected) in [(6, 24), (1, 29), (40, 0)] {
+            end = clock.replace_reserve(end, Duration::from_secs(measured));
+            assert_eq!(end, Duration::from_secs(expected));
+        }
+    }
 }

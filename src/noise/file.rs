@@ -15,7 +15,7 @@
 //! then the batch of the first iteration. Without it iterations were assigned in turn, beginning with
 //! batch 0.
 
-use super::film::{BATCHES, BatchCounts, BatchGrain, NoiseFilm};
+use super::film::{BATCHES, BatchCounts, NoiseFilm};
 use super::image::{NoiseImage, NoiseSample, PixelEstimate};
 use super::region::{rectangles_from_text, rectangles_to_text};
 use super::{Coefficients, Measure};
@@ -269,7 +269,7 @@ fn batch_name(batch: usize) -> String {
 pub const fn bytes_per_pixel() -> usize {
     let image = size_of::<PixelEstimate>() + BATCHES * size_of::<NoiseSample>();
     let channels = 3 + 7 + 2 + 2 + 5 * BATCHES;
-    NoiseFilm::bytes_per_pixel(BatchGrain::Pixel) + image + 2 * channels * size_of::<f32>()
+    NoiseFilm::BYTES_OF_PIXEL + image + 2 * channels * size_of::<f32>()
 }
 
 /// Refuses a resolution whose noise does not fit in the memory that is available.

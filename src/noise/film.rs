@@ -1,10 +1,12 @@
 //! Sums over measured iterations: coefficients of each pixel, with batches for standard errors.
 
 use super::Coefficients;
+use crate::film::cells::CellGrid;
 pub use crate::film::statistic::BatchGrain;
 use crate::film::statistic::{CurrentIteration, PixelStatistic, StatisticRequest, StatisticTile};
-use crate::film::tiled_buffer::{TiledBuffer, tiles};
+use crate::film::tiled_buffer::{Tile, TiledBuffer, tiles};
 use crate::settings::Settings;
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 
 /// Batches of measured iterations, which go to the batches in turn.
@@ -63,8 +65,8 @@ pub struct PixelMeasurement {
     pub nested: [f64; 2],
 }
 
-/// Sums over the measured iterations of a block.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Sums over the measured iterations of a block, of a pixel or of the mean over a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct PixelNoise {
     /// Sum of the coefficients.
     pub coefficients: Coefficients,
@@ -78,7 +80,7 @@ pub struct PixelNoise {
     pub nested2: f64,
 }
 
-/// Sums over one batch of iterations, over one pixel or all pixels of a tile.
+/// Sums over one batch of iterations, over one pixel or all pixels (in large images: cells) of a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BatchSums {
     /// Sums of `a`, `b`, `f`.
@@ -173,7 +175,7 @@ impl NoiseFilm {
     pub fn new(resolution: (u32, u32), grain: BatchGrain, measured_before: u64) -> Self {
         let first = (measured_before % BATCHES as u64) as u8;
         Self {
-            sums: TiledBuffer::new(resolution),
+            sums: TiledBuffer::of_cells(grid(resolution, grain)),
             batches: vec![BatchSums::default(); batch_count(resolution, grain)],
             grain,
             iterations: 0,
@@ -181,9 +183,37 @@ impl NoiseFilm {
         }
     }
 
-    /// Sums of each pixel.
+    /// Sums of each pixel, or of the mean over each [cell](CellGrid) if batches are those of tiles.
     pub fn sums(&self) -> &TiledBuffer<PixelNoise> {
         &self.sums
+    }
+
+    /// Sum of the coefficients of each cell of `grid`, in row order.
+    pub fn cell_coefficients(&self, grid: CellGrid) -> Vec<Coefficients> {
+        if self.sums.fits_cells(grid) {
+            return self.sums.map_rows(|sums| sums.coefficients);
+        }
+        let pixels = self.sums.values();
+        let add = |sum: &mut Coefficients, at: usize| *sum += pixels[at].coefficients;
+        let sums = self.sums.fold_cells(grid, Coefficients::default(), add);
+        let mean = |(cell, sum)| sum * grid.pixels_of(cell).recip();
+        sums.into_iter().enumerate().map(mean).collect()
+    }
+
+    /// Sum of the first nested difference and of its square for each cell of `grid`, in row order.
+    pub fn cell_nested(&self, grid: CellGrid) -> Vec<[f64; 2]> {
+        let nested = |sums: &PixelNoise| [sums.nested[0], sums.nested2];
+        if self.sums.fits_cells(grid) {
+            return self.sums.map_rows(nested);
+        }
+        let pixels = self.sums.values();
+        let add = |sums: &mut [f64; 2], at: usize| {
+            let own = nested(&pixels[at]);
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        };
+        let sums = self.sums.fold_cells(grid, [0.0; 2], add);
+        let mean = |(cell, sums): (usize, [f64; 2])| sums.map(|sum| sum / grid.pixels_of(cell));
+        sums.into_iter().enumerate().map(mean).collect()
     }
 
     /// Resolution of the batches.
@@ -201,13 +231,15 @@ impl NoiseFilm {
         self.batches.chunks_exact(BATCHES)
     }
 
-    /// Memory per pixel at this grain; all tiles count as whole ones.
-    pub const fn bytes_per_pixel(grain: BatchGrain) -> usize {
-        size_of::<PixelNoise>()
-            + match grain {
-                BatchGrain::Pixel => BATCHES * size_of::<BatchSums>(),
-                BatchGrain::Tile => BATCHES * size_of::<BatchSums>() / 256,
-            }
+    /// Memory per pixel if batches of single pixels are kept.
+    pub const BYTES_OF_PIXEL: usize = size_of::<PixelNoise>() + BATCHES * size_of::<BatchSums>();
+}
+
+/// The cells whose sums are kept.
+fn grid(resolution: (u32, u32), grain: BatchGrain) -> CellGrid {
+    match grain {
+        BatchGrain::Pixel => CellGrid::single_pixels(resolution),
+        BatchGrain::Tile => CellGrid::of(resolution),
     }
 }
 
@@ -240,14 +272,20 @@ impl PixelStatistic for NoiseFilm {
         request.measured_before.map(|before| Self::new(resolution, request.grain, before))
     }
 
-    fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-        Self::bytes_per_pixel(request.grain)
+    /// All tiles count as whole ones.
+    fn bytes_per_pixel(request: &StatisticRequest) -> f64 {
+        let cell = grid(request.settings.resolution(), request.grain).pixels_per_cell();
+        let batches = match request.grain {
+            BatchGrain::Pixel => 1.0,
+            BatchGrain::Tile => Tile::PIXELS,
+        };
+        size_of::<PixelNoise>() as f64 / cell + (BATCHES * size_of::<BatchSums>()) as f64 / batches
     }
 
     fn fits(statistic: Option<&Self>, settings: &Settings) -> bool {
         let resolution = settings.resolution();
         statistic.is_none_or(|noise| {
-            noise.sums.fits(resolution)
+            noise.sums.fits_cells(grid(resolution, noise.grain))
                 && noise.batches.len() == batch_count(resolution, noise.grain)
                 && noise.counts.is_consistent()
                 && noise.counts.total() == noise.iterations
@@ -312,6 +350,10 @@ impl PixelStatistic for NoiseFilm {
 
 impl StatisticTile for NoiseTile<'_> {
     type Sample = PixelMeasurement;
+
+    fn is_by_cell(&self) -> bool {
+        self.grain == BatchGrain::Tile
+    }
 
     fn add_sample(&mut self, index: usize, sample: &PixelMeasurement) {
         let term = self.pixels[index].add(sample, self.iterations);

@@ -25,13 +25,14 @@ pub mod region;
 pub mod schedule;
 pub mod summary;
 
+use bytemuck::Zeroable;
 use serde::{Deserialize, Serialize};
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// The three coefficients of a pixel, or their mean over pixels, squared luminance.
 ///
 /// Estimates from few iterations may be negative: average before clamping.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Zeroable)]
 pub struct Coefficients {
     /// Interaction of light and camera paths.
     pub a: f64,

@@ -2,12 +2,12 @@
 
 use crate::base::math::Rgb;
 use crate::film::aov::AovSelection;
-use crate::film::features::FAR;
 use crate::film::light_components::LightComponents;
 use crate::image_io::Layer;
 use crate::render::accumulators::SharedStatistics;
 use crate::render::block::CombinedImage;
 use glam::Vec3;
+use std::ops::Range;
 
 /// Name of a layer, or of all or no layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -120,35 +120,45 @@ impl LayerSelection {
         AovSelection { light, features, folds: false }
     }
 
-    /// The selected layers, as far as their statistics were accumulated. `pixels` is the image; the sum of the light
-    /// layers is equal to it.
+    /// The selected layers of some rows of an image, as far as their statistics were accumulated. `pixels` are the
+    /// image's pixels in these rows; the sum of the light layers is equal to them.
     pub fn layers(
         &self,
         shared: &SharedStatistics,
         image: &CombinedImage,
+        rows: Range<u32>,
         pixels: &[Rgb],
     ) -> Vec<Layer> {
-        let mut layers = self.first_hit_layers(shared);
+        let mut layers = self.first_hit_layers(shared, image, rows.clone());
         if self.aovs().light
-            && let Some(light) = image.light_components()
+            && let Some(light) = image.light_rows(shared, rows)
         {
             layers.extend(self.light_layers(&light, pixels));
         }
         layers
     }
 
-    fn first_hit_layers(&self, shared: &SharedStatistics) -> Vec<Layer> {
-        let kept = shared.features.as_ref().zip(shared.first_hits.as_ref());
-        let Some((features, first_hits)) = kept.filter(|_| self.aovs().features) else {
+    fn first_hit_layers(
+        &self,
+        shared: &SharedStatistics,
+        image: &CombinedImage,
+        rows: Range<u32>,
+    ) -> Vec<Layer> {
+        let Some(features) = shared.features.as_ref().filter(|_| self.aovs().features) else {
             return Vec::new();
         };
-        let first = &first_hits.folds()[0];
-        let mut seen = vec![(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, [FAR, 0.0]); first.pixels()];
-        first.zip_pixels(&mut seen, |seen, at| {
-            let (guide, (position, depth)) = (features.mean(at, |_| true), first_hits.mean(at));
-            *seen = (guide.albedo, guide.normal, position, [depth, first_hits.coverage(at)]);
-        });
+        let hit: &dyn Fn(usize) -> ((Vec3, f32), f32) =
+            match (&shared.first_hits, &shared.compact_hits) {
+                (Some(hits), _) => &|at| (hits.mean_hit(at), hits.coverage(at)),
+                (None, Some(hits)) => &|at| (hits.mean_hit(at), hits.coverage(at)),
+                (None, None) => return Vec::new(),
+            };
         type Look = (Vec3, Vec3, Vec3, [f32; 2]);
+        let look = |at: usize| -> Look {
+            let (guide, ((position, depth), coverage)) = (features.mean(at, |_| true), hit(at));
+            (guide.albedo, guide.normal, position, [depth, coverage])
+        };
+        let seen: Vec<Look> = rows.flat_map(|y| image.indices_of_row(y)).map(look).collect();
         let three = |name: &str, of: fn(&Look) -> Vec3, channels: [&str; 3]| {
             let channel = |axis: usize| seen.iter().map(|seen| of(seen)[axis]).collect();
             let channels = channels.iter().enumerate();

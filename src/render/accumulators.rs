@@ -6,9 +6,9 @@
 
 use crate::base::math::Rgb;
 use crate::film::annulus::FoldSums;
-use crate::film::features::{DenoiseFeatures, DepthSample};
+use crate::film::features::{CompactDepth, DenoiseFeatures, DepthSample};
 use crate::film::folds::FoldedBuffer;
-use crate::film::light_components::LightComponents;
+use crate::film::light_components::{CAUSTICS, CompactLight, DIRECT, EMISSION, LightComponents};
 use crate::film::statistic::{
     CurrentIteration, PixelSample, PixelStatistic, StatisticRequest, StatisticTile,
 };
@@ -24,6 +24,67 @@ pub struct IterationSample {
     pub pixel: PixelSample,
     /// Coefficients of the pixel, if they are measured.
     pub measurement: PixelMeasurement,
+}
+
+impl IterationSample {
+    /// Adds another sample, without its layers.
+    fn add(&mut self, other: &Self) {
+        let Self { pixel, measurement } = other;
+        self.pixel.value += pixel.value;
+        if let Some(own) = pixel.annulus {
+            let sums = self.pixel.annulus.get_or_insert_default();
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
+        let sums = &mut self.measurement;
+        sums.coefficients += measurement.coefficients;
+        sums.value += measurement.value;
+        sums.nested.iter_mut().zip(measurement.nested).for_each(|(sum, own)| *sum += own);
+    }
+
+    fn scaled(self, scale: f64) -> Self {
+        let PixelMeasurement { coefficients, value, nested } = self.measurement;
+        let pixel = PixelSample {
+            value: self.pixel.value * scale,
+            annulus: self.pixel.annulus.map(|sums| sums.map(|sum| sum * scale)),
+            aovs: None,
+        };
+        let measurement = PixelMeasurement {
+            coefficients: coefficients * scale,
+            value: value * scale,
+            nested: nested.map(|sum| sum * scale),
+        };
+        Self { pixel, measurement }
+    }
+}
+
+/// Sums of the samples of each cell of a tile, during one iteration.
+#[derive(Debug, Default)]
+pub struct CellSamples {
+    /// Sum of the samples of the pixels of each cell, without layers, and their number.
+    sums: Vec<(IterationSample, u32)>,
+}
+
+impl CellSamples {
+    /// Starts a tile of this many cells.
+    pub fn start(&mut self, cells: usize) {
+        self.sums.clear();
+        self.sums.resize(cells, Default::default());
+    }
+
+    /// Adds the sample of a pixel of a cell.
+    pub fn add(&mut self, cell: usize, sample: &IterationSample) {
+        let (sum, count) = &mut self.sums[cell];
+        sum.add(sample);
+        *count += 1;
+    }
+
+    /// Mean sample of each cell that has one, with the index of the cell.
+    pub fn means(&self) -> impl Iterator<Item = (usize, IterationSample)> {
+        let mean = |(cell, (sum, count)): (usize, &(IterationSample, u32))| {
+            (*count > 0).then(|| (cell, sum.scaled(f64::from(*count).recip())))
+        };
+        self.sums.iter().enumerate().filter_map(mean)
+    }
 }
 
 impl AsRef<PixelSample> for IterationSample {
@@ -65,8 +126,8 @@ macro_rules! statistics {
             }
 
             /// Memory per pixel that `request` takes.
-            pub(super) fn bytes_per_pixel(request: &StatisticRequest) -> usize {
-                0 $(+ <$kind as PixelStatistic>::bytes_per_pixel(request))*
+            pub(super) fn bytes_per_pixel(request: &StatisticRequest) -> f64 {
+                0.0 $(+ <$kind as PixelStatistic>::bytes_per_pixel(request))*
             }
 
             /// Whether all statistics belong to an image with these settings.
@@ -109,10 +170,21 @@ macro_rules! statistics {
         }
 
         impl $tile<'_> {
-            /// Adds one iteration to the tile's pixel `index`.
+            /// Adds one iteration to the tile's pixel `index`, where every cell is a single pixel.
             #[inline]
             pub fn add_sample(&mut self, index: usize, sample: &IterationSample) {
                 $(if let Some(tile) = &mut self.$field {
+                    tile.add_sample(index, sample.as_ref());
+                })*
+            }
+
+            /// Adds one iteration to the statistics of cells or to those of pixels; `index` is that of the tile's cell
+            /// or pixel.
+            #[inline]
+            pub fn add_sample_of(&mut self, by_cell: bool, index: usize, sample: &IterationSample) {
+                $(if let Some(tile) = &mut self.$field
+                    && tile.is_by_cell() == by_cell
+                {
                     tile.add_sample(index, sample.as_ref());
                 })*
             }
@@ -125,7 +197,7 @@ statistics! {
     BlockStatistics, BlockStatisticsTile {
         /// Coefficients of the noise, from the measured iterations.
         noise: NoiseFilm,
-        /// Emission, direct light and caustics.
+        /// Emission, direct light and caustics, except in large images.
         light: FoldedBuffer<LightComponents>,
         /// Radiance of each fold of the iterations.
         folds: FoldedBuffer<Rgb>,
@@ -139,7 +211,15 @@ statistics! {
     SharedStatistics, SharedStatisticsTile {
         /// Albedo and normal, which the denoiser uses.
         features: FoldedBuffer<DenoiseFeatures>,
-        /// Position and depth of the first surface.
+        /// Position and depth of the first surface, except in large images.
         first_hits: FoldedBuffer<DepthSample>,
+        /// Position and depth of the first surface in large images.
+        compact_hits: FoldedBuffer<CompactDepth>,
+        /// Emission of large images.
+        compact_emission: FoldedBuffer<CompactLight<EMISSION>>,
+        /// Direct light of large images.
+        compact_direct: FoldedBuffer<CompactLight<DIRECT>>,
+        /// Caustics of large images.
+        compact_caustics: FoldedBuffer<CompactLight<CAUSTICS>>,
     }
 }

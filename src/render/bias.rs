@@ -2,8 +2,9 @@
 
 use super::block::Block;
 use super::combined_image::CombinedImage;
+use crate::film::cells::CellGrid;
 use crate::film::radiance::box_filter;
-use crate::film::tiled_buffer::tiles;
+use crate::film::tiled_buffer::tiles_of_cells;
 use crate::noise::bias::{BIAS_CERTAINTY, Products, falls_to};
 use crate::noise::film::{BATCHES, BatchGrain};
 use serde::Serialize;
@@ -30,19 +31,20 @@ impl MergeBias {
     /// the batches.
     pub fn new(blocks: &[Block], image: &CombinedImage) -> Option<Self> {
         let (nested, counts) = nested_by_tile(blocks)?;
-        let (width, _) = image.resolution();
+        let grid = image.grid();
+        let (across, _) = grid.size();
         let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
-        let variance = image.variance_of_mean()?;
+        let variance = image.cell_variance()?;
         let (mut biased, mut worst) = (0, 0.0f64);
-        for (tile, sums) in tiles(image.resolution()).zip(&nested) {
-            let pixels = tile.len() as f64;
+        for (tile, sums) in tiles_of_cells(grid).zip(&nested) {
+            let cells = tile.len() as f64;
             // theory.md (70)
-            let means = std::array::from_fn(|k| scale * sums[k][0] / (counts[k] * pixels));
+            let means = std::array::from_fn(|k| scale * sums[k][0] / (counts[k] * cells));
             let own = (0..tile.len() as u32).map(|index| {
                 let (x, y) = tile.pixel(index);
-                variance[(y * width + x) as usize]
+                variance[(y * across + x) as usize]
             });
-            let noise = (own.sum::<f64>() / pixels).sqrt();
+            let noise = (own.sum::<f64>() / cells).sqrt();
             let significant = significant_part(&means);
             if significant > noise {
                 biased += tile.len();
@@ -56,21 +58,20 @@ impl MergeBias {
     }
 }
 
-/// Merge bias of the luminance of each pixel and its standard error, W/(m^2 sr), in row order, pooled
-/// over 5 by 5 pixels; `None` before enough iterations are measured. The bias is assumed to decrease with
-/// the radius in each pixel as in the whole image: theory.md (70).
-pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
+/// Merge bias of the luminance of each cell and its standard error, W/(m^2 sr), in row order, pooled
+/// over 5 by 5 cells; `None` before enough iterations are measured. The bias is assumed to decrease with
+/// the radius in each cell as in the whole image: theory.md (70).
+pub fn per_cell(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
     let (nested, counts) = nested_by_tile(blocks)?;
     let scale = 1.0 / (1.0 - falls_to(&products(&nested)));
     let iterations: f64 = counts.iter().sum();
-    let (width, height) = blocks[0].film.resolution();
-    let mut sums = vec![[0.0; 2]; blocks[0].film.pixels()];
+    let grid = CellGrid::of(blocks[0].film.resolution());
+    let (width, height) = grid.size();
+    let mut sums = vec![[0.0; 2]; grid.len()];
     for noise in blocks.iter().filter_map(|block| block.statistics.noise.as_ref()) {
-        let pixels = noise.sums();
-        pixels.zip_pixels(&mut sums, |[first, squares], at| {
-            *first += pixels.values()[at].nested[0];
-            *squares += pixels.values()[at].nested2;
-        });
+        for (sums, own) in sums.iter_mut().zip(noise.cell_nested(grid)) {
+            sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
     }
     // Neighbors share photons, so that pooling does not necessarily reduce the error.
     let bias = |[first, squares]: [f64; 2]| {
@@ -85,8 +86,8 @@ pub fn per_pixel(blocks: &[Block]) -> Option<Vec<[f64; 2]>> {
 /// Sums of both nested differences in each batch.
 type Nested = [[f64; 2]; BATCHES];
 
-/// Nested differences of each tile, and the iterations of each batch; `None` before enough iterations
-/// are measured.
+/// Nested differences of each tile, summed over its cells, and the iterations of each batch; `None` before enough
+/// iterations are measured.
 fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
     let measured: Vec<_> =
         blocks.iter().filter_map(|block| block.statistics.noise.as_ref()).collect();
@@ -94,22 +95,23 @@ fn nested_by_tile(blocks: &[Block]) -> Option<(Vec<Nested>, [f64; BATCHES])> {
     if iterations < MIN_MEASURED {
         return None;
     }
-    let resolution = blocks[0].film.resolution();
-    let mut nested = vec![[[0.0; 2]; BATCHES]; tiles(resolution).count()];
+    let grid = CellGrid::of(blocks[0].film.resolution());
+    let mut nested = vec![[[0.0; 2]; BATCHES]; tiles_of_cells(grid).count()];
     let mut counts = [0.0; BATCHES];
     for noise in measured {
         for (batch, count) in counts.iter_mut().enumerate() {
             *count += noise.counts().iterations[batch] as f64;
         }
         let mut batches = noise.batches();
-        for (tile, sums) in tiles(resolution).zip(&mut nested) {
-            let groups = match noise.grain() {
-                BatchGrain::Pixel => tile.len(),
-                BatchGrain::Tile => 1,
+        let pixel_tiles = blocks[0].film.sums.tiles();
+        for (tile, sums) in pixel_tiles.zip(&mut nested) {
+            let (groups, share) = match noise.grain() {
+                BatchGrain::Pixel => (tile.len(), grid.pixels_per_cell().recip()),
+                BatchGrain::Tile => (1, 1.0),
             };
             for group in batches.by_ref().take(groups) {
                 for (sum, batch) in sums.iter_mut().zip(group) {
-                    (0..2).for_each(|a: usize| sum[a] += f64::from(batch.nested[a]));
+                    (0..2).for_each(|a: usize| sum[a] += share * f64::from(batch.nested[a]));
                 }
             }
         }

@@ -8,6 +8,7 @@
 use super::block::Block;
 use crate::base::math::Rgb;
 use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
+use crate::film::cells::CellGrid;
 use crate::film::radiance::{luminance, luminance_weights};
 use rayon::prelude::*;
 
@@ -15,11 +16,13 @@ use rayon::prelude::*;
 /// subtracted, since both are noisy. Fixed by experiment.
 const BIAS_EXCESS: f64 = 1.0;
 
-/// Correction of the merge bias of an image, in row order.
+/// Correction of the merge bias of an image, for each [cell](CellGrid) in row order.
 #[derive(Clone, Debug)]
 pub struct BiasCorrection {
     /// Radiance to be subtracted, W/(m^2 sr).
     pub correction: Vec<Rgb>,
+    /// Share of `correction` in the radiance of each cell, if cells have several pixels; else empty.
+    shares: Vec<Rgb>,
     /// Change of the variance of the mean's luminance. It is often negative: the noise of the annulus
     /// is subtracted with the bias.
     pub variance_change: Vec<f64>,
@@ -64,15 +67,14 @@ struct WeightedBlocks<'a> {
 }
 
 impl BiasCorrection {
-    /// Memory per pixel of the correction and of its intermediate results.
+    /// Memory per cell of the correction and of its intermediate results.
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
-        + size_of::<[WeightedMoments; FOLDS]>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
-        + size_of::<Rgb>()
+        + 2 * size_of::<Rgb>()
         + 4 * size_of::<f64>();
 
     /// Correction of the image that `blocks` form with these weights of their iterations; `luminance` is
-    /// a smoothed estimate of its luminance. `None` if a block does not keep the annulus, or before the
+    /// a smoothed estimate of the luminance of each cell. `None` if a block does not keep the annulus, or before the
     /// second iteration of both folds.
     pub fn new(blocks: &[Block], weights: &[f64], luminance: &[f64]) -> Option<Self> {
         let weighted = WeightedBlocks::new(blocks, weights)?;
@@ -80,6 +82,7 @@ impl BiasCorrection {
         let pixels = importance.len();
         let mut all = Self {
             correction: vec![Rgb::ZERO; pixels],
+            shares: Vec::new(),
             variance_change: vec![0.0; pixels],
             bias2: vec![0.0; pixels],
         };
@@ -91,6 +94,29 @@ impl BiasCorrection {
             }
         }
         Some(all)
+    }
+
+    /// Corrects pixels of cells of these radiances in proportion to their own. The bias of a cell is that of its bright
+    /// pixels: it would darken the others, beyond an edge or in a texture.
+    #[must_use]
+    pub fn with_shares(self, radiance: impl IndexedParallelIterator<Item = Rgb>) -> Self {
+        let share = |(correction, radiance): (&Rgb, Rgb)| {
+            let is_lit = radiance.cmpgt(Rgb::ZERO);
+            Rgb::select(is_lit, *correction / radiance, Rgb::ZERO).clamp(-Rgb::ONE, Rgb::ONE)
+        };
+        let shares = self.correction.par_iter().zip(radiance).map(share).collect();
+        Self { shares, ..self }
+    }
+
+    /// Correction of a pixel of this mean radiance, at a column and row. Shares are linear between the centers of cells.
+    #[inline]
+    pub fn at(&self, grid: CellGrid, pixel: (u32, u32), radiance: Rgb) -> Rgb {
+        let mix =
+            |parts: [(Rgb, f32); 4]| parts.map(|(own, weight)| own * weight).into_iter().sum();
+        match self.shares.is_empty() {
+            true => grid.interpolated(&self.correction, pixel, mix),
+            false => radiance * grid.interpolated::<Rgb>(&self.shares, pixel, mix),
+        }
     }
 
     /// Adds the correction of one photon class.
@@ -110,7 +136,7 @@ impl BiasCorrection {
             [weight * estimates[0].bias2, variance(0), weight * estimates[1].bias2, variance(1)]
         };
         let relative: Vec<_> = estimates.par_iter().zip(importance).map(relative).collect();
-        let (width, height) = blocks.blocks[0].film.resolution();
+        let (width, height) = CellGrid::of(blocks.blocks[0].film.resolution()).size();
         let around = smooth(&relative, width as usize, height as usize);
         let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
         let pixels = pixels.zip(&mut self.bias2).enumerate();
@@ -156,10 +182,10 @@ impl<'a> WeightedBlocks<'a> {
         folds.iter().all(has_pairs).then_some(Self { blocks, weights, folds })
     }
 
-    /// Estimates of each pixel in row order, by fold.
+    /// Estimates of each cell in row order, by fold.
     fn estimates(&self, class: usize) -> Vec<[FoldEstimate; FOLDS]> {
-        let pixels = self.blocks[0].film.pixels();
-        let mut all = vec![<[WeightedMoments; FOLDS]>::default(); pixels];
+        let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
+        let mut all = vec![<[WeightedMoments; FOLDS]>::default(); cells];
         for (block, &weight) in self.blocks.iter().zip(self.weights) {
             let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
             for (fold, sums) in annulus.folds().iter().enumerate() {

@@ -6,6 +6,7 @@ use super::tiles::TileSums;
 use crate::base::error::{Error, Result};
 use crate::base::iteration_set::IterationSet;
 use crate::film::PhaseTimes;
+use crate::film::cells::CellGrid;
 use crate::film::counts::{CameraCounts, Counts};
 use crate::film::radiance::{Film, total};
 use crate::film::statistic::{BatchGrain, CurrentIteration, StatisticRequest};
@@ -178,15 +179,16 @@ pub(super) fn different_statistics() -> Error {
     )
 }
 
-/// Coefficients of each pixel in row order, from the measured iterations of all blocks; `None` if
-/// there are none.
+/// Coefficients of each [cell](CellGrid) in row order, from the measured iterations of all blocks; `None` if
+/// there are none. Cells are single pixels except in large images.
 ///
 /// Coefficients do not depend on the counts, so that those of several blocks are averaged. The weights
 /// are their precisions to first order: pairs of paths for `a`, camera paths for `b` (the sample
 /// variance has `N_B - 1` degrees of freedom), light paths for `f`. All pixels have equal weights:
 /// counts that follow earlier estimates must not decide how these are weighted.
 pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
-    let mut all = vec![Coefficients::default(); blocks.first()?.film.pixels()];
+    let grid = CellGrid::of(blocks.first()?.film.resolution());
+    let mut all = vec![Coefficients::default(); grid.len()];
     let mut weights = Coefficients::default();
     for (block, noise) in measured(blocks) {
         let n_light = f64::from(block.counts.light_paths);
@@ -194,9 +196,7 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
         // theory.md (72)
         let per_iteration = Coefficients { a: n_light * n_camera, b: n_camera - 1.0, f: n_light };
         weights += per_iteration * noise.iterations as f64;
-        let pixels = noise.sums();
-        pixels.zip_pixels(&mut all, |all, at| {
-            let sums = pixels.values()[at].coefficients;
+        all.par_iter_mut().zip(noise.cell_coefficients(grid)).for_each(|(all, sums)| {
             all.a += sums.a * per_iteration.a;
             all.b += sums.b * per_iteration.b;
             all.f += sums.f * per_iteration.f;
@@ -208,15 +208,18 @@ pub fn coefficients(blocks: &[Block]) -> Option<Vec<Coefficients>> {
     (weights.a > 0.0).then_some(all)
 }
 
-/// Degrees of freedom of the measured `b` of each pixel in row order: camera paths less one in each
+/// Degrees of freedom of the measured `b` of each cell in row order: camera paths less one in each pixel and
 /// measured iteration.
 /// theory.md (87), `nu`.
 pub fn degrees_of_freedom(blocks: &[Block]) -> Vec<f64> {
-    let mut all = vec![0.0; blocks.first().map_or(0, |block| block.film.pixels())];
+    let Some(first) = blocks.first() else { return Vec::new() };
+    let grid = CellGrid::of(first.film.resolution());
+    let mut all = vec![0.0; grid.len()];
     for (block, noise) in measured(blocks) {
-        for (pixel, all) in all.iter_mut().enumerate() {
-            let traced = block.counts.camera_paths.at(pixel).max(2);
-            *all += f64::from(traced - 1) * noise.iterations as f64;
+        let iterations = grid.pixels_per_cell() * noise.iterations as f64;
+        for (cell, all) in all.iter_mut().enumerate() {
+            let traced = block.counts.camera_paths.at(grid.first_pixel(cell)).max(2);
+            *all += f64::from(traced - 1) * iterations;
         }
     }
     all
@@ -236,19 +239,24 @@ pub fn pooled_variance(coefficients: &[Coefficients], counts: &Counts) -> f64 {
     coefficients.iter().enumerate().map(variance).sum::<f64>() / coefficients.len() as f64
 }
 
-/// Mean over pixels of the variance of one iteration at `counts`, by formula (1), with a weight for
-/// each pixel.
-pub fn weighted_variance(coefficients: &[Coefficients], counts: &Counts, weights: &[f64]) -> f64 {
+/// Mean over the cells of an image of the variance of one iteration at `counts`, by formula (1), with a weight for
+/// each cell. The camera paths are those of the first pixel of a cell.
+fn weighted_variance(
+    coefficients: &[Coefficients],
+    counts: &Counts,
+    weights: &[f64],
+    grid: CellGrid,
+) -> f64 {
     let n_light = f64::from(counts.light_paths);
-    let variance = |(pixel, (c, weight)): (usize, (&Coefficients, &f64))| {
-        weight * c.variance(n_light, f64::from(counts.camera_paths.at(pixel)))
+    let variance = |(cell, (c, weight)): (usize, (&Coefficients, &f64))| {
+        weight * c.variance(n_light, f64::from(counts.camera_paths.at(grid.first_pixel(cell))))
     };
     let all = coefficients.par_iter().zip(weights).enumerate();
     let terms: Vec<f64> = all.map(variance).collect();
     total(&terms, |term| *term) / coefficients.len() as f64
 }
 
-/// Weight of an iteration of each block: the reciprocal of its mean variance over pixels weighted by
+/// Weight of an iteration of each block: the reciprocal of its mean variance over cells weighted by
 /// `importance`. The maximum is 1.
 ///
 /// Each block has one weight for the whole image, by formula (1) from the coefficients of all blocks.
@@ -261,7 +269,9 @@ pub fn weights(blocks: &[Block], importance: &[f64]) -> Vec<f64> {
         return equal;
     }
     let Some(coefficients) = coefficients(blocks) else { return equal };
-    let variance = |block: &Block| weighted_variance(&coefficients, &block.counts, importance);
+    let grid = CellGrid::of(blocks[0].film.resolution());
+    let variance =
+        |block: &Block| weighted_variance(&coefficients, &block.counts, importance, grid);
     let variances: Vec<f64> = blocks.iter().map(variance).collect();
     if variances.iter().any(|&variance| variance <= 0.0 || !variance.is_finite()) {
         return equal;

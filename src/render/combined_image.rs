@@ -1,12 +1,15 @@
 //! The image of several blocks with different path counts.
 
+use super::accumulators::SharedStatistics;
 use super::bias_correction::BiasCorrection;
 use super::block::Block;
 use crate::base::math::Rgb;
+use crate::film::cells::CellGrid;
 use crate::film::light_components::LightComponents;
-use crate::film::radiance::{box_filter, luminance, total};
+use crate::film::radiance::{BOX_RADIUS, box_filter, box_filtered, luminance, total};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Weighted mean of several blocks.
@@ -16,6 +19,19 @@ pub struct CombinedImage<'a> {
     weights: Vec<f64>,
     /// Computed at the first use.
     correction: OnceLock<Option<BiasCorrection>>,
+    /// Computed at the first use.
+    moments: OnceLock<Vec<CellMoments>>,
+}
+
+/// Moments of the pixels of a cell: means over its pixels, before the correction of the merge bias.
+#[derive(Clone, Copy, Debug)]
+pub struct CellMoments {
+    /// Radiance, W/(m^2 sr).
+    pub radiance: DVec3,
+    /// Square of the luminance.
+    pub square: f64,
+    /// Variance of the luminance of the mean over iterations; `None` before the second iteration of any block.
+    pub variance: Option<f64>,
 }
 
 impl<'a> CombinedImage<'a> {
@@ -26,7 +42,7 @@ impl<'a> CombinedImage<'a> {
     pub fn new(blocks: &'a [Block], weights: Vec<f64>) -> Self {
         assert!(!blocks.is_empty() && blocks.len() == weights.len());
         assert!(weights.iter().all(|&weight| weight > 0.0 && weight.is_finite()));
-        Self { blocks, weights, correction: OnceLock::new() }
+        Self { blocks, weights, correction: OnceLock::new(), moments: OnceLock::new() }
     }
 
     /// Weight of an iteration of each block.
@@ -47,6 +63,16 @@ impl<'a> CombinedImage<'a> {
     /// Width and height, pixels.
     pub fn resolution(&self) -> (u32, u32) {
         self.blocks[0].film.resolution()
+    }
+
+    /// Cells whose statistics are kept.
+    pub fn grid(&self) -> CellGrid {
+        CellGrid::of(self.resolution())
+    }
+
+    /// Index in tile order of each pixel of a row.
+    pub fn indices_of_row(&self, y: u32) -> impl Iterator<Item = usize> + use<> {
+        self.blocks[0].film.sums.row(y)
     }
 
     /// Iterations of all blocks.
@@ -71,24 +97,87 @@ impl<'a> CombinedImage<'a> {
             return None;
         }
         let correction = || {
-            let (width, height) = self.resolution();
-            let own = |value: Rgb| [luminance(value.as_dvec3())];
-            let own: Vec<_> = self.uncorrected_mean().into_par_iter().map(own).collect();
+            let grid = self.grid();
+            let (width, height) = grid.size();
+            let own: Vec<_> = if grid.is_single_pixels() {
+                let own = |value: Rgb| [luminance(value.as_dvec3())];
+                self.uncorrected_mean().into_par_iter().map(own).collect()
+            } else {
+                self.cell_moments()
+                    .par_iter()
+                    .map(|moments| [luminance(moments.radiance)])
+                    .collect()
+            };
             let around: Vec<f64> =
                 box_filter(&own, width, height).into_iter().map(|[l]| l).collect();
-            BiasCorrection::new(self.blocks, &self.weights, &around)
+            let correction = BiasCorrection::new(self.blocks, &self.weights, &around)?;
+            if grid.is_single_pixels() {
+                return Some(correction);
+            }
+            let radiance = self.cell_moments().par_iter().map(|own| own.radiance.as_vec3());
+            Some(correction.with_shares(radiance))
         };
         self.correction.get_or_init(correction).as_ref()
+    }
+
+    /// Moments of the cells, in row order.
+    pub fn cell_moments(&self) -> &[CellMoments] {
+        self.moments.get_or_init(|| {
+            let (grid, scale) = (self.grid(), self.total().recip());
+            let factors = self.variance_scales();
+            let add = |sums: &mut (DVec3, f64, f64), at: usize| {
+                let own =
+                    |(block, weight): (&Block, f64)| block.film.sums.values()[at].radiance * weight;
+                let radiance = scale * self.pairs().map(own).sum::<DVec3>();
+                sums.0 += radiance;
+                sums.1 += luminance(radiance).powi(2);
+                sums.2 += factors.as_deref().map_or(0.0, |factors| variance(factors, at));
+            };
+            let sums = self.blocks[0].film.sums.fold_cells(grid, Default::default(), add);
+            let moments = |(cell, &(radiance, square, variance)): (usize, &(DVec3, f64, f64))| {
+                let each = grid.pixels_of(cell).recip();
+                CellMoments {
+                    radiance: radiance * each,
+                    square: square * each,
+                    variance: factors.is_some().then_some(variance * each),
+                }
+            };
+            sums.par_iter().enumerate().map(moments).collect()
+        })
     }
 
     /// The image in row order: the weighted mean over iterations, less the merge bias if it is
     /// corrected; black before the first iteration.
     pub fn mean(&self) -> Vec<Rgb> {
         let mut mean = self.uncorrected_mean();
-        if let Some(BiasCorrection { correction, .. }) = self.bias_correction() {
-            mean.par_iter_mut().zip(correction).for_each(|(mean, bias)| *mean -= *bias);
+        let (width, _) = self.resolution();
+        if let Some(correction) = self.bias_correction() {
+            mean.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
+                for (x, mean) in row.iter_mut().enumerate() {
+                    *mean -= correction.at(self.grid(), (x as u32, y as u32), *mean);
+                }
+            });
         }
         mean
+    }
+
+    /// Some rows of [`Self::mean`].
+    pub fn mean_rows(&self, rows: Range<u32>) -> Vec<Rgb> {
+        let scale = self.total().recip();
+        let correction = self.bias_correction();
+        let grid = self.grid();
+        let row = |y: u32| {
+            let pixel = move |(x, at): (usize, usize)| {
+                let mut sum = DVec3::ZERO;
+                for (block, weight) in self.pairs() {
+                    sum += block.film.sums.values()[at].radiance * weight;
+                }
+                let mean = (sum * scale).as_vec3();
+                correction.map_or(mean, |own| mean - own.at(grid, (x as u32, y), mean))
+            };
+            self.blocks[0].film.sums.row(y).enumerate().map(pixel)
+        };
+        rows.flat_map(row).collect()
     }
 
     /// Weighted mean over iterations in row order, with the merge bias; black before the first
@@ -104,20 +193,60 @@ impl<'a> CombinedImage<'a> {
         sums.into_par_iter().map(|sum| (sum * scale).as_vec3()).collect()
     }
 
-    /// Weighted mean over iterations of the light components in row order; `None` unless all blocks
-    /// keep them.
-    pub fn light_components(&self) -> Option<Vec<LightComponents>> {
-        let mut sums = vec![LightComponents::default(); self.blocks[0].film.pixels()];
+    /// Weighted mean over iterations of the light components of some rows; `None` unless all blocks or, in large
+    /// images, `shared` keep them.
+    pub fn light_rows(
+        &self,
+        shared: &SharedStatistics,
+        rows: Range<u32>,
+    ) -> Option<Vec<LightComponents>> {
         let scale = self.total().recip();
-        for (block, weight) in self.pairs() {
-            let light = &block.statistics.light.as_ref()?.folds()[0];
-            light.zip_pixels(&mut sums, |sum, at| sum.add(&light.values()[at], weight * scale));
+        let indices = rows.flat_map(|y| self.blocks[0].film.sums.row(y));
+        let SharedStatistics { compact_emission, compact_direct, compact_caustics, .. } = shared;
+        if let (Some(emission), Some(direct), Some(caustics)) =
+            (compact_emission, compact_direct, compact_caustics)
+        {
+            let (emission, direct) = (&emission.folds()[0], &direct.folds()[0]);
+            let caustics = &caustics.folds()[0];
+            let components = |at: usize| {
+                let (mut sum, mut weighted) = (DVec3::ZERO, DVec3::ZERO);
+                for (block, weight) in self.pairs() {
+                    let own = block.film.sums.values()[at].radiance;
+                    sum += own;
+                    weighted += own * weight;
+                }
+                let mean = weighted * scale;
+                LightComponents {
+                    emission: emission.values()[at].component(sum, mean),
+                    direct: direct.values()[at].component(sum, mean),
+                    caustics: caustics.values()[at].component(sum, mean),
+                }
+            };
+            return Some(indices.map(components).collect());
         }
-        Some(sums)
+        let light: Option<Vec<_>> =
+            self.blocks.iter().map(|block| block.statistics.light.as_ref()).collect();
+        let light = light?;
+        let components = |at: usize| {
+            let mut sum = LightComponents::default();
+            for (light, weight) in light.iter().zip(&self.weights) {
+                sum.add(&light.folds()[0].values()[at], weight * scale);
+            }
+            sum
+        };
+        Some(indices.map(components).collect())
     }
 
     /// Mean luminance of the image, W/(m^2 sr).
     pub fn mean_luminance(&self) -> f64 {
+        let grid = self.grid();
+        if !grid.is_single_pixels() {
+            let moments = self.cell_moments().iter().enumerate();
+            let sum = moments
+                .map(|(cell, own)| luminance(own.radiance) * grid.pixels_of(cell))
+                .sum::<f64>();
+            return sum / grid.pixels() as f64;
+        }
         let of = |(block, weight): (&Block, f64)| {
             weight * total(block.film.sums.values(), |pixel| luminance(pixel.radiance))
         };
@@ -146,11 +275,56 @@ impl<'a> CombinedImage<'a> {
         (!known.is_empty()).then(|| known.into_iter().map(factor).collect())
     }
 
+    /// Factors of the variances of the means of the blocks in the variance of the mean; `None` before the second
+    /// iteration of any block.
+    fn variance_scales(&self) -> Option<Vec<(&'a Block, f64)>> {
+        let scale =
+            |(block, factor): (&'a Block, f64)| (block, factor * block.film.iterations as f64);
+        Some(self.variance_factors()?.into_iter().map(scale).collect())
+    }
+
     /// Estimate of the variance of the luminance of [`Self::mean`] in each pixel, in row order; `None`
     /// before the second iteration of any block. It is unbiased if the merge bias is not corrected;
     /// otherwise it ignores the error of the shrinkage factors.
     pub fn variance_of_mean(&self) -> Option<Vec<f64>> {
-        let mut variance = self.uncorrected_variance()?;
+        let (_, height) = self.resolution();
+        self.variance_rows(0..height)
+    }
+
+    /// Some rows of [`Self::variance_of_mean`].
+    fn variance_rows(&self, rows: Range<u32>) -> Option<Vec<f64>> {
+        let scales = self.variance_scales()?;
+        let (grid, correction) = (self.grid(), self.bias_correction());
+        let (width, _) = self.resolution();
+        let mut all = vec![0.0; rows.len() * width as usize];
+        let lines = all.par_chunks_mut(width as usize).zip(rows.into_par_iter());
+        lines.for_each(|(line, y)| {
+            let cells = grid.row_of(y);
+            let pixels = line.iter_mut().zip(self.blocks[0].film.sums.row(y)).enumerate();
+            for (x, (all, at)) in pixels {
+                let change =
+                    correction.map(|own| own.variance_change[cells + x / grid.side() as usize]);
+                *all = variance(&scales, at);
+                if let Some(change) = change {
+                    *all += change;
+                }
+            }
+        });
+        Some(all)
+    }
+
+    /// Unbiased estimate of the variance of the luminance of [`Self::uncorrected_mean`] in each pixel,
+    /// in row order; `None` before the second iteration of any block.
+    pub fn uncorrected_variance(&self) -> Option<Vec<f64>> {
+        let scales = self.variance_scales()?;
+        let mut all = vec![0.0; self.blocks[0].film.pixels()];
+        self.blocks[0].film.sums.zip_pixels(&mut all, |all, at| *all = variance(&scales, at));
+        Some(all)
+    }
+
+    /// Mean over each cell of [`Self::variance_of_mean`], in row order.
+    pub fn cell_variance(&self) -> Option<Vec<f64>> {
+        let mut variance = self.uncorrected_cell_variance()?;
         if let Some(correction) = self.bias_correction() {
             let both = variance.par_iter_mut().zip(&correction.variance_change);
             both.for_each(|(variance, change)| *variance += change);
@@ -158,16 +332,12 @@ impl<'a> CombinedImage<'a> {
         Some(variance)
     }
 
-    /// Unbiased estimate of the variance of the luminance of [`Self::uncorrected_mean`] in each pixel,
-    /// in row order; `None` before the second iteration of any block.
-    pub fn uncorrected_variance(&self) -> Option<Vec<f64>> {
-        let mut variance = vec![0.0; self.blocks[0].film.pixels()];
-        for (block, factor) in self.variance_factors()? {
-            let scale = factor * block.film.iterations as f64;
-            let own = block.film.variance_of_mean()?;
-            variance.par_iter_mut().zip(own).for_each(|(all, own)| *all += scale * own);
+    /// Mean over each cell of [`Self::uncorrected_variance`], in row order.
+    pub fn uncorrected_cell_variance(&self) -> Option<Vec<f64>> {
+        if self.grid().is_single_pixels() {
+            return self.uncorrected_variance();
         }
-        Some(variance)
+        self.cell_moments().par_iter().map(|moments| moments.variance).collect()
     }
 
     /// RMS noise of the image, W/(m^2 sr), in row order: the root of the variance of the mean, pooled
@@ -177,6 +347,22 @@ impl<'a> CombinedImage<'a> {
         let variance: Vec<_> = self.variance_of_mean()?.into_iter().map(|v| [v]).collect();
         let pooled = box_filter(&variance, width, height);
         Some(pooled.iter().map(|[variance]| variance.sqrt() as f32).collect())
+    }
+
+    /// Some rows of [`Self::rms`].
+    pub fn rms_rows(&self, rows: Range<u32>) -> Option<Vec<f32>> {
+        let (width, height) = self.resolution();
+        let around = rows.start.saturating_sub(BOX_RADIUS)..(rows.end + BOX_RADIUS).min(height);
+        let variance: Vec<_> =
+            self.variance_rows(around.clone())?.into_iter().map(|v| [v]).collect();
+        // The rows around are complete, so that a pixel has the neighbors that it has in the image.
+        let pixels = rows.start - around.start..rows.end - around.start;
+        let pixels = (pixels.start * width) as usize..(pixels.end * width) as usize;
+        let rms = |index| {
+            let [variance] = box_filtered(&variance, index, width, around.len() as u32);
+            variance.sqrt() as f32
+        };
+        Some(pixels.map(rms).collect())
     }
 
     /// Pooled variance of the mean, `mean_p V_p`, and its standard error; `None` before the second
@@ -197,4 +383,13 @@ impl<'a> CombinedImage<'a> {
         let scale = if variance > 0.0 { corrected / variance } else { 1.0 };
         Some((corrected, scale * error))
     }
+}
+
+/// Variance of the mean of a pixel, from those of the blocks times their factors; `at` is its index in tile order.
+fn variance(scales: &[(&Block, f64)], at: usize) -> f64 {
+    let mut all = 0.0;
+    for (block, scale) in scales {
+        all += scale * block.film.sums.values()[at].variance_of_mean(block.film.iterations);
+    }
+    all
 }

@@ -4,8 +4,10 @@ use super::RenderConfig;
 use super::accumulators::{BlockStatistics, SharedStatistics};
 use super::bias_correction::BiasCorrection;
 use crate::base::error::{Error, Result};
+use crate::base::math::Rgb;
 use crate::base::memory::{GIB, available_memory};
 use crate::film::aov::AovSelection;
+use crate::film::cells::CellGrid;
 use crate::film::radiance::PixelSums;
 use crate::film::statistic::StatisticRequest;
 use crate::scene::Scene;
@@ -38,20 +40,29 @@ pub fn light_paths_in(memory: f64, photons_per_path: f64, settings: &Settings) -
         / (photons_per_path * bytes_per_photon(settings))
 }
 
-/// Memory of an image with `blocks` blocks, bytes: all statistics, the path counts of each block, the
-/// combined image and its copy that is written.
-pub(super) fn film_bytes(request: &StatisticRequest, blocks: usize) -> f64 {
+/// Memory per pixel of an image with `blocks` blocks, bytes: all statistics, the path counts of all blocks but the
+/// first, and the combined image.
+pub fn bytes_per_pixel(request: &StatisticRequest, blocks: usize) -> f64 {
+    let cell = CellGrid::of(request.settings.resolution()).pixels_per_cell();
     let correction = match request.settings.bias {
         Bias::Reduce => BiasCorrection::BYTES,
         Bias::Keep => 0,
     };
-    let block = size_of::<PixelSums>() + BlockStatistics::bytes_per_pixel(request);
-    let per_pixel = 2 * size_of::<PixelSums>()
+    let block = size_of::<PixelSums>() as f64 + BlockStatistics::bytes_per_pixel(request);
+    let combined = size_of::<Rgb>() + request.aovs.output_bytes_per_pixel();
+    combined as f64
         + SharedStatistics::bytes_per_pixel(request)
-        + request.aovs.output_bytes_per_pixel()
-        + correction
-        + blocks * (block + size_of::<u32>());
-    request.settings.pixels() as f64 * per_pixel as f64
+        + correction.max(ESTIMATE_BYTES) as f64 / cell
+        + blocks as f64 * block
+        + blocks.saturating_sub(1).max(1) as f64 * size_of::<u32>() as f64
+}
+
+/// Memory per cell of estimates of noise and error: variances, weights and coefficients with their smoothed copies.
+const ESTIMATE_BYTES: usize = 32 * size_of::<f64>();
+
+/// [`bytes_per_pixel`] of all pixels.
+pub(super) fn film_bytes(request: &StatisticRequest, blocks: usize) -> f64 {
+    request.settings.pixels() as f64 * bytes_per_pixel(request, blocks)
 }
 
 /// Memory of a render, bytes.

@@ -16,7 +16,7 @@ mod tile_paths;
 mod tiles;
 mod worker;
 
-pub use memory::{MemoryNeed, light_paths_in};
+pub use memory::{MemoryNeed, bytes_per_pixel, light_paths_in};
 pub use partial::PartialRender;
 pub use report::IterationReport;
 
@@ -26,6 +26,7 @@ use crate::base::iteration_set::IterationSet;
 use crate::base::memory::available_memory;
 use crate::base::pool::Pool;
 use crate::film::aov::AovSelection;
+use crate::film::cells::CellGrid;
 use crate::film::counts::Counts;
 use crate::film::features::FeatureFolds;
 use crate::film::radiance::Film;
@@ -46,7 +47,19 @@ use std::sync::Arc;
 use worker::Worker;
 
 /// Maximum number of blocks of a render that chooses its counts. Each block keeps its own sums in memory.
-pub const MAX_BLOCKS: usize = 7;
+const MAX_BLOCKS: usize = 7;
+
+/// Maximum number of blocks of a large image, whose pixels share statistics: one at the counts of the settings and one
+/// at the best counts.
+const MAX_LARGE_BLOCKS: usize = 2;
+
+/// Maximum number of blocks of a render with these settings that chooses its counts.
+pub fn max_blocks(settings: &Settings) -> usize {
+    match CellGrid::of(settings.resolution()).is_single_pixels() {
+        true => MAX_BLOCKS,
+        false => MAX_LARGE_BLOCKS,
+    }
+}
 
 /// Statistics that are kept beside the image, and other choices that do not change the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -262,7 +275,8 @@ impl Renderer {
         }
         let features = shared.features.as_ref();
         self.config.aovs = AovSelection {
-            light: blocks.iter().all(|block| block.statistics.light.is_some()),
+            light: shared.compact_direct.is_some()
+                || blocks.iter().all(|block| block.statistics.light.is_some()),
             features: features.is_some(),
             folds: features.is_some_and(FeatureFolds::is_folded)
                 && blocks.iter().all(|block| block.statistics.folds.is_some()),
@@ -287,7 +301,8 @@ impl Renderer {
     /// Maximum number of light paths that take no more than half of the available memory.
     pub fn most_light_paths(&self) -> u32 {
         let Some(available) = available_memory() else { return MAX_LIGHT_PATHS };
-        let for_light = 0.5 * (available - film_bytes(&self.request(), MAX_BLOCKS)).max(0.0);
+        let for_light =
+            0.5 * (available - film_bytes(&self.request(), max_blocks(&self.settings))).max(0.0);
         let most = for_light / bytes_per_light_path(&self.scene, &self.settings);
         most.clamp(2.0, f64::from(MAX_LIGHT_PATHS)) as u32
     }

@@ -21,6 +21,20 @@ impl TileSums<'_> {
         self.block.add_sample(index, sample);
         self.shared.add_sample(index, sample);
     }
+
+    /// Adds one iteration to the tile's pixel `index`, but not to statistics of cells.
+    #[inline]
+    pub fn add_pixel(&mut self, index: usize, sample: &IterationSample) {
+        self.film.add_sample(index, &sample.pixel);
+        self.block.add_sample_of(false, index, sample);
+        self.shared.add_sample_of(false, index, sample);
+    }
+
+    /// Adds one iteration to the statistics of the tile's cell `index`.
+    pub fn add_cell(&mut self, index: usize, mean: &IterationSample) {
+        self.block.add_sample_of(true, index, mean);
+        self.shared.add_sample_of(true, index, mean);
+    }
 }
 
 /// Divides tiles into batches for the threads. The first batches are large, so that many camera paths

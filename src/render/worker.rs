@@ -1,12 +1,13 @@
 //! Work of one thread on some tiles: camera phase, merge phase, and the sums of both.
 
-use super::accumulators::IterationSample;
+use super::accumulators::{CellSamples, IterationSample};
 use super::aov_sums::AovSums;
 use super::tile_paths::TilePaths;
 use super::tiles::TileSums;
 use crate::base::math;
 use crate::film::annulus::CLASSES;
 use crate::film::aov::{AovSample, AovSelection};
+use crate::film::cells::CellGrid;
 use crate::film::counts::Counts;
 use crate::film::radiance::luminance;
 use crate::film::statistic::PixelSample;
@@ -89,6 +90,8 @@ pub struct Worker {
     aovs: Vec<AovSample>,
     /// Coefficients of each pixel; empty if they are not measured.
     measurements: Vec<PixelMeasurement>,
+    /// Means over the cells of a tile; not used if each cell is a single pixel.
+    cells: CellSamples,
     /// Merge of caustic photons only, for [`AovSums`].
     caustics: MergeOutput,
     pairs: AllPairs,
@@ -158,19 +161,25 @@ impl Worker {
 
     /// Adds the iteration's pixels to the sums over iterations.
     fn finish(&mut self, job: &Job, tiles: &mut [TileSums]) {
+        let side = CellGrid::of(job.pass.settings.resolution()).side();
         let mut first = 0;
         for sums in tiles {
             let tile = sums.film.tile;
+            self.cells.start(if side > 1 { tile.cells(side) } else { 0 });
             for index in 0..tile.len() {
                 let (x, y) = tile.pixel(index as u32);
                 let pixel = (y * job.pass.settings.width + x) as usize;
                 let sample = self.sample(first + index, job.counts.camera_paths.at(pixel));
-                if sample.pixel.value.is_finite() {
+                if !sample.pixel.value.is_finite() {
+                    self.counts.non_finite.push((x, y));
+                } else if side == 1 {
                     sums.add_sample(index, &sample);
                 } else {
-                    self.counts.non_finite.push((x, y));
+                    sums.add_pixel(index, &sample);
+                    self.cells.add(tile.cell_of(index as u32, side), &sample);
                 }
             }
+            self.cells.means().for_each(|(cell, mean)| sums.add_cell(cell, &mean));
             first += tile.len();
         }
     }

@@ -161,7 +161,7 @@ fn assert_same_image(merged: &Checkpoint, whole: &Checkpoint) {
             assert!((one.albedo - two.albedo).length() < 1e-5);
             assert!((one.normal - two.normal).length() < 1e-5);
         }
-        assert!((hits.mean(pixel).0 - other_hits.mean(pixel).0).length() < 1e-5);
+        assert!((hits.mean_hit(pixel).0 - other_hits.mean_hit(pixel).0).length() < 1e-5);
     }
 }
 

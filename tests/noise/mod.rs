@@ -3,6 +3,7 @@
 mod counts;
 mod estimators;
 mod files;
+mod large;
 mod merge;
 mod optimize;
 mod predicts;

@@ -52,7 +52,7 @@ fn seen(scene: &Arc<Scene>, settings: Settings, iterations: u64) -> (DenoiseFeat
     let (mut albedo, mut normal, mut position) = <(DVec3, DVec3, DVec3)>::default();
     let (mut depth, share) = (0.0, 1.0 / pixels as f64);
     for pixel in 0..pixels {
-        let (own, (place, away)) = (features.mean(pixel, |_| true), first_hits.mean(pixel));
+        let (own, (place, away)) = (features.mean(pixel, |_| true), first_hits.mean_hit(pixel));
         albedo += own.albedo.as_dvec3() * share;
         normal += own.normal.as_dvec3() * share;
         position += place.as_dvec3() * share;
@@ -162,7 +162,8 @@ fn the_image_is_the_same_bit_for_bit_and_the_sum_of_its_light() {
         }
         assert_eq!(plain.film(), kept.film(), "{way}");
         let image = CombinedImage::new(kept.blocks(), vec![1.0]);
-        let (mean, light) = (image.mean(), image.light_components().unwrap());
+        let mean = image.mean();
+        let light = image.light_rows(kept.shared(), 0..image.resolution().1).unwrap();
         let mut sums = [DVec3::ZERO; 4];
         for (pixel, light) in mean.iter().zip(&light) {
             let told = light.emission + light.direct + light.caustics;

@@ -141,6 +141,13 @@ impl Problem {
         }
     }
 
+    /// The problem if each of its values stands for this number of pixels with equal camera paths.
+    #[must_use]
+    pub fn of_squares(self, pixels: f64) -> Self {
+        let covered = pixels * self.pixels.len() as f64;
+        Self { each: pixels, outside: (self.time.pixels - covered).max(0.0), ..self }
+    }
+
     /// Time, variance and cost of the same counts in every pixel.
     pub fn evaluate_uniform(&self, light_paths: u32, camera_paths: u32) -> Uniform {
         let (n_light, n_camera) = (f64::from(light_paths), f64::from(camera_paths));
@@ -222,7 +229,8 @@ impl Problem {
             return Cow::Borrowed(self);
         }
         let pixels = (0..max_pixels).map(|i| self.pixels[i * count / max_pixels]).collect();
-        Cow::Owned(Self { pixels, each: count as f64 / max_pixels as f64, ..*self })
+        let each = self.each * (count as f64 / max_pixels as f64);
+        Cow::Owned(Self { pixels, each, ..*self })
     }
 
     /// Whether even the fewest paths take longer than allowed.

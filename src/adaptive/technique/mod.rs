@@ -14,6 +14,7 @@ mod pilot;
 mod trial;
 
 use crate::base::error::Result;
+use crate::film::cells::CellGrid;
 use crate::render::Renderer;
 use crate::settings::{Bias, Direct, Kernel, MIN_SETS, Settings, Strategy};
 use crate::simd::sobol::MAX_POINTS;
@@ -24,6 +25,9 @@ use serde::{Deserialize, Serialize};
 
 /// Share of the given time that the pilot takes.
 const PILOT_SHARE: f64 = 0.1;
+
+/// Share of the given time that the pilot of a large image takes, whose own iterations soon measure more.
+const LARGE_PILOT_SHARE: f64 = 0.05;
 
 /// Minimum time of the pilot, seconds, unless that exceeds [`MAX_PILOT_SHARE`]. A shorter pilot measures
 /// too little.
@@ -365,9 +369,11 @@ pub enum End {
 pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Selection> {
     let pilot = |budget| pilot::run(renderer, open, end, budget);
     let part = if open.any() { 1.0 } else { COUNTS_ONLY };
+    let is_large = !CellGrid::of(renderer.settings().resolution()).is_single_pixels();
+    let pilot_share = if is_large { LARGE_PILOT_SHARE } else { PILOT_SHARE };
     let share = |time: f64| {
         let least = MIN_PILOT_TIME.min(MAX_PILOT_SHARE * time);
-        part * (PILOT_SHARE * time).max(least).min(MAX_PILOT_TIME)
+        part * (pilot_share * time).max(least).min(MAX_PILOT_TIME)
     };
     match end {
         End::Time(time) => pilot(share(time)),

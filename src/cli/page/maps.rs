@@ -70,18 +70,21 @@ impl Maps {
         };
         let scene = &snapshot.state.provenance.scene;
         // Relative to the luminance of each pixel, whatever the objective.
-        let weights = importance(image.blocks(), Objective::Relative);
+        let cells = image.grid();
+        let importance = importance(image.blocks(), Objective::Relative);
+        let weights = cells.expanded(&importance);
         let noise = image.rms().map(|rms| {
             let relative = |(rms, weight): (&f32, &f64)| [100.0 * f64::from(*rms) * weight.sqrt()];
             let values: Vec<_> = rms.par_iter().zip(&weights).map(relative).collect();
             grid.values("noise", "RMS noise of each pixel", &values, Colors::Sequential)
         });
-        let bias = bias::per_pixel(image.blocks()).map(|bias| {
+        let bias = bias::per_cell(image.blocks()).map(|bias| {
             let relative = |([bias, error], weight): (&[f64; 2], &f64)| {
                 let certain = bias.abs() > BIAS_CERTAINTY * error;
                 [if certain { 100.0 * bias * weight.sqrt() } else { 0.0 }]
             };
-            let values: Vec<_> = bias.par_iter().zip(&weights).map(relative).collect();
+            let values: Vec<_> = bias.par_iter().zip(&importance).map(relative).collect();
+            let values = cells.expanded(&values);
             grid.values("bias", "merge bias of each pixel", &values, Colors::Diverging)
         });
         Self {
@@ -92,7 +95,7 @@ impl Maps {
             noise,
             bias,
             is_corrected: image.bias_correction().is_some(),
-            terms: NoiseTerms::new(snapshot, grid, &weights),
+            terms: NoiseTerms::new(snapshot, grid, &importance),
         }
     }
 
@@ -214,9 +217,11 @@ impl NoiseTerms {
         let measured = coefficients(blocks)?;
         let counts = &blocks.last()?.counts;
         let n_light = f64::from(counts.light_paths);
-        let of_pixel =
-            |pixel: usize| measured[pixel].terms(n_light, f64::from(counts.camera_paths.at(pixel)));
-        let terms: Vec<_> = (0..measured.len()).into_par_iter().map(of_pixel).collect();
+        let cells = snapshot.image.grid();
+        let of_cell = |cell: usize| {
+            measured[cell].terms(n_light, counts.camera_paths.at(cells.first_pixel(cell)).into())
+        };
+        let terms: Vec<_> = (0..measured.len()).into_par_iter().map(of_cell).collect();
         let counts_relative = snapshot.state.stop.objective == Objective::Relative;
         let mut sums = [0.0; 3];
         for (terms, weight) in terms.iter().zip(relative) {
@@ -225,9 +230,10 @@ impl NoiseTerms {
         }
         let sums = sums.map(|sum| sum.max(0.0));
         let all: f64 = sums.iter().sum();
-        let (width, height) = grid.size;
+        let (width, height) = cells.size();
         let roots = |terms: &[f64; 3]| terms.map(|term| term.max(0.0).sqrt());
         let pooled: Vec<_> = box_filter(&terms, width, height).iter().map(roots).collect();
+        let pooled = cells.expanded(&pooled);
         let names = TERMS.map(|(name, ..)| name);
         let picture = Picture::channels(
             ("terms", "the three terms of the noise as red, green and blue"),
