@@ -20,7 +20,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$root"
 # Both packages at once: a dependency that they share has the features of both, so that it is built once.
-cargo build --locked --release --package bdpm --package bdpm-python
+cargo build --locked --release --package bdpm --package bdpm-python --bin bdpm
 maturin build --locked --release --strip --auditwheel skip --quiet \
     --manifest-path python/Cargo.toml --target-dir "$target" --out "$work/plain"
 
@@ -36,5 +36,5 @@ cp LICENSE-APACHE LICENSE-MIT "$licenses/"
 "$python" -m wheel pack --dest-dir "$work" "$folder" >/dev/null
 
 rm -f "$out"/bdpm-*.whl
-"$python" -m auditwheel --quiet repair --strip --wheel-dir "$out" "$work"/bdpm-*.whl
+"$python" -m auditwheel repair --strip --wheel-dir "$out" "$work"/bdpm-*.whl
 ls -l "$out"/bdpm-*.whl
