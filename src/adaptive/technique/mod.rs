@@ -250,13 +250,7 @@ impl Technique {
         for &kernel in &kernels {
             for &direct in &directs {
                 for &(strategy, merge_vertex) in &strategies {
-                    // The first hits of light paths are only stored where they bring direct light or caustics.
-                    let pays = (strategy, direct) == (Strategy::Single, Direct::Connect);
-                    let splitting = match (open.splitting, pays) {
-                        (true, true) => SPLITTING,
-                        (true, false) => 1,
-                        (false, _) => own.splitting,
-                    };
+                    let splitting = if open.splitting { 1 } else { own.splitting };
                     all.push(Self { strategy, merge_vertex, direct, kernel, splitting });
                 }
             }
@@ -279,6 +273,13 @@ impl Technique {
         all.retain(is_sensible);
         all.dedup();
         all
+    }
+
+    /// The technique with light paths that split, if that may pay: where their first hits, which are only stored for
+    /// direct light and caustics, leave little light.
+    fn split(self) -> Option<Self> {
+        let pays = (self.strategy, self.direct) == (Strategy::Single, Direct::Connect);
+        pays.then_some(Self { splitting: SPLITTING, ..self })
     }
 
     /// Tests whether photons are merged, so that radii matter.

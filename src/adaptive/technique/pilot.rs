@@ -235,6 +235,7 @@ impl Pilot<'_> {
             };
             finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
             if finalists[0].best.tried || is_over {
+                self.try_splitting(&mut finalists[0], &weights, seconds)?;
                 return Ok(finalists.into_iter().map(|own| (own.model, own.best)).collect());
             }
             let Finalist { model, best, .. } = &mut finalists[0];
@@ -244,6 +245,28 @@ impl Pilot<'_> {
             *best = model.tried_at(&trial, &weights, &self.demand);
             surprise = surprise.max(best.rank(&self.demand) / expected);
         }
+    }
+}
+
+impl Pilot<'_> {
+    /// Tries the best candidate with light paths that split, and keeps the better of both. Other trials do without
+    /// splitting: fewer light paths would tell less about rare light.
+    fn try_splitting(
+        &mut self,
+        Finalist { model, best, .. }: &mut Finalist,
+        weights: &[f64],
+        seconds: f64,
+    ) -> Result<()> {
+        let Some(technique) = model.technique.split().filter(|_| self.demand.open.splitting) else {
+            return Ok(());
+        };
+        let settings = best.settings(self.settings, technique);
+        let trial = self.trial(&settings, None, seconds)?;
+        let split = model.tried_at(&trial, weights, &self.demand);
+        if split.rank(&self.demand) < best.rank(&self.demand) {
+            (*best, model.technique) = (split, technique);
+        }
+        Ok(())
     }
 }
 
