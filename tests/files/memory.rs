@@ -64,8 +64,8 @@ fn bad_meshes_in_memory_are_refused() {
     assert!(refused(far, "chalk", REST).contains("out of the range"));
     let shown = refused(square(), "chlak", REST);
     assert!(shown.starts_with("folder/name: unknown material `chlak`"), "{shown}");
-    let shown = refused(square(), "chalk", &format!("{REST}power = 1\n"));
-    assert!(shown.starts_with("folder/name:12: unknown key `power`"), "{shown}");
+    let shown = refused(square(), "chalk", &format!("{REST}brightness = 1\n"));
+    assert!(shown.starts_with("folder/name:8: unknown key `brightness`"), "{shown}");
 }
 
 #[test]
