@@ -12,6 +12,7 @@ const REST: &str = "
 [camera]
 position = [0, 0, 2]
 target = [0, 0, 0]
+fov_y_deg = 40
 [materials.chalk]
 albedo = 0.5
 [[light]]
@@ -63,8 +64,8 @@ fn bad_meshes_in_memory_are_refused() {
     assert!(refused(far, "chalk", REST).contains("out of the range"));
     let shown = refused(square(), "chlak", REST);
     assert!(shown.starts_with("folder/name: unknown material `chlak`"), "{shown}");
-    let shown = refused(square(), "chalk", &format!("{REST}power = 1\n"));
-    assert!(shown.starts_with("folder/name:11: unknown key `power`"), "{shown}");
+    let shown = refused(square(), "chalk", &format!("{REST}brightness = 1\n"));
+    assert!(shown.starts_with("folder/name:8: unknown key `brightness`"), "{shown}");
 }
 
 #[test]
