@@ -27,8 +27,6 @@ pub struct RelativeError {
     noise: f64,
     /// Merge bias alone.
     bias: f64,
-    /// Interval that holds `total` with a probability of 90 %, or None.
-    interval: Option<(f64, f64)>,
 }
 
 #[pymethods]
@@ -120,9 +118,8 @@ impl RenderResult {
     /// Relative error of the image; None for a pooled objective, or if noise or bias are not known.
     #[getter]
     fn error(&self) -> Option<RelativeError> {
-        let bdpm::job::RelativeError { total, noise, bias, interval } = self.result.error?;
-        let interval = interval.map(|[low, high]| (low, high));
-        Some(RelativeError { total, noise, bias, interval })
+        let bdpm::job::RelativeError { total, noise, bias } = self.result.error?;
+        Some(RelativeError { total, noise, bias })
     }
 
     /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels; None if there are too few iterations.

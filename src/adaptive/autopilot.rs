@@ -116,8 +116,6 @@ pub struct Promise {
     pub rms: f64,
     /// Relative error at the end, noise and bias, if the objective is the relative error.
     pub error: Option<f64>,
-    /// Interval that holds the error at the end with a probability of 90 %, if the objective is the relative error.
-    pub interval: Option<[f64; 2]>,
     /// Rendering time from the first iteration of the image to the end, seconds.
     pub seconds: f64,
     /// Rendering time when the promise was made, seconds.
@@ -208,7 +206,6 @@ impl Autopilot {
         Some(Promise {
             rms: forecast.rms,
             error: convergence.error(&stop, forecast.left),
-            interval: convergence.error_interval(&stop, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
             gain_over_one_each: gain(one_path_each),

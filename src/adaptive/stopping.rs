@@ -2,7 +2,6 @@
 
 use crate::adaptive::optimize::Objective;
 use crate::base::error::{Error, Result};
-use crate::film::confidence::MeanUncertainty;
 use crate::film::radiance::{box_filtered, luminance, luminance_weights, total};
 use crate::noise::bias::UPPER_BOUND;
 use crate::render::block::{Block, CombinedImage};
@@ -186,8 +185,6 @@ pub struct Convergence {
     pub mean_luminance: f64,
     /// Pooled variance of the image and its standard error, once they are known.
     pub variance: Option<(f64, f64)>,
-    /// Uncertainty of the variance, as that of the block with the most iterations, once it is known.
-    pub uncertainty: Option<MeanUncertainty>,
     /// Mean over pixels of their variance times their importance, once it is known: pooled or relative.
     pub weighted_variance: Option<f64>,
     /// Squared relative bias that remains after bias correction, once it is known.
@@ -237,10 +234,8 @@ impl Convergence {
             }
             _ => 1.0,
         };
-        let longest = blocks.iter().max_by_key(|block| block.film.iterations);
         Self {
             iterations: combined.iterations(),
-            uncertainty: longest.and_then(|block| block.film.deviations.uncertainty()),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
             weighted_variance: image_variance.as_deref().map(mean_of),
@@ -277,18 +272,6 @@ impl Convergence {
     pub fn error(&self, stop: &Stop, left: f64) -> Option<f64> {
         let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
         Some((noise2 * left + stop.bias2).sqrt())
-    }
-
-    /// Interval that holds the error of the image with a probability of 90 %, relative error, noise and bias, when the
-    /// share `left` of the variance remains after further iterations; `None` for other objectives. The error of one image
-    /// varies as well as its estimate does.
-    /// theory.md (63b)
-    pub fn error_interval(&self, stop: &Stop, left: f64) -> Option<[f64; 2]> {
-        let uncertainty = self.uncertainty?;
-        let at_end = uncertainty.of_more(left.recip());
-        let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
-        let bounds = uncertainty.beside(at_end).interval();
-        Some(bounds.map(|bound| (noise2 * left * bound + stop.bias2).sqrt()))
     }
 
     /// The weighted variance relative to the squared luminance of each pixel, or of the mean.
@@ -365,7 +348,6 @@ mod tests {
 
     fn convergence(iterations: u64, variance: f64, error: f64) -> Convergence {
         Convergence {
-            uncertainty: None,
             weights: vec![1.0],
             iterations,
             mean_luminance: 2.0,

@@ -184,30 +184,18 @@ fn error(report: &RenderReport) -> String {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let has_photons = report.run.settings.has_photons();
     match (report.error, report.rms.zip(report.relative_rms)) {
-        (Some(RelativeError { total, noise, bias, interval }), _) if has_photons => format!(
-            "relative error {}{}: noise {}, merge bias {}\n",
+        (Some(RelativeError { total, noise, bias }), _) if has_photons => format!(
+            "relative error {}: noise {}, merge bias {}\n",
             percent(total),
-            interval_text(interval),
             percent(noise),
             percent(bias)
         ),
-        (Some(RelativeError { total, interval, .. }), _) => {
-            format!(
-                "relative error {}{}, all of it noise\n",
-                percent(total),
-                interval_text(interval)
-            )
+        (Some(RelativeError { total, .. }), _) => {
+            format!("relative error {}, all of it noise\n", percent(total))
         }
         (None, Some((rms, relative))) => format!("noise: {}\n", rms_text(rms, relative)),
         (None, None) => String::new(),
     }
-}
-
-/// An interval of errors in words, with its probability.
-fn interval_text(interval: Option<[f64; 2]>) -> String {
-    let in_words =
-        |[low, high]: [f64; 2]| format!(" (90 %: {:.2} to {:.2} %)", 100.0 * low, 100.0 * high);
-    interval.map_or(String::new(), in_words)
 }
 
 /// Number of processes, and the share of the time that they spent on exchanging sums.
@@ -306,10 +294,9 @@ fn path_counts(report: &RenderReport) -> String {
     let mut text = format!("chosen: {counts} in each iteration\n");
     if let (Some(error), Some(result)) = (promise.error, report.error) {
         text += &format!(
-            "promised after {}: a relative error of {:.2} %{}; result: {:.2} %\n",
+            "promised after {}: a relative error of {:.2} %; result: {:.2} %\n",
             human_time(promise.said_after),
             100.0 * error,
-            interval_text(promise.interval),
             100.0 * result.total
         );
     } else if let Some(rms) = report.rms {

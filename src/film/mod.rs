@@ -4,7 +4,6 @@ pub mod annulus;
 pub mod aov;
 pub mod cells;
 pub mod compare;
-pub mod confidence;
 pub mod counts;
 pub mod features;
 pub mod folds;

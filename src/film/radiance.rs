@@ -1,7 +1,6 @@
 //! The image: sums over iterations of each pixel's value.
 
 use super::cells::CellGrid;
-use super::confidence::MeanUncertainty;
 use super::statistic::PixelSample;
 use super::tiled_buffer::{Accumulate, CHUNK, Tile, TiledBuffer};
 use crate::base::math::Rgb;
@@ -74,7 +73,6 @@ pub struct Deviations {
     count: u64,
     sum: f64,
     sum2: f64,
-    sum3: f64,
 }
 
 impl Deviations {
@@ -83,8 +81,7 @@ impl Deviations {
         if before > 0 {
             self.count += 1;
             self.sum += deviation;
-            self.sum2 += deviation.powi(2);
-            self.sum3 += deviation.powi(3);
+            self.sum2 += deviation * deviation;
         }
     }
 
@@ -99,11 +96,6 @@ impl Deviations {
         })
     }
 
-    /// Uncertainty of the mean; `None` for fewer than three terms.
-    pub fn uncertainty(&self) -> Option<MeanUncertainty> {
-        MeanUncertainty::of_sums(self.count, [self.sum, self.sum2, self.sum3])
-    }
-
     /// Adds the sums of other iterations, and one term for the distance `between` both means, which has
     /// the same expectation (Chan, Golub and LeVeque 1979).
     /// theory.md (62).
@@ -111,7 +103,6 @@ impl Deviations {
         self.count += other.count;
         self.sum += other.sum;
         self.sum2 += other.sum2;
-        self.sum3 += other.sum3;
         if let Some(between) = between {
             self.add(between, 1);
         }

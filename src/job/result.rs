@@ -49,9 +49,6 @@ pub struct RelativeError {
     pub noise: f64,
     /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected.
     pub bias: f64,
-    /// Interval that holds `total` with a probability of 90 %, before the third iteration `None`. The uncertainty of the
-    /// bias is not part of it.
-    pub interval: Option<[f64; 2]>,
 }
 
 impl RenderResult {
@@ -177,6 +174,5 @@ fn relative_error(state: &RenderState) -> Option<RelativeError> {
         total,
         noise: convergence.weighted_variance?.sqrt(),
         bias: stop.bias2.sqrt(),
-        interval: convergence.error_interval(stop, 1.0),
     })
 }
