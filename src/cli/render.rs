@@ -98,7 +98,7 @@ pub struct Args {
 /// Start of an image.
 enum ImageStart {
     New,
-    Plan(Plan, Provenance),
+    Plan(Plan, Box<Provenance>),
     Checkpoint(Box<Checkpoint<'static>>),
 }
 
@@ -192,7 +192,7 @@ impl Args {
             (Some(path), _) => ImageStart::Checkpoint(Box::new(Checkpoint::load(path)?)),
             (None, Some(path)) => {
                 let (plan, provenance) = self.read_plan(path)?;
-                ImageStart::Plan(plan, provenance)
+                ImageStart::Plan(plan, Box::new(provenance))
             }
             (None, None) => ImageStart::New,
         })
@@ -237,7 +237,7 @@ impl Args {
         };
         match start {
             ImageStart::New => job,
-            ImageStart::Plan(plan, provenance) => job.plan(plan, provenance, &path(&self.plan)),
+            ImageStart::Plan(plan, provenance) => job.plan(plan, *provenance, &path(&self.plan)),
             ImageStart::Checkpoint(checkpoint) => job.resume(*checkpoint, &path(&self.resume)),
         }
     }

@@ -55,6 +55,16 @@ pub struct Seconds {
     pub adding: f64,
 }
 
+/// Mean luminance of the image as it is written: corrected for the merge bias, and denoised if asked for.
+fn mean_luminance(result: &RenderResult) -> f64 {
+    let image = result.state.image();
+    if image.bias_correction().is_none() && result.state.denoising.is_none() {
+        return image.mean_luminance();
+    }
+    let pixels = &result.image;
+    total(pixels, |pixel| luminance(pixel.as_dvec3())) / pixels.len() as f64
+}
+
 impl<'a> RunReport<'a> {
     /// Reports a run whose files took `write_time`.
     pub fn new(input: &SceneInput, result: &'a RenderResult, write_time: Duration) -> Self {
@@ -92,9 +102,7 @@ impl<'a> RunReport<'a> {
             rays,
             rays_per_second: state.totals.rays_per_second(),
             photons_per_iteration: photons as f64 / new.max(1) as f64,
-            // Of the image as it is written: corrected for the merge bias, and denoised if asked for.
-            mean_luminance: total(&result.image, |pixel| luminance(pixel.as_dvec3()))
-                / result.image.len() as f64,
+            mean_luminance: mean_luminance(result),
             non_finite,
         }
     }

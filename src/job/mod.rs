@@ -112,7 +112,7 @@ pub struct RenderJob {
 #[derive(Clone)]
 enum Start {
     New,
-    Plan { plan: Plan, made_by: Provenance, file: PathBuf },
+    Plan { plan: Plan, made_by: Box<Provenance>, file: PathBuf },
     Checkpoint { checkpoint: Box<Checkpoint<'static>>, file: PathBuf },
 }
 
@@ -211,7 +211,10 @@ impl RenderJob {
     /// Renders the steps of a plan. It was read from the image `file` with the provenance `made_by`.
     #[must_use]
     pub fn plan(self, plan: Plan, made_by: Provenance, file: &Path) -> Self {
-        Self { start: Start::Plan { plan, made_by, file: file.to_owned() }, ..self }
+        Self {
+            start: Start::Plan { plan, made_by: Box::new(made_by), file: file.to_owned() },
+            ..self
+        }
     }
 
     /// Continues the image of a checkpoint that was read from `file`, with its settings.
@@ -428,7 +431,7 @@ impl RenderJob {
         let scene = Arc::clone(&self.scene);
         let earlier = match &self.start {
             Start::New => None,
-            Start::Plan { made_by, file, .. } => Some((made_by, file, Reuse::Plan)),
+            Start::Plan { made_by, file, .. } => Some((&**made_by, file, Reuse::Plan)),
             Start::Checkpoint { checkpoint, file } => {
                 Some((&checkpoint.provenance, file, Reuse::Resume))
             }

@@ -357,7 +357,7 @@ fn short_help_is_short_and_long_help_has_groups() {
     assert!(short.lines().count() < 45, "{short}");
     assert!(short.trim_end().ends_with("`--help` shows all options."), "{short}");
     assert!(!short.contains("--kernel") && long.contains("--kernel"));
-    let (_, options) = short.split_once("Print help").unwrap();
+    let (_, options) = short.split_once("Main options").unwrap();
     let names = options.lines().filter_map(|line| line.split("--").nth(1));
     let first: Vec<_> = names.map(|name| name.split(' ').next().unwrap()).take(3).collect();
     assert_eq!(first, ["output", "time", "resolution"], "{short}");
