@@ -159,7 +159,7 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
     let mut narrow = Renderer::new(&scene, &accel, at(0.25 * radius)).unwrap();
     let mut samples: Vec<[f64; 256]> = Vec::new();
     let mut before = [0.0; 256];
-    for _ in 0..800 {
+    for _ in 0..2400 {
         wide.iterate(Measure::Pairs);
         narrow.iterate(Measure::Off);
         let [wide, narrow] = [&wide, &narrow]
@@ -179,8 +179,8 @@ fn the_bias_layer_is_the_difference_to_a_small_radius() {
         let expected = bias.value * 15.0 / 16.0;
         let error = bias.error.hypot(difference.error);
         println!("columns {columns:?}: {expected:.6} {:.6} +- {error:.6}", difference.mean);
-        assert!(sign * bias.value > 6.0 * bias.error, "{columns:?}: {bias:?}");
-        assert!(error < 0.15 * expected.abs(), "{columns:?}: {error} says little about {expected}");
+        assert!(sign * bias.value > 5.0 * bias.error, "{columns:?}: {bias:?}");
+        assert!(error < 0.2 * expected.abs(), "{columns:?}: {error} says little about {expected}");
         assert!((expected - difference.mean).abs() < 3.5 * error, "{columns:?}");
     }
 }
