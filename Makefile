@@ -39,13 +39,13 @@ test: setup denoiser
 
 # Long statistical tables, small scenes beside the renders of Mitsuba, briefly, the program without Embree, the library
 # alone, and renders by several processes. Each set of features is a build of its own, so the tests of the last two,
-# which are small, run with little or no optimization. Mitsuba is compared with the program that the tables have built.
+# which are small, run with little optimization. Mitsuba is compared with the program that the tables have built.
 check: setup denoiser
 	$(CARGO) test $(FLAGS) --package bdpm --test check -- --skip report:: --skip page::
 	BDPM=$${CARGO_TARGET_DIR:-target}/debug/bdpm SECONDS_EACH=0.6 RUNS=3 scripts/mitsuba-check.sh --elements
 	$(CARGO) clippy $(FLAGS) --package bdpm --no-default-features --features cli -- -D warnings
 	$(CARGO) check $(FLAGS) --package bdpm --no-default-features --lib
-	CARGO_PROFILE_DEV_OPT_LEVEL=0 $(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
+	CARGO_PROFILE_DEV_OPT_LEVEL=1 $(CARGO) test $(FLAGS) --package bdpm --no-default-features --test accel
 	CARGO=$(CARGO) scripts/check-ranks.sh
 
 # The longest tables, 10 minutes on 2 cores: run them after a change of an estimator or of its weights.
