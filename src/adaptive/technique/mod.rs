@@ -298,8 +298,7 @@ struct SceneTraits {
 }
 
 /// Factor on the continuations of light paths whose first hits are not merged. In `scenes/cornell-box` the noise falls as
-/// one over this factor at least up to 16. The light phase takes 2.9 times as long for four times as many photons, 4.7 times
-/// for eight, and 8.7 times for sixteen.
+/// one over this factor at least up to 16 (docs/measurements/sobol-sets.md), while the first ray of a path is shared.
 const SPLITTING: u32 = 8;
 
 /// Sets of light paths in an iteration at the start. Later choices of the number of light paths may halve it.
