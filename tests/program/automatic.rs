@@ -192,7 +192,7 @@ fn invalid_options_are_refused() {
         let shown = fail(render(&at("a.exr"), &["--target-rms", bad]), 2);
         assert!(shown.contains("positive luminance"), "{bad}: {shown}");
     }
-    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/pictures/materials.png");
+    let picture = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/materials/worn.png");
     let shown = fail(render(&at("a.exr"), &["--plan", picture]), 1);
     assert!(shown.contains("help: "), "{shown}");
     fail(render(&at("a.exr"), &["--plan", "b.exr", "--camera-paths", "3"]), 2);
