@@ -9,12 +9,12 @@ use glam::Vec3;
 #[test]
 fn diffuse_walls_in_a_furnace_have_its_radiance() {
     let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
-    assert_furnace("walls", &scene, 0.0, 40, (&WAYS, &WEIGHTINGS));
+    assert_furnace("walls", &scene, 0.0, (40, 4e-3), (&WAYS, &WEIGHTINGS));
 }
 
 #[test]
 fn smooth_objects_in_a_furnace_have_its_radiance() {
-    assert_furnace("smooth", &smooth_things(), 0.0, 80, (&WAYS, &WEIGHTINGS[..3]));
+    assert_furnace("smooth", &smooth_things(), 0.0, (80, 4e-3), (&WAYS, &WEIGHTINGS[..3]));
 }
 
 #[test]
@@ -25,10 +25,16 @@ fn rough_objects_in_a_furnace_have_its_radiance() {
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.3, 1.5, 0.2)),
         Bsdf::Glossy(Glossy::new(Vec3::ONE, 0.5, 1.5, 0.5)),
     ];
-    assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, 80, (&WAYS, &WEIGHTINGS[..3]));
+    assert_furnace("rough", &furnace(&bsdfs, false), 1e-3, (80, 6e-3), (&WAYS, &WEIGHTINGS[..3]));
     // Single scattering loses a little.
     let glass = [Bsdf::RoughDielectric(RoughDielectric::new(1.5, 0.05))];
-    assert_furnace("rough glass", &furnace(&glass, false), 2e-3, 80, (&WAYS, &WEIGHTINGS[..3]));
+    assert_furnace(
+        "rough glass",
+        &furnace(&glass, false),
+        2e-3,
+        (80, 6e-3),
+        (&WAYS, &WEIGHTINGS[..3]),
+    );
 }
 
 /// Walls under a coat, between which light paths choose to be mirrored and camera paths are, too, where they are cut.
@@ -47,7 +53,7 @@ fn coated_walls_in_a_furnace_have_its_radiance() {
         "coated walls",
         &scene(meshes, materials, vec![], camera),
         0.0,
-        200,
+        (200, 3e-3),
         (&WAYS, &WEIGHTINGS[..3]),
     );
 }

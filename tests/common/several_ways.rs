@@ -96,12 +96,13 @@ pub type Way = (Direct, f32);
 pub const WAYS: [Way; 3] =
     [(Direct::Connect, 0.05), (Direct::Connect, 0.15), (Direct::PhotonMap, 0.05)];
 
-/// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights.
+/// Asserts that everything is as bright as it must be, but for a `loss`, and as without weights. The standard errors of
+/// the means are less than `resolution`, relative.
 pub fn assert_furnace(
     name: &str,
     scene: &Arc<Scene>,
     loss: f64,
-    iterations: usize,
+    (iterations, resolution): (usize, f64),
     (ways, weightings): (&[Way], &[Weighting]),
 ) {
     for &(direct, caustic_radius) in ways {
@@ -121,13 +122,13 @@ pub fn assert_furnace(
             let what = format!("{name} {direct:?} {caustic_radius} {weighting:?}");
             let exact: Vec<Vec<f64>> =
                 several.iter().map(|tile| tile.iter().map(|x| x - 2.0).collect()).collect();
-            assert_zero(&format!("{what}, 2"), &exact, 2.0, 6e-3, loss);
+            assert_zero(&format!("{what}, 2"), &exact, 2.0, resolution, loss);
             let differences: Vec<Vec<f64>> = several
                 .iter()
                 .zip(&single)
                 .map(|(several, single)| several.iter().zip(single).map(|(a, b)| a - b).collect())
                 .collect();
-            assert_zero(&format!("{what}, k = 2"), &differences, 2.0, 6e-3, loss);
+            assert_zero(&format!("{what}, k = 2"), &differences, 2.0, resolution, loss);
         }
     }
 }

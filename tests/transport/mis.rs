@@ -14,13 +14,13 @@ use std::sync::Arc;
 #[test]
 fn diffuse_walls_in_a_furnace_have_its_radiance() {
     let scene = furnace(&[Bsdf::diffuse(Vec3::ONE)], false);
-    assert_furnace("walls", &scene, 0.0, 40, (&WAYS[1..], &WEIGHTINGS[..2]));
+    assert_furnace("walls", &scene, 0.0, (40, 3e-3), (&WAYS[1..], &WEIGHTINGS[..2]));
 }
 
 #[test]
 fn smooth_objects_in_a_furnace_have_its_radiance() {
     let some = (&WAYS[1..2], &WEIGHTINGS[1..2]);
-    assert_furnace("smooth", &smooth_things(), 0.0, 40, some);
+    assert_furnace("smooth", &smooth_things(), 0.0, (40, 3e-3), some);
 }
 
 /// A room that is open above, with a mirror ball, under lights that no ray can hit.
