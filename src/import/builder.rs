@@ -51,6 +51,8 @@ pub(super) struct SceneExtras {
     pub defaults: PartialSettings,
     /// Whether a scene without a usable light source gets a default one.
     pub default_light: bool,
+    /// Distance off surfaces at which rays start, scene units, if it is given.
+    pub ray_offset: Option<f32>,
 }
 
 impl Builder {
@@ -201,10 +203,18 @@ impl Builder {
         extras: SceneExtras,
     ) -> Result<Loaded> {
         let Self { arrangement, materials, mut warnings, .. } = self;
-        let SceneExtras { regions, environment, defaults, default_light } = extras;
+        let SceneExtras { regions, environment, defaults, default_light, ray_offset } = extras;
         let start = Instant::now();
-        let mut scene =
-            Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;
+        let name = scene_name(path);
+        let mut scene = Scene::with_ray_offset(
+            name,
+            arrangement,
+            materials,
+            lights,
+            camera,
+            regions,
+            ray_offset,
+        )?;
         if let Some(environment) = environment {
             scene = scene.with_environment(environment);
         } else if default_light {

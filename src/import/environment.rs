@@ -5,7 +5,7 @@ use super::warnings::Warning;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::image_io::read_exr;
-use crate::scene::Environment;
+use crate::scene::{Environment, Inset, InsetGrid};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -48,22 +48,42 @@ impl EnvironmentSource {
     pub(super) fn environment(&self, warnings: &mut Vec<Warning>) -> Result<Environment> {
         match self {
             Self::Radiance(radiance) => Ok(Environment::new(1, 1, vec![*radiance], 0.0)),
-            Self::File(path) => from_file(path, Rgb::ONE, 0.0, warnings),
+            Self::File(path) => from_file(path, Rgb::ONE, 0.0, None, warnings),
         }
     }
 }
 
-/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Radiances that are
-/// negative or not finite become 0, with a warning.
+/// The environment in a file, times `scale` and turned by `turn_deg` degrees. Another file may be
+/// an inset in place of a rectangle of pixels: its first column, first row, columns and rows.
+/// Radiances that are negative or not finite become 0, with a warning.
 ///
 /// # Errors
-/// If the file cannot be read.
+/// If a file cannot be read, or the inset is not within the map.
 pub(super) fn from_file(
     path: &Path,
     scale: Rgb,
     turn_deg: f32,
+    inset: Option<(PathBuf, [u32; 4])>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
+    let (width, height, pixels) = scaled(path, scale, warnings)?;
+    let Some((file, [column, row, columns, rows])) = inset else {
+        return Ok(Environment::new(width, height, pixels, turn_deg));
+    };
+    let (inset_width, inset_height, radiance) = scaled(&file, scale, warnings)?;
+    let (replaced, size) = ([columns, rows], [inset_width, inset_height]);
+    let grid = InsetGrid { first: [column, row], replaced, size };
+    if !grid.fits([width, height]) {
+        let problem = format!("the inset is not within the map of {width} by {height} pixels");
+        return Err(Error::new(problem, "give [column, row, columns, rows] within it"));
+    }
+    let inset = Some(Inset { grid, radiance });
+    Ok(Environment::with_inset(width, height, pixels, turn_deg, inset))
+}
+
+/// Pixels of a file times `scale`. Radiances that are negative or not finite become 0, with a
+/// warning.
+fn scaled(path: &Path, scale: Rgb, warnings: &mut Vec<Warning>) -> Result<(u32, u32, Vec<Rgb>)> {
     let (width, height, mut pixels) = read(path)?;
     let invalid = scale_pixels(&mut pixels, scale);
     if let Some(first) = invalid.first() {
@@ -74,7 +94,7 @@ pub(super) fn from_file(
         );
         warnings.push(Warning::skipped(text));
     }
-    Ok(Environment::new(width, height, pixels, turn_deg))
+    Ok((width, height, pixels))
 }
 
 /// Multiplies radiances by `scale`. Those that are negative or not finite become 0; returns their

@@ -16,7 +16,7 @@ use super::summary::SceneSummary;
 use super::text::{self, RELATIVE_NAME, list};
 use super::warnings::{self, Warning};
 use crate::base::error::{Error, Result};
-use crate::scene::transform::Transform;
+use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::scene::{Material, Mesh, Region, Scene, check_mesh};
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -288,9 +288,32 @@ fn build_toml(
             environment = Some(own.map_err(place)?);
         }
     }
+    if let Some(table) = &file.sky {
+        let start = table.span().start;
+        if file.environment.is_some() {
+            let advice = "remove one of them: each is the light from all around";
+            let error = Error::new("the scene has both [environment] and [sky]", advice);
+            return Err(at(error, start));
+        }
+        let own = table.get_ref().environment().map_err(|error| at(error, start))?;
+        if environment.is_some() {
+            builder.warnings.push(warnings::replaced_environment(path));
+        } else {
+            environment = Some(own);
+        }
+    }
     let regions = regions.collect();
     let defaults = file.render.clone();
-    let extras = SceneExtras { regions, environment, defaults, default_light: false };
+    let ray_offset = file.ray_offset.as_ref().map(|distance| {
+        let (distance, start) = (*distance.get_ref(), distance.span().start);
+        if (0.0..=f64::from(MAX_COORDINATE)).contains(&distance) {
+            return Ok(distance as f32);
+        }
+        let advice = format!("give a distance from 0 to {MAX_COORDINATE:e} scene units");
+        Err(at(Error::new(format!("`ray_offset` is {distance}"), advice), start))
+    });
+    let ray_offset = ray_offset.transpose()?;
+    let extras = SceneExtras { regions, environment, defaults, default_light: false, ray_offset };
     builder.finish(path, lights, camera, extras)
 }
 

@@ -20,6 +20,7 @@ mod mtl;
 mod obj;
 mod ply;
 mod scene_file;
+mod sky;
 mod srgb;
 mod summary;
 mod text;

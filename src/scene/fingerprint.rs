@@ -2,11 +2,11 @@
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics,
-    Placement, Scene,
+    Camera, Directional, Emitter, Environment, FieldOfView, InsetGrid, Material, Mesh, NormalMap,
+    Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
-use crate::scene::bsdf::{Bsdf, FacetModel, Reflectance};
+use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Reflectance};
 use glam::Vec3;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -34,6 +34,10 @@ impl Scene {
         }
         for emitter in self.lights.emitters() {
             hash.emitter(emitter);
+        }
+        if let Some(distance) = self.own_ray_offset() {
+            hash.text("ray offset");
+            hash.f32(distance);
         }
         hash.camera(&self.camera);
         hash.0.digest()
@@ -180,6 +184,12 @@ impl Hash {
                 let numbers = [glossy.metallic(), glossy.normal_reflectance(), glossy.alpha()];
                 self.record(10, &[glossy.albedo()], &numbers);
             }
+            Bsdf::Plastic(plastic) => {
+                let Facets { model, alpha } = plastic.facets();
+                self.record(11, &[plastic.albedo(), plastic.tint()], &[plastic.eta(), alpha]);
+                self.u32(model as u32);
+                self.u32(plastic.is_nonlinear().into());
+            }
         }
     }
 
@@ -194,6 +204,11 @@ impl Hash {
         environment.size().into_iter().for_each(|size| self.u32(size));
         environment.pixels().for_each(|pixel| self.vec3(pixel));
         self.f32(environment.turn());
+        if let Some((InsetGrid { first, replaced, size }, pixels)) = environment.inset() {
+            self.text("inset");
+            [first, replaced, size].into_iter().flatten().for_each(|count| self.u32(count));
+            pixels.for_each(|pixel| self.vec3(pixel));
+        }
     }
 
     fn emitter(&mut self, emitter: &Emitter) {
@@ -243,7 +258,7 @@ impl Hash {
 mod tests {
     use super::*;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, Facets, Glossy, RoughDielectric, ThinDielectric,
+        Coated, Conductor, Dielectric, Glossy, Plastic, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::Wrap;
     use crate::scene::{Region, Spot};
@@ -262,6 +277,11 @@ mod tests {
 
     fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
         Bsdf::Glossy(Glossy::new(Rgb::splat(albedo), metallic, eta, alpha))
+    }
+
+    fn plastic(albedo: f32, eta: f32, alpha: f32, is_nonlinear: bool) -> Bsdf {
+        let facets = Facets { model: FacetModel::Beckmann, alpha };
+        Bsdf::Plastic(Plastic::new(Rgb::splat(albedo), eta, facets, is_nonlinear))
     }
 
     fn texture(code: u8) -> Arc<Texture> {
@@ -336,7 +356,7 @@ mod tests {
 
     #[test]
     fn every_visible_change_changes_the_fingerprint() {
-        let changes: [fn(&mut SceneParts); 66] = [
+        let changes: [fn(&mut SceneParts); 71] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
@@ -370,6 +390,11 @@ mod tests {
             |p| p.material.bsdf = glossy([0.5, 0.1, 1.5, 0.2]),
             |p| p.material.bsdf = glossy([0.5, 0.0, 1.4, 0.2]),
             |p| p.material.bsdf = glossy([0.5, 0.0, 1.5, 0.3]),
+            |p| p.material.bsdf = plastic(0.5, 1.5, 0.0, false),
+            |p| p.material.bsdf = plastic(0.6, 1.5, 0.0, false),
+            |p| p.material.bsdf = plastic(0.5, 1.4, 0.0, false),
+            |p| p.material.bsdf = plastic(0.5, 1.5, 0.2, false),
+            |p| p.material.bsdf = plastic(0.5, 1.5, 0.2, true),
             |p| p.material.bsdf = metal("gold", 0.1),
             |p| p.material.bsdf = metal("gold", 0.2),
             |p| p.material.bsdf = metal("silver", 0.2),

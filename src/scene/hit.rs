@@ -134,7 +134,8 @@ impl Scene {
                 self.shade(ray, hit, [hit.u, hit.v], triangle, corners)
             }
             placement @ Placement { transform: Some(transform), .. } => {
-                let (triangle, at) = (placement.triangle(triangle), [hit.u, hit.v]);
+                let triangle = placement.triangle(triangle, self.ray_offset);
+                let at = [hit.u, hit.v];
                 let corners = corners.map(|corners| corners.moved(transform, triangle.normal));
                 self.shade(ray, hit, transform.weights(at), &triangle, corners.as_ref())
             }

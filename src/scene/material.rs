@@ -115,6 +115,9 @@ impl Material {
                 let data = data.as_ref().map_or(Vec3::ONE, |texture| texture.data(uv));
                 Some(Bsdf::Glossy(glossy.scaled(color, data.z, data.y)))
             }
+            Bsdf::Plastic(plastic) => {
+                Some(Bsdf::Plastic(plastic.with_albedo(plastic.albedo() * color)))
+            }
             Bsdf::Coated(coated) => Some(Bsdf::Coated(coated.with_albedo(coated.albedo() * color))),
             _ => None,
         }

@@ -26,7 +26,7 @@ pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, FieldOfView, Optics, View};
 pub use hit::HitScratch;
 pub use lights::emitter::{Directional, Emitter, Spot};
-pub use lights::environment::Environment;
+pub use lights::environment::{Environment, Inset, InsetGrid};
 pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
 pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights, Receiver};
@@ -49,6 +49,7 @@ use diffuse::TriangleSide;
 use hit::Lambertian;
 use lights::guide::Guide;
 use lights::visibility::Visibility;
+use placement::Emitting;
 use std::sync::Arc;
 use triangle::Corners;
 
@@ -67,6 +68,10 @@ pub struct Scene {
     materials: Arc<[Material]>,
     lights: Lights,
     bounds: Bounds,
+    /// Distance off surfaces at which rays start, besides rounding errors, scene units.
+    ray_offset: f32,
+    /// Whether `ray_offset` was given.
+    has_own_ray_offset: bool,
     /// All triangles, mesh by mesh, in their mesh's space.
     triangles: Arc<[Triangle]>,
     /// Corners of the triangles with varying shading data.
@@ -94,6 +99,23 @@ impl Scene {
         camera: Camera,
         regions: Vec<Region>,
     ) -> Result<Self> {
+        Self::with_ray_offset(name, arrangement, materials, lights, camera, regions, None)
+    }
+
+    /// [`Self::new`] with a distance off surfaces at which rays start, scene units, which is added to the bound of
+    /// rounding errors. It keeps layers that are closer together from shading each other.
+    ///
+    /// # Errors
+    /// In the cases of [`Self::new`].
+    pub fn with_ray_offset(
+        name: String,
+        arrangement: impl Into<Arrangement>,
+        materials: Vec<Material>,
+        lights: Vec<Emitter>,
+        camera: Camera,
+        regions: Vec<Region>,
+        ray_offset: Option<f32>,
+    ) -> Result<Self> {
         let arrangement = arrangement.into();
         validate::check(&arrangement, &materials)?;
         let Arrangement { meshes, placements } = arrangement;
@@ -105,6 +127,10 @@ impl Scene {
             let flat = if transform.is_some() { Triangle::PLACED } else { Triangle::FLAT };
             looks[*mesh as usize] = (flat, *material);
         }
+        let enclose = |bounds, one: &Placement| one.enclose(bounds, &meshes[one.mesh as usize]);
+        let bounds = placements.iter().fold(Bounds::EMPTY, enclose);
+        let has_own_ray_offset = ray_offset.is_some();
+        let ray_offset = ray_offset.unwrap_or(0.0);
         let mut triangles = Vec::with_capacity(meshes.iter().map(|m| m.triangles.len()).sum());
         let mut first_of_mesh = Vec::with_capacity(meshes.len());
         let mut corners = Vec::new();
@@ -113,7 +139,9 @@ impl Scene {
             for indices in &mesh.triangles {
                 let indices = indices.map(|index| index as usize);
                 let points = indices.map(|index| mesh.positions[index]);
-                let mut shape = Triangle { corners: flat, ..Triangle::new(points, material) };
+                let shape = Triangle::new(points, material);
+                let offset = shape.offset + ray_offset;
+                let mut shape = Triangle { corners: flat, offset, ..shape };
                 if varies {
                     shape.corners = corners.len() as u32;
                     corners.push(mesh.corners(indices, shape.normal));
@@ -122,7 +150,6 @@ impl Scene {
             }
         }
 
-        let mut bounds = Bounds::EMPTY;
         let mut first_triangle = Vec::with_capacity(placements.len());
         let (mut emitters, mut facets) = (lights, Vec::new());
         let others = emitters.len();
@@ -131,8 +158,8 @@ impl Scene {
             let first = first_of_mesh[placement.mesh as usize];
             let stored = &triangles[first as usize..][..mesh.triangles.len()];
             first_triangle.push(first);
-            bounds = placement.enclose(bounds, mesh);
-            placement.emit(mesh, stored, &materials, (number, &mut facets), &mut emitters);
+            let mut emit = Emitting { ray_offset, facets: &mut facets, emitters: &mut emitters };
+            placement.emit(mesh, stored, &materials, number, &mut emit);
         }
         for emitter in &mut emitters {
             if let Emitter::Directional(light) = emitter {
@@ -161,6 +188,8 @@ impl Scene {
             materials: materials.into(),
             lights,
             bounds,
+            ray_offset,
+            has_own_ray_offset,
             triangles: triangles.into(),
             corners: corners.into(),
             first_triangle: first_triangle.into(),
@@ -186,6 +215,11 @@ impl Scene {
     /// All lights, emissive triangles among them.
     pub fn lights(&self) -> &Lights {
         &self.lights
+    }
+
+    /// Distance off surfaces at which rays start besides rounding errors, scene units, if it was given.
+    pub fn own_ray_offset(&self) -> Option<f32> {
+        self.has_own_ray_offset.then_some(self.ray_offset)
     }
 
     /// Box around all meshes.

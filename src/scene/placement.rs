@@ -86,7 +86,8 @@ impl Scene {
     /// A triangle of a placement in the scene's space.
     pub(crate) fn placed_triangle(&self, place: u32, triangle: u32) -> Triangle {
         let first = self.first_triangle[place as usize];
-        self.placements[place as usize].triangle(&self.triangles[(first + triangle) as usize])
+        let stored = &self.triangles[(first + triangle) as usize];
+        self.placements[place as usize].triangle(stored, self.ray_offset)
     }
 
     /// The normal of [`Self::placed_triangle`] alone.
@@ -103,7 +104,7 @@ impl Scene {
         for (placement, first) in self.placements.iter().zip(self.first_triangle.iter()) {
             let count = self.mesh(placement).triangles.len();
             let stored = &self.triangles[*first as usize..][..count];
-            triangles.extend(stored.iter().map(|triangle| placement.triangle(triangle)));
+            triangles.extend(stored.iter().map(|one| placement.triangle(one, self.ray_offset)));
         }
         triangles
     }
@@ -130,11 +131,22 @@ impl Scene {
     }
 }
 
+/// Emitters of a scene that is being built.
+pub(super) struct Emitting<'a> {
+    /// Distance off surfaces at which rays start, besides rounding errors, scene units.
+    pub ray_offset: f32,
+    /// Sides that emit.
+    pub facets: &'a mut Vec<TriangleSide>,
+    pub emitters: &'a mut Vec<Emitter>,
+}
+
 impl Placement {
-    /// A triangle of the mesh in the scene's space.
-    pub(crate) fn triangle(&self, stored: &Triangle) -> Triangle {
+    /// A triangle of the mesh in the scene's space. Rays start at `ray_offset` off it, besides rounding errors.
+    pub(crate) fn triangle(&self, stored: &Triangle, ray_offset: f32) -> Triangle {
         let triangle = Triangle { material: self.material, ..*stored };
-        self.transform.map_or(triangle, |transform| transform.triangle(&triangle))
+        let Some(transform) = self.transform else { return triangle };
+        let triangle = transform.triangle(&triangle);
+        Triangle { offset: triangle.offset + ray_offset, ..triangle }
     }
 
     /// The smallest box that contains `bounds` and the placed triangles of the mesh.
@@ -149,14 +161,14 @@ impl Placement {
     }
 
     /// Adds the mesh's triangles, which are `stored`, to the emitters if this placement emits, and their front sides
-    /// to `facets`; this is placement `number`.
-    pub(crate) fn emit(
+    /// to the facets; this is placement `number`.
+    pub(super) fn emit(
         &self,
         mesh: &Mesh,
         stored: &[Triangle],
         materials: &[Material],
-        (number, facets): (u32, &mut Vec<TriangleSide>),
-        emitters: &mut Vec<Emitter>,
+        number: u32,
+        Emitting { ray_offset, facets, emitters }: &mut Emitting,
     ) {
         let material = &materials[self.material as usize];
         let radiance = material.emission;
@@ -168,7 +180,7 @@ impl Placement {
             picture.map(|picture| TextureEmission::new(picture, radiance, mesh.triangles.len()));
         let all = (0..).zip(mesh.triangles.iter().zip(stored));
         emitters.extend(all.filter_map(|(index, (indices, stored))| {
-            let shape = self.triangle(stored);
+            let shape = self.triangle(stored, *ray_offset);
             // A very small scale may leave no area.
             if shape.area() <= 0.0 {
                 return None;

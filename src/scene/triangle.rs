@@ -16,7 +16,7 @@ pub struct Triangle {
     pub edge2: Vec3,
     /// Unit normal of the front side.
     pub normal: Vec3,
-    /// Distance off the surface at which rays start: more than the rounding errors of points on it.
+    /// Distance off the surface at which rays start, scene units: more than the rounding errors of points on it.
     pub offset: f32,
     /// Index into [`Scene::materials`](super::Scene::materials).
     pub material: u32,

@@ -261,20 +261,22 @@ fn mitsuba_materials_are_converted() {
     let Bsdf::Dielectric(glass) = look("<bsdf type='dielectric'/>") else { panic!() };
     assert!((glass.eta - 1.504_183).abs() < 1e-6, "as mitsuba 3.9.1 says: {}", glass.eta);
     assert!(matches!(look("<bsdf type='thindielectric'/>"), Bsdf::ThinDielectric(_)));
-    // White is white in both kinds of plastic.
-    for kind in ["true", "false"] {
-        let Bsdf::Coated(coated) = look(&format!(
-            "<bsdf type='plastic'><boolean name='nonlinear' value='{kind}'/>\
-             <rgb name='diffuse_reflectance' value='1, 0.5, 0'/></bsdf>"
+    for is_nonlinear in [true, false] {
+        let Bsdf::Plastic(plastic) = look(&format!(
+            "<bsdf type='plastic'><boolean name='nonlinear' value='{is_nonlinear}'/>\
+             <rgb name='diffuse_reflectance' value='1, 0.5, 0'/>\
+             <rgb name='specular_reflectance' value='1, 0.5, 0.2'/></bsdf>"
         )) else {
             panic!()
         };
-        let albedo = coated.albedo();
-        assert!((albedo.x - 1.0).abs() < 1e-5 && albedo.z == 0.0, "{albedo}");
-        // `a / (1 - F + a F)` with F = 0.5905 of mitsuba 3.9.1 (`fdr_int`).
-        let expected = if kind == "true" { 0.5 } else { 0.5 / (1.0 - 0.5 * 0.5905) };
-        assert!((albedo.y - expected).abs() < 1e-3, "{albedo}");
+        assert_eq!(plastic.is_nonlinear(), is_nonlinear);
+        assert_eq!(plastic.albedo(), Vec3::new(1.0, 0.5, 0.0));
+        assert_eq!(plastic.tint(), Vec3::new(1.0, 0.5, 0.2));
+        assert_eq!(plastic.facets().alpha, 0.0);
+        assert!((plastic.eta() - 1.49 / 1.000_277).abs() < 1e-6);
     }
+    let Bsdf::Plastic(rough) = look("<bsdf type='roughplastic'/>") else { panic!() };
+    assert_eq!((rough.facets().model, rough.facets().alpha), (FacetModel::Beckmann, 0.1));
     assert_eq!(
         look(
             "<bsdf type='blendbsdf'><float name='weight' value='0.25'/><bsdf type='diffuse'>\
@@ -283,7 +285,6 @@ fn mitsuba_materials_are_converted() {
         ),
         Bsdf::Lambertian { albedo: Vec3::new(0.6, 0.1, 0.0), two_sided: false }
     );
-    assert!(matches!(look("<bsdf type='roughplastic'/>"), Bsdf::Glossy(_)));
     assert!(matches!(look("<bsdf type='principled'/>"), Bsdf::Glossy(_)));
 }
 
@@ -323,7 +324,7 @@ fn mitsuba_lights_are_converted() {
 #[test]
 fn approximations_and_omissions_are_warnings() {
     for (inside, kind, warning) in [
-        ("<bsdf type='roughplastic'/>", WarningKind::Skipped, "glossy surfaces"),
+        ("<bsdf type='roughplastic'/>", WarningKind::Skipped, "shows both sides"),
         ("<bsdf type='principled'/>", WarningKind::Skipped, "nearest to principled"),
         ("<bsdf type='plastic'/>", WarningKind::Skipped, "shows both sides"),
         ("<bsdf type='velvet'/>", WarningKind::Skipped, "`velvet`"),
@@ -344,7 +345,8 @@ fn approximations_and_omissions_are_warnings() {
     }
     for (inside, warning) in [
         ("<shape type='hair'/>", "left out shapes of type `hair`"),
-        ("<emitter type='sunsky'/>", "left out lights of type `sunsky`"),
+        ("<emitter type='sunsky'/>", "left out further environments"),
+        ("<emitter type='projector'/>", "left out lights of type `projector`"),
         ("<emitter type='spot'/>", "falloff"),
         (
             "<integrator type='path'><integer name='max_depth' value='7'/></integrator>",
@@ -356,6 +358,33 @@ fn approximations_and_omissions_are_warnings() {
     }
     // A plain scene has no other warnings.
     assert_eq!(with(SQUARE).warnings_text(), "");
+}
+
+#[test]
+fn numbers_that_mitsuba_renders_are_read_with_a_warning_at_most() {
+    let metal = |eta: &str, k: &str| {
+        let both = format!("<rgb name='eta' value='{eta}'/><rgb name='k' value='{k}'/>");
+        look(&format!("<bsdf type='roughconductor'>{both}</bsdf>"))
+    };
+    // Only the squares of indices matter.
+    assert_eq!(metal("0.2, -0.01, 1", "3, -2, 1"), metal("0.2, 0.01, 1", "3, 2, 1"));
+    for (inside, warning) in [
+        ("<bsdf type='dielectric'><float name='int_ior' value='20'/></bsdf>", "refractive index"),
+        ("<bsdf type='conductor'><float name='specular_reflectance' value='2'/></bsdf>", "to 1"),
+        ("<bsdf type='roughconductor'><float name='alpha' value='1.5'/></bsdf>", "to 1"),
+        ("<bsdf type='roughconductor'><integer name='alpha' value='2'/></bsdf>", "to 1"),
+    ] {
+        let loaded = with(&format!("<shape type='rectangle'>{inside}</shape>"));
+        assert!(loaded.warnings_text().contains(warning), "{}", loaded.warnings_text());
+    }
+    for (inside, warning) in [
+        ("<emitter type='point'><rgb name='intensity' value='1, -0.1, 1'/></emitter>", "used 0"),
+        ("<emitter type='spot'><float name='cutoff_angle' value='120'/></emitter>", "cutoff"),
+        ("<emitter type='spot'><float name='beam_width' value='30'/></emitter>", "beam"),
+    ] {
+        let loaded = with(&[SQUARE, inside].concat());
+        assert!(loaded.warnings_text().contains(warning), "{}", loaded.warnings_text());
+    }
 }
 
 #[test]

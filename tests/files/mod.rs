@@ -15,5 +15,6 @@ mod memory;
 mod mitsuba;
 mod obj;
 mod shapes;
+mod sky;
 mod tolerant;
 mod toml;

@@ -4,7 +4,8 @@ use bdpm::accel::Ray;
 use bdpm::import::load;
 use bdpm::scene::backend::{Backend, build};
 use bdpm::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, Glossy, Reflectance, RoughDielectric, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
+    RoughDielectric, ThinDielectric,
 };
 use bdpm::scene::{Emitter, FieldOfView, Optics, Scene};
 use bdpm::settings::{Direct, Length, PartialSettings, Settings};
@@ -359,6 +360,19 @@ fn every_type_of_material_is_parsed() {
         (
             "type = 'glossy'\nalbedo = 0.3\nior = 1.4\nmetallic = 0.25\nroughness = 0.5",
             Bsdf::Glossy(Glossy::new(Vec3::splat(0.3), 0.25, 1.4, 0.25)),
+        ),
+        (
+            "type = 'plastic'\nalbedo = 0.3\nior = 1.4\nroughness = 0.5\nfacets = 'beckmann'\n\
+             nonlinear = true\ntint = 0.5",
+            Bsdf::Plastic(
+                Plastic::new(
+                    Vec3::splat(0.3),
+                    1.4,
+                    Facets { model: FacetModel::Beckmann, alpha: 0.25 },
+                    true,
+                )
+                .tinted(Vec3::splat(0.5)),
+            ),
         ),
         ("type = 'glossy'", Bsdf::Glossy(Glossy::new(Vec3::splat(0.5), 0.0, 1.5, 0.0))),
     ] {

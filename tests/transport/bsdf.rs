@@ -4,7 +4,7 @@ use bdpm::base::math::{luminance, uniform_sphere};
 use bdpm::base::rng::{Rng, Stream, StreamKey};
 use bdpm::scene::bsdf::{
     Bsdf, BsdfSample, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Lobe, LobeSet,
-    Reflectance, RoughDielectric, ThinDielectric, Transport, Vertex,
+    Plastic, Reflectance, RoughDielectric, ThinDielectric, Transport, Vertex,
 };
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
@@ -52,6 +52,11 @@ fn reflecting(albedo: f32, factor: f32) -> Bsdf {
     Bsdf::Glossy(Glossy::new(Vec3::splat(albedo), 0.2, 1.5, 0.4).reflecting(factor))
 }
 
+fn plastic(albedo: f32, model: FacetModel, alpha: f32, is_nonlinear: bool) -> Bsdf {
+    let facets = Facets { model, alpha };
+    Bsdf::Plastic(Plastic::new(Vec3::splat(albedo), 1.5, facets, is_nonlinear).tinted(TINT))
+}
+
 /// All that have lobes of finite density.
 fn spread() -> Vec<Bsdf> {
     let albedo = Vec3::new(0.2, 0.5, 1.0);
@@ -80,6 +85,11 @@ fn spread() -> Vec<Bsdf> {
         glossy(0.8, 1.0, 0.5),
         reflecting(0.6, 0.2),
         reflecting(0.6, 3.0),
+        plastic(0.6, FacetModel::Ggx, 0.0, true),
+        plastic(0.6, FacetModel::Ggx, 0.0, false),
+        plastic(0.6, FacetModel::Ggx, 0.15, true),
+        plastic(0.6, FacetModel::Beckmann, 0.2, false),
+        plastic(1.0, FacetModel::Beckmann, 0.5, true),
     ]
 }
 

@@ -84,6 +84,22 @@ fn keys(material: &Material) -> std::result::Result<String, String> {
             let (albedo, ior) = (color(coated.albedo()), number(coated.eta()));
             format!("type = \"coated\"\nalbedo = {albedo}\nior = {ior}\n")
         }
+        Bsdf::Plastic(plastic) => {
+            let (albedo, tint, width) = (plastic.albedo(), plastic.tint(), plastic.facets());
+            let mut text = format!("type = \"plastic\"\nalbedo = {}\n", color(albedo));
+            text += &indices(plastic.eta())?;
+            if width.alpha > 0.0 {
+                text += &roughness(width.alpha);
+                text += facets(width.model);
+            }
+            if tint != Rgb::ONE {
+                let _ = writeln!(text, "tint = {}", color(tint));
+            }
+            if plastic.is_nonlinear() {
+                text += "nonlinear = true\n";
+            }
+            text
+        }
         Bsdf::Glossy(glossy) => {
             let (albedo, metallic) = (color(glossy.albedo()), number(glossy.metallic()));
             let ior = glossy_ior(&glossy).ok_or("its refractive index is lost")?;
@@ -123,7 +139,9 @@ fn transmittance(share: Rgb) -> String {
 /// The textures that have an effect.
 fn textures<'a>(material: &'a Material, name: &str, textures: &mut TextureFiles<'a>) -> String {
     let glossy = matches!(material.bsdf, Bsdf::Glossy(_));
-    let tinted = glossy || matches!(material.bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_));
+    let is_based =
+        matches!(material.bsdf, Bsdf::Lambertian { .. } | Bsdf::Coated(_) | Bsdf::Plastic(_));
+    let tinted = glossy || is_based;
     let normals = material.normal_map.as_ref();
     let albedo = material.albedo_texture.as_ref().filter(|_| tinted);
     let data = material.metallic_roughness_texture.as_ref().filter(|_| glossy);

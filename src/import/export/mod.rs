@@ -43,6 +43,7 @@ pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Re
     let meshes = MeshFiles::new(scene);
 
     let mut text = tables::head(origin);
+    text += &tables::ray_offset(scene.own_ray_offset());
     text += &tables::camera(&scene.camera);
     text += &tables::render(defaults)?;
     text += &tables::regions(&scene.regions);
@@ -59,11 +60,18 @@ pub fn export(loaded: &Loaded, origin: &str, folder: &Path, replace: bool) -> Re
     if environment.is_some() {
         out.plan(tables::ENVIRONMENT);
     }
+    let inset = environment.filter(|own| own.inset().is_some());
+    if inset.is_some() {
+        out.plan(tables::INSET);
+    }
     let files = out.begin()?;
     meshes.write(&out)?;
     textures.write(&out)?;
     if let Some(environment) = environment {
         self::textures::write_environment(environment, &out.path(tables::ENVIRONMENT))?;
+    }
+    if let Some(environment) = inset {
+        self::textures::write_inset(environment, &out.path(tables::INSET))?;
     }
     // The scene file is last, so that no scene lacks its parts.
     out.write("scene.toml", |to| to.write_all(text.as_bytes()))?;

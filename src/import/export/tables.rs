@@ -13,6 +13,9 @@ use std::fmt::Write;
 /// File of the environment.
 pub(super) const ENVIRONMENT: &str = "environment.exr";
 
+/// File of its inset.
+pub(super) const INSET: &str = "environment-inset.exr";
+
 /// A comment about the source of the scene.
 pub(super) fn head(origin: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
@@ -66,6 +69,10 @@ fn within_bounds(mut vector: Vec3) -> Vec3 {
     vector
 }
 
+pub(super) fn ray_offset(distance: Option<f32>) -> String {
+    distance.map_or_else(String::new, |distance| format!("ray_offset = {}\n", number(distance)))
+}
+
 pub(super) fn render(defaults: &PartialSettings) -> Result<String> {
     let text = toml::to_string(defaults).map_err(|e| {
         let problem = format!("the settings of rendering cannot be written: {e}");
@@ -96,7 +103,14 @@ pub(super) fn environment(environment: &Environment) -> String {
     }
     let turn = environment.turn();
     let degrees = inverse(turn, turn * 360.0, |degrees| degrees / 360.0).unwrap_or(turn * 360.0);
-    format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees))
+    let mut text =
+        format!("\n[environment]\nfile = \"{ENVIRONMENT}\"\nturn_deg = {}\n", number(degrees));
+    if let Some((grid, _)) = environment.inset() {
+        let ([column, row], [columns, rows]) = (grid.first, grid.replaced);
+        let _ = writeln!(text, "inset_file = \"{INSET}\"");
+        let _ = writeln!(text, "inset = [{column}, {row}, {columns}, {rows}]");
+    }
+    text
 }
 
 /// All `[[light]]` tables. Emissive triangles are meshes.

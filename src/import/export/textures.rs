@@ -74,7 +74,16 @@ fn write_png(texture: &Texture, to: &mut dyn Write) -> io::Result<()> {
 
 pub(super) fn write_environment(environment: &Environment, path: &Path) -> Result<()> {
     let [width, height] = environment.size();
-    let radiance: Vec<Rgb> = environment.pixels().collect();
+    write_map(path, [width, height], environment.pixels().collect())
+}
+
+/// Writes the inset of an environment, if it has one.
+pub(super) fn write_inset(environment: &Environment, path: &Path) -> Result<()> {
+    let Some((grid, pixels)) = environment.inset() else { return Ok(()) };
+    write_map(path, grid.size, pixels.collect())
+}
+
+fn write_map(path: &Path, [width, height]: [u32; 2], radiance: Vec<Rgb>) -> Result<()> {
     let layers = vec![Layer::rgb("", &radiance)];
     write_exr(path, &Image { width, height, layers, metadata: Metadata::new() })
 }

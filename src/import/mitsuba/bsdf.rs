@@ -12,8 +12,7 @@ use crate::import::text::list;
 use crate::import::texture_file::linear_color;
 use crate::scene::Texture;
 use crate::scene::bsdf::{
-    Bsdf, Coated, Conductor, FacetModel, Facets, Glossy, Reflectance, SMOOTH_ALPHA, ThinDielectric,
-    fresnel,
+    Bsdf, Conductor, FacetModel, Facets, Glossy, Plastic, Reflectance, SMOOTH_ALPHA, ThinDielectric,
 };
 use glam::Affine2;
 use std::collections::HashMap;
@@ -91,7 +90,7 @@ impl BsdfCache {
             "conductor" | "roughconductor" => conductor(object, paints),
             "dielectric" | "roughdielectric" => dielectric(object, paints),
             "thindielectric" => {
-                let eta = relative_index(object, 1.5046)?;
+                let eta = relative_index(object, paints, 1.5046)?;
                 let transmittance = transmittance(object, paints)?;
                 Ok(Look::plain(Bsdf::ThinDielectric(ThinDielectric { eta, transmittance })))
             }
@@ -282,7 +281,7 @@ fn conductor(object: &Object, paints: &mut Paints) -> Result<Look> {
             object.error(format!("unknown material `{name}`"), &advice)
         })?)
     };
-    let outside = index(object, "ext_eta", 1.0)?;
+    let outside = index(object, paints, "ext_eta", 1.0)?;
     let facets = facets(object, paints)?;
     let reflectance = match indices {
         None => Reflectance::Artist { normal: Rgb::ONE },
@@ -296,18 +295,23 @@ fn conductor(object: &Object, paints: &mut Paints) -> Result<Look> {
 }
 
 /// A refractive index by number or name.
-fn index(object: &Object, name: &str, default: f32) -> Result<f32> {
+fn index(object: &Object, paints: &mut Paints, name: &str, default: f32) -> Result<f32> {
     let Some(text) = object.string(name)? else { return Ok(default) };
     let known = text.trim().parse().ok().or_else(|| metals::dielectric(text.trim()));
-    known.filter(|index: &f32| (0.1..=10.0).contains(index)).ok_or_else(|| {
+    let known = known.filter(|index: &f32| index.is_finite()).ok_or_else(|| {
         let problem = format!("`{name}` is `{text}`");
         object.error(problem, "give a number from 0.1 to 10, or a name such as bk7, water or air")
-    })
+    })?;
+    if !(0.1..=10.0).contains(&known) {
+        paints.skipped("used the nearest refractive index from 0.1 to 10 for that of", object);
+    }
+    Ok(known.clamp(0.1, 10.0))
 }
 
 /// Refractive index of the inside, relative to the outside.
-fn relative_index(object: &Object, default: f32) -> Result<f32> {
-    Ok(index(object, "int_ior", default)? / index(object, "ext_ior", 1.000_277)?)
+fn relative_index(object: &Object, paints: &mut Paints, default: f32) -> Result<f32> {
+    let inside = index(object, paints, "int_ior", default)?;
+    Ok(inside / index(object, paints, "ext_ior", 1.000_277)?)
 }
 
 /// Factor of light that crosses a dielectric. Reflected light is not tinted.
@@ -324,33 +328,19 @@ fn warn_of_reflected_tint(object: &Object, paints: &mut Paints) -> Result<()> {
 }
 
 fn dielectric(object: &Object, paints: &mut Paints) -> Result<Look> {
-    let eta = relative_index(object, 1.5046)?;
+    let eta = relative_index(object, paints, 1.5046)?;
     let transmittance = transmittance(object, paints)?;
     Ok(Look::plain(interface(eta, facets(object, paints)?, transmittance)))
 }
 
-/// A diffuse base under a coat. In Mitsuba's linear model the coat reflects light back as if the
-/// base were white. Our coat does not, so that its base gets the albedo with the same result.
+/// A diffuse base under a coat.
 fn plastic(object: &Object, paints: &mut Paints) -> Result<Look> {
-    let eta = relative_index(object, 1.49)?;
+    let eta = relative_index(object, paints, 1.49)?;
     let paint = paints.share(object, "diffuse_reflectance", Rgb::splat(0.5))?;
-    warn_of_reflected_tint(object, paints)?;
-    let outside = fresnel::diffuse_mean(|cos| Rgb::splat(fresnel::dielectric(cos, eta).0)).x;
-    let inside = 1.0 - (1.0 - outside) / (eta * eta);
+    let tint = paints.mean_share(object, "specular_reflectance", Rgb::ONE)?;
     let is_nonlinear = object.boolean("nonlinear")?.unwrap_or(false);
-    let alpha = facets(object, paints)?.alpha;
-    if alpha >= SMOOTH_ALPHA {
-        let phrase = "used glossy surfaces (GGX and Schlick's reflectance) for rough plastic:";
-        paints.skipped(phrase, object);
-        // The base of our glossy surfaces is linear.
-        let dimmed = |a: Rgb| a * (1.0 - inside) / (Rgb::ONE - a * inside);
-        let paint = if is_nonlinear { paint.mapped(dimmed) } else { paint };
-        let bsdf = Bsdf::Glossy(Glossy::new(paint.color, 0.0, eta, alpha));
-        return Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) });
-    }
-    let brightened = |a: Rgb| a / (Rgb::splat(1.0 - inside) + a * inside);
-    let paint = if is_nonlinear { paint } else { paint.mapped(brightened) };
-    let bsdf = Bsdf::Coated(Coated::new(paint.color, eta));
+    let facets = facets(object, paints)?;
+    let bsdf = Bsdf::Plastic(Plastic::new(paint.color, eta, facets, is_nonlinear).tinted(tint));
     Ok(Look { is_black_behind: true, ..Look::painted(bsdf, paint) })
 }
 
@@ -369,7 +359,7 @@ fn principled(object: &Object, paints: &mut Paints, is_thin: bool) -> Result<Loo
         }
     }
     let eta = match (object.get("eta")?, object.float("specular")?) {
-        (Some(_), _) => index(object, "eta", 1.5)?,
+        (Some(_), _) => index(object, paints, "eta", 1.5)?,
         // From the reflectance at normal incidence, which is 0.08 times `specular`.
         (None, specular) => {
             let root = (0.08 * specular.unwrap_or(0.5).clamp(0.0, 1.0) as f32).sqrt();

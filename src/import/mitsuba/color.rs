@@ -18,25 +18,28 @@ pub(super) enum ColorUse {
     Index,
 }
 
-/// A color that was read, and whether it was converted from a spectrum.
+/// A color that was read.
 pub(super) struct ReadColor {
     pub rgb: Rgb,
+    /// Whether it was converted from a spectrum.
     pub is_spectral: bool,
+    /// Whether negative channels became 0.
+    pub is_clamped: bool,
 }
 
 impl ReadColor {
     fn plain(rgb: Rgb) -> Self {
-        Self { rgb, is_spectral: false }
+        Self { rgb, is_spectral: false, is_clamped: false }
     }
 }
 
 /// Reads an element with the tag of a color.
 ///
 /// # Errors
-/// If its numbers are malformed, or negative.
+/// If its numbers are malformed, or those of a share are negative.
 pub(super) fn read(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
     let color = match (&object.element().tag[..], object.kind()) {
-        ("float" | "rgb" | "color", _) | ("spectrum", "rgb" | "srgb") => {
+        ("float" | "integer" | "rgb" | "color", _) | ("spectrum", "rgb" | "srgb") => {
             ReadColor::plain(rgb(object)?)
         }
         ("srgb", _) => ReadColor::plain(encoded(object)?),
@@ -74,8 +77,17 @@ pub(super) fn read(object: &Object, color_use: ColorUse) -> Result<ReadColor> {
             return Err(object.error(problem, "use rgb, srgb, spectrum, blackbody or float"));
         }
     };
-    if color.rgb.is_finite() && color.rgb.min_element() >= 0.0 {
-        return Ok(color);
+    if color.rgb.is_finite() {
+        let rgb = color.rgb;
+        match color_use {
+            _ if rgb.min_element() >= 0.0 => return Ok(color),
+            // Only their squares matter. Fits of spectra have negative channels.
+            ColorUse::Index => return Ok(ReadColor { rgb: rgb.abs(), ..color }),
+            ColorUse::Light => {
+                return Ok(ReadColor { rgb: rgb.max(Rgb::ZERO), is_clamped: true, ..color });
+            }
+            ColorUse::Share => {}
+        }
     }
     Err(object.error("the color is negative or too large", "give numbers of at least 0"))
 }
@@ -168,7 +180,7 @@ fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<ReadColor> {
         1.191_042_972e-16 / m.powi(5) / (1.438_776_877e-2 / (m * kelvin)).exp_m1() * 1e-9
     };
     let rgb = XYZ_TO_RGB * integral(|nm| scale * radiance(nm)) / luminous();
-    Ok(ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true })
+    Ok(ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true, is_clamped: false })
 }
 
 /// The color of a spectrum that is linear between its samples and 0 outside them.
@@ -191,7 +203,7 @@ fn spectral(nm: Vec<f64>, values: Vec<f64>, color_use: ColorUse) -> ReadColor {
         }
         ColorUse::Light | ColorUse::Index => XYZ_TO_RGB * integral(at) / luminous(),
     };
-    ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true }
+    ReadColor { rgb: rgb.as_vec3().max(Rgb::ZERO), is_spectral: true, is_clamped: false }
 }
 
 /// Linear sRGB of CIE XYZ (IEC 61966-2-1), column by column.

@@ -2,11 +2,13 @@
 
 use super::color::ColorUse;
 use super::object::Object;
+use super::sky::{self, is_sky};
 use super::texture::Paints;
 use crate::base::error::Result;
 use crate::base::math::Rgb;
 use crate::import::environment;
 use crate::import::scene_file::light::LEAST_FALLOFF;
+use crate::import::sky::Sky;
 use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{Directional, Emitter, Environment, Spot};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -16,11 +18,15 @@ const FINE: u32 = 1024;
 
 /// An environment before the scene is turned to it.
 pub(super) struct EnvironmentEmitter {
-    width: u32,
-    height: u32,
-    pixels: Vec<Rgb>,
+    content: Content,
     /// Rotation of a map from its space, in which +y is up, to the scene.
-    pub to_world: DMat3,
+    to_world: DMat3,
+}
+
+/// Radiance of an environment.
+enum Content {
+    Map { width: u32, height: u32, pixels: Vec<Rgb> },
+    Sky(Box<Sky>),
 }
 
 /// A light at a point or far away, in a scene that `world` transforms; `None` if its type is not
@@ -31,7 +37,8 @@ pub(super) fn emitter(
     paints: &mut Paints,
 ) -> Result<Option<Emitter>> {
     let map = world * object.map("to_world")?;
-    let mut light = |name: &str| paints.mean(object, name, ColorUse::Light, Rgb::ONE);
+    let light =
+        |paints: &mut Paints, name: &str| paints.mean(object, name, ColorUse::Light, Rgb::ONE);
     let checked = |point: DVec3| {
         let point = point.as_vec3();
         if point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all() {
@@ -50,16 +57,21 @@ pub(super) fn emitter(
                 Some(position) => world.transform_point3(position),
                 None => map.translation,
             };
-            Emitter::Point { position: checked(own)?, intensity: light("intensity")? }
+            Emitter::Point { position: checked(own)?, intensity: light(paints, "intensity")? }
         }
         "spot" => {
-            let cutoff = object.float_in("cutoff_angle", 20.0, [1e-3, 90.0])?.to_radians();
+            let given = object.float("cutoff_angle")?.unwrap_or(20.0);
+            if !(1e-3..=90.0).contains(&given) {
+                let phrase = "used the nearest angle from 0.001 to 90 degrees for the cutoff of";
+                paints.skipped(phrase, object);
+            }
+            let cutoff = given.clamp(1e-3, 90.0).to_radians();
             let beam = object.float("beam_width")?.map_or(0.75 * cutoff, f64::to_radians);
             if !(0.0..=cutoff).contains(&beam) {
-                let advice = "give an angle from 0 to cutoff_angle";
-                return Err(object.error("`beam_width` exceeds the cutoff", advice));
+                paints.skipped("used an angle up to the cutoff for the beam of", object);
             }
-            let intensity = light("intensity")?;
+            let beam = beam.clamp(0.0, cutoff);
+            let intensity = light(paints, "intensity")?;
             let (position, direction) = (checked(map.translation)?, unit(map.matrix3.z_axis)?);
             if object.get("texture")?.is_some() {
                 paints.skipped("left out the texture of", object);
@@ -74,7 +86,7 @@ pub(super) fn emitter(
                 Some(direction) => world.transform_vector3(direction),
                 None => map.matrix3.z_axis,
             };
-            Emitter::Directional(Directional::new(unit(along)?, light("irradiance")?))
+            Emitter::Directional(Directional::new(unit(along)?, light(paints, "irradiance")?))
         }
         other => {
             let phrase = format!("left out lights of type `{other}`:");
@@ -97,13 +109,13 @@ fn falloff(beam: f64, cutoff: f64) -> [f32; 2] {
 }
 
 impl EnvironmentEmitter {
-    /// Reads `constant` and `envmap`; `None` for other types.
+    /// Reads `constant`, `envmap` and skies; `None` for other types.
     pub fn read(object: &Object, paints: &mut Paints) -> Result<Option<Self>> {
         match object.kind() {
             "constant" => {
                 let radiance = paints.mean(object, "radiance", ColorUse::Light, Rgb::ONE)?;
-                let pixels = vec![radiance];
-                Ok(Some(Self { width: 1, height: 1, pixels, to_world: DMat3::IDENTITY }))
+                let content = Content::Map { width: 1, height: 1, pixels: vec![radiance] };
+                Ok(Some(Self { content, to_world: DMat3::IDENTITY }))
             }
             "envmap" => {
                 let (width, height, mut pixels) = environment::read(&object.file()?)?;
@@ -114,20 +126,16 @@ impl EnvironmentEmitter {
                         format!("used 0 for {invalid} pixels that are negative or not finite of");
                     paints.skipped(phrase, object);
                 }
-                let map = object.map("to_world")?.matrix3;
-                let unit = |axis: DVec3| axis.normalize_or_zero();
-                let axes = [map.x_axis, map.y_axis, map.z_axis].map(unit);
-                let to_world = DMat3::from_cols(axes[0], axes[1], axes[2]);
-                let skew = (to_world.transpose() * to_world - DMat3::IDENTITY).to_cols_array();
-                if skew.iter().any(|x| x.abs() > 1e-3) {
-                    let problem = "its to_world is not a rotation";
-                    return Err(object.error(problem, "use only rotations and uniform scales"));
-                }
+                let to_world = rotation(object)?;
                 let (width, height, pixels) = fine(width, height, &pixels);
                 let phrase =
                     "used constant pixels (small maps are refined) for the interpolated map of";
                 paints.chosen(phrase, object);
-                Ok(Some(Self { width, height, pixels, to_world }))
+                Ok(Some(Self { content: Content::Map { width, height, pixels }, to_world }))
+            }
+            _ if is_sky(object) => {
+                let (sky, to_world) = sky::read(object, rotation(object)?, paints)?;
+                Ok(Some(Self { content: Content::Sky(Box::new(sky)), to_world }))
             }
             _ => Ok(None),
         }
@@ -141,16 +149,51 @@ impl EnvironmentEmitter {
         own.transpose()
     }
 
+    /// Adds the sun of another environment to a sky without a sun, or the sky to the sun. Returns false if they are
+    /// not such a pair.
+    pub fn complete(&mut self, other: &Self) -> bool {
+        let (Content::Sky(own), Content::Sky(added)) = (&mut self.content, &other.content) else {
+            return false;
+        };
+        let overlaps =
+            own.dome.is_some() == added.dome.is_some() || own.sun.is_some() == added.sun.is_some();
+        if overlaps || !self.to_world.abs_diff_eq(other.to_world, 1e-9) {
+            return false;
+        }
+        own.dome = own.dome.take().or_else(|| added.dome.clone());
+        own.sun = own.sun.or(added.sun);
+        true
+    }
+
     /// The environment of a scene that was turned upright and, if `is_mirrored` is set, mirrored
     /// afterward.
-    pub fn environment(mut self, is_mirrored: bool) -> Environment {
-        if is_mirrored != (self.to_world.determinant() < 0.0) {
-            self.pixels.chunks_exact_mut(self.width as usize).for_each(<[Rgb]>::reverse);
+    pub fn environment(self, is_mirrored: bool) -> Environment {
+        let swaps = is_mirrored != (self.to_world.determinant() < 0.0);
+        match self.content {
+            Content::Map { width, height, mut pixels } => {
+                if swaps {
+                    pixels.chunks_exact_mut(width as usize).for_each(<[Rgb]>::reverse);
+                }
+                // The first column of Mitsuba begins at -z, where our middle column is.
+                let turn_deg = if width > 1 { 180.0 } else { 0.0 };
+                Environment::new(width, height, pixels, turn_deg)
+            }
+            Content::Sky(sky) => sky.environment(if swaps { MIRROR } else { DMat3::IDENTITY }, 0.0),
         }
-        // The first column of Mitsuba begins at -z, where our middle column is.
-        let turn_deg = if self.width > 1 { 180.0 } else { 0.0 };
-        Environment::new(self.width, self.height, self.pixels, turn_deg)
     }
+}
+
+/// The rotation in the property `to_world`, which may mirror.
+fn rotation(object: &Object) -> Result<DMat3> {
+    let map = object.map("to_world")?.matrix3;
+    let unit = |axis: DVec3| axis.normalize_or_zero();
+    let to_world = DMat3::from_cols(unit(map.x_axis), unit(map.y_axis), unit(map.z_axis));
+    let skew = (to_world.transpose() * to_world - DMat3::IDENTITY).to_cols_array();
+    if skew.iter().any(|x| x.abs() > 1e-3) {
+        let problem = "its to_world is not a rotation";
+        return Err(object.error(problem, "use only rotations and uniform scales"));
+    }
+    Ok(to_world)
 }
 
 /// Swaps left and right.

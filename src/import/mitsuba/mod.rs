@@ -16,6 +16,7 @@ mod object;
 mod sensor;
 mod serialized;
 mod shape;
+mod sky;
 mod texture;
 
 use super::builder::{Builder, SceneExtras};
@@ -134,15 +135,18 @@ impl SceneReader<'_> {
         Ok(())
     }
 
-    /// The first environment of the emitters.
+    /// The first environment of the emitters; `sky` and `sun` of 0.6 together are one.
     fn environment(&mut self, lights: &[Object]) -> Result<Option<EnvironmentEmitter>> {
-        let mut found = None;
+        let mut found: Option<EnvironmentEmitter> = None;
         for light in lights.iter().filter(|light| is_environment(light)) {
-            if found.is_some() {
-                self.paints.skipped("left out further environments:", light);
+            let own = EnvironmentEmitter::read(light, &mut self.paints)?;
+            let Some(first) = &mut found else {
+                found = own;
                 continue;
+            };
+            if !own.is_some_and(|own| first.complete(&own)) {
+                self.paints.skipped("left out further environments:", light);
             }
-            found = EnvironmentEmitter::read(light, &mut self.paints)?;
         }
         Ok(found)
     }
@@ -221,5 +225,5 @@ const IRRELEVANT: &str = "accel attach_log banner cache component_format compres
                           silhouette_sampling_weight specular_sampling_weight tonemap_method";
 
 fn is_environment(light: &Object) -> bool {
-    matches!(light.kind(), "constant" | "envmap")
+    matches!(light.kind(), "constant" | "envmap") || sky::is_sky(light)
 }

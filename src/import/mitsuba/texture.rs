@@ -117,6 +117,9 @@ impl Paints {
         if read.is_spectral {
             self.chosen("converted to linear sRGB the spectra of", owner);
         }
+        if read.is_clamped {
+            self.skipped("used 0 for the negative channels of the light of", owner);
+        }
         Ok(read.rgb)
     }
 

@@ -9,8 +9,8 @@ use crate::base::math::Rgb;
 use crate::import::mtl;
 use crate::import::text::list;
 use crate::scene::bsdf::{
-    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Reflectance, RoughDielectric,
-    SMOOTH_ALPHA, ThinDielectric,
+    Bsdf, Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, Plastic, Reflectance,
+    RoughDielectric, SMOOTH_ALPHA, ThinDielectric,
 };
 use crate::scene::{Material, NormalMap, Sampling, Texture, Wrap};
 use serde::Deserialize;
@@ -41,6 +41,7 @@ pub(in crate::import) struct MaterialTable {
     reflectance: Option<Spanned<Albedo>>,
     facets: Option<Spanned<FacetName>>,
     tint: Option<Spanned<Albedo>>,
+    nonlinear: Option<Spanned<bool>>,
     metal: Option<Spanned<String>>,
     eta: Option<Spanned<MetalIndex>>,
     k: Option<Spanned<NonNegative>>,
@@ -74,6 +75,7 @@ enum MaterialKind {
     Metal,
     Coated,
     Glossy,
+    Plastic,
 }
 
 impl MaterialKind {
@@ -93,6 +95,20 @@ impl MaterialKind {
                 ("metal", keys)
             }
             Self::Coated => ("coated", &["albedo", "albedo_texture", "ior"]),
+            Self::Plastic => {
+                let keys = &[
+                    "albedo",
+                    "albedo_texture",
+                    "ior",
+                    "outside_ior",
+                    "roughness",
+                    "alpha",
+                    "facets",
+                    "tint",
+                    "nonlinear",
+                ];
+                ("plastic", keys)
+            }
             Self::Glossy => {
                 let keys = &[
                     "albedo",
@@ -158,6 +174,12 @@ impl MaterialTable {
                         Conductor::once(self.metal()?, facets, tint.unwrap_or(Rgb::ONE))
                     }
                 })
+            }
+            MaterialKind::Plastic => {
+                let model = self.facets().unwrap_or(FacetModel::Ggx);
+                let is_nonlinear = self.nonlinear.as_ref().is_some_and(|is| *is.get_ref());
+                let plastic = Plastic::new(albedo, eta, Facets { model, alpha }, is_nonlinear);
+                Bsdf::Plastic(plastic.tinted(rgb(&self.tint).unwrap_or(Rgb::ONE)))
             }
             MaterialKind::Coated => Bsdf::Coated(Coated::new(albedo, eta)),
             MaterialKind::Glossy => Bsdf::Glossy(Glossy::new(albedo, metallic, eta, alpha)),
@@ -244,6 +266,7 @@ impl MaterialTable {
             ("alpha", start(&self.alpha)),
             ("facets", start(&self.facets)),
             ("tint", start(&self.tint)),
+            ("nonlinear", start(&self.nonlinear)),
             ("transmittance", start(&self.transmittance)),
             ("metallic", start(&self.metallic)),
             ("metallic_roughness_texture", start(&self.metallic_roughness_texture)),

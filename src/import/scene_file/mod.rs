@@ -5,6 +5,7 @@ pub(super) mod environment;
 pub(super) mod light;
 pub(super) mod material;
 pub(super) mod numbers;
+pub(super) mod sky;
 pub(super) mod texture;
 
 use super::load::extension;
@@ -19,6 +20,7 @@ use light::LightTable;
 use material::MaterialTable;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, de};
+use sky::SkyTable;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
@@ -28,6 +30,8 @@ use toml::Spanned;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::import) struct SceneFile {
+    /// Distance off surfaces at which rays start, scene units.
+    pub ray_offset: Option<Spanned<f64>>,
     pub camera: Spanned<CameraTable>,
     #[serde(default)]
     pub mesh: Vec<Spanned<MeshTable>>,
@@ -36,6 +40,7 @@ pub(in crate::import) struct SceneFile {
     #[serde(default)]
     pub light: Vec<Spanned<LightTable>>,
     pub environment: Option<Spanned<EnvironmentTable>>,
+    pub sky: Option<Spanned<SkyTable>>,
     #[serde(default)]
     pub regions: BTreeMap<String, Rectangles>,
     #[serde(default)]

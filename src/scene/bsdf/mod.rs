@@ -12,6 +12,7 @@ mod facets;
 pub mod fresnel;
 pub mod ggx;
 mod glossy;
+mod plastic;
 mod rough_dielectric;
 
 pub use coated::Coated;
@@ -19,6 +20,7 @@ pub use conductor::{Conductor, Reflectance};
 pub use dielectric::{Dielectric, ThinDielectric};
 pub use facets::{FacetModel, Facets};
 pub use glossy::Glossy;
+pub use plastic::Plastic;
 pub use rough_dielectric::RoughDielectric;
 
 use crate::base::math::{Frame, Rgb, cosine_hemisphere, cosine_hemisphere_pdf_w};
@@ -120,6 +122,8 @@ pub enum Bsdf {
     Coated(Coated),
     /// Facets over a diffuse base, a mixture of dielectric and metal.
     Glossy(Glossy),
+    /// A diffuse base under a smooth or rough dielectric coat, as Mitsuba's plastics.
+    Plastic(Plastic),
 }
 
 impl Bsdf {
@@ -134,6 +138,9 @@ impl Bsdf {
         match self {
             Self::Glossy(glossy) => {
                 [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| glossy.has(*lobe))
+            }
+            Self::Plastic(plastic) => {
+                [Lobe::Diffuse, Lobe::Rough].into_iter().find(|lobe| plastic.has(*lobe))
             }
             Self::Lambertian { .. } | Self::Coated(_) => Some(Lobe::Diffuse),
             Self::Conductor(conductor) => conductor.spread(),
@@ -154,6 +161,7 @@ impl Bsdf {
         match self {
             Self::Coated(_) => true,
             Self::Glossy(glossy) => glossy.facets_lobe().passes_through(),
+            Self::Plastic(plastic) => plastic.coat_lobe().passes_through(),
             _ => !self.merges(),
         }
     }
@@ -163,6 +171,7 @@ impl Bsdf {
     pub fn has_rough(&self) -> bool {
         match self {
             Self::Glossy(glossy) => glossy.has(Lobe::Rough),
+            Self::Plastic(plastic) => plastic.has(Lobe::Rough),
             _ => self.spread() == Some(Lobe::Rough),
         }
     }
@@ -198,7 +207,7 @@ impl Bsdf {
     #[inline]
     pub fn eval_lobe(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> Rgb {
         match self {
-            Self::Glossy(_) => self.eval_locally(at, wi, Some(lobe)),
+            Self::Glossy(_) | Self::Plastic(_) => self.eval_locally(at, wi, Some(lobe)),
             _ if self.spread() == Some(lobe) => self.eval(at, wi),
             _ => Rgb::ZERO,
         }
@@ -219,6 +228,10 @@ impl Bsdf {
                 Some(lobe) => glossy.eval(lobe, wo, wi),
                 None => glossy.eval(Lobe::Diffuse, wo, wi) + glossy.eval(Lobe::Rough, wo, wi),
             },
+            Self::Plastic(plastic) => match lobe {
+                Some(lobe) => plastic.eval(lobe, wo, wi),
+                None => plastic.eval(Lobe::Diffuse, wo, wi) + plastic.eval(Lobe::Rough, wo, wi),
+            },
             _ => Rgb::ZERO,
         }
     }
@@ -226,7 +239,7 @@ impl Bsdf {
     /// Density in solid angle, 1/sr, of [`Self::sample`] over the lobes of one class other than single directions. Its
     /// integral is less than 1 if there are other classes.
     pub fn pdf_w(&self, lobe: Lobe, at: &Vertex, wi: Vec3) -> f32 {
-        if !matches!(self, Self::Glossy(_)) && self.spread() != Some(lobe) {
+        if !matches!(self, Self::Glossy(_) | Self::Plastic(_)) && self.spread() != Some(lobe) {
             return 0.0;
         }
         let frame = Frame::new(at.normal);
@@ -242,6 +255,7 @@ impl Bsdf {
             Self::RoughDielectric(interface) => interface.pdf_w(wo, wi, at.front),
             Self::Coated(coated) => coated.pdf_w(wo, wi),
             Self::Glossy(glossy) => glossy.pdf_w(lobe, wo, wi),
+            Self::Plastic(plastic) => plastic.pdf_w(lobe, wo, wi),
             _ => 0.0,
         }
     }
@@ -252,6 +266,7 @@ impl Bsdf {
         match self {
             Self::Coated(coated) if wo.z > 0.0 => coated.mirror_prob(wo),
             Self::Glossy(glossy) if self.passes_through() && wo.z > 0.0 => glossy.facets_prob(wo),
+            Self::Plastic(plastic) if self.passes_through() && wo.z > 0.0 => plastic.coat_prob(wo),
             _ if self.passes_through() => 1.0,
             _ => 0.0,
         }
@@ -309,6 +324,7 @@ impl Bsdf {
             Self::RoughDielectric(interface) => interface.sample(wo, at.front, transport, rng),
             Self::Coated(coated) => Some(coated.sample(wo, wanted, rng)),
             Self::Glossy(glossy) => glossy.sample(wo, wanted, rng),
+            Self::Plastic(plastic) => plastic.sample(wo, wanted, rng),
         }?;
         Some(BsdfSample { wi: frame.to_world(sample.wi), ..sample })
     }
@@ -321,6 +337,7 @@ impl Bsdf {
             Self::Lambertian { .. } => Rgb::ZERO,
             Self::Coated(coated) => coated.albedo(),
             Self::Glossy(glossy) => glossy.albedo(),
+            Self::Plastic(plastic) => plastic.albedo(),
             Self::Conductor(conductor) => conductor.normal_reflectance(),
             Self::RoughDielectric(interface) => interface.transmittance(),
             Self::Mirror { .. } | Self::Dielectric(_) | Self::ThinDielectric(_) => Rgb::ONE,

@@ -145,8 +145,8 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::scene::Material;
     use crate::scene::bsdf::{
-        Coated, Conductor, Dielectric, Glossy, LobeSet, Reflectance, RoughDielectric,
-        ThinDielectric,
+        Coated, Conductor, Dielectric, FacetModel, Facets, Glossy, LobeSet, Plastic, Reflectance,
+        RoughDielectric, ThinDielectric,
     };
     use crate::scene::diffuse::TriangleSide;
     use crate::transport::gather::GatherView;
@@ -155,6 +155,10 @@ mod tests {
         let metal = Reflectance::Artist { normal: Vec3::new(0.9, 0.8, 0.6) };
         let glossy = |metallic, alpha| {
             Bsdf::Glossy(Glossy::new(Vec3::new(0.7, 0.3, 0.2), metallic, 1.5, alpha))
+        };
+        let plastic = |alpha| {
+            let facets = Facets { model: FacetModel::Ggx, alpha };
+            Bsdf::Plastic(Plastic::new(Vec3::new(0.7, 0.3, 0.2), 1.5, facets, true))
         };
         vec![
             Bsdf::diffuse(Rgb::new(0.2, 0.7, 0.5)),
@@ -169,6 +173,9 @@ mod tests {
             glossy(0.0, 0.0),
             glossy(0.3, 0.15),
             glossy(0.4, 0.5),
+            plastic(0.0),
+            plastic(0.15),
+            plastic(0.5),
         ]
     }
 

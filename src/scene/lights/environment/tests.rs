@@ -15,10 +15,60 @@ fn environment(turn_deg: f32) -> Environment {
     map
 }
 
+/// The environment with a finer inset across its last and first column, as bright as all the rest.
+fn with_inset(turn_deg: f32) -> Environment {
+    let map = environment(turn_deg);
+    let pixel = |i: u32| {
+        Rgb::new(1.0, 0.5, 0.2) * if i.is_multiple_of(5) { 0.0 } else { 3.0 + (i % 7) as f32 }
+    };
+    let grid = InsetGrid { first: [11, 2], replaced: [2, 3], size: [9, 8] };
+    let inset = Inset { grid, radiance: (0..72).map(pixel).collect() };
+    let pixels = map.pixels().collect();
+    let mut map = Environment::with_inset(12, 7, pixels, turn_deg, Some(inset));
+    map.enclose(&Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 1.0, 3.0) });
+    map
+}
+
+/// Environments with and without an inset, at several turns.
+fn environments() -> impl Iterator<Item = Environment> {
+    [0.0, 35.0, -400.0].into_iter().flat_map(|turn| [environment(turn), with_inset(turn)])
+}
+
+#[test]
+fn insets_replace_their_rectangle_and_nothing_else() {
+    let (plain, map) = (environment(0.0), with_inset(0.0));
+    let mut sum = DVec3::ZERO;
+    let n = 1_000;
+    for i in 0..n {
+        for j in 0..n {
+            let [u, v] = [i, j].map(|k| (k as f32 + 0.5) / n as f32);
+            let y = 1.0 - 2.0 * v;
+            let (sin, cos) = (TAU * (u - 0.5)).sin_cos();
+            let across = (1.0 - y * y).sqrt();
+            let direction = Vec3::new(across * sin, y, -across * cos);
+            let (column, row) = (u * 12.0, y.acos() / PI * 7.0);
+            let is_inside = (2.0..5.0).contains(&row) && !(1.0..11.0).contains(&column);
+            let radiance = map.radiance(direction);
+            if is_inside {
+                let [x, y] = [(column + 1.0) % 12.0 / 2.0 * 9.0, (row - 2.0) / 3.0 * 8.0];
+                let at_edge = [x, y].iter().any(|x| (x - x.round()).abs() < 1e-4);
+                let expected = map.inset().unwrap().1.nth(y as usize * 9 + x as usize);
+                assert!(at_edge || expected == Some(radiance), "{x} {y}");
+            } else {
+                let at_edge = [column, row].iter().any(|x| (x - x.round()).abs() < 1e-4);
+                assert!(at_edge || radiance == plain.radiance(direction), "{column} {row}");
+            }
+            sum += radiance.as_dvec3();
+        }
+    }
+    let integral = sum * (4.0 * std::f64::consts::PI / f64::from(n * n));
+    let off = (integral / map.integral.as_dvec3() - 1.0).abs().max_element();
+    assert!(off < 2e-3, "{integral} {}", map.integral);
+}
+
 #[test]
 fn connections_with_a_region_lie_in_it() {
-    for turn in [0.0, 35.0, -400.0] {
-        let map = environment(turn);
+    for map in environments() {
         let mut rng = StreamKey::new(8, Stream::Test, 0).rng(0);
         let mut strayed = 0;
         for number in 0..20_000 {
@@ -27,14 +77,13 @@ fn connections_with_a_region_lie_in_it() {
             strayed += usize::from(map.region(sample.wi) != region);
         }
         // By rounding at their edges
-        assert!(strayed < 20, "{turn}: {strayed}");
+        assert!(strayed < 20, "{}: {strayed}", map.turn);
     }
 }
 
 #[test]
 fn sampled_directions_have_their_pixels_radiance() {
-    for turn in [0.0, 35.0, -400.0] {
-        let map = environment(turn);
+    for map in environments() {
         let mut rng = StreamKey::new(7, Stream::Test, 0).rng(0);
         let (mut sum, mut square) = (Rgb::ZERO, Rgb::ZERO);
         let n = 100_000;

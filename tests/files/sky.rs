@@ -1,0 +1,155 @@
+//! `[sky]`, insets of environments and `ray_offset` of scene files, and skies of Mitsuba.
+
+use bdpm::base::math::luminance;
+use bdpm::import::{Loaded, export, load};
+use glam::Vec3;
+use tempfile::TempDir;
+
+const SQUARE: &str = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 4 3 2 1\n";
+const HEAD: &str = "camera = { position = [0, 3, 5], target = [0, 0, 0], fov_x_deg = 40 }\n";
+const MESH: &str = "[[mesh]]\nfile = 'a.obj'\nmaterial = 'm'\n[materials.m]\n";
+
+fn folder(text: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("a.obj"), SQUARE).unwrap();
+    std::fs::write(folder.path().join("a.toml"), text).unwrap();
+    folder
+}
+
+fn read(keys: &str, sky: &str) -> Result<Loaded, String> {
+    let folder = folder(&format!("{keys}{HEAD}{MESH}[sky]\n{sky}"));
+    load(folder.path().join("a.toml")).map_err(|error| error.to_string())
+}
+
+/// Irradiance of the horizontal, W/m^2, by sampled connections, and its standard error.
+fn horizontal(loaded: &Loaded) -> [f64; 2] {
+    use bdpm::base::rng::{Stream, StreamKey};
+    use bdpm::scene::Receiver;
+    let mut rng = StreamKey::new(3, Stream::Test, 0).rng(0);
+    let n = 100_000;
+    let (mut sum, mut square) = (0.0, 0.0);
+    let at = Receiver { position: Vec3::ZERO, normal: None };
+    for _ in 0..n {
+        let sample = loaded.scene.lights().connect(at, &mut rng);
+        let value = sample.map_or(0.0, |s| f64::from(luminance(s.irradiance) * s.wi.y));
+        sum += value / f64::from(n);
+        square += value * value / f64::from(n);
+    }
+    [sum, ((square - sum * sum) / f64::from(n)).sqrt()]
+}
+
+#[test]
+fn skies_have_the_given_irradiance_in_the_given_direction() {
+    let sun = Vec3::new(0.6, 0.64, -0.48);
+    let place = "sun_direction = [0.6, 0.64, -0.48]\n";
+    for (keys, direct, diffuse) in [
+        ("model = 'cie'\ncie_type = 12\ndiffuse = 80\ndirect = 500\n", 500.0, 80.0),
+        ("model = 'cie'\ncie_type = 1\ndiffuse = 80\n", 0.0, 80.0),
+        ("model = 'perez'\ndiffuse = 120\ndirect = 400\nsun_angle_deg = 4\n", 400.0, 120.0),
+    ] {
+        let loaded = read("", &[place, keys].concat()).unwrap();
+        let [found, error] = horizontal(&loaded);
+        let expected = diffuse + direct * f64::from(sun.y);
+        // Pixels near the horizon are coarse.
+        assert!((found - expected).abs() < 4.0 * error + 3e-3 * expected, "{keys} {found} {error}");
+        let toward = luminance(loaded.scene.lights().environment_radiance(sun));
+        assert_eq!(toward > 1000.0, direct > 0.0, "{keys}: {toward}");
+        assert_eq!(loaded.scene.lights().environment_radiance(Vec3::NEG_Y), Vec3::ZERO);
+    }
+}
+
+#[test]
+fn sun_of_a_place_is_in_the_south_at_noon_and_turns_with_the_sky() {
+    let place = "latitude = 50\nlongitude = 0\ntimezone = 0\ndate = [2024, 3, 20]\nhour = 12.12\n";
+    for (turn, toward) in [("", Vec3::Z), ("turn_deg = 90\n", Vec3::X)] {
+        let loaded = read("", &[place, turn].concat()).unwrap();
+        let (sin, cos) = 40_f32.to_radians().sin_cos();
+        let radiance = |w: Vec3| luminance(loaded.scene.lights().environment_radiance(w));
+        let sun = radiance((cos * toward + sin * Vec3::Y).normalize());
+        assert!(sun > 100.0 * radiance((-cos * toward + sin * Vec3::Y).normalize()), "{sun}");
+    }
+}
+
+#[test]
+fn skies_and_offsets_survive_a_conversion() {
+    let loaded = read("ray_offset = 1e-3\n", "sun_direction = [1, 1, 0]\nturbidity = 4\n").unwrap();
+    let out = TempDir::new().unwrap();
+    export(&loaded, "a.toml", out.path(), true).unwrap();
+    let again = load(out.path()).unwrap();
+    assert_eq!(again.scene.fingerprint(), loaded.scene.fingerprint());
+    assert_eq!(again.scene.own_ray_offset(), Some(1e-3));
+    let plain = read("", "sun_direction = [1, 1, 0]\nturbidity = 4\n").unwrap();
+    assert_ne!(plain.scene.fingerprint(), loaded.scene.fingerprint());
+}
+
+#[test]
+fn wrong_skies_are_refused_with_advice() {
+    for (sky, part) in [
+        ("", "does not know where the sun is"),
+        ("sun_direction = [0, 0, 0]", "`sun_direction` has no length"),
+        ("sun_direction = [1, -1, 0]", "45.0 degrees below the horizon"),
+        ("sun_direction = [1, 1, 0]\nhour = 3", "besides a place"),
+        ("sun_direction = [1, 1, 0]\nturbidity = 11", "`turbidity` is 11"),
+        ("sun_direction = [1, 1, 0]\ndiffuse = 11", "no meaning for this model"),
+        ("sun_direction = [1, 1, 0]\nmodel = 'cie'\ndiffuse = 1", "needs `cie_type`"),
+        ("sun_direction = [1, 1, 0]\nmodel = 'cie'\ndiffuse = 1\ncie_type = 16", "type 16"),
+        (
+            "sun_direction = [1, 1, 0]\nmodel = 'perez'\ndiffuse = 1\ndirect = 1e4",
+            "no sky of Perez",
+        ),
+        ("date = [2024, 13, 1]", "`date` is [2024, 13, 1]"),
+    ] {
+        let error = read("", sky).map(|_| ()).expect_err(sky);
+        assert!(error.contains(part) && error.contains("help: "), "{sky}: {error}");
+    }
+    let error = read("ray_offset = -1\n", "sun_direction = [1, 1, 0]").map(|_| ()).unwrap_err();
+    assert!(error.contains("`ray_offset` is -1"), "{error}");
+    let both = "sun_direction = [1, 1, 0]\n[environment]\nradiance = 1\n";
+    let error = read("", both).map(|_| ()).unwrap_err();
+    assert!(error.contains("both [environment] and [sky]"), "{error}");
+}
+
+/// The sun of a Mitsuba file: the brightest of all directions.
+fn mitsuba_sun(version: &str, emitters: &str) -> Vec3 {
+    let folder = TempDir::new().unwrap();
+    let text = format!(
+        "<scene version='{version}'><sensor type='perspective'><transform name='to_world'>\
+         <lookat origin='0, 0, 5' target='0, 0, 0' up='0, 1, 0'/></transform></sensor>\
+         {emitters}<shape type='rectangle'/></scene>"
+    );
+    std::fs::write(folder.path().join("a.xml"), text).unwrap();
+    let loaded = load(folder.path().join("a.xml")).unwrap();
+    let environment = loaded.scene.lights().environment().unwrap().clone();
+    let mut best = (0.0, Vec3::ZERO);
+    let n = 400;
+    for i in 0..n {
+        for j in 0..4 * n {
+            let y = (i as f32 + 0.5) / n as f32;
+            let (sin, cos) = (j as f32 / (4 * n) as f32 * std::f32::consts::TAU).sin_cos();
+            let across = (1.0 - y * y).sqrt();
+            let w = Vec3::new(across * cos, y, across * sin);
+            let radiance = luminance(environment.radiance(w));
+            if radiance > best.0 {
+                best = (radiance, w);
+            }
+        }
+    }
+    best.1
+}
+
+#[test]
+fn skies_of_old_mitsuba_files_have_y_up_and_may_be_in_two_parts() {
+    let sky =
+        "<emitter type='sky'><vector name='sunDirection' x='0.6' y='0.64' z='-0.48'/></emitter>";
+    let sun = "<emitter type='sun'><vector name='sunDirection' x='0.6' y='0.64' z='-0.48'/>\
+               <float name='sunRadiusScale' value='8'/></emitter>";
+    for emitters in [[sky, sun].concat(), [sun, sky].concat()] {
+        let toward = mitsuba_sun("0.6.0", &emitters);
+        assert!(toward.dot(Vec3::new(0.6, 0.64, -0.48)) > 0.998, "{toward}");
+    }
+    // In Mitsuba 3, +z is up. The scene is turned so that it is +y.
+    let emitter = "<emitter type='sunsky'><vector name='sun_direction' x='0.6' y='0.48' z='0.64'/>\
+                   <float name='sun_aperture' value='4'/></emitter>";
+    let toward = mitsuba_sun("3.0.0", emitter);
+    assert!(toward.dot(Vec3::new(0.6, 0.64, -0.48)) > 0.998, "{toward}");
+}
