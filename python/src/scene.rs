@@ -213,7 +213,9 @@ pub fn load(
     let environment = environment.transpose()?;
     let loaded = py.detach(|| {
         let (environment, no_fallback_light) = (environment.as_ref(), !fallback_light);
-        load_with(&path, &LoadOptions { camera, strict, environment, no_fallback_light })
+        let options =
+            LoadOptions { camera, strict, environment, no_fallback_light, ..Default::default() };
+        load_with(&path, &options)
     });
     Ok(Scene { loaded: loaded.map_err(raised)? })
 }

@@ -1,5 +1,6 @@
 //! A scene under construction while files are read.
 
+use super::camera_change::CameraChange;
 use super::default_camera;
 use super::fallback;
 use super::instancing::{MaterialMesh, MeshGroups};
@@ -45,12 +46,14 @@ pub(super) struct Builder {
 
 /// Contents of a file besides its meshes, materials, lights and camera.
 #[derive(Default)]
-pub(super) struct SceneExtras {
+pub(super) struct SceneExtras<'a> {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
     pub defaults: PartialSettings,
     /// Whether a scene without a usable light source gets a default one.
     pub default_light: bool,
+    /// Changes of the camera.
+    pub camera: CameraChange<'a>,
 }
 
 impl Builder {
@@ -198,10 +201,13 @@ impl Builder {
         path: &Path,
         lights: Vec<Emitter>,
         camera: Camera,
-        extras: SceneExtras,
+        extras: SceneExtras<'_>,
     ) -> Result<Loaded> {
         let Self { arrangement, materials, mut warnings, .. } = self;
-        let SceneExtras { regions, environment, defaults, default_light } = extras;
+        let SceneExtras { regions, environment, mut defaults, default_light, camera: change } =
+            extras;
+        let (camera, resolution) = change.apply(camera)?;
+        defaults.resolution = resolution.or(defaults.resolution);
         let start = Instant::now();
         let mut scene =
             Scene::new(scene_name(path), arrangement, materials, lights, camera, regions)?;

@@ -2,8 +2,8 @@
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Directional, Emitter, Environment, FieldOfView, Material, Mesh, NormalMap, Optics,
-    Placement, Scene,
+    Camera, Directional, Emitter, Environment, Extent, FieldOfView, Material, Mesh, NormalMap,
+    Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Reflectance};
@@ -228,6 +228,12 @@ impl Hash {
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 self.record(4, &[], &[width, disc_distance, disc_radius, exposure]);
             }
+            Optics::Orthographic(Extent::X(across)) => self.record(5, &[], &[across]),
+            Optics::Orthographic(Extent::Y(across)) => self.record(6, &[], &[across]),
+            Optics::Panorama => self.record(7, &[], &[]),
+            Optics::Fisheye { projection, field_of_view } => {
+                self.record(8 + projection as u32, &[], &[field_of_view]);
+            }
         }
     }
 
@@ -246,7 +252,7 @@ mod tests {
         Coated, Conductor, Dielectric, Facets, Glossy, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::Wrap;
-    use crate::scene::{Region, Spot};
+    use crate::scene::{FisheyeProjection, Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 
@@ -262,6 +268,10 @@ mod tests {
 
     fn glossy([albedo, metallic, eta, alpha]: [f32; 4]) -> Bsdf {
         Bsdf::Glossy(Glossy::new(Rgb::splat(albedo), metallic, eta, alpha))
+    }
+
+    fn fisheye(projection: FisheyeProjection, field_of_view: f32) -> Optics {
+        Optics::Fisheye { projection, field_of_view }
     }
 
     fn texture(code: u8) -> Arc<Texture> {
@@ -336,7 +346,7 @@ mod tests {
 
     #[test]
     fn every_visible_change_changes_the_fingerprint() {
-        let changes: [fn(&mut SceneParts); 66] = [
+        let changes: [fn(&mut SceneParts); 73] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
@@ -412,6 +422,13 @@ mod tests {
             |p| p.optics = sensor([1.0, 2.0, 1.0, 1.0]),
             |p| p.optics = sensor([1.0, 1.0, 2.0, 1.0]),
             |p| p.optics = sensor([1.0, 1.0, 1.0, 2.0]),
+            |p| p.optics = Optics::Orthographic(Extent::X(1.0)),
+            |p| p.optics = Optics::Orthographic(Extent::X(2.0)),
+            |p| p.optics = Optics::Orthographic(Extent::Y(1.0)),
+            |p| p.optics = Optics::Panorama,
+            |p| p.optics = fisheye(FisheyeProjection::Equidistant, 180.0),
+            |p| p.optics = fisheye(FisheyeProjection::Equidistant, 181.0),
+            |p| p.optics = fisheye(FisheyeProjection::Equisolid, 180.0),
         ];
         let mut seen = vec![parts().fingerprint()];
         for change in changes {

@@ -3,8 +3,8 @@
 
 use super::{CameraPass, CameraPaths};
 use crate::base::math::Rgb;
-use crate::scene::Surface;
 use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::{Optics, Surface};
 use crate::simd::LANES;
 use crate::transport::path_state::{Depth, PathState, PathStates};
 use glam::Vec3;
@@ -127,7 +127,11 @@ impl PathAov {
         if depth.is_start() {
             let camera = &pass.scene.camera;
             self.position = position;
-            self.depth = (position - camera.position()).dot(camera.direction());
+            let across = position - camera.position();
+            self.depth = match camera.optics() {
+                Optics::Panorama | Optics::Fisheye { .. } => across.length(),
+                _ => across.dot(camera.direction()),
+            };
             self.hits = true;
         }
     }
