@@ -3,7 +3,7 @@
 use super::lights::color;
 use super::params::Params;
 use super::spectra::ColorSpace;
-use super::textures::Textures;
+use super::textures::{Textures, radiances};
 use crate::base::error::Result;
 use crate::base::math::{Rgb, luminance};
 use crate::import::environment;
@@ -38,7 +38,7 @@ pub(super) fn environment(
         return Ok(Environment::new(1, 1, vec![scale as f32 * radiance], 0.0));
     };
     let path = textures.find(params, name)?;
-    let (width, height, mut pixels) = environment::read(&path)?;
+    let (width, height, mut pixels) = radiances(&path)?;
     if width != height {
         let problem = format!("the image `{name}` has {width} x {height} pixels and is not square");
         return Err(params.error(problem, "convert it by pbrt's `imgtool makeequiarea`"));

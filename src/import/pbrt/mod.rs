@@ -9,6 +9,7 @@ mod image_light;
 mod lights;
 mod materials;
 mod params;
+mod pfm;
 mod shapes;
 mod spectra;
 mod state;

@@ -1,6 +1,7 @@
 //! Named textures, as a color times a picture of 8 bits per channel.
 
 use super::params::{Param, Params};
+use super::pfm;
 use super::spectra::{self, ColorSpace};
 use crate::base::error::Result;
 use crate::base::math::Rgb;
@@ -270,8 +271,8 @@ impl Textures {
         if let Some(known) = self.read.get(&key) {
             return Ok(known.clone());
         }
-        let made = if matches!(&extension(&path)[..], "exr" | "hdr") {
-            let (width, height, mut pixels) = environment::read(&path)?;
+        let made = if matches!(&extension(&path)[..], "exr" | "hdr" | "pfm") {
+            let (width, height, mut pixels) = radiances(&path)?;
             for pixel in &mut pixels {
                 *pixel = if pixel.is_finite() { pixel.max(Rgb::ZERO) } else { Rgb::ZERO };
             }
@@ -362,6 +363,11 @@ impl Textures {
     pub fn varying(&mut self, params: &Params, name: &str) -> Result<Option<Paint>> {
         self.own_paint(params, name, ColorSpace::Srgb, true)
     }
+}
+
+/// Width, height and pixels of a picture of floating-point numbers.
+pub(super) fn radiances(path: &Path) -> Result<(u32, u32, Vec<Rgb>)> {
+    if extension(path) == "pfm" { pfm::read(path) } else { environment::read(path) }
 }
 
 /// A picture of shares as stored, from the linear values of a paint.
