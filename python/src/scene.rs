@@ -189,7 +189,7 @@ impl Scene {
     }
 }
 
-/// Loads a scene file (.toml, .gltf, .glb, .obj or .xml of Mitsuba), or a folder with scene.toml.
+/// Loads a scene file (.toml, .gltf, .glb, .obj, .xml of Mitsuba or .pbrt of pbrt-v4), or a folder with scene.toml.
 ///
 /// - `camera`: name of a camera of a glTF or Mitsuba file; the first one by default.
 /// - `strict`: refuse a scene if a part of it would be skipped.

@@ -169,7 +169,7 @@ fn json(value: &impl Serialize) -> String {
 /// Arguments for the scene and its settings.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Read this .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder with scene.toml
+    /// Read a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder with scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Render with this camera of a glTF or Mitsuba file [default: the first]
