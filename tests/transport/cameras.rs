@@ -175,3 +175,54 @@ fn all_cameras_merge_the_same_photons() {
         assert!(error < 0.04 * expected, "{optics:?}: {error}");
     }
 }
+
+/// Paths outside the image circle of a fisheye have no segment: layers and MIS weights of the others stay in place.
+#[test]
+fn layers_of_a_fisheye_are_those_of_its_pixels() {
+    let optics =
+        Optics::Fisheye { projection: FisheyeProjection::Equidistant, field_of_view: 120.0 };
+    let camera = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, optics).unwrap();
+    let wall = square(Vec3::new(0.0, 0.0, 2.0), -Vec3::Z, 50.0, 0);
+    let scene = scene(vec![wall], vec![gray(0.5, 1.0)], vec![], camera);
+    let side = 16;
+    let settings = settings(side, side);
+    let view = scene.camera.view(side, side);
+    let mut paths = bdpm::transport::camera_paths::CameraPaths::default();
+    paths.record_aovs(true);
+    let accel = accel(&scene);
+    let pass = bdpm::transport::camera_paths::CameraPass {
+        scene: &scene,
+        view,
+        accel: &*accel,
+        settings: &settings,
+        key: bdpm::base::rng::StreamKey::new(1, bdpm::base::rng::Stream::CameraPath, 0),
+        gather_early: true,
+    };
+    let ids = (0..side * side).map(|i| bdpm::transport::camera_paths::CameraPathId {
+        x: i % side,
+        y: i / side,
+        index: 0,
+    });
+    // Twice, so that entries of the first time are left where the second has no segment.
+    for _ in 0..2 {
+        paths.clear();
+        paths.trace(&pass, ids.clone());
+        for (index, aov) in paths.aovs.iter().enumerate() {
+            let place = |i: u32| f64::from(i) + 0.5 - 0.5 * f64::from(side);
+            let (x, y) = (place(index as u32 % side), place(index as u32 / side));
+            let radius = x.hypot(y) / (0.5 * f64::from(side));
+            if radius > 1.1 {
+                assert!(!aov.hits, "{index}");
+            } else if radius < 0.9 {
+                assert!(aov.hits, "{index}");
+                // The distance of the wall, within that of the corners of the pixel.
+                let depth = |radius: f64| 2.0 / (radius * PI / 3.0).cos();
+                let found = f64::from(aov.depth);
+                assert!(
+                    depth(radius - 0.1) - 1e-3 < found && found < depth(radius + 0.1),
+                    "{index}"
+                );
+            }
+        }
+    }
+}

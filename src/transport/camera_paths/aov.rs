@@ -24,7 +24,7 @@ pub struct PathAov {
     pub normal: Vec3,
     /// Position of the first surface of any kind, scene units.
     pub position: Vec3,
-    /// Distance of `position` from the camera along its axis, scene units.
+    /// Distance of `position` along the axis of the camera, or from a panorama or fisheye camera, scene units.
     pub depth: f32,
     /// The path hits a surface.
     pub hits: bool,
@@ -47,8 +47,7 @@ impl CameraPaths {
     /// Adds empty AOVs for the new paths.
     pub(super) fn start_aovs(&mut self) {
         // Entries from the first new path on belong to paths that were cleared.
-        let first = self.direct.len() - self.segments.len();
-        self.aovs.truncate(first);
+        self.aovs.truncate(self.first_path);
         self.aovs.resize(self.direct.len(), PathAov::default());
     }
 

@@ -62,6 +62,8 @@ pub struct CameraPaths {
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
+    /// Index of the first path of the current batch. Some paths of a fisheye camera have no segment at all.
+    first_path: usize,
     segments: PathQueue<PathStates, 16>,
     /// The next segments, in the order in which they are found.
     next: PathQueue<PathStates, 16>,
@@ -172,7 +174,8 @@ impl CameraPaths {
     #[inline(always)] // vectorized
     fn start(&mut self, simd: Simd, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
-        let mut started = self.direct.len();
+        self.first_path = self.direct.len();
+        let mut started = self.first_path;
         let mut paths = paths.fuse();
         let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
         let inverse_start = [1.0; LANES];
