@@ -230,11 +230,9 @@ impl SceneReader<'_> {
                 self.camera = Some(CameraSource { params, to_world });
             }
             "Film" => self.film = FilmSource::read(&params, &mut self.textures)?,
-            "Integrator" => {
-                if params.float("maxdepth").ok().flatten().is_some() {
-                    let phrase = "ignored the limit of the path length of";
-                    self.textures.warnings.chosen(phrase, &params.kind);
-                }
+            "Integrator" if params.float("maxdepth").ok().flatten().is_some() => {
+                let phrase = "ignored the limit of the path length of";
+                self.textures.warnings.chosen(phrase, &params.kind);
             }
             "PixelFilter" if params.kind != "box" => {
                 let phrase = "used the box filter instead of";

@@ -240,9 +240,7 @@ fn bilinear_mesh(params: &Params) -> Result<Mesh> {
     if indices.is_empty() && count == 4 {
         indices = vec![0, 1, 2, 3];
     }
-    for part in ["emissionfilename"] {
-        let _ = params.get(part);
-    }
+    let _ = params.get("emissionfilename");
     let (patches, rest) = indices.as_chunks::<4>();
     if patches.is_empty() || !rest.is_empty() {
         let problem = format!("it has {} vertex indices", indices.len());
