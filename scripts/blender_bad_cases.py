@@ -154,8 +154,8 @@ def no_camera(scene, folder):
 @case
 def other_cameras(scene, folder):
     good_scene()
-    scene.camera.data.type = "ORTHO"
-    fails(scene, folder, "ortho", "perspective")
+    scene.camera.data.type = "PANO"
+    fails(scene, folder, "pano", "perspective")
 
 
 @case

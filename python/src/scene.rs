@@ -189,7 +189,7 @@ impl Scene {
     }
 }
 
-/// Loads a scene file (.toml, .gltf, .glb, .obj or .xml of Mitsuba), or a folder with scene.toml.
+/// Loads a scene file (.toml, .gltf, .glb, .obj, .xml of Mitsuba or .pbrt of pbrt-v4), or a folder with scene.toml.
 ///
 /// - `camera`: name of a camera of a glTF or Mitsuba file; the first one by default.
 /// - `strict`: refuse a scene if a part of it would be skipped.
@@ -213,7 +213,9 @@ pub fn load(
     let environment = environment.transpose()?;
     let loaded = py.detach(|| {
         let (environment, no_fallback_light) = (environment.as_ref(), !fallback_light);
-        load_with(&path, &LoadOptions { camera, strict, environment, no_fallback_light })
+        let options =
+            LoadOptions { camera, strict, environment, no_fallback_light, ..Default::default() };
+        load_with(&path, &options)
     });
     Ok(Scene { loaded: loaded.map_err(raised)? })
 }

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Read this .toml, .gltf, .glb, .obj or .xml file, or a folder with scene.toml
+    /// Read a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder with scene.toml
     scene: PathBuf,
     /// Write scene.toml, OBJ meshes and PNG textures to this folder
     out: PathBuf,

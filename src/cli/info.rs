@@ -8,7 +8,7 @@ use bdpm::base::error::Result;
 use bdpm::import::counted;
 use bdpm::import::{Loaded, SceneSummary, Warning};
 use bdpm::scene::backend;
-use bdpm::scene::{Emitter, FieldOfView, Optics};
+use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
 use bdpm::settings::{PartialSettings, Settings};
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -102,6 +102,9 @@ enum OpticsSummary {
     Pinhole { field_of_view: f32, across: &'static str },
     ThinLens { field_of_view: f32, across: &'static str, aperture_radius: f32, focus_distance: f32 },
     Sensor { sensor_width: f32, disc_distance: f32, disc_radius: f32, exposure: f32 },
+    Orthographic { extent: f32, across: &'static str },
+    Panorama,
+    Fisheye { projection: &'static str, field_of_view: f32 },
 }
 
 impl OpticsSummary {
@@ -122,6 +125,17 @@ impl OpticsSummary {
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 Self::Sensor { sensor_width: width, disc_distance, disc_radius, exposure }
             }
+            Optics::Orthographic(extent) => {
+                let (extent, across) = match extent {
+                    Extent::X(width) => (width, "width"),
+                    Extent::Y(height) => (height, "height"),
+                };
+                Self::Orthographic { extent, across }
+            }
+            Optics::Panorama => Self::Panorama,
+            Optics::Fisheye { projection, field_of_view } => {
+                Self::Fisheye { projection: projection.name(), field_of_view }
+            }
         }
     }
 
@@ -138,6 +152,13 @@ impl OpticsSummary {
                 "sensor {sensor_width} wide behind a disc of radius {disc_radius} at \
                  {disc_distance}, exposed for {exposure} s: values are J/m^2"
             ),
+            Self::Orthographic { extent, across } => {
+                format!("orthographic, {extent} across the {across}")
+            }
+            Self::Panorama => "panorama of all directions".to_owned(),
+            Self::Fisheye { projection, field_of_view } => {
+                format!("{projection} fisheye, {field_of_view} degrees across the image circle")
+            }
         }
     }
 }

@@ -39,7 +39,9 @@ mod verbose;
 mod view;
 
 use bdpm::base::error::{Error, Result};
-use bdpm::import::{EnvironmentSource, LoadOptions, Loaded, Warning, load_with};
+use bdpm::import::{
+    CameraChange, EnvironmentSource, LoadOptions, Loaded, LookAt, Warning, load_with,
+};
 use bdpm::scene::backend::Backend;
 use clap::{Args, CommandFactory, FromArgMatches};
 use option_groups::with_groups;
@@ -167,12 +169,14 @@ fn json(value: &impl Serialize) -> String {
 /// Arguments for the scene and its settings.
 #[derive(clap::Args)]
 struct SceneArgs {
-    /// Read this .toml, .gltf, .glb, .obj or .xml file, or a folder with scene.toml
+    /// Read a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder with scene.toml
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
     /// Render with this camera of a glTF or Mitsuba file [default: the first]
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
+    #[command(flatten)]
+    camera_change: CameraArgs,
     /// Refuse a scene if a part of it would be skipped
     #[arg(long)]
     strict: bool,
@@ -191,7 +195,35 @@ struct SceneArgs {
 impl SceneArgs {
     /// Loads the scene.
     fn load(&self) -> Result<Loaded> {
-        load_with(&self.scene, &self.light.options(self.camera.as_deref(), self.strict))
+        let options = self.light.options(self.camera.as_deref(), self.strict);
+        let camera_change = self.camera_change.change();
+        load_with(&self.scene, &LoadOptions { camera_change, ..options })
+    }
+}
+
+/// Arguments that change the camera.
+#[derive(clap::Args)]
+struct CameraArgs {
+    /// Move the camera: position, target and optionally up, such as 0,1,5,0,1,0
+    #[arg(
+        long,
+        value_name = "X,Y,Z,X,Y,Z",
+        allow_negative_numbers = true,
+        allow_hyphen_values = true
+    )]
+    look_at: Option<LookAt>,
+    /// Set the full opening angle of the camera, across the side it refers to
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    fov: Option<f32>,
+    /// Use the camera of this scene; of a .toml file only [camera] and [render] count
+    #[arg(long, value_name = "FILE")]
+    camera_from: Option<PathBuf>,
+}
+
+impl CameraArgs {
+    fn change(&self) -> CameraChange<'_> {
+        let Self { look_at, fov, camera_from } = self;
+        CameraChange { from: camera_from.as_deref(), look_at: *look_at, fov: *fov }
     }
 }
 
@@ -211,7 +243,8 @@ impl LightArgs {
     fn options<'a>(&'a self, camera: Option<&'a str>, strict: bool) -> LoadOptions<'a> {
         let Self { environment, no_fallback_light } = self;
         let (environment, no_fallback_light) = (environment.as_ref(), *no_fallback_light);
-        LoadOptions { camera, strict, environment, no_fallback_light }
+        let camera_change = CameraChange::default();
+        LoadOptions { camera, strict, environment, no_fallback_light, camera_change }
     }
 }
 

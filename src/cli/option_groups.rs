@@ -17,7 +17,7 @@ const GROUPS: &[Group] = &[
     Group {
         heading: "Scene",
         common: &["camera", "environment"],
-        other: &["no_fallback_light", "strict"],
+        other: &["look_at", "fov", "camera_from", "no_fallback_light", "strict"],
     },
     Group {
         heading: "Image",

@@ -1,5 +1,6 @@
 //! A scene under construction while files are read.
 
+use super::camera_change::CameraChange;
 use super::default_camera;
 use super::fallback;
 use super::instancing::{MaterialMesh, MeshGroups};
@@ -45,7 +46,7 @@ pub(super) struct Builder {
 
 /// Contents of a file besides its meshes, materials, lights and camera.
 #[derive(Default)]
-pub(super) struct SceneExtras {
+pub(super) struct SceneExtras<'a> {
     pub regions: Vec<Region>,
     pub environment: Option<Environment>,
     pub defaults: PartialSettings,
@@ -53,6 +54,8 @@ pub(super) struct SceneExtras {
     pub default_light: bool,
     /// Distance off surfaces at which rays start, scene units, if it is given.
     pub ray_offset: Option<f32>,
+    /// Changes of the camera.
+    pub camera: CameraChange<'a>,
 }
 
 impl Builder {
@@ -200,10 +203,19 @@ impl Builder {
         path: &Path,
         lights: Vec<Emitter>,
         camera: Camera,
-        extras: SceneExtras,
+        extras: SceneExtras<'_>,
     ) -> Result<Loaded> {
         let Self { arrangement, materials, mut warnings, .. } = self;
-        let SceneExtras { regions, environment, defaults, default_light, ray_offset } = extras;
+        let SceneExtras {
+            regions,
+            environment,
+            mut defaults,
+            default_light,
+            ray_offset,
+            camera: change,
+        } = extras;
+        let (camera, resolution) = change.apply(camera)?;
+        defaults.resolution = resolution.or(defaults.resolution);
         let start = Instant::now();
         let name = scene_name(path);
         let mut scene = Scene::with_ray_offset(

@@ -53,6 +53,9 @@ impl LitCheck {
             for _ in 0..PATHS {
                 let [dx, dy] = rng.next_2d();
                 let (ray, weight) = view.ray(x + dx, y + dy, rng.next_2d());
+                if weight == 0.0 {
+                    continue;
+                }
                 let eye = &mut Eye { scene, pixel: &mut pixel };
                 let radiance = path_walker::radiance(scene, accel, ray, &mut rng, eye);
                 let radiance = radiance * (weight / PATHS as f32);

@@ -4,11 +4,13 @@
 //! panic. [`Loaded::warnings`] reports all defaults and omissions.
 
 use super::builder::{Builder, SceneExtras};
+use super::camera_change::CameraChange;
 use super::environment::EnvironmentSource;
 use super::gltf;
 use super::instances;
 use super::mitsuba;
 use super::obj::{self, ObjFile};
+use super::pbrt;
 use super::ply::{self, VDirection};
 use super::scene_file::texture::TomlTextures;
 use super::scene_file::{self, MeshFileKind, SceneFile};
@@ -57,20 +59,23 @@ pub struct LoadOptions<'a> {
     pub environment: Option<&'a EnvironmentSource>,
     /// Whether a glTF or OBJ file without a usable light source gets no default light.
     pub no_fallback_light: bool,
+    /// Changes of the camera of the scene.
+    pub camera_change: CameraChange<'a>,
 }
 
-impl LoadOptions<'_> {
+impl<'a> LoadOptions<'a> {
     /// The requested environment and default light. Warnings report corrected pixels.
-    pub(super) fn extras(&self, warnings: &mut Vec<Warning>) -> Result<SceneExtras> {
+    pub(super) fn extras(&self, warnings: &mut Vec<Warning>) -> Result<SceneExtras<'a>> {
         let environment =
             self.environment.map(|source| source.environment(warnings)).transpose()?;
         let default_light = environment.is_none() && !self.no_fallback_light;
-        Ok(SceneExtras { environment, default_light, ..SceneExtras::default() })
+        let camera = self.camera_change;
+        Ok(SceneExtras { environment, default_light, camera, ..SceneExtras::default() })
     }
 }
 
 /// Loads a `.toml` scene file, a folder that holds `scene.toml`, a `.gltf`, `.glb` or `.obj` file,
-/// or an `.xml` file of Mitsuba. Files in the glTF and OBJ formats get a camera and a light if they
+/// an `.xml` file of Mitsuba, or a `.pbrt` file of pbrt-v4. Files in the glTF and OBJ formats get a camera and a light if they
 /// have none.
 ///
 /// # Errors
@@ -116,6 +121,7 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         "toml" => load_toml(path, options),
         "obj" => load_obj(path, options),
         "xml" => mitsuba::load(path, options),
+        "pbrt" => pbrt::load(path, options),
         "blend" => Err(Error::new("files of Blender cannot be read", FROM_BLENDER).at(path)),
         other => {
             let problem = format!("scenes of type `.{other}` cannot be read");
@@ -125,10 +131,10 @@ fn load_any(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Extensions of scene files, in lower case.
-pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml"];
+pub const SCENE_EXTENSIONS: &[&str] = &["toml", "gltf", "glb", "obj", "xml", "pbrt"];
 
 const KNOWN_TYPES: &str =
-    "give a .toml, .gltf, .glb, .obj or .xml file, or a folder that holds scene.toml";
+    "give a .toml, .gltf, .glb, .obj, .xml or .pbrt file, or a folder that holds scene.toml";
 
 const FROM_BLENDER: &str = "in Blender, choose File > Export > glTF 2.0 and give the .glb file, or render with the \
                             add-on (docs/how-to/blender.md)";
@@ -274,7 +280,8 @@ fn build_toml(
         .regions
         .iter()
         .map(|(name, rectangles)| Region { name: name.clone(), rectangles: rectangles.0.clone() });
-    let mut environment = options.extras(&mut builder.warnings)?.environment;
+    let extras = options.extras(&mut builder.warnings)?;
+    let mut environment = extras.environment;
     if let Some(table) = &file.environment {
         if environment.is_some() {
             builder.warnings.push(warnings::replaced_environment(path));
@@ -313,7 +320,14 @@ fn build_toml(
         Err(at(Error::new(format!("`ray_offset` is {distance}"), advice), start))
     });
     let ray_offset = ray_offset.transpose()?;
-    let extras = SceneExtras { regions, environment, defaults, default_light: false, ray_offset };
+    let extras = SceneExtras {
+        regions,
+        environment,
+        defaults,
+        default_light: false,
+        ray_offset,
+        camera: extras.camera,
+    };
     builder.finish(path, lights, camera, extras)
 }
 

@@ -1,10 +1,11 @@
-//! Scene files: reading TOML, OBJ, glTF and Mitsuba's XML, and writing a scene as a folder of TOML,
+//! Scene files: reading TOML, OBJ, glTF, Mitsuba's XML and pbrt-v4, and writing a scene as a folder of TOML,
 //! OBJ and PNG.
 //!
 //! [`load()`] reads scenes and [`export()`] writes them. No other module knows file formats of
 //! scenes.
 
 mod builder;
+mod camera_change;
 mod default_camera;
 mod environment;
 mod export;
@@ -18,6 +19,7 @@ mod load;
 mod mitsuba;
 mod mtl;
 mod obj;
+mod pbrt;
 mod ply;
 mod scene_file;
 mod sky;
@@ -27,6 +29,7 @@ mod text;
 mod texture_file;
 mod warnings;
 
+pub use camera_change::{CameraChange, LookAt};
 pub use environment::EnvironmentSource;
 pub use export::{Exported, export};
 pub use load::{LoadOptions, Loaded, NamedMesh, SCENE_EXTENSIONS, load, load_meshes, load_with};

@@ -1,13 +1,14 @@
-//! Meshes in PLY files, text or binary: vertices with normals, texture coordinates and linear
+//! Meshes in PLY files, text or binary, compressed by gzip or not: vertices with normals, texture coordinates and linear
 //! colors.
 
 use super::text;
 use crate::base::error::{Error, Result};
 use crate::scene::Mesh;
+use flate2::bufread::MultiGzDecoder;
 use glam::{Vec2, Vec3};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
-use std::io::BufReader;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// Advice for a malformed file.
@@ -75,6 +76,14 @@ impl PropertyAccess for PlyItem {
     }
 }
 
+/// The content of a file, decompressed if it is compressed by gzip.
+fn plain(path: &Path) -> Result<Box<dyn Read>> {
+    let mut file = BufReader::new(text::open(path)?);
+    let start = file.fill_buf().map_err(|e| Error::io("read the file", path, e))?;
+    let is_compressed = start.starts_with(&[0x1f, 0x8b]);
+    Ok(if is_compressed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
+}
+
 /// Reads a mesh, with its normals, texture coordinates, and linear colors `r`, `g`, `b` within [0,
 /// 1].
 ///
@@ -86,7 +95,7 @@ pub(super) fn read(path: &Path, v_direction: VDirection) -> Result<Mesh> {
         let problem: String = problem.chars().take(300).collect();
         Error::new(format!("cannot read it as a PLY file: {problem}"), EXPORT_AGAIN).at(path)
     };
-    let mut reader = Reader::new(BufReader::new(text::open(path)?));
+    let mut reader = Reader::new(BufReader::new(plain(path)?));
     let parser = Parser::<PlyItem>::new();
     let header = parser.read_header(&mut reader).map_err(|e| broken(e.to_string()))?;
     let mut mesh = Mesh::default();

@@ -3,9 +3,10 @@
 use crate::accel::Ray;
 use crate::base::error::{Error, Result};
 use crate::base::math::{disc_area, uniform_disc};
+use crate::scene::projection::{FisheyeProjection, panorama_direction};
 use crate::settings::Settings;
 use crate::simd::{LANES, Vec3s};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// A camera: its position, orientation and optics.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,38 @@ pub enum Optics {
         /// Exposure time, seconds.
         exposure: f32,
     },
+    /// Parallel rays along the direction, from a plane through the position. A pixel's value is the mean radiance
+    /// along its rays, as for all following optics.
+    Orthographic(Extent),
+    /// All directions in longitude and latitude: the direction is in the center, `up` at the upper edge. Pixels at
+    /// the same height show the same solid angle.
+    Panorama,
+    /// A fisheye lens, whose image circle touches the nearer edges of the image. Pixels outside the circle are black.
+    Fisheye {
+        /// Projection of the lens.
+        projection: FisheyeProjection,
+        /// Full opening angle across the image circle, degrees; up to 360.
+        field_of_view: f32,
+    },
+}
+
+/// Size of the visible part of a scene across the image, scene units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Extent {
+    /// Across the image's width.
+    X(f32),
+    /// Across the image's height.
+    Y(f32),
+}
+
+impl Extent {
+    /// Side of a pixel, scene units.
+    fn pixel(self, width: f32, height: f32) -> f32 {
+        match self {
+            Self::X(across) => across / width,
+            Self::Y(across) => across / height,
+        }
+    }
 }
 
 /// Full opening angle across the image, degrees.
@@ -83,8 +116,18 @@ impl Optics {
                 ));
             }
         }
+        if let Self::Fisheye { field_of_view, .. } = *self
+            && !(field_of_view > 0.0 && field_of_view <= 360.0)
+        {
+            return Err(Error::new(
+                format!("the fisheye camera's field of view is {field_of_view} degrees"),
+                "give an angle above 0, and at most 360 degrees",
+            ));
+        }
         let lengths: &[(&str, f32)] = match self {
-            Self::Pinhole(_) => &[],
+            Self::Pinhole(_) | Self::Panorama | Self::Fisheye { .. } => &[],
+            Self::Orthographic(Extent::X(across)) => &[("width", *across)],
+            Self::Orthographic(Extent::Y(across)) => &[("height", *across)],
             Self::ThinLens { aperture_radius, focus_distance, .. } => {
                 &[("aperture_radius", *aperture_radius), ("focus_distance", *focus_distance)]
             }
@@ -150,7 +193,7 @@ impl Camera {
     /// shift lenses do. A shift also renders a part of an image alone.
     ///
     /// # Errors
-    /// If a number is not finite, or the camera is a sensor, whose lenses are in the scene.
+    /// If a number is not finite, the camera is a sensor, whose lenses are in the scene, or it is a panorama.
     pub fn shifted(self, shift: [f32; 2]) -> Result<Self> {
         if !shift.iter().all(|share| share.is_finite()) {
             let problem = format!("the camera's shift is {shift:?}");
@@ -159,6 +202,10 @@ impl Camera {
         if matches!(self.optics, Optics::Sensor { .. }) && shift != [0.0; 2] {
             let advice = "move its position instead";
             return Err(Error::new("a camera of type \"sensor\" has no `shift`", advice));
+        }
+        if self.optics == Optics::Panorama && shift != [0.0; 2] {
+            let advice = "turn its direction instead";
+            return Err(Error::new("a camera of type \"panorama\" has no `shift`", advice));
         }
         Ok(Self { shift, ..self })
     }
@@ -199,25 +246,35 @@ impl Camera {
         let disc = |radius: f32| [radius * self.right, radius * self.up];
         // Distance of the plane of the pixels along the direction, and the side of a pixel there. A sensor
         // is behind its lenses, which turn the image upside down.
-        let (distance, pixel, aperture) = match self.optics {
-            Optics::Pinhole(field_of_view) => (1.0, field_of_view.pixel(w, h), None),
+        let (distance, pixel, imaging) = match self.optics {
+            Optics::Pinhole(field_of_view) => (1.0, field_of_view.pixel(w, h), Imaging::Pinhole),
             Optics::ThinLens { field_of_view, aperture_radius, focus_distance } => (
                 focus_distance,
                 focus_distance * field_of_view.pixel(w, h),
-                Some(Aperture::Lens(disc(aperture_radius))),
+                Imaging::Lens(disc(aperture_radius)),
             ),
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 let [x, y] = disc(disc_radius);
                 let center = disc_distance * self.forward;
                 // theory.md (6), with the next use of `weight`
                 let weight = exposure * disc_area(disc_radius) * disc_distance * disc_distance;
-                (0.0, -width / w, Some(Aperture::Disc { center, x, y, weight }))
+                (0.0, -width / w, Imaging::Disc { center, x, y, weight })
+            }
+            Optics::Orthographic(extent) => {
+                (0.0, extent.pixel(w, h), Imaging::Parallel(self.forward))
+            }
+            Optics::Panorama => (0.0, w.recip(), Imaging::Panorama([self.right, self.up])),
+            Optics::Fisheye { projection, field_of_view } => {
+                let edge = (0.5 * field_of_view).to_radians();
+                (0.0, 2.0 / w.min(h), Imaging::Fisheye([self.right, self.up], projection, edge))
             }
         };
-        let (dx, dy) = (self.right * pixel, -self.up * pixel);
+        let is_panorama = self.optics == Optics::Panorama;
+        let pixel_height = if is_panorama { h.recip() } else { pixel };
+        let (dx, dy) = (self.right * pixel, -self.up * pixel_height);
         let [right, up] = self.shift;
         let corner = distance * self.forward + w * (right - 0.5) * dx - h * (up + 0.5) * dy;
-        View { position: self.position, corner, dx, dy, stride: 1.0, aperture }
+        View { position: self.position, corner, dx, dy, stride: 1.0, imaging }
     }
 
     /// The camera with the pixels of an image of these settings, which may be a window of the full image.
@@ -247,18 +304,27 @@ pub struct View {
     dy: Vec3,
     /// One pixel of each square of `stride` by `stride` pixels is taken.
     stride: f32,
-    /// `None` for a pinhole.
-    aperture: Option<Aperture>,
+    imaging: Imaging,
 }
 
-/// The opening that light passes.
+/// Selects the ray of a point in the plane of the pixels.
 #[derive(Clone, Copy, Debug)]
-enum Aperture {
+enum Imaging {
+    /// From the position through the point.
+    Pinhole,
     /// A disc around the position, given by two radii; the plane of the pixels is in focus.
     Lens([Vec3; 2]),
     /// A disc in front of the plane of the pixels, given by its center and two radii. The weight is the product
     /// of its area, the squared distance of the planes, and the exposure.
     Disc { center: Vec3, x: Vec3, y: Vec3, weight: f32 },
+    /// From the point along this direction.
+    Parallel(Vec3),
+    /// From the position by longitude and latitude. The plane of the pixels has unit sides to the right and up, given by
+    /// their unit vectors.
+    Panorama([Vec3; 2]),
+    /// From the position by the projection of a fisheye lens, which shows directions up to this angle from the axis,
+    /// radians. The plane of the pixels has an image circle of radius 1.
+    Fisheye([Vec3; 2], FisheyeProjection, f32),
 }
 
 impl View {
@@ -282,22 +348,23 @@ impl View {
         [x + (stride - 1.0) * column + within(row), y + (stride - 1.0) * row + within(column)]
     }
 
-    /// Returns true if rays depend on a point of the aperture.
+    /// Returns true if all rays start at the position and have the weight 1, so that [`Self::pinhole_directions`] are
+    /// those of [`Self::ray`].
     #[inline]
-    pub fn has_aperture(&self) -> bool {
-        self.aperture.is_some()
+    pub fn is_pinhole(&self) -> bool {
+        matches!(self.imaging, Imaging::Pinhole)
     }
 
     /// The ray for the point `(x, y)`, in pixels from the image's top left corner. It has a unit direction and
     /// passes the point of the aperture that `lens` in [0, 1)^2 selects. Also returns the weight of its radiance in
-    /// the pixel's value.
+    /// the pixel's value: 0 outside the image circle of a fisheye, where nothing is visible.
     /// theory.md (5).
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> (Ray, f32) {
         let [x, y] = self.full_image_point(x, y);
         let to_pixel = self.corner + x * self.dx + y * self.dy;
-        match self.aperture {
-            None => (Ray::new(self.position, to_pixel.normalize()), 1.0),
-            Some(aperture) => self.ray_through(aperture, to_pixel, lens),
+        match self.imaging {
+            Imaging::Pinhole => (Ray::new(self.position, to_pixel.normalize()), 1.0),
+            _ => self.ray_through(to_pixel, lens),
         }
     }
 
@@ -313,22 +380,40 @@ impl View {
         directions
     }
 
-    /// [`Self::ray`] for cameras with an aperture.
+    /// [`Self::ray`] for the point `to_pixel` from the position, for all cameras.
     #[inline(never)]
-    fn ray_through(&self, aperture: Aperture, to_pixel: Vec3, lens: [f32; 2]) -> (Ray, f32) {
-        match aperture {
-            Aperture::Lens([right, up]) => {
+    fn ray_through(&self, to_pixel: Vec3, lens: [f32; 2]) -> (Ray, f32) {
+        // Coordinates in the plane of the pixels, and directions of the space with +z forward.
+        let within = |[right, up]: [Vec3; 2]| Vec2::new(to_pixel.dot(right), to_pixel.dot(up));
+        let turned = |[right, up]: [Vec3; 2], local: Vec3| {
+            let forward = up.cross(right);
+            (local.x * right + local.y * up + local.z * forward).normalize()
+        };
+        match self.imaging {
+            Imaging::Pinhole => (Ray::new(self.position, to_pixel.normalize()), 1.0),
+            Imaging::Lens([right, up]) => {
                 let [u, v] = uniform_disc(lens);
                 let through = u * right + v * up;
                 (Ray::new(self.position + through, (to_pixel - through).normalize()), 1.0)
             }
-            Aperture::Disc { center, x, y, weight } => {
+            Imaging::Disc { center, x, y, weight } => {
                 let [u, v] = uniform_disc(lens);
                 let across = center + u * x + v * y - to_pixel;
                 // Irradiance from a disc of area A in a plane at distance d: the mean over the disc
                 // of L cos^2(theta) A / s^2, and cos(theta) = d/s.
                 let s2 = across.length_squared();
                 (Ray::new(self.position + to_pixel, across.normalize()), weight / (s2 * s2))
+            }
+            Imaging::Parallel(direction) => (Ray::new(self.position + to_pixel, direction), 1.0),
+            Imaging::Panorama(axes) => {
+                let direction = turned(axes, panorama_direction(within(axes)));
+                (Ray::new(self.position, direction), 1.0)
+            }
+            Imaging::Fisheye(axes, projection, edge) => {
+                match projection.direction(within(axes), edge) {
+                    Some(local) => (Ray::new(self.position, turned(axes, local)), 1.0),
+                    None => (Ray::new(self.position, turned(axes, Vec3::Z)), 0.0),
+                }
             }
         }
     }
@@ -420,7 +505,7 @@ mod tests {
         let camera = Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, thin).unwrap();
         let pinhole = Camera::look(Vec3::ZERO, Vec3::Z, Vec3::Y, field_of_view).unwrap();
         let (view, pinhole) = (camera.view(40, 30), pinhole.view(40, 30));
-        assert!(view.has_aperture() && !pinhole.has_aperture());
+        assert!(!view.is_pinhole() && pinhole.is_pinhole());
         for (x, y) in [(20.0, 15.0), (0.0, 0.0), (33.0, 8.0)] {
             let (center, _) = pinhole.ray(x, y, [0.0; 2]);
             for (z, radius) in [(4.0, 0.0), (8.0, 0.25), (2.0, 0.125), (12.0, 0.5)] {
@@ -472,6 +557,102 @@ mod tests {
         assert!(left.direction.x > 0.0);
     }
 
+    /// Mean of a function of the rays' directions over the pixels, times the solid angle of all directions that the
+    /// image shows in the given projection: its integral over these directions.
+    fn integral(view: &View, [w, h]: [u32; 2], density: impl Fn(Vec3) -> f64) -> f64 {
+        let mut sum = 0.0;
+        for (i, j) in (0..h).flat_map(|j| (0..w).map(move |i| (i, j))) {
+            let (ray, weight) = view.ray(i as f32 + 0.5, j as f32 + 0.5, [0.5; 2]);
+            assert!((ray.direction.length() - 1.0).abs() < 1e-5);
+            sum += f64::from(weight) * density(ray.direction);
+        }
+        sum
+    }
+
+    #[test]
+    fn solid_angles_of_pixels_of_panoramas_and_fisheyes_add_up() {
+        let size = [512, 512];
+        let [w, h] = size.map(f64::from);
+        let look = |optics| {
+            Camera::with_optics(Vec3::ONE, Vec3::new(1.0, 2.0, 3.0), Vec3::Y, optics).unwrap()
+        };
+        let panorama = look(Optics::Panorama);
+        let (forward, up) = (panorama.direction(), panorama.up());
+        let view = panorama.view(512, 512);
+        // A pixel of a panorama has the solid angle 2 pi^2 cos(latitude) / (w h).
+        let pixel = |d: Vec3| {
+            let sine = f64::from(d.dot(up));
+            2.0 * f64::from(PI).powi(2) * (1.0 - sine * sine).max(0.0).sqrt() / (w * h)
+        };
+        let all = integral(&view, size, pixel);
+        assert!((all / f64::from(4.0 * PI) - 1.0).abs() < 1e-4, "{all}");
+        // The irradiance of a surface that faces forward under radiance 1 from in front is pi.
+        let cosine = |d: Vec3| f64::from(d.dot(forward).max(0.0));
+        let irradiance = integral(&view, size, |d| pixel(d) * cosine(d));
+        assert!((irradiance / f64::from(PI) - 1.0).abs() < 1e-4, "{irradiance}");
+
+        // A pixel of side s, in radii, of a fisheye has the solid angle s^2 sin(t)/r dt/dr.
+        let s2 = (2.0 / w) * (2.0 / h);
+        for edge in [0.5, 0.5 * f64::from(PI), f64::from(PI)] {
+            let field_of_view = (2.0 * edge).to_degrees() as f32;
+            for projection in FisheyeProjection::ALL {
+                let view = look(Optics::Fisheye { projection, field_of_view }).view(512, 512);
+                let pixel = |d: Vec3| {
+                    let angle = f64::from(d.dot(forward).clamp(-1.0, 1.0)).acos();
+                    match projection {
+                        FisheyeProjection::Equidistant => {
+                            s2 * edge * edge * (angle.sin() / angle.max(1e-9))
+                        }
+                        FisheyeProjection::Equisolid => s2 * 4.0 * (0.5 * edge).sin().powi(2),
+                    }
+                };
+                let all = integral(&view, size, pixel);
+                let expected = 2.0 * f64::from(PI) * (1.0 - edge.cos());
+                assert!((all / expected - 1.0).abs() < 2e-3, "{projection:?} {edge}: {all}");
+            }
+        }
+    }
+
+    #[test]
+    fn orthographic_rays_are_parallel_and_span_the_extent() {
+        let optics = Optics::Orthographic(Extent::X(6.0));
+        let camera = Camera::with_optics(Vec3::ONE, -Vec3::Z, Vec3::Y, optics).unwrap();
+        let view = camera.view(30, 20);
+        for (x, y, from) in [(0.0, 0.0, [-2.0, 3.0, 1.0]), (30.0, 20.0, [4.0, -1.0, 1.0])] {
+            let (ray, weight) = view.ray(x, y, [0.3; 2]);
+            assert!((ray.origin - Vec3::from(from)).length() < 1e-5, "{ray:?}");
+            assert_eq!((ray.direction, weight), (-Vec3::Z, 1.0));
+        }
+        let tall = Optics::Orthographic(Extent::Y(6.0));
+        let tall = Camera::with_optics(Vec3::ONE, -Vec3::Z, Vec3::Y, tall).unwrap();
+        let (ray, _) = tall.view(30, 20).ray(0.0, 0.0, [0.5; 2]);
+        assert!((ray.origin - Vec3::new(-3.5, 4.0, 1.0)).length() < 1e-5, "{ray:?}");
+        // The adjacent image, half its width away.
+        let (ray, _) = camera.shifted([0.5, 0.0]).unwrap().view(30, 20).ray(0.0, 0.0, [0.5; 2]);
+        assert!((ray.origin - Vec3::new(1.0, 3.0, 1.0)).length() < 1e-5, "{ray:?}");
+    }
+
+    #[test]
+    fn panoramas_and_fisheyes_look_along_their_direction_with_up_on_top() {
+        let fisheye =
+            Optics::Fisheye { projection: FisheyeProjection::Equidistant, field_of_view: 180.0 };
+        for optics in [Optics::Panorama, fisheye] {
+            let camera = Camera::with_optics(Vec3::ZERO, -Vec3::Z, Vec3::Y, optics).unwrap();
+            let view = camera.view(64, 64);
+            for (x, y, expected) in [
+                (32.0, 32.0, -Vec3::Z),
+                (32.0, 0.001, Vec3::Y),
+                (32.0, 63.999, -Vec3::Y),
+                (if optics == fisheye { 63.999 } else { 48.0 }, 32.0, Vec3::X),
+            ] {
+                let found = direction(&view, x, y);
+                assert!((found - expected).length() < 1e-3, "{optics:?}: {found}, {expected}");
+            }
+        }
+        let camera = Camera::with_optics(Vec3::ZERO, -Vec3::Z, Vec3::Y, fisheye).unwrap();
+        assert_eq!(camera.view(64, 64).ray(1.0, 1.0, [0.5; 2]).1, 0.0, "outside the image circle");
+    }
+
     #[test]
     fn impossible_cameras_are_refused() {
         let look = |d, up, degrees| Camera::look(Vec3::ZERO, d, up, FieldOfView::X(degrees));
@@ -490,6 +671,14 @@ mod tests {
         for (radius, distance) in [(0.0, 1.0), (-0.1, 1.0), (0.1, 0.0), (f32::INFINITY, 1.0)] {
             let shown = lens(radius, distance).unwrap_err().to_string();
             assert!(shown.contains("as a positive number"), "{shown}");
+        }
+        let any = |optics| Camera::with_optics(Vec3::ZERO, Vec3::Z, Vec3::Y, optics);
+        assert!(any(Optics::Orthographic(Extent::X(0.0))).is_err());
+        assert!(any(Optics::Orthographic(Extent::Y(f32::NAN))).is_err());
+        assert!(any(Optics::Panorama).unwrap().shifted([0.1, 0.0]).is_err());
+        for field_of_view in [0.0, 361.0, f32::NAN] {
+            let projection = FisheyeProjection::Equisolid;
+            assert!(any(Optics::Fisheye { projection, field_of_view }).is_err(), "{field_of_view}");
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::texture::{Sampling, Texture};
 use super::{
-    Camera, Directional, Emitter, Environment, FieldOfView, InsetGrid, Material, Mesh, NormalMap,
-    Optics, Placement, Scene,
+    Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid, Material, Mesh,
+    NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Reflectance};
@@ -243,6 +243,12 @@ impl Hash {
             Optics::Sensor { width, disc_distance, disc_radius, exposure } => {
                 self.record(4, &[], &[width, disc_distance, disc_radius, exposure]);
             }
+            Optics::Orthographic(Extent::X(across)) => self.record(5, &[], &[across]),
+            Optics::Orthographic(Extent::Y(across)) => self.record(6, &[], &[across]),
+            Optics::Panorama => self.record(7, &[], &[]),
+            Optics::Fisheye { projection, field_of_view } => {
+                self.record(8 + projection as u32, &[], &[field_of_view]);
+            }
         }
     }
 
@@ -261,7 +267,7 @@ mod tests {
         Coated, Conductor, Dielectric, Glossy, Plastic, RoughDielectric, ThinDielectric,
     };
     use crate::scene::texture::Wrap;
-    use crate::scene::{Region, Spot};
+    use crate::scene::{FisheyeProjection, Region, Spot};
     use glam::Vec2;
     use std::sync::Arc;
 
@@ -282,6 +288,10 @@ mod tests {
     fn plastic(albedo: f32, eta: f32, alpha: f32, is_nonlinear: bool) -> Bsdf {
         let facets = Facets { model: FacetModel::Beckmann, alpha };
         Bsdf::Plastic(Plastic::new(Rgb::splat(albedo), eta, facets, is_nonlinear))
+    }
+
+    fn fisheye(projection: FisheyeProjection, field_of_view: f32) -> Optics {
+        Optics::Fisheye { projection, field_of_view }
     }
 
     fn texture(code: u8) -> Arc<Texture> {
@@ -356,7 +366,7 @@ mod tests {
 
     #[test]
     fn every_visible_change_changes_the_fingerprint() {
-        let changes: [fn(&mut SceneParts); 71] = [
+        let changes: [fn(&mut SceneParts); 78] = [
             |p| p.mesh.positions[3].x = 1.5,
             |p| p.mesh.triangles[0] = [0, 2, 1],
             |p| p.mesh.normals = vec![Vec3::Z; 4],
@@ -437,6 +447,13 @@ mod tests {
             |p| p.optics = sensor([1.0, 2.0, 1.0, 1.0]),
             |p| p.optics = sensor([1.0, 1.0, 2.0, 1.0]),
             |p| p.optics = sensor([1.0, 1.0, 1.0, 2.0]),
+            |p| p.optics = Optics::Orthographic(Extent::X(1.0)),
+            |p| p.optics = Optics::Orthographic(Extent::X(2.0)),
+            |p| p.optics = Optics::Orthographic(Extent::Y(1.0)),
+            |p| p.optics = Optics::Panorama,
+            |p| p.optics = fisheye(FisheyeProjection::Equidistant, 180.0),
+            |p| p.optics = fisheye(FisheyeProjection::Equidistant, 181.0),
+            |p| p.optics = fisheye(FisheyeProjection::Equisolid, 180.0),
         ];
         let mut seen = vec![parts().fingerprint()];
         for change in changes {

@@ -383,7 +383,25 @@ fn impossible_cameras_are_refused() {
         "\"sensor\" has no `fov_y_deg`",
         "or \"thin-lens\"",
     ]);
-    camera("fisheye", "").refused(&["s.toml:2: ", "fisheye", "thin-lens"]);
+    camera("lens", "").refused(&["s.toml:2: ", "lens", "thin-lens"]);
+    camera("fisheye", "").refused(&["s.toml:1: ", "\"fisheye\" has no `fov_y_deg`"]);
+    let other = |kind: &str, keys: &str| {
+        let head = format!("[camera]\ntype = \"{kind}\"");
+        toml(&SCENE.replace("[camera]", &head).replace("fov_y_deg = 40", keys))
+    };
+    other("fisheye", "").load();
+    other("fisheye", "projection = \"equisolid\"\nfov_deg = 220").load();
+    other("fisheye", "projection = \"conic\"").refused(&[
+        "s.toml:1: ",
+        "no fisheye projection `conic`",
+        "`equidistant`, `equisolid`",
+    ]);
+    other("fisheye", "fov_deg = 400").refused(&["s.toml:1: ", "400 degrees", "at most 360"]);
+    other("panorama", "").load();
+    other("panorama", "shift = [0.1, 0]").refused(&["s.toml:1: ", "turn its direction"]);
+    other("orthographic", "height = 3").load();
+    other("orthographic", "").refused(&["s.toml:1: ", "exactly one of `width` and `height`"]);
+    other("orthographic", "width = 0").refused(&["s.toml:1: ", "width is 0"]);
     let sensor = SCENE
         .replace("[camera]", "[camera]\ntype = \"sensor\"\nsensor_width = 0.03")
         .replace("fov_y_deg = 40", "disc_distance = 0.05");

@@ -227,13 +227,26 @@ fn scene_files_with_all_tables_are_exported_without_loss() {
         environment = { radiance = [1, 0.3, 0.1] }
         [[mesh]]
         file = 'a.obj'";
-    let list: [(&str, &[u8]); 2] =
-        [("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", sensor.as_bytes())];
-    // The grey of faces without material is a choice of the original.
-    let folder = TempDir::new().unwrap();
-    let loaded = files(&list).load();
-    export(&loaded, "a", folder.path(), false).unwrap();
-    assert_eq!(load(folder.path()).unwrap().scene.fingerprint(), loaded.scene.fingerprint());
+    let own = "type = 'sensor', position = [0, 0, 9], direction = [0, 0.1, -1], \
+               sensor_width = 0.1, disc_distance = 1, disc_radius = 0.2, exposure = 0.01";
+    for camera in [
+        own,
+        "type = 'orthographic', position = [0, 0, 9], direction = [0, 0.1, -1], width = 3.7",
+        "type = 'orthographic', position = [0, 0, 9], target = [0, 0, 0], height = 3, shift = [1, 0.1]",
+        "type = 'panorama', position = [0, 0, 9], target = [0, 0.3, 0]",
+        "type = 'fisheye', position = [0, 0, 9], target = [0, 0, 0], fov_deg = 170",
+        "type = 'fisheye', position = [0, 0, 9], target = [0, 0, 0], projection = 'equisolid'",
+    ] {
+        let text = sensor.replace(own, camera);
+        let list: [(&str, &[u8]); 2] =
+            [("a.obj", SQUARE_OBJ.as_bytes()), ("a.toml", text.as_bytes())];
+        // The grey of faces without material is a choice of the original.
+        let folder = TempDir::new().unwrap();
+        let loaded = files(&list).load();
+        export(&loaded, "a", folder.path(), false).unwrap();
+        let read = load(folder.path()).unwrap().scene.fingerprint();
+        assert_eq!(read, loaded.scene.fingerprint(), "{camera}");
+    }
 }
 
 /// A fan of so many triangles, with normals that are not of length 1.

@@ -2,7 +2,7 @@
 
 use bdpm::import::{LoadOptions, Loaded, WarningKind, export, load, load_with};
 use bdpm::scene::bsdf::{Bsdf, FacetModel};
-use bdpm::scene::{Emitter, FieldOfView, Optics};
+use bdpm::scene::{Emitter, Extent, FieldOfView, Optics};
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -107,6 +107,24 @@ fn mitsuba_camera_looks_along_z_with_x_to_the_left() {
         panic!()
     };
     assert!((degrees - 38.1848).abs() < 1e-3, "as mitsuba 3.9.1 says: {degrees}");
+}
+
+#[test]
+fn orthographic_sensors_show_two_units_of_their_space() {
+    let flat = |film: &str| {
+        let text = format!(
+            "<sensor type='orthographic'><transform name='to_world'><scale x='3' y='3'/>\
+             <lookat origin='0, 0, 5' target='0, 0, 0' up='0, 1, 0'/></transform>\
+             <film type='hdrfilm'><integer name='width' value='40'/><integer name='height' value='20'/>{film}\
+             </film></sensor>"
+        );
+        read(&scene(&[&text, LIGHT, SQUARE].concat())).scene.camera
+    };
+    assert_eq!(flat("").optics(), Optics::Orthographic(Extent::X(6.0)));
+    let part =
+        flat("<integer name='crop_width' value='10'/><integer name='crop_offset_x' value='30'/>");
+    assert_eq!(part.optics(), Optics::Orthographic(Extent::X(1.5)));
+    assert_eq!(part.shift(), [1.5, 0.0]);
 }
 
 #[test]
@@ -453,8 +471,8 @@ fn errors_name_file_line_and_element() {
         ),
         (&scene(&format!("{CAMERA}{LIGHT}<shape type='instance'/>")), &["refers to no shapegroup"]),
         (
-            &scene(&format!("<sensor type='orthographic'/>{LIGHT}{SQUARE}")),
-            &["a.xml:2:", "`orthographic` are not supported"],
+            &scene(&format!("<sensor type='radiancemeter'/>{LIGHT}{SQUARE}")),
+            &["a.xml:2:", "`radiancemeter` are not supported"],
         ),
         (&scene("<float name='a' value='$b'/>"), &["the parameter `$b` has no value"]),
         (

@@ -1,9 +1,11 @@
 //! Reading and writing of scenes, meshes and textures, and errors about them.
 
 mod bad_input;
+mod camera_change;
 mod convert;
 mod fuzz_gltf;
 mod fuzz_mitsuba;
+mod fuzz_pbrt;
 mod fuzz_pictures;
 mod fuzz_toml_obj;
 mod gltf;
@@ -14,6 +16,7 @@ mod light;
 mod memory;
 mod mitsuba;
 mod obj;
+mod pbrt;
 mod shapes;
 mod sky;
 mod tolerant;

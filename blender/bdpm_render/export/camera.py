@@ -38,9 +38,10 @@ def table(depsgraph, remark):
         raise ExportError("There is no camera in the scene. Add one, and make it the active camera")
     camera = scene.camera.evaluated_get(depsgraph)
     data = camera.data
-    if getattr(data, "type", None) != "PERSP":
-        kind = getattr(data, "type", "other").lower()
-        raise ExportError(f"The camera {camera.name} is {kind}. Make it a perspective camera: bdpm has no other")
+    kind = getattr(data, "type", None)
+    if kind not in ("PERSP", "ORTHO"):
+        kind = str(kind or "other").lower()
+        raise ExportError(f"The camera {camera.name} is {kind}. Make it perspective or orthographic")
     width, height = size(scene)
     render = scene.render
     projection = camera.calc_matrix_camera(
@@ -51,18 +52,24 @@ def table(depsgraph, remark):
     left, bottom, right, top = region(scene)
     # From the whole image to the region, in widths and heights of the region.
     share_x, share_y = (right - left) / width, (top - bottom) / height
-    shift_x = (projection[0][2] / 2 + (left + right) / (2 * width) - 0.5) / share_x
-    shift_y = (projection[1][2] / 2 + (bottom + top) / (2 * height) - 0.5) / share_y
+    # The shift is in the column of the depth, which is constant in an orthographic projection.
+    offset_x, offset_y = (-projection[i][3] if kind == "ORTHO" else projection[i][2] for i in (0, 1))
+    shift_x = (offset_x / 2 + (left + right) / (2 * width) - 0.5) / share_x
+    shift_y = (offset_y / 2 + (bottom + top) / (2 * height) - 0.5) / share_y
     world = camera.matrix_world.normalized()
     keys = {
         "position": axes.vector(world.translation),
         "direction": axes.vector(-world.col[2].xyz),
         "up": axes.vector(world.col[1].xyz),
-        "fov_x_deg": math.degrees(2 * math.atan(share_x / projection[0][0])),
     }
+    if kind == "ORTHO":
+        keys |= {"type": "orthographic", "width": 2 * share_x / projection[0][0]}
+    else:
+        keys["fov_x_deg"] = math.degrees(2 * math.atan(share_x / projection[0][0]))
     if abs(shift_x) > 1e-9 or abs(shift_y) > 1e-9:
         keys["shift"] = [shift_x, shift_y]
-    _add_lens(keys, camera, world, remark)
+    if kind == "PERSP":
+        _add_lens(keys, camera, world, remark)
     if getattr(render, "use_motion_blur", False):
         remark(camera.name, "motion blur is ignored")
     return keys

@@ -422,12 +422,14 @@ fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
         for column in 0..FOOTPRINTS {
             let [x, y] = [(column, w), (row, h)]
                 .map(|(i, pixels)| (i as f32 + 0.5) / FOOTPRINTS as f32 * pixels);
-            let (ray, _) = view.ray(x, y, [0.5; 2]);
+            let (ray, weight) = view.ray(x, y, [0.5; 2]);
             let (next, _) = view.ray(x + PART, y, [0.5; 2]);
             let hit = accel.closest_hit(&ray);
-            if !hit.is_miss() {
-                let across = next.direction.cross(ray.direction).length() / PART;
-                sides.push(f64::from(hit.t * across));
+            if weight > 0.0 && !hit.is_miss() {
+                // Rays of an orthographic camera differ by their origins alone.
+                let offset = (next.origin - ray.origin).cross(ray.direction);
+                let across = offset + hit.t * next.direction.cross(ray.direction);
+                sides.push(f64::from(across.length() / PART));
             }
         }
     }

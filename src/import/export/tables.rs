@@ -5,7 +5,7 @@ use super::numbers::{color, inverse, number, point, unnormalized};
 use crate::base::error::{Error, Result};
 use crate::import::warnings::Warning;
 use crate::scene::transform::MAX_COORDINATE;
-use crate::scene::{Camera, Emitter, Environment, FieldOfView, Optics, Region, Spot};
+use crate::scene::{Camera, Emitter, Environment, Extent, FieldOfView, Optics, Region, Spot};
 use crate::settings::PartialSettings;
 use glam::Vec3;
 use std::fmt::Write;
@@ -40,6 +40,17 @@ pub(super) fn camera(camera: &Camera) -> String {
                  exposure = {exposure}\n"
             );
             ("sensor", sensor)
+        }
+        Optics::Orthographic(Extent::X(across)) => {
+            ("orthographic", format!("width = {}\n", number(across)))
+        }
+        Optics::Orthographic(Extent::Y(across)) => {
+            ("orthographic", format!("height = {}\n", number(across)))
+        }
+        Optics::Panorama => ("panorama", String::new()),
+        Optics::Fisheye { projection, field_of_view } => {
+            let (projection, angle) = (projection.name(), number(field_of_view));
+            ("fisheye", format!("projection = \"{projection}\"\nfov_deg = {angle}\n"))
         }
     };
     let shift = match camera.shift() {

@@ -1,12 +1,11 @@
-//! Cameras: perspective ones, looking along -z of their node with +y up.
+//! Cameras: perspective and orthographic ones, looking along -z of their node with +y up.
 
-use super::json::{GltfDocument, Perspective, get};
+use super::json::{GltfDocument, Orthographic, Perspective, get};
 use super::nodes::SceneNode;
 use super::{first_name, malformed};
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
-use crate::import::warnings::Warning;
-use crate::scene::{Camera, FieldOfView};
+use crate::scene::{Camera, Extent, FieldOfView, Optics};
 use glam::DVec3;
 use std::f32::consts::PI;
 
@@ -20,9 +19,15 @@ pub(super) struct SceneCamera<'a> {
     pub name: String,
     /// Name of the camera itself, which nodes may share.
     shared_name: &'a str,
-    /// `None` if the camera is orthographic.
-    perspective: Option<&'a Perspective>,
+    lens: Lens<'a>,
     node: &'a SceneNode<'a>,
+}
+
+/// The projection of a camera.
+#[derive(Clone, Copy, Debug)]
+enum Lens<'a> {
+    Perspective(&'a Perspective),
+    Orthographic(&'a Orthographic),
 }
 
 /// All cameras of the scene, in its order.
@@ -36,84 +41,82 @@ pub(super) fn cameras<'a>(
         let element = format!("nodes[{}].camera", node.index);
         let camera = get(&document.cameras, "cameras", index, element)?;
         let own = format!("cameras[{index}]");
-        let perspective = match (&camera.kind[..], &camera.perspective) {
-            ("perspective", Some(perspective)) => Some(perspective),
-            ("perspective", None) => return Err(malformed(own, "perspective is missing")),
-            ("orthographic", _) => None,
+        let lens = match (&camera.kind[..], &camera.perspective, &camera.orthographic) {
+            ("perspective", Some(own), _) => Lens::Perspective(own),
+            ("perspective", None, _) => return Err(malformed(own, "perspective is missing")),
+            ("orthographic", _, Some(own)) => Lens::Orthographic(own),
+            ("orthographic", _, None) => return Err(malformed(own, "orthographic is missing")),
             _ => return Err(malformed(own, "its type is neither perspective nor orthographic")),
         };
         let shared_name = &camera.name[..];
         let names = [&node.json.name[..], shared_name];
         let name = first_name(names, || format!("nodes[{}]", node.index));
-        all.push(SceneCamera { name, shared_name, perspective, node });
+        all.push(SceneCamera { name, shared_name, lens, node });
     }
     Ok(all)
 }
 
-/// The camera of this name (of its node or its own); without a name the first perspective camera,
-/// if there is any.
+/// The camera of this name (of its node or its own); without a name the first camera, if there is any.
 ///
 /// # Errors
-/// If no camera has this name, or the camera is not supported.
+/// If no camera has this name.
 pub(super) fn choose<'c, 'a>(
     all: &'c [SceneCamera<'a>],
     wanted: Option<&str>,
-    warnings: &mut Vec<Warning>,
 ) -> Result<Option<&'c SceneCamera<'a>>> {
-    let Some(wanted) = wanted else {
-        let first = all.iter().position(|camera| camera.perspective.is_some());
-        let before = &all[..first.unwrap_or(all.len())];
-        if !before.is_empty() {
-            let names = list(before.iter().map(|camera| &camera.name[..]));
-            let text = format!("orthographic cameras are not supported: {names}");
-            warnings.push(Warning::skipped(text));
-        }
-        return Ok(first.map(|first| &all[first]));
-    };
+    let Some(wanted) = wanted else { return Ok(all.first()) };
     let named = all.iter().find(|camera| camera.name == wanted);
     let found = named.or_else(|| all.iter().find(|camera| camera.shared_name == wanted));
-    match found {
-        Some(camera) if camera.perspective.is_none() => Err(Error::new(
-            format!("the camera `{wanted}` is orthographic, which is not supported"),
-            "use a perspective camera",
-        )),
-        Some(camera) => Ok(Some(camera)),
-        None => {
-            let advice = match all.is_empty() {
-                true => "name no camera: the default camera sees everything".to_owned(),
-                false => format!("use one of {}", list(all.iter().map(|camera| &camera.name[..]))),
-            };
-            Err(Error::new(format!("there is no camera `{wanted}`"), advice))
-        }
-    }
+    found.map(Some).ok_or_else(|| {
+        let advice = match all.is_empty() {
+            true => "name no camera: the default camera sees everything".to_owned(),
+            false => format!("use one of {}", list(all.iter().map(|camera| &camera.name[..]))),
+        };
+        Error::new(format!("there is no camera `{wanted}`"), advice)
+    })
 }
 
 impl SceneCamera<'_> {
     /// The camera, and the size of its image if it has an aspect ratio.
     pub fn camera(&self) -> Result<(Camera, Option<[u32; 2]>)> {
         let element = format!("nodes[{}].camera", self.node.index);
-        let Some(&Perspective { aspect_ratio, yfov }) = self.perspective else {
-            return Err(malformed(element, "it is not perspective"));
-        };
-        if !(yfov > 0.0 && yfov < PI) {
-            return Err(malformed(
-                element,
-                format!("yfov is {yfov}, not between 0 and pi radians"),
-            ));
-        }
-        if aspect_ratio.is_some_and(|ratio| !(ratio > 0.0 && ratio.is_finite())) {
-            return Err(malformed(element, "aspectRatio is not a positive number"));
-        }
+        let (optics, aspect_ratio) = self.lens.optics(&element)?;
         let map = &self.node.map;
         let direction = map.transform_vector3(DVec3::NEG_Z).normalize_or_zero().as_vec3();
         let up = map.transform_vector3(DVec3::Y).normalize_or_zero().as_vec3();
-        let field_of_view = FieldOfView::Y(yfov.to_degrees());
-        let camera = Camera::look(map.translation.as_vec3(), direction, up, field_of_view)
+        let camera = Camera::with_optics(map.translation.as_vec3(), direction, up, optics)
             .map_err(|e| Error::new(format!("{element}: {}", e.problem()), e.advice()))?;
         let resolution = aspect_ratio.map(|ratio| {
             let [width, height] = [ratio.min(1.0), ratio.recip().min(1.0)];
             [width, height].map(|share| (LONGER_SIDE * share).round().max(1.0) as u32)
         });
         Ok((camera, resolution))
+    }
+}
+
+impl Lens<'_> {
+    /// The optics, and the aspect ratio if there is one.
+    fn optics(self, element: &str) -> Result<(Optics, Option<f32>)> {
+        match self {
+            Self::Perspective(&Perspective { aspect_ratio, yfov }) => {
+                if !(yfov > 0.0 && yfov < PI) {
+                    let problem = format!("yfov is {yfov}, not between 0 and pi radians");
+                    return Err(malformed(element, problem));
+                }
+                if aspect_ratio.is_some_and(|ratio| !(ratio > 0.0 && ratio.is_finite())) {
+                    return Err(malformed(element, "aspectRatio is not a positive number"));
+                }
+                Ok((Optics::Pinhole(FieldOfView::Y(yfov.to_degrees())), aspect_ratio))
+            }
+            Self::Orthographic(&Orthographic { xmag, ymag }) => {
+                // Exporters of mirrored cameras write negative numbers.
+                let (width, height) = (2.0 * xmag.abs(), 2.0 * ymag.abs());
+                let ratio = width / height;
+                if !(width > 0.0 && height > 0.0 && ratio > 0.0 && ratio.is_finite()) {
+                    return Err(malformed(element, "xmag and ymag are not two positive numbers"));
+                }
+                Ok((Optics::Orthographic(Extent::Y(height)), Some(ratio)))
+            }
+        }
     }
 }

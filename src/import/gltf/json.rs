@@ -138,6 +138,13 @@ json_objects! {
         #[serde(rename = "type")]
         kind: String,
         perspective: Option<Perspective>,
+        orthographic: Option<Orthographic>,
+    }
+
+    struct Orthographic {
+        /// Halves of the width and of the height. They are required: NaN is refused.
+        xmag: f32 = f32::NAN,
+        ymag: f32 = f32::NAN,
     }
 
     struct Perspective {

@@ -62,7 +62,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         builder.warnings.push(Warning::chosen(format!("{shown}: {problem}")));
     }
     let cameras = camera::cameras(&document, &nodes)?;
-    let chosen = camera::choose(&cameras, options.camera, &mut builder.warnings)?;
+    let chosen = camera::choose(&cameras, options.camera)?;
     let view = chosen.map(|chosen| chosen.camera()).transpose()?;
     let mut lights = Vec::new();
     let mut light_names = Vec::new();

@@ -99,7 +99,7 @@ impl Analytic {
 
 /// A grid of points over u and v from 0 to 1. It faces the side from which growing v turns to
 /// growing u.
-fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
+pub(in crate::import) fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
     let mut mesh = Mesh::default();
     for row in 0..=rows {
         for column in 0..=columns {
@@ -124,7 +124,7 @@ fn grid(columns: u32, rows: u32, point: impl Fn(f32, f32) -> Vec3) -> Mesh {
     mesh
 }
 
-fn area(mesh: &Mesh) -> f32 {
+pub(in crate::import) fn area(mesh: &Mesh) -> f32 {
     let double = |corners: &[u32; 3]| {
         let [a, b, c] = corners.map(|i| mesh.positions[i as usize]);
         f64::from((b - a).cross(c - a).length())

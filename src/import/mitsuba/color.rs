@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 
 /// Uses of a color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ColorUse {
+pub(in crate::import) enum ColorUse {
     /// A share of light, in [0, 1], under the light of D65: white reflects all light.
     Share,
     /// Light: white is that of D65, and equals 1 1 1.
@@ -19,7 +19,7 @@ pub(super) enum ColorUse {
 }
 
 /// A color that was read.
-pub(super) struct ReadColor {
+pub(in crate::import) struct ReadColor {
     pub rgb: Rgb,
     /// Whether it was converted from a spectrum.
     pub is_spectral: bool,
@@ -184,7 +184,11 @@ fn blackbody(object: &Object, kelvin: f64, scale: f64) -> Result<ReadColor> {
 }
 
 /// The color of a spectrum that is linear between its samples and 0 outside them.
-fn spectral(nm: Vec<f64>, values: Vec<f64>, color_use: ColorUse) -> ReadColor {
+pub(in crate::import) fn spectral(
+    nm: Vec<f64>,
+    values: Vec<f64>,
+    color_use: ColorUse,
+) -> ReadColor {
     let at = |x: f64| {
         let after = nm.partition_point(|own| *own <= x);
         match (after.checked_sub(1).map(|i| (nm[i], values.get(i))), nm.get(after)) {

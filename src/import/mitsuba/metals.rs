@@ -46,7 +46,7 @@ const METALS: &[(&str, [f32; 3], [f32; 3])] = &[
 ];
 
 /// The index of the metal of this name and its imaginary part.
-pub(super) fn metal(name: &str) -> Option<[Rgb; 2]> {
+pub(in crate::import) fn metal(name: &str) -> Option<[Rgb; 2]> {
     let name = match name {
         "Cu_palik" => "Cu",
         "Cr_palik" => "Cr",

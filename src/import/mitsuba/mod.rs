@@ -3,21 +3,21 @@
 //! `docs/reference/mitsuba.md` describes the conversion of each plugin and its differences from Mitsuba. Each
 //! approximation is a warning. Errors name file, line and element.
 
-mod analytic;
+pub(super) mod analytic;
 mod bsdf;
 mod bumps;
-mod color;
+pub(super) mod color;
 mod document;
 mod emitter;
 mod maps;
-mod metals;
+pub(super) mod metals;
 mod obj_files;
 mod object;
 mod sensor;
 mod serialized;
 mod shape;
 mod sky;
-mod texture;
+pub(super) mod texture;
 
 use super::builder::{Builder, SceneExtras};
 use super::instancing::MaterialMesh;

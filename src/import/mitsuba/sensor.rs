@@ -4,7 +4,7 @@ use super::object::Object;
 use super::texture::Paints;
 use crate::base::error::{Error, Result};
 use crate::import::text::list;
-use crate::scene::{Camera, FieldOfView, Optics};
+use crate::scene::{Camera, Extent, FieldOfView, Optics};
 use glam::{DAffine3, DVec3};
 
 /// A camera and the size of its image.
@@ -51,18 +51,30 @@ pub(super) fn choose<'a>(
 }
 
 impl Sensor {
-    /// Reads a perspective camera, with or without a lens.
+    /// Reads a perspective camera, with or without a lens, or an orthographic one.
     pub fn read(sensor: &Object, paints: &mut Paints) -> Result<Self> {
         let has_lens = match sensor.kind() {
-            "perspective" => false,
+            "perspective" | "orthographic" => false,
             "thinlens" => true,
             other => {
                 let problem = format!("sensors of type `{other}` are not supported");
-                return Err(sensor.error(problem, "use perspective or thinlens"));
+                return Err(sensor.error(problem, "use perspective, thinlens or orthographic"));
             }
         };
         let name = sensor.label();
         let film = film(sensor, paints)?;
+        let to_world = sensor.map("to_world")?;
+        if sensor.kind() == "orthographic" {
+            for plane in ["near_clip", "far_clip"] {
+                let _ = sensor.float(plane)?;
+            }
+            // The width of the film is 2 units of the sensor's space.
+            let share = f64::from(film.part[0]) / f64::from(film.size[0]);
+            let across = 2.0 * to_world.matrix3.x_axis.length() * share;
+            let optics = Optics::Orthographic(Extent::X(across as f32));
+            let shift = [film.shift(0, 0.0), -film.shift(1, 0.0)];
+            return Ok(Self { name, to_world, optics, shift, resolution: film.part });
+        }
         let field_of_view = film.part_of(field_of_view(sensor, film.size)?);
         // To the right and down, in widths and heights of the film.
         let right = sensor.float("principal_point_offset_x")?.unwrap_or(0.0);
@@ -86,7 +98,7 @@ impl Sensor {
         } else {
             Optics::Pinhole(field_of_view)
         };
-        Ok(Self { name, to_world: sensor.map("to_world")?, optics, shift, resolution: film.part })
+        Ok(Self { name, to_world, optics, shift, resolution: film.part })
     }
 
     /// Whether its image is mirrored.

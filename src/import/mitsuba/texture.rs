@@ -47,7 +47,7 @@ impl Paint {
 
 /// Encodes linear colors as a picture, and returns its factor as well: the largest value of each
 /// channel is exact.
-fn picture([width, height]: [u32; 2], colors: &[Rgb]) -> (Rgb, Texture) {
+pub(in crate::import) fn picture([width, height]: [u32; 2], colors: &[Rgb]) -> (Rgb, Texture) {
     let largest = colors.iter().copied().fold(Rgb::ZERO, Rgb::max);
     let scale = Rgb::select(largest.cmpgt(Rgb::ZERO), largest, Rgb::ONE);
     let texel = |color: &Rgb| {
@@ -59,7 +59,10 @@ fn picture([width, height]: [u32; 2], colors: &[Rgb]) -> (Rgb, Texture) {
 }
 
 /// Encodes the linear colors of texels as [`picture`] does, with the sampling of `texture`.
-fn picture_of(texture: &Texture, color: impl Fn([u8; 4]) -> Rgb) -> (Rgb, Texture) {
+pub(in crate::import) fn picture_of(
+    texture: &Texture,
+    color: impl Fn([u8; 4]) -> Rgb,
+) -> (Rgb, Texture) {
     let colors: Vec<Rgb> = texture.texels().iter().map(|texel| color(*texel)).collect();
     let (factor, picture) = picture(texture.size(), &colors);
     (factor, picture.sampled(texture.sampling()))

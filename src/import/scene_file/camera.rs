@@ -2,7 +2,9 @@
 
 use super::Point;
 use crate::base::error::{Error, Result};
-use crate::scene::camera::{Camera, FieldOfView, Optics};
+use crate::import::text::list;
+use crate::scene::FisheyeProjection;
+use crate::scene::camera::{Camera, Extent, FieldOfView, Optics};
 use crate::settings::FixedArray;
 use glam::Vec3;
 use serde::Deserialize;
@@ -25,6 +27,10 @@ pub(in crate::import) struct CameraTable {
     disc_distance: Option<f32>,
     disc_radius: Option<f32>,
     exposure: Option<f32>,
+    width: Option<f32>,
+    height: Option<f32>,
+    projection: Option<String>,
+    fov_deg: Option<f32>,
     shift: Option<FixedArray<f32, 2>>,
 }
 
@@ -36,6 +42,9 @@ enum CameraKind {
     Pinhole,
     ThinLens,
     Sensor,
+    Orthographic,
+    Panorama,
+    Fisheye,
 }
 
 impl CameraKind {
@@ -44,6 +53,9 @@ impl CameraKind {
             Self::Pinhole => "pinhole",
             Self::ThinLens => "thin-lens",
             Self::Sensor => "sensor",
+            Self::Orthographic => "orthographic",
+            Self::Panorama => "panorama",
+            Self::Fisheye => "fisheye",
         }
     }
 }
@@ -69,19 +81,23 @@ impl CameraTable {
 
     /// `to_target` is the distance of the target, if there is one.
     fn optics(&self, to_target: f32) -> Result<Optics> {
-        use CameraKind::{Pinhole, Sensor, ThinLens};
+        use CameraKind::{Fisheye, Orthographic, Panorama, Pinhole, Sensor, ThinLens};
         let views: &[CameraKind] = &[Pinhole, ThinLens];
-        for (name, given, kinds) in [
-            ("fov_x_deg", self.fov_x_deg, views),
-            ("fov_y_deg", self.fov_y_deg, views),
-            ("aperture_radius", self.aperture_radius, &[ThinLens][..]),
-            ("focus_distance", self.focus_distance, &[ThinLens][..]),
-            ("sensor_width", self.sensor_width, &[Sensor][..]),
-            ("disc_distance", self.disc_distance, &[Sensor][..]),
-            ("disc_radius", self.disc_radius, &[Sensor][..]),
-            ("exposure", self.exposure, &[Sensor][..]),
+        for (name, is_given, kinds) in [
+            ("fov_x_deg", self.fov_x_deg.is_some(), views),
+            ("fov_y_deg", self.fov_y_deg.is_some(), views),
+            ("aperture_radius", self.aperture_radius.is_some(), &[ThinLens][..]),
+            ("focus_distance", self.focus_distance.is_some(), &[ThinLens][..]),
+            ("sensor_width", self.sensor_width.is_some(), &[Sensor][..]),
+            ("disc_distance", self.disc_distance.is_some(), &[Sensor][..]),
+            ("disc_radius", self.disc_radius.is_some(), &[Sensor][..]),
+            ("exposure", self.exposure.is_some(), &[Sensor][..]),
+            ("width", self.width.is_some(), &[Orthographic][..]),
+            ("height", self.height.is_some(), &[Orthographic][..]),
+            ("projection", self.projection.is_some(), &[Fisheye][..]),
+            ("fov_deg", self.fov_deg.is_some(), &[Fisheye][..]),
         ] {
-            if given.is_some() && !kinds.contains(&self.kind) {
+            if is_given && !kinds.contains(&self.kind) {
                 let names: Vec<_> =
                     kinds.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
                 return Err(Error::new(
@@ -107,12 +123,35 @@ impl CameraTable {
                 disc_radius: self.need("disc_radius", self.disc_radius)?,
                 exposure: self.exposure.unwrap_or(1.0),
             },
+            Orthographic => Optics::Orthographic(match (self.width, self.height) {
+                (Some(across), None) => Extent::X(across),
+                (None, Some(across)) => Extent::Y(across),
+                _ => {
+                    let problem =
+                        "an orthographic camera needs exactly one of `width` and `height`";
+                    return Err(Error::new(problem, "give the size of the image in scene units"));
+                }
+            }),
+            Panorama => Optics::Panorama,
+            Fisheye => Optics::Fisheye {
+                projection: self.projection()?,
+                field_of_view: self.fov_deg.unwrap_or(180.0),
+            },
         })
     }
 
     fn need(&self, name: &str, given: Option<f32>) -> Result<f32> {
         let problem = || format!("a camera of type \"{}\" needs `{name}`", self.kind.name());
         given.ok_or_else(|| Error::new(problem(), format!("add {name} in scene units")))
+    }
+
+    fn projection(&self) -> Result<FisheyeProjection> {
+        let Some(name) = &self.projection else { return Ok(FisheyeProjection::Equidistant) };
+        let found = FisheyeProjection::ALL.into_iter().find(|one| one.name() == name);
+        found.ok_or_else(|| {
+            let advice = format!("use one of {}", list(FisheyeProjection::ALL.map(|p| p.name())));
+            Error::new(format!("there is no fisheye projection `{name}`"), advice)
+        })
     }
 
     fn field_of_view(&self) -> Result<FieldOfView> {

@@ -11,6 +11,7 @@ pub(super) mod texture;
 use super::load::extension;
 use super::text::RELATIVE_NAME;
 use crate::base::error::{Error, Result};
+use crate::scene::Camera;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
 use crate::settings::{ADVICE, FixedArray, PartialSettings, as_serde};
 use camera::CameraTable;
@@ -214,6 +215,28 @@ impl<'de> Deserialize<'de> for Rectangles {
 /// Names the line that is not TOML, or the key that is unknown, missing or has a wrong value.
 pub(in crate::import) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
     parse_table(path, text)
+}
+
+/// The parts of a scene file that [`camera_alone`] reads.
+#[derive(Deserialize)]
+struct CameraFile {
+    camera: Spanned<CameraTable>,
+    #[serde(default)]
+    render: PartialSettings,
+}
+
+/// Reads only the camera of a scene file, and the resolution of its image.
+///
+/// # Errors
+/// If there is no `[camera]`, or it is not valid.
+pub(in crate::import) fn camera_alone(
+    path: &Path,
+    text: &str,
+) -> Result<(Camera, Option<[u32; 2]>)> {
+    let CameraFile { camera, render } = parse_table(path, text)?;
+    let start = camera.span().start;
+    let camera = camera.get_ref().camera().map_err(|e| e.at(path).at_offset(text, start))?;
+    Ok((camera, render.resolution))
 }
 
 /// Reads settings from the keys of a `[render]` table, one per line of `text`. Errors name `origin` as their file.

@@ -3,8 +3,8 @@
 
 use super::{CameraPass, CameraPaths};
 use crate::base::math::Rgb;
-use crate::scene::Surface;
 use crate::scene::diffuse::DiffuseVertices;
+use crate::scene::{Optics, Surface};
 use crate::simd::LANES;
 use crate::transport::path_state::{Depth, PathState, PathStates};
 use glam::Vec3;
@@ -24,7 +24,7 @@ pub struct PathAov {
     pub normal: Vec3,
     /// Position of the first surface of any kind, scene units.
     pub position: Vec3,
-    /// Distance of `position` from the camera along its axis, scene units.
+    /// Distance of `position` along the axis of the camera, or from a panorama or fisheye camera, scene units.
     pub depth: f32,
     /// The path hits a surface.
     pub hits: bool,
@@ -47,8 +47,7 @@ impl CameraPaths {
     /// Adds empty AOVs for the new paths.
     pub(super) fn start_aovs(&mut self) {
         // Entries from the first new path on belong to paths that were cleared.
-        let first = self.direct.len() - self.segments.len();
-        self.aovs.truncate(first);
+        self.aovs.truncate(self.first_path);
         self.aovs.resize(self.direct.len(), PathAov::default());
     }
 
@@ -127,7 +126,11 @@ impl PathAov {
         if depth.is_start() {
             let camera = &pass.scene.camera;
             self.position = position;
-            self.depth = (position - camera.position()).dot(camera.direction());
+            let across = position - camera.position();
+            self.depth = match camera.optics() {
+                Optics::Panorama | Optics::Fisheye { .. } => across.length(),
+                _ => across.dot(camera.direction()),
+            };
             self.hits = true;
         }
     }

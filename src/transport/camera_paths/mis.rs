@@ -75,8 +75,7 @@ impl CameraPaths {
     pub(super) fn start_partials(&mut self) {
         if self.mis.is_some() {
             // Entries from the first new path on belong to paths that were cleared.
-            let first = self.direct.len() - self.segments.len();
-            self.last_vertices.truncate(first);
+            self.last_vertices.truncate(self.first_path);
             self.last_vertices.resize(self.direct.len(), LastVertex::default());
         }
     }

@@ -62,6 +62,8 @@ pub struct CameraPaths {
     pub views: Vec<GatherView>,
     /// Rays traced so far, over all batches.
     pub rays: u64,
+    /// Index of the first path of the current batch. Some paths of a fisheye camera have no segment at all.
+    first_path: usize,
     segments: PathQueue<PathStates, 16>,
     /// The next segments, in the order in which they are found.
     next: PathQueue<PathStates, 16>,
@@ -172,7 +174,8 @@ impl CameraPaths {
     #[inline(always)] // vectorized
     fn start(&mut self, simd: Simd, pass: &CameraPass, paths: impl Iterator<Item = CameraPathId>) {
         self.segments.clear();
-        let before = self.direct.len();
+        self.first_path = self.direct.len();
+        let mut started = self.first_path;
         let mut paths = paths.fuse();
         let (origin, weight) = (Vec3s::splat(pass.view.position), Vec3s::splat(Rgb::ONE));
         let inverse_start = [1.0; LANES];
@@ -190,7 +193,9 @@ impl CameraPaths {
             if count == 0 {
                 break;
             }
-            let first = before + self.segments.len();
+            let first = started;
+            started += count;
+            let mut is_used = std::array::from_fn(|lane| lane < count);
             for (lane, index) in index.into_iter().enumerate() {
                 states.rng.set(lane, pass.key.rng(index));
             }
@@ -200,20 +205,22 @@ impl CameraPaths {
                 y[lane] += offsets[1][lane];
                 states.path[lane] = (first + lane) as u32;
             }
-            if pass.view.has_aperture() {
+            if !pass.view.is_pinhole() {
                 for lane in 0..count {
                     let (_, mut state) = states.get(lane);
                     let (ray, weight) = pass.view.ray(x[lane], y[lane], state.rng.next_2d());
                     state.weight = Rgb::splat(weight);
                     state.inverse_start = weight.recip();
                     states.set(lane, &ray, &state);
+                    // Nothing is visible outside the image circle of a fisheye.
+                    is_used[lane] = weight > 0.0;
                 }
             } else {
                 states.direction = pass.view.pinhole_directions(&x, &y);
             }
-            self.segments.append(simd, &std::array::from_fn(|lane| lane < count), &states);
+            self.segments.append(simd, &is_used, &states);
         }
-        self.direct.resize(before + self.segments.len(), Rgb::ZERO);
+        self.direct.resize(started, Rgb::ZERO);
     }
 
     /// Handles all hits: adds emission, connects, stores gather points, and finds the next segments.

@@ -1,0 +1,68 @@
+//! No file of pbrt's, and no mesh that it names, makes the loader panic: good ones with pieces deleted, doubled or
+//! replaced. `PROPTEST_CASES=100000` tries far more.
+
+use crate::common::mutate::{apply, change};
+use bdpm::import::load;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+const SCENE: &[u8] = include_bytes!("../data/pbrt/box.pbrt");
+const SHAPES: &[u8] = include_bytes!("../data/pbrt/shapes.pbrt");
+const PLY: &[u8] = include_bytes!("../data/pbrt/hill.ply.gz");
+const COLORS: &[u8] = include_bytes!("../data/pbrt/colors.png");
+
+/// Loads a scene of these files: it must be fit for rendering, or refused with advice.
+fn check(scene: &[u8], shapes: &[u8], ply: &[u8]) {
+    let folder = tempfile::tempdir().unwrap();
+    let files =
+        [("a.pbrt", scene), ("shapes.pbrt", shapes), ("hill.ply.gz", ply), ("colors.png", COLORS)];
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    }
+    match load(folder.path().join("a.pbrt")) {
+        Ok(loaded) => {
+            let scene = &loaded.scene;
+            assert!(scene.triangle_count() > 0 && scene.lights().power().is_finite());
+            for triangle in scene.triangles() {
+                assert!((triangle.normal.length() - 1.0).abs() < 1e-5, "{triangle:?}");
+            }
+            for material in scene.materials() {
+                let albedo = material.bsdf.albedo();
+                assert!(albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0, "{material:?}");
+            }
+        }
+        Err(error) => {
+            let text = error.to_string();
+            assert!(text.contains("\nhelp: ") && text.len() < 5000, "{text}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(400),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn changed_scenes_load_or_are_refused(changes in vec(change(), 1..6)) {
+        let mut scene = SCENE.to_vec();
+        changes.iter().for_each(|change| apply(&mut scene, change));
+        check(&scene, SHAPES, PLY);
+    }
+
+    #[test]
+    fn changed_included_files_load_or_are_refused(changes in vec(change(), 1..6)) {
+        let mut shapes = SHAPES.to_vec();
+        changes.iter().for_each(|change| apply(&mut shapes, change));
+        check(SCENE, &shapes, PLY);
+    }
+
+    #[test]
+    fn changed_meshes_load_or_are_refused(changes in vec(change(), 1..6)) {
+        let mut ply = PLY.to_vec();
+        changes.iter().for_each(|change| apply(&mut ply, change));
+        check(SCENE, SHAPES, &ply);
+    }
+}
