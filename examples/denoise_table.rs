@@ -239,8 +239,8 @@ impl LongRenders {
             return Err(Error::new("a reference has no colors", "remove it and make it again"));
         };
         let mean: Vec<Rgb> = one.iter().zip(other).map(|(a, b)| 0.5 * (*a + *b)).collect();
-        let luminance_of = |image: &Vec<Rgb>| image.iter().map(|v| f64::from(luminance(*v)));
-        let luminances = [one, other].map(|image| luminance_of(image).collect());
+        let luminances = [one, other]
+            .map(|image| image.iter().map(|value| f64::from(luminance(*value))).collect());
         Ok(Self { luminances, weights: importance(&mean) })
     }
 

@@ -218,7 +218,8 @@ fn processes(run: &RunReport) -> String {
 fn denoised(report: &DenoisedReport) -> String {
     let Some(error) = &report.error else {
         if report.is_raw {
-            return "not denoised: the raw image has a small enough error, so it is the result\n".into();
+            return "not denoised: the raw image has a small enough error, so it is the result\n"
+                .into();
         }
         return "denoised; the error is not known: there was too little time or too few iterations\n"
             .into();

@@ -428,9 +428,8 @@ pub(super) mod tests {
 
     /// Two folds from the even and the odd ones of eight, with these as parts.
     fn two_folds(eight: &CrossValidation) -> CrossValidation {
-        let parts: Vec<Vec<Vec<f32>>> = (0..2)
-            .map(|fold| eight.fold.iter().skip(fold).step_by(2).cloned().collect())
-            .collect();
+        let parts: Vec<Vec<Vec<f32>>> =
+            (0..2).map(|fold| eight.fold.iter().skip(fold).step_by(2).cloned().collect()).collect();
         let mean = |parts: &Vec<Vec<f32>>| -> Vec<f64> {
             let sum = |pixel: usize| parts.iter().map(|part| f64::from(part[pixel])).sum::<f64>();
             (0..SIDE * SIDE).map(|pixel| sum(pixel) / parts.len() as f64).collect()
