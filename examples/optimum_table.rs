@@ -114,7 +114,7 @@ fn candidates(
     let goal = Stop { time: Some(time / 2), ..Stop::default() };
     let end = End::Time(0.5 * time.as_secs_f64());
     let base = Renderer::new(scene, accel, settings.clone())?;
-    let chosen = technique::choose(&base, FreeParameters::NONE, end)?;
+    let (chosen, _) = technique::choose(&base, FreeParameters::NONE, end)?;
     let autopilot = || Autopilot::new(goal, chosen.best().times);
     let renderer = || base.with_settings(chosen.best().apply(settings));
     let pilot = Pilot::new(autopilot().uniform(), renderer()?, chosen.best().times)?;

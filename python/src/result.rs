@@ -27,6 +27,8 @@ pub struct RelativeError {
     noise: f64,
     /// Merge bias alone.
     bias: f64,
+    /// Range that holds the true error with a probability of 90 %; None if it is not known.
+    interval: Option<(f64, f64)>,
 }
 
 #[pymethods]
@@ -118,8 +120,9 @@ impl RenderResult {
     /// Relative error of the image; None for a pooled objective, or if noise or bias are not known.
     #[getter]
     fn error(&self) -> Option<RelativeError> {
-        let bdpm::job::RelativeError { total, noise, bias } = self.result.error?;
-        Some(RelativeError { total, noise, bias })
+        let bdpm::job::RelativeError { total, noise, bias, interval } = self.result.error?;
+        let interval = interval.map(|interval| (interval.low, interval.high));
+        Some(RelativeError { total, noise, bias, interval })
     }
 
     /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels; None if there are too few iterations.

@@ -1,6 +1,7 @@
 //! Automatic path counts: first those of the settings, from the choice of technique, then the optimum. It is chosen
 //! again a few times from all measurements so far.
 
+use super::error_interval::ErrorInterval;
 use super::stopping::{Convergence, Stop, importance, luminances};
 use crate::adaptive::optimize::{CountLimits, MAX_CAMERA_PATHS, NEAR_OPTIMUM, Objective, Problem};
 use crate::base::error::Result;
@@ -48,11 +49,11 @@ pub fn min_iterations_after_choice(ranks: u32) -> f64 {
     MIN_ITERATIONS_AFTER_CHOICE.max(MIN_ITERATIONS_OF_RANK * f64::from(ranks))
 }
 
-/// Relative standard error of the pooled variance below which the error at the end is promised.
-const PROMISE_ERROR: f64 = 0.1;
+/// Share of the time after which counts are not chosen again, so that the promise has iterations to rest on.
+const LAST_CHOICE_SHARE: f64 = 0.25;
 
-/// Share of the time after which the error at the end is promised in any case.
-const PROMISE_SHARE: f64 = 0.2;
+/// Share of the time after which the counts stay as they are, and the error at the end is promised.
+const PROMISE_SHARE: f64 = 1.0 / 3.0;
 
 /// Minimum share of the time that a new block must save. A smaller gain is lost to the block's own weight.
 const WORTHWHILE: f64 = 0.02;
@@ -85,6 +86,8 @@ pub struct AutopilotState {
     elapsed: f64,
     /// Rendering time when the present block started.
     block_began: f64,
+    /// Iterations of the present block and rendering time at its latest two marks.
+    marks: [Mark; 2],
     /// Rendering time of the next choice of counts, seconds; `None` before the first choice.
     next_choice: Option<f64>,
     /// Costs at the first choice, for the promise.
@@ -95,6 +98,14 @@ pub struct AutopilotState {
     bias2: f64,
     /// The promise, once a few iterations after the first choice were rendered.
     promise: Option<Promise>,
+}
+
+/// A moment of a block whose iterations are [`MEASURE_EVERY`] times a power of two.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Mark {
+    iterations: u64,
+    /// Rendering time, seconds.
+    seconds: f64,
 }
 
 /// Predicted costs: time times variance of an iteration.
@@ -116,6 +127,8 @@ pub struct Promise {
     pub rms: f64,
     /// Relative error at the end, noise and bias, if the objective is the relative error.
     pub error: Option<f64>,
+    /// Range in which the true relative error at the end should lie, if it is known.
+    pub interval: Option<ErrorInterval>,
     /// Rendering time from the first iteration of the image to the end, seconds.
     pub seconds: f64,
     /// Rendering time when the promise was made, seconds.
@@ -140,6 +153,7 @@ impl AutopilotState {
         Self {
             elapsed: 0.0,
             block_began: 0.0,
+            marks: Default::default(),
             next_choice: None,
             costs: ExpectedCosts::default(),
             pilot_times,
@@ -167,8 +181,14 @@ impl Autopilot {
 
     /// Resumes from `state`, which includes the bias.
     pub fn resume(stop: Stop, state: AutopilotState) -> Self {
-        let stop = Stop { bias2: state.bias2, ..stop };
+        let stop = stop.with_pilot_bias2(state.bias2);
         Self { stop, per_pixel: true, times: None, earlier: state.elapsed, state }
+    }
+
+    /// Starts again with the counts of other settings.
+    #[must_use]
+    pub fn restarted(&self, stop: Stop, pilot_times: TimeModel) -> Self {
+        Self { per_pixel: self.per_pixel, times: self.times, ..Self::new(stop, pilot_times) }
     }
 
     /// Chooses equal counts for every pixel.
@@ -188,16 +208,14 @@ impl Autopilot {
         self.stop.time = Some(time);
     }
 
-    /// A promise from the first iterations at the chosen counts; `None` until the noise is known well enough or a part
-    /// of the time is over. theory.md (89).
+    /// A promise from all iterations so far; `None` before [`PROMISE_SHARE`] of the time. theory.md (89).
     fn make_promise(&self, renderer: &Renderer, elapsed: f64) -> Option<Promise> {
         let convergence = self.convergence(renderer);
         let stop = convergence.with_measured_bias(&self.stop);
         let (variance, tau) = (convergence.per_iteration?, self.iteration_time(renderer, elapsed)?);
         let forecast = convergence.forecast(&stop, variance, tau, elapsed)?;
-        let (pooled, error) = renderer.film().pooled_variance()?;
-        let is_late = elapsed > PROMISE_SHARE * (elapsed + forecast.seconds);
-        if error > PROMISE_ERROR * pooled && !is_late {
+        let is_early = elapsed < PROMISE_SHARE * (elapsed + forecast.seconds);
+        if is_early {
             return None;
         }
         let ExpectedCosts { tau, one_path_each, uniform } = self.state.costs;
@@ -206,6 +224,7 @@ impl Autopilot {
         Some(Promise {
             rms: forecast.rms,
             error: convergence.error(&stop, forecast.left),
+            interval: convergence.error_interval(&self.stop, forecast.left),
             seconds: said_after + forecast.seconds,
             said_after,
             gain_over_one_each: gain(one_path_each),
@@ -334,6 +353,7 @@ impl Autopilot {
     /// If other counts are chosen and do not fit in the memory.
     pub fn prepare(&mut self, renderer: &mut Renderer, elapsed: f64) -> Result<Measure> {
         let (now, entered) = (self.earlier + elapsed, Instant::now());
+        self.mark(renderer.film().iterations, now);
         if renderer.iterations() == 0 {
             self.state.block_began = now;
         } else if self.update_promise_and_check_choice(renderer, now) {
@@ -346,6 +366,7 @@ impl Autopilot {
                 }
                 if choice.is_worthwhile {
                     self.state.block_began = now + entered.elapsed().as_secs_f64();
+                    self.state.marks = Default::default();
                     renderer.begin_block(choice.counts)?;
                 }
             }
@@ -372,10 +393,23 @@ impl Autopilot {
             return false;
         }
         let Some(next_choice) = self.state.next_choice else { return true };
-        if self.state.promise.is_none() && is_promise_check_due(renderer, first) {
+        let share_of_time = |time: Duration| (now - self.earlier) / time.as_secs_f64();
+        let is_third = self.stop.time.is_some_and(|time| share_of_time(time) >= PROMISE_SHARE);
+        if self.state.promise.is_none() && (is_third || is_promise_check_due(renderer, first)) {
             self.state.promise = self.make_promise(renderer, now - self.earlier);
         }
-        now >= next_choice
+        let is_late = self.stop.time.is_some_and(|time| share_of_time(time) >= LAST_CHOICE_SHARE);
+        now >= next_choice && !is_late && self.state.promise.is_none()
+    }
+
+    /// Keeps the times of the latest two marks.
+    fn mark(&mut self, iterations: u64, seconds: f64) {
+        let is_mark = iterations.is_multiple_of(MEASURE_EVERY)
+            && (iterations / MEASURE_EVERY).is_power_of_two();
+        let [_, latest] = self.state.marks;
+        if is_mark && latest.iterations != iterations {
+            self.state.marks = [latest, Mark { iterations, seconds }];
+        }
     }
 
     /// The iterations that are measured before the next decision.
@@ -396,6 +430,12 @@ impl Autopilot {
         let share = 1.0 / MEASURE_EVERY as f64;
         let per_production = production / clock.iterations as f64;
         let per_measured = (since - production).max(0.0) / measured as f64;
+        // The first iterations of a scene take longer while areas and memory are new: the latest ones tell the time.
+        let [mark, _] = self.state.marks;
+        if mark.iterations > 0 {
+            let seconds = self.earlier + elapsed - mark.seconds;
+            return Some(seconds / (film.iterations - mark.iterations) as f64);
+        }
         // theory.md (93)
         known.then_some((1.0 - share) * per_production + share * per_measured)
     }
@@ -444,7 +484,7 @@ fn fitting_light_paths(times: &TimeModel, counts: &Counts, left: f64) -> Option<
 const FITTING_RATIOS: [f64; 2] = [0.5, 8.0];
 
 /// Times proportional to `pilot_times` that match the times of the production iterations of all blocks.
-fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
+pub fn fitted_times(pilot_times: &TimeModel, blocks: &[Block]) -> TimeModel {
     let (mut measured, mut predicted) = (0.0, 0.0);
     for Block { counts, clock, .. } in blocks {
         let iteration =

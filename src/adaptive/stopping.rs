@@ -1,8 +1,10 @@
 //! Stop conditions, the convergence of an image, and forecasts of its error and time.
 
+use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::optimize::Objective;
 use crate::base::error::{Error, Result};
 use crate::film::radiance::{box_filtered, luminance, luminance_weights, total};
+use crate::film::windows::sum_of_squared_sums;
 use crate::noise::bias::UPPER_BOUND;
 use crate::render::block::{Block, CombinedImage};
 use rayon::prelude::*;
@@ -22,6 +24,10 @@ pub const MIN_NOISE_SHARE: f64 = 0.1;
 /// neighborhood is the better estimate.
 const MIN_SIGNAL_SHARE: f64 = 0.9;
 
+/// Standard deviation of the true squared bias around that of the pilot, relative to the latter: where light is rare, the
+/// pilot sees little of the bias.
+pub const PILOT_SPREAD: f64 = 4.0;
+
 /// Conditions to stop at: the first one that holds ends a render. Without any, it never ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
@@ -37,17 +43,26 @@ pub struct Stop {
     pub objective: Objective,
     /// Latest estimate of the squared relative bias of the image.
     pub bias2: f64,
+    /// Squared relative bias that the pilot expects at the end: the prior of what the image measures.
+    pub pilot_bias2: f64,
 }
 
 impl Default for Stop {
     /// No condition; the relative error counts.
     fn default() -> Self {
         let (iterations, time, target, error) = (None, None, None, None);
-        Self { iterations, time, target, error, objective: Objective::Relative, bias2: 0.0 }
+        let objective = Objective::Relative;
+        Self { iterations, time, target, error, objective, bias2: 0.0, pilot_bias2: 0.0 }
     }
 }
 
 impl Stop {
+    /// The same conditions for settings of which the pilot expects this squared relative bias.
+    #[must_use]
+    pub fn with_pilot_bias2(self, bias2: f64) -> Self {
+        Self { bias2, pilot_bias2: bias2, ..self }
+    }
+
     /// Stops after this rendering time.
     pub fn time(time: Duration) -> Self {
         Self { time: Some(time), ..Self::default() }
@@ -82,8 +97,8 @@ pub fn importance(blocks: &[Block], objective: Objective) -> Vec<f64> {
 }
 
 /// Luminance of each cell, W/(m^2 sr), without the contribution of noise to its square: the root of the mean square over
-/// its pixels. If noise dominates a cell, the luminance of its neighborhood takes its place. The image is used before bias correction, so that the correction does
-/// not change weights.
+/// its pixels. If noise dominates a cell, the luminance of its neighborhood takes its place. The merge bias is corrected
+/// where it is measured: in a dark pixel beside a caustic, it can be many times the luminance.
 pub fn luminances(image: &CombinedImage) -> Vec<f64> {
     let grid = image.grid();
     if !grid.is_single_pixels() {
@@ -97,8 +112,8 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
         };
     }
     let mean: Vec<f64> =
-        image.uncorrected_mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
-    match image.uncorrected_variance() {
+        image.mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
+    match image.variance_of_mean() {
         Some(variance) => without_noise(&mean, &variance, image.resolution()),
         None => mean,
     }
@@ -187,10 +202,19 @@ pub struct Convergence {
     pub variance: Option<(f64, f64)>,
     /// Mean over pixels of their variance times their importance, once it is known: pooled or relative.
     pub weighted_variance: Option<f64>,
-    /// Squared relative bias that remains after bias correction, once it is known.
-    pub bias2: Option<f64>,
+    /// Squared relative bias that remains after bias correction and its standard error, once it is measured.
+    pub bias2: Option<SquaredPart>,
+    /// Standard deviation of the weighted squared noise of this image around its variance, relative to the variance;
+    /// 0 if it is not known.
+    pub noise_spread: f64,
     /// Weighted variance of one iteration at the present path counts, once it is known.
     pub per_iteration: Option<f64>,
+}
+
+/// Standard deviation of the weighted mean of values with expectation 0, whose neighbors are correlated.
+fn weighted_deviation(values: &[f64], importance: &[f64], size: (u32, u32)) -> f64 {
+    let weighted: Vec<f64> = values.par_iter().zip(importance).map(|(v, w)| v * w).collect();
+    sum_of_squared_sums(&weighted, size).sqrt() / values.len() as f64
 }
 
 /// Forecast of the end of a render.
@@ -221,8 +245,20 @@ impl Convergence {
             }
             _ => combined.cell_variance(),
         };
-        let bias2 =
-            combined.bias_correction().map(|correction| mean_of(&correction.bias2).max(0.0));
+        let size = combined.grid().size();
+        let bias2 = combined.bias_correction().map(|correction| SquaredPart {
+            value: mean_of(&correction.bias2),
+            deviation: weighted_deviation(&correction.bias2_difference, importance, size),
+        });
+        let noise_spread = match (combined.bias_correction(), combined.uncorrected_cell_variance())
+        {
+            (Some(correction), Some(variance)) => {
+                let squares = correction.squared_noise.par_iter().zip(&variance);
+                let around: Vec<f64> = squares.map(|(own, variance)| own - variance).collect();
+                weighted_deviation(&around, importance, size) / mean_of(&variance)
+            }
+            _ => 0.0,
+        };
         // Bias correction scales the variance of the image. Scale that of one iteration by the same factor.
         let noise_factor = match (combined.bias_correction(), combined.uncorrected_cell_variance())
         {
@@ -240,15 +276,28 @@ impl Convergence {
             variance: combined.pooled_variance(),
             weighted_variance: image_variance.as_deref().map(mean_of),
             bias2,
+            noise_spread,
             per_iteration: block_variance
                 .map(|(variance, iterations)| noise_factor * mean_of(&variance) * iterations),
             weights: combined.into_weights(),
         }
     }
 
+    /// The squared bias by the image and by the pilot. The image measures it better and better: theory.md (93d).
+    fn squared_bias(&self, stop: &Stop) -> SquaredPart {
+        let prior = PILOT_SPREAD * stop.pilot_bias2;
+        let Some(SquaredPart { value, deviation }) = self.bias2 else {
+            return SquaredPart { value: stop.bias2, deviation: prior };
+        };
+        let variances = prior.powi(2) + deviation.powi(2);
+        let certainty = if prior > 0.0 { prior.powi(2) / variances } else { 1.0 };
+        let value = (certainty * value + (1.0 - certainty) * stop.pilot_bias2).max(0.0);
+        SquaredPart { value, deviation: certainty.sqrt() * deviation }
+    }
+
     /// The stop conditions with the bias that was measured in the image, if there is one.
     pub fn with_measured_bias(&self, stop: &Stop) -> Stop {
-        Stop { bias2: self.bias2.unwrap_or(stop.bias2), ..*stop }
+        Stop { bias2: self.squared_bias(stop).value, ..*stop }
     }
 
     /// Returns true if the image has reached the target of its noise or error.
@@ -272,6 +321,18 @@ impl Convergence {
     pub fn error(&self, stop: &Stop, left: f64) -> Option<f64> {
         let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
         Some((noise2 * left + stop.bias2).sqrt())
+    }
+
+    /// Interval for [`Self::error`]; `None` while the error of the noise is not known.
+    pub fn error_interval(&self, stop: &Stop, left: f64) -> Option<ErrorInterval> {
+        let noise2 = self.weighted_variance.filter(|_| stop.objective == Objective::Relative)?;
+        let (variance, error) = self.variance?;
+        let estimate = if variance > 0.0 { error / variance } else { 0.0 };
+        let relative = self.noise_spread.hypot(estimate);
+        let value = noise2 * left;
+        let noise = SquaredPart { value, deviation: value * relative };
+        let bias = self.squared_bias(stop);
+        relative.is_finite().then(|| ErrorInterval::new(noise, bias, left < 1.0))
     }
 
     /// The weighted variance relative to the squared luminance of each pixel, or of the mean.
@@ -354,6 +415,7 @@ mod tests {
             variance: Some((variance, error)),
             weighted_variance: Some(variance),
             bias2: None,
+            noise_spread: 0.0,
             per_iteration: Some(variance * iterations as f64),
         }
     }
@@ -384,6 +446,29 @@ mod tests {
         assert!((by_target.rms - 0.1).abs() < 1e-12 && (by_target.seconds - 150.0).abs() < 1e-9);
         let first = forecast(Stop { iterations: Some(400), time, target, ..Stop::default() });
         assert_eq!(first, by_time);
+    }
+
+    #[test]
+    fn bias_is_that_of_the_pilot_until_the_image_measures_it() {
+        let stop = Stop::default().with_pilot_bias2(1e-4);
+        let now = convergence(100, 0.04, 0.0);
+        assert_eq!(now.with_measured_bias(&stop).bias2, 1e-4);
+        let measured = |value, deviation| {
+            let bias2 = Some(SquaredPart { value, deviation });
+            Convergence { bias2, ..now.clone() }.with_measured_bias(&stop).bias2
+        };
+        // The deviation of the pilot is 4e-4.
+        assert!((measured(9e-4, 4e-4) - 5e-4).abs() < 1e-12);
+        assert!((measured(9e-4, 1e-9) - 9e-4).abs() < 1e-9);
+        assert_eq!(measured(-9e-4, 4e-4), 0.0);
+        // Its deviation does not grow from one estimate to the next.
+        let again = stop.with_pilot_bias2(0.0);
+        assert_eq!(
+            Convergence { bias2: Some(SquaredPart { value: 3e-4, deviation: 1.0 }), ..now.clone() }
+                .with_measured_bias(&again)
+                .bias2,
+            3e-4
+        );
     }
 
     #[test]

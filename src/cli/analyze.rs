@@ -104,7 +104,7 @@ pub fn run(args: &Args) -> Result<String> {
                 progress.start();
             }
             Event::Iterated(state) => progress.update(state),
-            Event::Choosing(..) | Event::Denoised(..) => {}
+            Event::Choosing(..) | Event::Revised(_) | Event::Denoised(..) => {}
         }
         ControlFlow::Continue(())
     })?;

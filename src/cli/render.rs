@@ -257,7 +257,7 @@ impl Args {
             target: self.target_rms,
             error: self.target_error,
             objective: self.objective,
-            bias2: 0.0,
+            ..Stop::default()
         }
     }
 }

@@ -57,6 +57,12 @@ impl<'a> RenderObserver<'a> {
                 self.announce_page(provenance);
             }
             Event::Started(state) => self.start(state),
+            Event::Revised(state) => {
+                if let Some(line) = verbose::revision(state) {
+                    self.progress.note(&line);
+                }
+                self.blocks = 0;
+            }
             Event::Denoised(error, elapsed) => self.progress.note(&format!(
                 "denoised after {}: relative error {:.2} %",
                 human_time(elapsed.as_secs_f64()),

@@ -9,6 +9,7 @@ use super::run_report::{RunReport, Seconds};
 use super::scene_input::SceneInput;
 use bdpm::RenderResult;
 use bdpm::adaptive::autopilot::Promise;
+use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
@@ -184,18 +185,25 @@ fn error(report: &RenderReport) -> String {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let has_photons = report.run.settings.has_photons();
     match (report.error, report.rms.zip(report.relative_rms)) {
-        (Some(RelativeError { total, noise, bias }), _) if has_photons => format!(
-            "relative error {}: noise {}, merge bias {}\n",
+        (Some(RelativeError { total, noise, bias, interval }), _) if has_photons => format!(
+            "relative error {}{}: noise {}, merge bias {}\n",
             percent(total),
+            interval.as_ref().map_or(String::new(), interval_text),
             percent(noise),
             percent(bias)
         ),
-        (Some(RelativeError { total, .. }), _) => {
-            format!("relative error {}, all of it noise\n", percent(total))
+        (Some(RelativeError { total, interval, .. }), _) => {
+            let interval = interval.as_ref().map_or(String::new(), interval_text);
+            format!("relative error {}{interval}, all of it noise\n", percent(total))
         }
         (None, Some((rms, relative))) => format!("noise: {}\n", rms_text(rms, relative)),
         (None, None) => String::new(),
     }
+}
+
+/// The interval of an error in words.
+fn interval_text(interval: &ErrorInterval) -> String {
+    format!(" ({:.2} to {:.2} %)", 100.0 * interval.low, 100.0 * interval.high)
 }
 
 /// Number of processes, and the share of the time that they spent on exchanging sums.
@@ -300,9 +308,10 @@ fn path_counts(report: &RenderReport) -> String {
     let mut text = format!("chosen: {counts} in each iteration\n");
     if let (Some(error), Some(result)) = (promise.error, report.error) {
         text += &format!(
-            "promised after {}: a relative error of {:.2} %; result: {:.2} %\n",
+            "promised after {}: a relative error of {:.2} %{}; result: {:.2} %\n",
             human_time(promise.said_after),
             100.0 * error,
+            promise.interval.as_ref().map_or(String::new(), interval_text),
             100.0 * result.total
         );
     } else if let Some(rms) = report.rms {

@@ -5,7 +5,7 @@ use super::render::Args;
 use super::render_report::{RenderReport, describe_counts};
 use super::run_report::Seconds;
 use super::scene_input::SceneInput;
-use bdpm::adaptive::technique::{FreeParameters, Selection};
+use bdpm::adaptive::technique::{Candidate, FreeParameters, Revised, Selection};
 use bdpm::job::{JobOutline, RenderState};
 use bdpm::settings::{PartialSettings, Settings};
 use serde_json::Map;
@@ -42,6 +42,30 @@ pub fn before_render(args: &Args, input: &SceneInput, outline: &JobOutline) -> V
         is_open: true,
     };
     settings_by_origin(args, input, &resolved)
+}
+
+/// The line about an image that started again with other settings.
+pub fn revision(state: &RenderState) -> Option<String> {
+    let selection = state.selection.as_ref()?;
+    let Revised { after, instead_of } = selection.revised.as_ref()?;
+    let best = selection.best();
+    let radius = |of: &Candidate| match of.technique.strategy.has_photons() {
+        true => format!(", radius {:.4}", of.radius),
+        false => String::new(),
+    };
+    let outlook = |of: &Candidate| {
+        format!("error {:.2} % after {}", 100.0 * of.error, human_time(of.seconds))
+    };
+    Some(format!(
+        "started again after {}: {}{} ({}) instead of {}{} ({})",
+        human_time(*after),
+        best.technique.describe(),
+        radius(best),
+        outlook(best),
+        instead_of.technique.describe(),
+        radius(instead_of),
+        outlook(instead_of),
+    ))
 }
 
 /// The best candidates of the pilot with their predicted errors.

@@ -41,7 +41,8 @@ impl Accumulate for FoldSums {
 
     #[inline]
     fn add_sample(&mut self, sample: &PixelSample) {
-        let Some(annulus) = sample.annulus else { return };
+        // Without photons there is no annulus, but the value still tells the folds apart.
+        let annulus = sample.annulus.unwrap_or_default();
         if !annulus.iter().all(|radiance| radiance.is_finite()) {
             return;
         }

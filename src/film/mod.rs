@@ -12,5 +12,6 @@ mod phase_times;
 pub mod radiance;
 pub mod statistic;
 pub mod tiled_buffer;
+pub mod windows;
 
 pub use phase_times::PhaseTimes;

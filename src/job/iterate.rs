@@ -25,6 +25,10 @@ pub(super) fn run(
         }
         iterate(&mut state, leader.as_mut(), observer)?;
         state.estimate_if_due();
+        if state.revise_choice()? {
+            let _ = observer(Event::Revised(&state));
+            continue;
+        }
         if let Some((error, suffices)) = state.denoised_error()? {
             let _ = observer(Event::Denoised(&error, state.elapsed()));
             if suffices {

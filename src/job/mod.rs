@@ -12,6 +12,7 @@ mod iterate;
 mod leader;
 mod outline;
 mod result;
+mod revision;
 mod shard;
 mod state;
 mod time_check;
@@ -125,6 +126,8 @@ pub enum Event<'a> {
     Choosing(FreeParameters, &'a Provenance),
     /// The first iteration is about to start.
     Started(&'a RenderState),
+    /// The image started again with other settings, since its first iterations showed that they leave less error.
+    Revised(&'a RenderState),
     /// The error of the denoised image was estimated, after this rendering time.
     Denoised(&'a ErrorSummary, Duration),
     /// An iteration is done, or with several processes a round of iterations.
@@ -352,14 +355,16 @@ impl RenderJob {
         let new = || Renderer::new(&scene, &accel, provenance.settings.clone());
         let mut config = RenderConfig { ranks: ranks.count(), ..RenderConfig::default() };
         let mut renderer = threads.install(new)?.configure(config)?;
-        let mut selection = None;
+        let (mut selection, mut revision) = (None, None);
         if is_automatic && matches!(self.start, Start::New) {
             let free = self.chosen_parameters();
             let _ = observer(Event::Choosing(free, &provenance));
-            let chosen =
+            let (chosen, may_revise) =
                 threads.install(|| technique::choose(&renderer, free, pilot_end(&stop)))?;
+            // Workers know only the settings of the start.
+            revision = (free.any() && leader.is_none()).then_some(may_revise);
             provenance.settings = chosen.apply(&provenance.settings);
-            stop.bias2 = chosen.best().bias.powi(2);
+            stop = stop.with_pilot_bias2(chosen.best().bias.powi(2));
             let noise = chosen.best().noise;
             if let (Some(time), Some(unused)) = (&mut stop.time, &denoising)
                 && !Denoising::can_pay(noise)
@@ -410,6 +415,7 @@ impl RenderJob {
             stop,
             is_automatic,
             selection,
+            revision,
             denoising,
             sharded: iterations.map(|iterations| iterations.sharded),
             regions,
@@ -621,7 +627,7 @@ impl RenderJob {
                 self.check_resumed(&checkpoint, stop, iterations).map_err(|e| e.at(&file))?;
                 let mut checkpoint = *checkpoint;
                 state = checkpoint.autopilot;
-                stop.bias2 = state.map_or(0.0, |state| state.bias2());
+                *stop = stop.with_pilot_bias2(state.map_or(0.0, |state| state.bias2()));
                 renderer.resume(checkpoint.take_partial())?;
                 self.check_kept(renderer.config().aovs).map_err(|e| e.at(&file))?;
                 checkpoint.plan

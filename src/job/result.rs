@@ -1,6 +1,7 @@
 //! The result of a job.
 
 use super::state::RenderState;
+use crate::adaptive::error_interval::ErrorInterval;
 use crate::adaptive::plan::Plan;
 use crate::adaptive::stopping::{Convergence, StoppedBy, importance};
 use crate::adaptive::technique::Selection;
@@ -49,6 +50,8 @@ pub struct RelativeError {
     pub noise: f64,
     /// Merge bias alone: the estimate of the pilot, or of the image if its bias is corrected.
     pub bias: f64,
+    /// Range in which the true relative error should lie, if it is known.
+    pub interval: Option<ErrorInterval>,
 }
 
 impl RenderResult {
@@ -174,5 +177,6 @@ fn relative_error(state: &RenderState) -> Option<RelativeError> {
         total,
         noise: convergence.weighted_variance?.sqrt(),
         bias: stop.bias2.sqrt(),
+        interval: convergence.error_interval(&state.stop, 1.0),
     })
 }

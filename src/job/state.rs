@@ -4,7 +4,7 @@ use super::denoising::Denoising;
 use crate::adaptive::autopilot::Promise;
 use crate::adaptive::count_policy::CountPolicy;
 use crate::adaptive::stopping::{Convergence, Forecast, Stop, StoppedBy, importance};
-use crate::adaptive::technique::Selection;
+use crate::adaptive::technique::{Revision, Selection};
 use crate::base::error::Result;
 use crate::film::PhaseTimes;
 use crate::film::cells::CellGrid;
@@ -55,6 +55,8 @@ pub struct RenderState {
     pub is_automatic: bool,
     /// The choice of the pilot, if it ran.
     pub selection: Option<Selection>,
+    /// What may still revise that choice.
+    pub(super) revision: Option<Revision>,
     /// Work of this run.
     pub totals: Totals,
     /// Progress of the image.
@@ -109,6 +111,11 @@ impl RunClock {
             estimate_time: 0.0,
             reserve,
         }
+    }
+
+    /// Time since the first iteration, seconds.
+    pub fn rendering_time(&self) -> f64 {
+        self.first_iteration.elapsed().as_secs_f64()
     }
 
     /// Leaves out `reserve` of the time instead of the present reserve, and returns the new `end` of the iterations.
@@ -375,8 +382,7 @@ impl RenderState {
         if convergence.is_some_and(|now| now.is_good_enough(&self.stop)) {
             return Some(StoppedBy::Target);
         }
-        let rendering = self.clock.first_iteration.elapsed().as_secs_f64();
-        let mean = rendering / done.max(1) as f64;
+        let mean = self.clock.rendering_time() / done.max(1) as f64;
         let (blocks, elapsed) = (self.renderer.blocks().len(), self.elapsed().as_secs_f64());
         // Iterations of earlier blocks may have taken another time.
         let clock = &self.renderer.block().clock;

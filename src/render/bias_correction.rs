@@ -9,7 +9,9 @@ use super::block::Block;
 use crate::base::math::Rgb;
 use crate::film::annulus::{AnnulusMoments, FOLDS, FoldSums, left_at_half};
 use crate::film::cells::CellGrid;
-use crate::film::radiance::{luminance, luminance_weights};
+use crate::film::radiance::{luminance, luminance_weights, total};
+use crate::film::windows::sum_of_squared_sums;
+use crate::transport::kernel::ByClass;
 use rayon::prelude::*;
 
 /// Minimum ratio of the squared bias of the annulus to the variance of its estimate: below it nothing is
@@ -28,6 +30,11 @@ pub struct BiasCorrection {
     pub variance_change: Vec<f64>,
     /// Estimate of the squared luminance of the remaining bias; negative values are noise.
     pub bias2: Vec<f64>,
+    /// Half of the difference between the estimates of `bias2` from both folds.
+    pub bias2_difference: Vec<f64>,
+    /// Square of the noise that one half of the iterations has beside the other, scaled to the noise of the image: a
+    /// sample of its squared error, before the correction.
+    pub squared_noise: Vec<f64>,
 }
 
 /// Estimates for one pixel and photon class from the iterations of one fold, times the block weights.
@@ -71,7 +78,7 @@ impl BiasCorrection {
     pub const BYTES: usize = size_of::<[FoldEstimate; FOLDS]>()
         + 3 * size_of::<[f64; 2 * FOLDS]>()
         + 2 * size_of::<Rgb>()
-        + 4 * size_of::<f64>();
+        + 6 * size_of::<f64>();
 
     /// Correction of the image that `blocks` form with these weights of their iterations; `luminance` is
     /// a smoothed estimate of the luminance of each cell. `None` if a block does not keep the annulus, or before the
@@ -85,6 +92,8 @@ impl BiasCorrection {
             shares: Vec::new(),
             variance_change: vec![0.0; pixels],
             bias2: vec![0.0; pixels],
+            bias2_difference: vec![0.0; pixels],
+            squared_noise: weighted.squared_noise(),
         };
         let left_at_half = left_at_half(blocks[0].kernel);
         for (class, left_at_half) in left_at_half.into_iter().enumerate() {
@@ -139,8 +148,8 @@ impl BiasCorrection {
         let (width, height) = CellGrid::of(blocks.blocks[0].film.resolution()).size();
         let around = smooth(&relative, width as usize, height as usize);
         let pixels = self.correction.par_iter_mut().zip(&mut self.variance_change);
-        let pixels = pixels.zip(&mut self.bias2).enumerate();
-        pixels.for_each(|(pixel, ((correction, variance_change), bias2))| {
+        let pixels = pixels.zip(&mut self.bias2).zip(&mut self.bias2_difference).enumerate();
+        pixels.for_each(|(pixel, (((correction, variance_change), bias2), difference))| {
             let (around, weight) = (&around[pixel], importance[pixel]);
             for (fold, own) in estimates[pixel].iter().enumerate() {
                 // The factor comes from the other fold
@@ -153,10 +162,39 @@ impl BiasCorrection {
                 let annulus = (around[2 * fold].max(0.0) / weight).sqrt();
                 let at_half = (luminance[pixel] - factor * annulus).max(0.0);
                 let left = left_at_half.min(at_half / annulus);
-                *bias2 += (1.0 - factor + left).powi(2) * own.bias2 / FOLDS as f64;
+                let half = 0.5 * (1.0 - factor + left).powi(2) * own.bias2;
+                *bias2 += half;
+                *difference += if fold == 0 { half } else { -half };
             }
         });
     }
+}
+
+/// Squared bias of the outer annulus of each class of photons and its standard error: means over cells with these
+/// weights. The error comes from the two folds. `None` if a block does not keep the annulus, or before the second
+/// iteration of both folds.
+pub fn annulus_bias2(
+    blocks: &[Block],
+    weights: &[f64],
+    importance: &[f64],
+) -> Option<ByClass<[f64; 2]>> {
+    let weighted = WeightedBlocks::new(blocks, weights)?;
+    let size = CellGrid::of(blocks[0].film.resolution()).size();
+    let of_class = |class: usize| {
+        let estimates = weighted.estimates(class);
+        let weighted = estimates.par_iter().zip(importance);
+        let terms: Vec<[f64; 2]> = weighted
+            .map(|([one, other], weight)| {
+                let half = 0.5 * weight;
+                [half * (one.bias2 + other.bias2), half * (one.bias2 - other.bias2)]
+            })
+            .collect();
+        let differences: Vec<f64> = terms.iter().map(|[_, difference]| *difference).collect();
+        let count = terms.len() as f64;
+        let sum = total(&terms, |[mean, _]| *mean);
+        [sum / count, sum_of_squared_sums(&differences, size).sqrt() / count]
+    };
+    Some(std::array::from_fn(of_class))
 }
 
 /// Fraction of the annulus to subtract, from its squared bias and its variance: theory.md (71d).
@@ -180,6 +218,29 @@ impl<'a> WeightedBlocks<'a> {
         let pairs = |fold: &FoldWeight| fold.first.powi(2) - fold.second;
         let has_pairs = |fold: &FoldWeight| pairs(fold) > 1e-9 * fold.first.powi(2);
         folds.iter().all(has_pairs).then_some(Self { blocks, weights, folds })
+    }
+
+    /// [`BiasCorrection::squared_noise`] of each cell in row order.
+    fn squared_noise(&self) -> Vec<f64> {
+        let cells = CellGrid::of(self.blocks[0].film.resolution()).len();
+        let mut differences = vec![0.0; cells];
+        for (block, &weight) in self.blocks.iter().zip(self.weights) {
+            let annulus = block.statistics.annulus.as_ref().expect("checked for all blocks");
+            for (fold, (sums, of_fold)) in annulus.folds().iter().zip(&self.folds).enumerate() {
+                let sign = if fold == 0 { 1.0 } else { -1.0 };
+                let factor = sign * weight / of_fold.first;
+                sums.zip_pixels(&mut differences, |difference, at| {
+                    *difference += factor * f64::from(sums.values()[at].value);
+                });
+            }
+        }
+        // Variances of the mean and of the difference, for iterations of variance 1.
+        let [one, other] = &self.folds;
+        let of_mean = (one.second + other.second) / (one.first + other.first).powi(2);
+        let of_half = |fold: &FoldWeight| fold.second / fold.first.powi(2);
+        let scale = of_mean / (of_half(one) + of_half(other));
+        differences.par_iter_mut().for_each(|own| *own = scale * *own * *own);
+        differences
     }
 
     /// Estimates of each cell in row order, by fold.
@@ -255,7 +316,6 @@ mod tests {
     use crate::base::rng::{Rng, Stream, StreamKey};
     use crate::film::annulus::CLASSES;
     use crate::film::counts::Counts;
-    use crate::film::radiance::total;
     use crate::film::statistic::{CurrentIteration, PixelSample};
     use crate::render::RenderConfig;
     use crate::render::accumulators::{IterationSample, SharedStatistics};
@@ -349,6 +409,23 @@ mod tests {
         assert!(squares > 0.0 && (sum / count).abs() < 3.0 * error, "{} +- {error}", sum / count);
         // Noise of 1 in each of two classes.
         assert!(squares / count < 0.05 * 2.0 / 40.0, "{}", squares / count * 40.0);
+    }
+
+    #[test]
+    fn noise_of_one_image_has_the_variance_as_its_mean() {
+        for (parts, weights) in [(&[40][..], vec![1.0]), (&[12, 30], vec![0.4, 1.0])] {
+            let (mut squares, mut variances) = (Vec::new(), 0.0);
+            for seed in 0..30 {
+                let blocks = blocks(0.0, 0.0, parts, 500 + seed);
+                let image = CombinedImage::new(&blocks, weights.clone());
+                squares.push(mean(&image.bias_correction().unwrap().squared_noise));
+                variances += mean(&image.variance_of_mean().unwrap()) / 30.0;
+            }
+            let squared = mean(&squares);
+            // 576 pixels of each of 30 images, each with a relative variance of 2.
+            let error = (2.0 / (576.0 * 30.0f64)).sqrt();
+            assert!((squared / variances - 1.0).abs() < 4.0 * error, "{squared} {variances}");
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 mod counts;
 mod estimators;
 mod files;
+mod interval;
 mod large;
 mod merge;
 mod optimize;

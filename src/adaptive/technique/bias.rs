@@ -62,6 +62,8 @@ pub struct Bias {
 #[derive(Clone, Copy, Debug)]
 pub struct Prior {
     square: f64,
+    /// Standard deviation of `square`.
+    spread: f64,
     falls_to: f64,
     /// Lower bound of any estimate.
     minimum: f64,
@@ -80,7 +82,12 @@ impl Prior {
             }
         };
         let share = if disc { MINIMUM_OF_PRIOR_ON_DISCS } else { MINIMUM_OF_PRIOR };
-        Self { square, falls_to, minimum: share * square }
+        Self { square, spread: PRIOR_SPREAD * square, falls_to, minimum: share * square }
+    }
+
+    /// The prior with this standard deviation, relative to its mean.
+    pub fn with_spread(self, spread: f64) -> Self {
+        Self { spread: spread * self.square, ..self }
     }
 }
 
@@ -88,7 +95,12 @@ impl Bias {
     /// Combines a trial at `radius` with the prior: theory.md (93d).
     pub fn measured(trial: &Trial, radius: f64, weights: &[f64], prior: Prior) -> Self {
         let (Statistic { value, error, .. }, falls_to) = weighted_square(&trial.noise, weights);
-        let spread = PRIOR_SPREAD * prior.square;
+        Self::combined(radius, [value, error], falls_to, prior)
+    }
+
+    /// Combines a measured square and its standard error with the prior: theory.md (93d).
+    pub fn combined(radius: f64, [value, error]: [f64; 2], falls_to: f64, prior: Prior) -> Self {
+        let spread = prior.spread;
         let certainty = spread.powi(2) / (spread.powi(2) + error * error);
         let mixed = |measured: f64, prior: f64| certainty * measured + (1.0 - certainty) * prior;
         Self {
@@ -100,8 +112,8 @@ impl Bias {
     }
 
     /// The prior alone, where no trial has measured the bias of this class.
-    pub fn assumed(radius: f64, Prior { square, falls_to, .. }: Prior) -> Self {
-        Self { radius, square, error: PRIOR_SPREAD * square, falls_to }
+    pub fn assumed(radius: f64, Prior { square, spread, falls_to, .. }: Prior) -> Self {
+        Self { radius, square, error: spread, falls_to }
     }
 
     /// The squared bias and its standard error at another radius: theory.md (93b).

@@ -24,6 +24,7 @@ pub const CAMERA_STEPS: [u32; 15] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 9
 const BIASED_PIXELS: f64 = 0.15;
 
 /// Goal of the render, and the limits of the choice.
+#[derive(Clone, Copy, Debug)]
 pub struct CandidateCost {
     /// Time of all processes together, or the error to reach.
     pub end: End,
@@ -194,6 +195,16 @@ impl Best {
             End::Time(_) => self.noise2 + self.bias2,
             // The fourth power prefers less bias where no time is long enough.
             End::Error(error) => self.seconds * (self.bias2 / (error * error)).max(1.0).powi(4),
+        }
+    }
+
+    /// The same settings where `later` leaves another time than `demand`: the noise falls with the time.
+    pub fn after(&self, demand: &CandidateCost, later: &CandidateCost) -> Self {
+        match (demand.end, later.end) {
+            (End::Time(before), End::Time(seconds)) => {
+                Self { seconds, noise2: self.noise2 * before / seconds, ..*self }
+            }
+            _ => *self,
         }
     }
 

@@ -11,7 +11,10 @@ mod bias;
 mod candidate_cost;
 mod model;
 mod pilot;
+mod revision;
 mod trial;
+
+pub use revision::{Revised, Revision, TimeShare};
 
 use crate::base::error::Result;
 use crate::film::cells::CellGrid;
@@ -164,6 +167,8 @@ pub struct Selection {
     pub guide: Option<Guided>,
     /// Time of the pilot, seconds.
     pub seconds: f64,
+    /// The revision of the choice by the image's first iterations, if there was one.
+    pub revised: Option<Revised>,
 }
 
 /// A guide of light paths that pays.
@@ -363,10 +368,15 @@ pub enum End {
 ///
 /// Where no time is given, a short pilot predicts it, and a longer pilot follows if the time is long
 /// enough. The pilot runs in this process alone, whatever the number of `RenderConfig::ranks`.
+/// Returns the choice, and what may revise it once the image has rendered its first iterations.
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Selection> {
+pub fn choose(
+    renderer: &Renderer,
+    open: FreeParameters,
+    end: End,
+) -> Result<(Selection, Revision)> {
     let pilot = |budget| pilot::run(renderer, open, end, budget);
     let part = if open.any() { 1.0 } else { COUNTS_ONLY };
     let is_large = !CellGrid::of(renderer.settings().resolution()).is_single_pixels();
@@ -378,13 +388,13 @@ pub fn choose(renderer: &Renderer, open: FreeParameters, end: End) -> Result<Sel
     match end {
         End::Time(time) => pilot(share(time)),
         End::Error(_) => {
-            let first = pilot(FIRST_PILOT_TIME)?;
+            let (first, revision) = pilot(FIRST_PILOT_TIME)?;
             let budget = share(first.best().seconds / f64::from(renderer.config().ranks));
             if budget < LONGER_PILOT * FIRST_PILOT_TIME {
-                return Ok(first);
+                return Ok((first, revision));
             }
-            let again = pilot(budget)?;
-            Ok(Selection { seconds: first.seconds + again.seconds, ..again })
+            let (again, revision) = pilot(budget)?;
+            Ok((Selection { seconds: first.seconds + again.seconds, ..again }, revision))
         }
     }
 }

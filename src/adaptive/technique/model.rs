@@ -10,6 +10,7 @@ use super::Technique;
 use super::bias::{Bias, Prior};
 use super::candidate_cost::{Best, CandidateCost, MergeBias};
 use super::trial::Trial;
+use crate::adaptive::stopping::PILOT_SPREAD;
 use crate::film::annulus::left_at_half;
 use crate::noise::Coefficients;
 use crate::timing::TimeModel;
@@ -68,11 +69,31 @@ pub struct Model {
     times: TimeModel,
 }
 
+/// What the iterations of an image have measured of its technique.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageMeasurement {
+    /// Merge radii, scene units.
+    pub radii: ByClass<f64>,
+    /// Relative coefficients, means over the image.
+    pub coefficients: Coefficients,
+    /// Squared relative bias of the outer annulus and its standard error, if it is measured.
+    pub annulus_bias2: Option<ByClass<[f64; 2]>>,
+    /// Times of an iteration.
+    pub times: TimeModel,
+}
+
+impl ImageScale {
+    /// Width of what the image shows, scene units.
+    fn image_width(&self) -> f64 {
+        f64::from(self.width) * self.footprint * PI.sqrt()
+    }
+}
+
 impl Model {
     /// Fits trials at different radii. `weights` are those of the pixels' squared errors.
     pub fn new(technique: Technique, trials: &[Trial], weights: &[f64], scale: ImageScale) -> Self {
-        let ImageScale { width, footprint } = scale;
-        let across = f64::from(width) * footprint * PI.sqrt();
+        let ImageScale { footprint, .. } = scale;
+        let across = scale.image_width();
         let measured: Vec<_> = trials.iter().map(|trial| trial.relative(weights)).collect();
         let g2 = footprint * footprint;
         let both = trials.iter().any(|trial| trial.has_caustic_photons);
@@ -191,6 +212,42 @@ impl Model {
             }
         }
         best.expect("there is a step")
+    }
+
+    /// The model that agrees with what an image has measured at its radii. How noise and bias depend on the radii stays
+    /// as fitted.
+    pub fn matched(&self, image: &ImageMeasurement, scale: ImageScale) -> Self {
+        let ImageMeasurement { radii, coefficients: measured, annulus_bias2, times } = *image;
+        let own = self.coefficients(radii);
+        let measured = measured.clamped();
+        let factor = |measured: f64, own: f64| if own > 0.0 { measured / own } else { 1.0 };
+        let pairs = factor(measured.a + measured.f, own.a + own.f);
+        let light = factor(measured.f, own.f);
+        let left = left_at_half(self.technique.kernel);
+        let bias = |class: PhotonClass| {
+            let index = class as usize;
+            let (assumed, annulus_bias2) = (self.bias[index]?, annulus_bias2?[index]);
+            // theory.md (71f): the annulus holds all of the bias but what is left at half the radius.
+            let whole = (1.0 + left[index]).powi(2);
+            let prior = Prior::new(class, self.technique, radii[index] / scale.image_width());
+            let prior = prior.with_spread(PILOT_SPREAD);
+            let measured = annulus_bias2.map(|own| whole * own);
+            Some(Bias::combined(radii[index], measured, assumed.falls_to, prior))
+        };
+        let mut all = self.bias;
+        for class in [PhotonClass::Caustic, PhotonClass::Diffuse] {
+            all[class as usize] = bias(class).or(all[class as usize]);
+        }
+        let reach = radii[EVERY].max(radii[LAST]);
+        Self {
+            pairs: self.pairs.map(|part| pairs * part),
+            light: self.light.map(|part| light * part),
+            camera: measured.b,
+            bias: all,
+            times: TimeModel { merge_pair: times.merge_pair / (reach * reach), ..times },
+            is_one_trial: false,
+            ..*self
+        }
     }
 
     /// The best counts at the radii of a trial that was not fitted, by its own coefficients and times.

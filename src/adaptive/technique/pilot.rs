@@ -3,6 +3,7 @@
 
 use super::candidate_cost::{Best, CandidateCost};
 use super::model::{ENOUGH_FOUND, ImageScale, LARGEST_SCALE, Model};
+use super::revision::Revision;
 use super::trial::{Trial, TrialRunner, merging_area};
 use super::{End, FreeParameters, SceneTraits, Selection, Technique};
 use crate::base::error::Result;
@@ -65,7 +66,12 @@ const LEARNING_SHARE: f64 = 0.2;
 ///
 /// # Errors
 /// As [`Renderer::new`].
-pub fn run(renderer: &Renderer, open: FreeParameters, end: End, budget: f64) -> Result<Selection> {
+pub fn run(
+    renderer: &Renderer,
+    open: FreeParameters,
+    end: End,
+    budget: f64,
+) -> Result<(Selection, Revision)> {
     let start = Instant::now();
     let own = renderer.settings();
     let settings = &Settings { bias: open.bias(own), ..own.clone() };
@@ -91,9 +97,12 @@ pub fn run(renderer: &Renderer, open: FreeParameters, end: End, budget: f64) -> 
         Pilot { settings, demand, runner, radii, start, budget, tried, least_luminance };
     pilot.screen(candidates, each)?;
     pilot.try_large_radii(large)?;
-    let candidates = pilot.finish(last / FINALISTS)?;
-    let candidates = candidates.iter().map(|(model, best)| best.scored(model.technique)).collect();
-    Ok(Selection { candidates, open, guide, seconds: start.elapsed().as_secs_f64() })
+    let finalists = pilot.finish(last / FINALISTS)?;
+    let scored = |own: &Finalist| own.best.scored(own.model.technique);
+    let candidates = finalists.iter().map(scored).collect();
+    let revision = Revision::new(finalists, pilot.demand, pilot.scale());
+    let seconds = start.elapsed().as_secs_f64();
+    Ok((Selection { candidates, open, guide, seconds, revised: None }, revision))
 }
 
 struct Pilot<'a> {
@@ -116,11 +125,13 @@ struct Tried {
 }
 
 /// A technique at its best radii and counts, in the last round.
-struct Finalist {
-    model: Model,
-    best: Best,
+pub struct Finalist {
+    pub model: Model,
+    pub best: Best,
     /// Factor on the squared error for light that trials miss.
-    penalty: f64,
+    pub penalty: f64,
+    /// Largest mean luminance of its trials, W/(m^2 sr).
+    pub luminance: f64,
 }
 
 impl Pilot<'_> {
@@ -177,9 +188,12 @@ impl Pilot<'_> {
 
     /// Fits the trials of a technique so far. A bias that none of them measured is that of the prior.
     fn model(&self, tried: &Tried, weights: &[f64]) -> Model {
+        Model::new(tried.technique, &tried.trials, weights, self.scale())
+    }
+
+    fn scale(&self) -> ImageScale {
         let [width, _] = self.settings.full_resolution();
-        let scale = ImageScale { width, footprint: self.runner.footprint };
-        Model::new(tried.technique, &tried.trials, weights, scale)
+        ImageScale { width, footprint: self.runner.footprint }
     }
 
     /// Tries the techniques that are left at large radii, the best first, while there is time.
@@ -209,14 +223,15 @@ impl Pilot<'_> {
 
     /// Tries the best candidate at its best radii, until the best of all was tried or the time is over.
     /// Returns the best first.
-    fn finish(&mut self, seconds: f64) -> Result<Vec<(Model, Best)>> {
+    fn finish(&mut self, seconds: f64) -> Result<Vec<Finalist>> {
         let weights = common_weights(&self.tried);
         let finalist = |tried: &Tried| {
             let model = self.model(tried, &weights);
             let mut best = model.best(&self.demand);
             // Where no radius is open, or none matters, all trials were at the best radii.
             best.tried = !self.demand.open.any_radius() || !tried.technique.merges();
-            Finalist { model, best, penalty: self.penalty(tried.technique) }
+            let luminance = tried.trials.iter().map(Trial::luminance).fold(0.0, f64::max);
+            Finalist { model, best, penalty: self.penalty(tried.technique), luminance }
         };
         let mut finalists: Vec<Finalist> = self.tried.iter().map(finalist).collect();
         // Largest factor by which a trial exceeded its prediction.
@@ -236,11 +251,12 @@ impl Pilot<'_> {
             finalists.sort_by(|one, other| rank(one).total_cmp(&rank(other)));
             if finalists[0].best.tried || is_over {
                 self.try_splitting(&mut finalists[0], &weights, seconds)?;
-                return Ok(finalists.into_iter().map(|own| (own.model, own.best)).collect());
+                return Ok(finalists);
             }
-            let Finalist { model, best, .. } = &mut finalists[0];
+            let Finalist { model, best, luminance, .. } = &mut finalists[0];
             let settings = best.settings(self.settings, model.technique);
             let trial = self.trial(&settings, None, seconds)?;
+            *luminance = luminance.max(trial.luminance());
             let expected = best.rank(&self.demand);
             *best = model.tried_at(&trial, &weights, &self.demand);
             surprise = surprise.max(best.rank(&self.demand) / expected);

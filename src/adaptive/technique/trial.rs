@@ -130,7 +130,7 @@ pub struct Trial {
 
 impl Trial {
     /// Mean luminance of the sample, W/(m^2 sr).
-    fn luminance(&self) -> f64 {
+    pub fn luminance(&self) -> f64 {
         let pixels = &self.noise.pixels;
         pixels.iter().map(|pixel| pixel.luminance).sum::<f64>() / pixels.len() as f64
     }

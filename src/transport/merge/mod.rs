@@ -4,20 +4,22 @@
 //! the caches, many camera paths are merged together and their queries are sorted by zones of the map. Both orders
 //! differ in `Merge::merge_in_order` and `Merge::merge_by_zone` only and share all code for a query.
 
+mod crowded;
+mod output;
+mod point;
+
+pub use output::MergeOutput;
+
 use super::camera_paths::CameraPaths;
 use super::gather::{GatherPacket, GatherPoint};
 use super::kernel::{Admission, ByClass, MergeKernel, NestedRadii, PointKernels};
 use super::mis::Mis;
-use super::mis::merge_weights::{CutWeights, MergedPhoton, VertexWeights};
-use super::pair_list::{Pair, PairList};
+use super::pair_list::PairList;
 use super::photon::PhotonClass;
-use super::photon_map::{
-    MergeQueries, MergeQuery, MergedFlux, NoPairs, PairSink, PhotonMap, PhotonWeights, PointPairs,
-    PointSearch, QueryKind, Ranges, Unweighted,
-};
-use crate::base::math::{LUMINANCE, Rgb};
+use super::photon_map::{MergeQueries, MergeQuery, PhotonMap, PointSearch, QueryKind, Ranges};
+use crate::base::math::Rgb;
 use crate::simd::eight::{Eight, EightWork, by_eight};
-use crate::simd::{LANES, Mask, Vec3s, any};
+use crate::simd::{LANES, Mask, Vec3s};
 use std::array::from_fn;
 use std::{ops, slice};
 
@@ -52,21 +54,6 @@ pub struct Merge<'a> {
     options: MergeOptions,
     by_zone: bool,
     max_pairs: usize,
-}
-
-/// The merged light of camera paths; buffers are reused for the next ones.
-#[derive(Debug, Default)]
-pub struct MergeOutput {
-    /// `sum_i I_ij` of each camera path, W/(m^2 sr).
-    pub sums: Vec<Rgb>,
-    /// The terms of these sums, from [`Merge::gather_pairs`].
-    pub pairs: PairList,
-    /// Part of the sums from caustic photons at first vertices, if recorded. It is complete if
-    /// [`Merge::separates_caustics`].
-    pub caustics: Vec<Rgb>,
-    /// The sums less the sums at half the merge radii, by photon class, if recorded.
-    pub annulus: Vec<ByClass<Rgb>>,
-    workspace: Workspace,
 }
 
 /// Buffers for a batch of camera paths.
@@ -341,24 +328,6 @@ impl<'a> Merge<'a> {
         self.kernel.at(packet, &lit, nested)
     }
 
-    /// Merges again where the kernels show that too much is in reach, within smaller radii.
-    #[inline(always)] // vectorized
-    fn merge_crowded<E>(
-        &self,
-        batch: &Batch<E>,
-        index: usize,
-        kernels: &PointKernels,
-        ranges: &mut Ranges,
-        flux: [&mut ByClass<Vec3s>; 2],
-    ) {
-        let crowded = kernels.level.map(|level| level > 0);
-        if any(&crowded) {
-            let Batch { paths, part, .. } = *batch;
-            let lanes = (index, crowded);
-            merge_again(CrowdedLanes { merge: self, paths, part, lanes, kernels, ranges, flux });
-        }
-    }
-
     /// Tests whether there are more pairs than are listed at a time, and several camera paths to divide.
     fn are_too_many<E>(&self, batch: &Batch<E>, pairs: &PairList) -> bool {
         pairs.len() > self.max_pairs && batch.part.len() > 1
@@ -390,134 +359,6 @@ impl<'a> Merge<'a> {
                 set(inner, lane, flux.inner);
             }
         }
-    }
-
-    /// Merges the photons that one query finds. Where the BSDF is not constant, flux and weights include its value.
-    #[inline(always)] // vectorized
-    fn merge_point<E: Eight, const PAIRS: bool>(
-        &self,
-        batch: &Batch<E>,
-        search: &PointSearch,
-        pairs: &mut PairList,
-    ) -> MergedFlux {
-        let query = search.query;
-        if query.kind.is_directional() {
-            return self.merge_directional::<PAIRS>(batch.paths, search, pairs);
-        }
-        let Some(mis) = self.options.mis else {
-            return self.merge_lambertian::<E, PAIRS>(batch, search, &Unweighted, 1.0, pairs);
-        };
-        let point = batch.paths.gather_points.mis_partials(query.point as usize);
-        let has_caustics = self.map.has_caustic_photons();
-        if !query.kind.all_classes() {
-            let weights = &VertexWeights::<1>::new(&mis, point, has_caustics);
-            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
-        }
-        if mis.continues || !mis.connects {
-            let weights = &VertexWeights::<2>::new(&mis, point, has_caustics);
-            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
-        }
-        let weights = &CutWeights::new(&mis, point);
-        if has_caustics {
-            return self.merge_lambertian::<E, PAIRS>(batch, search, weights, 1.0, pairs);
-        }
-        // One weight for all photons.
-        self.merge_lambertian::<E, PAIRS>(batch, search, &Unweighted, weights.diffuse(), pairs)
-    }
-
-    /// Merges photons where the BSDF is constant. MIS weights are `weights` times `weight`.
-    #[inline(always)] // vectorized
-    fn merge_lambertian<E: Eight, const PAIRS: bool>(
-        &self,
-        batch: &Batch<E>,
-        search: &PointSearch,
-        weights: &impl PhotonWeights,
-        weight: f32,
-        pairs: &mut PairList,
-    ) -> MergedFlux {
-        let MergedFlux { all, inner } = if PAIRS {
-            let point = batch.paths.gather_points.at(search.query.point as usize);
-            let to_luminance = to_luminance(&point, search) * weight;
-            let mut sink = PointPairs::new(batch.eight, to_luminance, pairs.space(search.places()));
-            let flux = self.merge_photons(batch.eight, search, weights, &mut sink);
-            let (count, nested) = sink.finish();
-            if count > 0 {
-                pairs.commit(count, point.path, nested);
-            }
-            flux
-        } else {
-            self.merge_photons(batch.eight, search, weights, &mut NoPairs)
-        };
-        MergedFlux { all: all.map(|flux| flux * weight), inner: inner.map(|flux| flux * weight) }
-    }
-
-    #[inline(always)] // vectorized
-    fn merge_photons<E: Eight>(
-        &self,
-        eight: E,
-        search: &PointSearch,
-        weights: &impl PhotonWeights,
-        pairs: &mut impl PairSink<E>,
-    ) -> MergedFlux {
-        if self.options.records_annulus {
-            self.map.merge::<E, true>(eight, search, &self.admission, weights, pairs)
-        } else {
-            self.map.merge::<E, false>(eight, search, &self.admission, weights, pairs)
-        }
-    }
-
-    /// Merges photons where the BSDF depends on their directions.
-    #[inline(never)] // keeps the common case short
-    fn merge_directional<const PAIRS: bool>(
-        &self,
-        paths: &CameraPaths,
-        search: &PointSearch,
-        pairs: &mut PairList,
-    ) -> MergedFlux {
-        let number = search.query.point as usize;
-        let point = paths.gather_points.at(number);
-        let view = &paths.views[point.view as usize];
-        let (kernel, to_luminance) = (&search.kernel, to_luminance(&point, search));
-        let (mut sums, mut nested, mut count) = (MergedFlux::default(), [0.0; 2], 0);
-        let Admission { nested2, .. } = self.admission;
-        let of_point = |mis| (mis, paths.gather_points.mis_partials(number).earlier);
-        let mis = self.options.mis.map(of_point);
-        self.map.for_each_in(search.ranges, point.position, |photon, distance2, mis_partials| {
-            let class = photon.class();
-            let counts =
-                search.query.kind.all_classes() || mis.is_some() || class == PhotonClass::Caustic;
-            let min_radius2 = self.admission.min_radius2(photon, distance2, point.position);
-            if counts && self.admission.admits(photon, min_radius2, search.query) {
-                // theory.md (46)
-                let wi = photon.from_as_at(point.normal);
-                let mut flux = photon.flux * view.value_from(wi, &point);
-                if let Some((mis, earlier)) = mis {
-                    let photon = MergedPhoton { class, mis_partials, wi };
-                    flux *= mis.directional_weight(view, &point, earlier, &photon);
-                }
-                sums.all[self.admission.sum_of(class)] += flux;
-                if min_radius2 <= nested2[1][class as usize] {
-                    sums.inner[self.admission.sum_of(class)] += flux;
-                }
-                if PAIRS {
-                    let class = class as usize;
-                    let value = to_luminance.dot(flux * kernel.relative()[class]);
-                    // theory.md (68)
-                    let [inner, core] = [0, 1].map(|at| {
-                        let inside = min_radius2 <= nested2[at][class];
-                        if inside { kernel.nested[at][class] * value } else { 0.0 }
-                    });
-                    nested[0] += value - inner;
-                    nested[1] += inner - core;
-                    pairs.space(count + 1)[count] = Pair { light_path: photon.path, value };
-                    count += 1;
-                }
-            }
-        });
-        if count > 0 {
-            pairs.commit(count, point.path, nested);
-        }
-        sums
     }
 
     /// The query of the gather point in the lane of this number.
@@ -570,79 +411,11 @@ impl<'a> Merge<'a> {
     }
 }
 
-/// Points of a packet that are merged again, within the radii of their levels.
-struct CrowdedLanes<'a, 'b> {
-    merge: &'a Merge<'a>,
-    paths: &'a CameraPaths,
-    part: &'a ops::Range<usize>,
-    /// Index of the packet, and its points.
-    lanes: (usize, Mask),
-    kernels: &'a PointKernels,
-    ranges: &'b mut Ranges,
-    /// Flux within the radii and within half of them.
-    flux: [&'b mut ByClass<Vec3s>; 2],
-}
-
-#[inline(never)] // rare
-fn merge_again(crowded: CrowdedLanes) {
-    by_eight(crowded);
-}
-
-impl EightWork for CrowdedLanes<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<E: Eight>(self, eight: E) {
-        let Self { merge, paths, part, lanes: (index, crowded), kernels, ranges, flux } = self;
-        let batch = &Batch { eight, paths, part };
-        let packet = &batch.packets()[index];
-        merge.map.find_ranges(&packet.position, &crowded, ranges);
-        let [flux, inner] = flux;
-        let mut found = PacketFlux {
-            first: index,
-            flux: slice::from_mut(flux),
-            inner: slice::from_mut(inner),
-            kernels: slice::from_ref(kernels),
-            pairs: &mut PairList::default(),
-        };
-        let query = |lane: usize| merge.query(&packet.get(lane), index * LANES + lane);
-        merge.merge_ranges::<E, false, true>(batch, ranges, query, &mut found);
-    }
-}
-
-/// Factors from the flux of diffuse photons to the luminance that they contribute at a point.
-#[inline(always)] // vectorized
-fn to_luminance(point: &GatherPoint, search: &PointSearch) -> Rgb {
-    LUMINANCE * point.weight * search.kernel.inverse_area
-}
-
 /// Sets the flux of one lane.
 #[inline(always)] // vectorized
 fn set(flux: &mut ByClass<Vec3s>, lane: usize, found: ByClass<Rgb>) {
     for (flux, found) in flux.iter_mut().zip(found) {
         flux.set(lane, found);
-    }
-}
-
-impl MergeOutput {
-    /// Sets the sums of as many camera paths to 0.
-    fn clear(&mut self, paths: usize, options: &MergeOptions) {
-        let Self { sums, caustics, annulus, .. } = self;
-        sums.resize(paths, Rgb::ZERO);
-        caustics.resize(if options.records_caustics { paths } else { 0 }, Rgb::ZERO);
-        annulus.resize(if options.records_annulus { paths } else { 0 }, [Rgb::ZERO; 2]);
-        self.clear_part(&(0..paths));
-    }
-
-    /// Sets the sums of some camera paths to 0.
-    fn clear_part(&mut self, part: &ops::Range<usize>) {
-        self.sums[part.clone()].fill(Rgb::ZERO);
-        if !self.caustics.is_empty() {
-            self.caustics[part.clone()].fill(Rgb::ZERO);
-        }
-        if !self.annulus.is_empty() {
-            self.annulus[part.clone()].fill([Rgb::ZERO; 2]);
-        }
     }
 }
 

@@ -1,0 +1,52 @@
+//! Starts the image again if its first iterations show that the choice of the pilot was poor.
+
+use super::state::{RenderState, Status};
+use crate::adaptive::count_policy::CountPolicy;
+use crate::adaptive::technique::{Selection, TimeShare};
+use crate::base::error::Result;
+use std::sync::Arc;
+
+impl RenderState {
+    /// Checks the choice of the pilot if that is due, and starts again with other settings if that pays. Returns true if
+    /// it did.
+    ///
+    /// # Errors
+    /// If the memory does not suffice for the new settings.
+    pub(super) fn revise_choice(&mut self) -> Result<bool> {
+        let elapsed = self.elapsed().as_secs_f64();
+        let done = self.clock.rendering_time();
+        let left = self.stop.time.map(|time| (time.as_secs_f64() - elapsed).max(0.0));
+        let expected_left = left.or(self.status.forecast.map(|forecast| forecast.seconds));
+        let (Some(revision), Some(selection), Some(expected_left)) =
+            (&mut self.revision, &self.selection, expected_left)
+        else {
+            return Ok(false);
+        };
+        if !revision.is_due(&self.renderer, done, expected_left) {
+            return Ok(false);
+        }
+        let (renderer, time) = (&self.renderer, TimeShare { done, left });
+        let revised = self.threads.install(|| revision.revise(renderer, selection, time));
+        let Some(selection) = revised else { return Ok(false) };
+        self.start_again(selection)?;
+        Ok(true)
+    }
+
+    fn start_again(&mut self, selection: Selection) -> Result<()> {
+        let settings = selection.apply(&self.provenance.settings);
+        let (config, assigned) = (*self.renderer.config(), self.renderer.assigned().clone());
+        let threads = Arc::clone(&self.threads);
+        let renderer = threads.install(|| self.renderer.with_settings(settings.clone()))?;
+        self.renderer = renderer.configure(config)?;
+        self.renderer.assign(assigned);
+        self.provenance.settings = settings;
+        self.stop = self.stop.with_pilot_bias2(selection.best().bias.powi(2));
+        if let CountPolicy::Automatic(autopilot) = &mut self.policy {
+            **autopilot = autopilot.restarted(self.stop, selection.best().times);
+        }
+        self.status = Status::default();
+        self.history.clear();
+        self.selection = Some(selection);
+        Ok(())
+    }
+}
