@@ -6,9 +6,10 @@
 //! cargo run --release --example denoise_table -- scenes/cornell-box --program target/release/bdpm --times 2s,8s,30s
 //! ```
 //!
-//! What is done is kept in `--folder`: a run that was stopped goes on where it was, and what is there is not made
-//! again. The first table renders at the scene's own counts. The second and third run the program; their reference
-//! is two long renders at a third of the radii that it chose for the first image.
+//! Results are kept in `--folder`: a run that was stopped continues, and existing results are not computed again. The
+//! first table renders at the scene's own counts. The second and third run the program with and without `--denoise`.
+//! Their reference is two long renders `{scene}-{size}-reference-{seed}.exr` in the folder. If they are missing, they
+//! are rendered at a third of the radii of the first image.
 
 #[path = "../tests/common/denoised.rs"]
 mod denoised;
@@ -30,7 +31,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Compares the reported error of denoised images with the measured one.
 #[derive(Parser)]
@@ -41,6 +41,9 @@ struct Args {
     /// Pixels across
     #[arg(long, default_value_t = 96)]
     side: u32,
+    /// As many pixels down as across, instead of the scene's own aspect
+    #[arg(long)]
+    square: bool,
     /// Numbers of iterations, at the scene's own numbers of paths
     #[arg(long, value_delimiter = ',', default_value = "8,32,128")]
     iterations: Vec<u64>,
@@ -80,22 +83,26 @@ fn main() -> Result<()> {
         println!("|---|---|---|---|---|---|---|---|");
     } else {
         println!(
-            "| scene | asked | time | raw, measured | reported | denoised, measured | reported |"
+            "| scene | size | asked | error without | error with | ratio | reported | deviation | denoising | time without | time with |"
         );
-        println!("|---|---|---|---|---|---|---|");
+        println!("|---|---|---|---|---|---|---|---|---|---|---|");
     }
+    let mut rows = Vec::new();
     for scene in &args.scenes {
         if args.times.is_empty() && args.targets.is_empty() {
             errors(&args, scene)?;
         } else {
-            by_program(&args, scene)?;
+            rows.extend(by_program(&args, scene)?);
         }
     }
+    // The worst ratio comes first.
+    rows.sort_by(|(one, _), (other, _)| other.total_cmp(one));
+    rows.iter().for_each(|(_, row)| println!("{row}"));
     Ok(())
 }
 
 /// A line of a table, made only where it is not kept.
-fn kept(args: &Args, name: &str, make: impl FnOnce() -> Result<String>) -> Result<()> {
+fn kept(args: &Args, name: &str, make: impl FnOnce() -> Result<String>) -> Result<String> {
     let path = args.folder.join(format!("{name}.md"));
     let line = match fs::read_to_string(&path) {
         Ok(line) => line,
@@ -105,14 +112,14 @@ fn kept(args: &Args, name: &str, make: impl FnOnce() -> Result<String>) -> Resul
             line
         }
     };
-    println!("{line}");
-    Ok(())
+    Ok(line)
 }
 
 fn prepare(args: &Args, path: &Path) -> Result<(Arc<bdpm::Scene>, Settings)> {
     let loaded = load(path)?;
     let [width, height] = loaded.defaults.resolution.unwrap_or([1, 1]);
-    let resolution = Some([args.side, (args.side * height / width).max(1)]);
+    let height = if args.square { args.side } else { (args.side * height / width).max(1) };
+    let resolution = Some([args.side, height]);
     let wishes =
         PartialSettings { resolution, light_paths: args.light_paths, ..PartialSettings::default() };
     let settings = Settings::resolve(&wishes, &loaded.defaults, loaded.scene.size())?;
@@ -154,7 +161,7 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
     let (scene, settings) = prepare(args, path)?;
     let most = args.iterations.iter().copied().max().unwrap_or(1);
     for &iterations in &args.iterations {
-        kept(args, &format!("{}-{}-{iterations}", scene.name, args.side), || {
+        let row = kept(args, &format!("{}-{}-{iterations}", scene.name, args.side), || {
             let reference = reference(args, &scene, &settings, most * args.reference)?;
             let accel = build(Backend::default(), &scene)?;
             let mut oidn = Oidn::new(rayon::current_num_threads())?;
@@ -169,107 +176,139 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
                 (reported - measured) / error
             ))
         })?;
+        println!("{row}");
     }
     Ok(())
 }
 
-/// A render by the program: its report, and the seconds that it took with all that it prepares.
-fn run(args: &Args, path: &Path, exr: &Path, options: &[&str]) -> Result<(serde_json::Value, f64)> {
-    let start = Instant::now();
-    let mut command = Command::new(&args.program);
-    command.arg("render").arg(path).arg("--output").arg(exr).args(["--quiet", "--json"]);
-    if let Some(threads) = args.threads {
-        command.args(["--threads", &threads.to_string()]);
+/// A render by the program: its report, which is kept beside the image.
+fn run(args: &Args, path: &Path, exr: &Path, options: &[&str]) -> Result<serde_json::Value> {
+    let kept = exr.with_extension("json");
+    if !(exr.exists() && kept.exists()) {
+        let mut command = Command::new(&args.program);
+        command.arg("render").arg(path).arg("--output").arg(exr).args(["--quiet", "--json"]);
+        if let Some(threads) = args.threads {
+            command.args(["--threads", &threads.to_string()]);
+        }
+        let output = command.args(options).output();
+        let output = output.map_err(|e| Error::io("run", &args.program, e))?;
+        if !output.status.success() {
+            let printed = String::from_utf8_lossy(&output.stderr);
+            return Err(Error::new(printed, "read the message of the program").at(exr));
+        }
+        fs::write(&kept, &output.stdout).map_err(|e| Error::io("write", &kept, e))?;
     }
-    let output = command.args(options).output();
-    let output = output.map_err(|e| Error::io("run", &args.program, e))?;
-    let seconds = start.elapsed().as_secs_f64();
-    let report = serde_json::from_slice(&output.stdout).map_err(|e| {
-        let said = String::from_utf8_lossy(&output.stderr);
-        Error::new(format!("{e}: {said}"), "see what the program says").at(exr)
-    })?;
-    Ok((report, seconds))
+    let text = fs::read(&kept).map_err(|e| Error::io("read", &kept, e))?;
+    serde_json::from_slice(&text)
+        .map_err(|e| Error::new(e.to_string(), "remove the file and render again").at(&kept))
 }
 
 fn colors(exr: &Path, layer: &str) -> Result<Option<Vec<Rgb>>> {
     Ok(read_exr(exr)?.layer(layer).and_then(Layer::to_rgb))
 }
 
-/// The mean of two long renders at a third of the radii of `chosen`, whose merge bias is a ninth; with weights of the
-/// squared errors by its luminance.
-fn long_renders(
-    args: &Args,
-    path: &Path,
-    (name, size): (&str, &str),
-    chosen: &serde_json::Value,
-) -> Result<(Reference, Vec<f64>)> {
-    let mut images = Vec::new();
-    for seed in ["1000003", "1000004"] {
-        let exr = args.folder.join(format!("{name}-{size}-reference-{seed}.exr"));
-        if !exr.exists() {
-            let third = |radius: &str| (chosen[radius].as_f64().unwrap_or(0.0) / 3.0).to_string();
-            let [radius, caustic] = ["radius", "caustic_radius"].map(third);
-            let time = format!("{}s", args.reference_time);
-            let options = ["--resolution", size, "--time", &time, "--seed", seed];
-            let radii = ["--radius", &radius, "--caustic-radius", &caustic, "--layers", "none"];
-            run(args, path, &exr, &[&options[..], &radii].concat())?;
-        }
-        images.extend(colors(&exr, "")?);
-    }
-    let [one, other] = &images[..] else {
-        return Err(Error::new("a reference has no colors", "remove it and make it again"));
-    };
-    let mean: Vec<Rgb> = one.iter().zip(other).map(|(a, b)| 0.5 * (*a + *b)).collect();
-    let luminance_of = |value: &Rgb| f64::from(luminance(*value));
-    // Variance of the mean of two renders, by their difference.
-    let variance = one.iter().zip(other);
-    let variance = variance.map(|(a, b)| 0.25 * (luminance_of(a) - luminance_of(b)).powi(2));
-    let reference = Reference {
-        luminance: mean.iter().map(luminance_of).collect(),
-        variance: variance.collect(),
-    };
-    Ok((reference, importance(&mean)))
+/// Two long renders, and weights of squared errors by the luminance of their mean.
+struct LongRenders {
+    luminances: [Vec<f64>; 2],
+    weights: Vec<f64>,
 }
 
-/// Errors of what the program rendered, raw and denoised.
-fn by_program(args: &Args, path: &Path) -> Result<()> {
+impl LongRenders {
+    /// Reads the renders, or makes them at a third of the radii of `chosen`. Their merge bias is then a ninth.
+    fn of(
+        args: &Args,
+        path: &Path,
+        (name, size): (&str, &str),
+        chosen: &serde_json::Value,
+    ) -> Result<Self> {
+        let mut images = Vec::new();
+        for seed in ["1000003", "1000004"] {
+            let exr = args.folder.join(format!("{name}-{size}-reference-{seed}.exr"));
+            if !exr.exists() {
+                let third =
+                    |radius: &str| (chosen[radius].as_f64().unwrap_or(0.0) / 3.0).to_string();
+                let [radius, caustic] = ["radius", "caustic_radius"].map(third);
+                let time = format!("{}s", args.reference_time);
+                let options = ["--resolution", size, "--time", &time, "--seed", seed];
+                let radii = ["--radius", &radius, "--caustic-radius", &caustic, "--layers", "none"];
+                run(args, path, &exr, &[&options[..], &radii].concat())?;
+            }
+            images.extend(colors(&exr, "")?);
+        }
+        let [one, other] = &images[..] else {
+            return Err(Error::new("a reference has no colors", "remove it and make it again"));
+        };
+        let mean: Vec<Rgb> = one.iter().zip(other).map(|(a, b)| 0.5 * (*a + *b)).collect();
+        let luminances = [one, other]
+            .map(|image| image.iter().map(|value| f64::from(luminance(*value))).collect());
+        Ok(Self { luminances, weights: importance(&mean) })
+    }
+
+    /// Relative squared error of an image: the mean product of its differences to both renders, whose noise is
+    /// independent and cancels.
+    fn squared_error(&self, image: &[Rgb]) -> f64 {
+        let [one, other] = &self.luminances;
+        let references = one.iter().zip(other).zip(&self.weights);
+        let term = |(value, ((a, b), weight)): (&Rgb, ((&f64, &f64), &f64))| {
+            let value = f64::from(luminance(*value));
+            weight * (value - a) * (value - b)
+        };
+        image.iter().zip(references).map(term).sum::<f64>() / image.len() as f64
+    }
+}
+
+/// Rows with the delivered error with `--denoise` over that without, and this ratio.
+fn by_program(args: &Args, path: &Path) -> Result<Vec<(f64, String)>> {
     let (scene, settings) = prepare(args, path)?;
     let size = format!("{}x{}", settings.width, settings.height);
     let asked = args.times.iter().map(|time| ("--time", time));
     let asked = asked.chain(args.targets.iter().map(|error| ("--target-error", error)));
+    let mut rows = Vec::new();
     for (option, value) in asked {
-        for denoise in [&["--denoise"][..], &[]] {
-            if denoise.is_empty() && option == "--time" {
-                continue; // The raw image is in the same file.
-            }
-            let kind = if denoise.is_empty() { "raw" } else { "denoised" };
-            let name = format!("{}-{size}{option}-{value}-{kind}", scene.name);
-            kept(args, &name, || {
-                let exr = args.folder.join(format!("{name}.exr"));
+        let name = format!("{}-{size}{option}-{value}", scene.name);
+        let row = kept(args, &name, || {
+            let mut measured = Vec::new();
+            for (kind, denoise) in [("raw", &[][..]), ("denoised", &["--denoise"])] {
+                let exr = args.folder.join(format!("{name}-{kind}.exr"));
                 let options = [&["--resolution", &size, option, value][..], denoise].concat();
-                let (report, seconds) = run(args, path, &exr, &options)?;
+                let report = run(args, path, &exr, &options)?;
                 let names = (&scene.name[..], &size[..]);
-                let (reference, weights) = long_renders(args, path, names, &report["settings"])?;
-                let measured = |layer: &str| -> Result<Option<f64>> {
-                    let error = |pixels: Vec<Rgb>| {
-                        let lit = pixels.iter().map(|value| f64::from(luminance(*value)));
-                        reference.error(lit, &weights).max(0.0).sqrt()
-                    };
-                    Ok(colors(&exr, layer)?.map(error))
+                let references = LongRenders::of(args, path, names, &report["settings"])?;
+                let delivered = match colors(&exr, "denoised")? {
+                    Some(image) => Some(image),
+                    None => colors(&exr, "")?,
                 };
-                let show = |error: Option<f64>| {
-                    error.map_or(String::new(), |e| format!("{:.2} %", 100.0 * e))
-                };
-                Ok(format!(
-                    "| {} | {value} | {seconds:.1} s | {} | {} | {} | {} |",
-                    scene.name,
-                    show(measured("")?),
-                    show(report["error"]["total"].as_f64()),
-                    show(measured("denoised")?),
-                    show(report["denoised"]["total_error"].as_f64())
-                ))
-            })?;
-        }
+                let squared = references.squared_error(&delivered.unwrap_or_default());
+                let seconds = report["seconds"]["total"].as_f64().unwrap_or(0.0);
+                measured.push((squared.max(0.0).sqrt(), report, seconds));
+            }
+            let [(raw, _, raw_seconds), (error, report, seconds)] = &measured[..] else {
+                unreachable!("two renders")
+            };
+            let of_denoised = &report["denoised"];
+            let reported = of_denoised["total_error"].as_f64();
+            let deviation = reported.zip(of_denoised["error"]["standard_error"].as_f64()).map_or(
+                String::new(),
+                |(reported, standard_error)| {
+                    format!("{:+.1}", (reported.powi(2) - error * error) / standard_error)
+                },
+            );
+            let reported = reported.or(report["error"]["total"].as_f64());
+            let percent = |error: f64| format!("{:.2} %", 100.0 * error);
+            let is_raw = of_denoised.is_null() || of_denoised["is_raw"] == true;
+            Ok(format!(
+                "| {} | {size} | {value} | {} | {} | {:.2} | {} | {deviation} | {:.2} s{} | {raw_seconds:.1} s | {seconds:.1} s |",
+                scene.name,
+                percent(*raw),
+                percent(*error),
+                error / raw,
+                reported.map_or("unknown".into(), percent),
+                of_denoised["seconds"].as_f64().unwrap_or(0.0),
+                if is_raw { ", raw" } else { "" },
+            ))
+        })?;
+        let ratio = row.split('|').nth(6).and_then(|ratio| ratio.trim().parse().ok());
+        rows.push((ratio.unwrap_or(f64::NAN), row));
     }
-    Ok(())
+    Ok(rows)
 }

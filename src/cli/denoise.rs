@@ -49,7 +49,9 @@ pub fn run(args: &Args) -> Result<String> {
     let start = Instant::now();
     let (radiance, guides) = inputs(&image).map_err(|e| e.at(&args.image))?;
     let size = (image.width, image.height);
-    let denoised = Denoised { image: oidn.denoise(size, &radiance, &guides)?, error: None };
+    let guides = oidn.prefilter(size, guides)?;
+    let pixels = oidn.denoise(size, &radiance, &guides)?;
+    let denoised = Denoised { image: pixels, error: None, is_raw: false };
     let (seconds, guided) = (start.elapsed().as_secs_f64(), !guides.albedo.is_empty());
     // Layers and errors of an earlier denoised image no longer hold.
     image.layers.retain(|layer| !layer.name.starts_with("denoised"));

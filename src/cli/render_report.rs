@@ -225,6 +225,10 @@ fn processes(run: &RunReport) -> String {
 /// The error of the denoised image, and of the raw image.
 fn denoised(report: &DenoisedReport) -> String {
     let Some(error) = &report.error else {
+        if report.is_raw {
+            return "not denoised: the raw image has a small enough error, so it is the result\n"
+                .into();
+        }
         return "denoised; the error is not known: there was too little time or too few iterations\n"
             .into();
     };
@@ -237,7 +241,9 @@ fn denoised(report: &DenoisedReport) -> String {
         n - 1,
         percent(error.raw),
     );
-    if error.worse >= 0.01 {
+    if report.is_raw {
+        text += "the raw image has a smaller error than the denoised one, so it is the result\n";
+    } else if error.worse >= 0.01 {
         text += &format!(
             "the denoiser alone has a larger error than the raw image in {:.0} % of the image ({:.2} % overall), so {:.0} % of the raw image are mixed in\n",
             100.0 * error.worse,

@@ -5,7 +5,7 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::film::folds::DENOISE_FOLDS;
 use crate::noise::bias::UPPER_BOUND;
-use crate::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, denoise};
+use crate::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, Quality, denoise, guides};
 use crate::render::Renderer;
 use crate::render::block::CombinedImage;
 use serde::Serialize;
@@ -13,19 +13,36 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Maximum share of the time for denoising at the end. If leaving out every fold takes longer, fewer folds are
-/// left out.
-const DENOISE_SHARE: f64 = 0.25;
+/// Maximum share of the given time for all runs of the denoiser.
+const DENOISE_SHARE: f64 = 0.12;
+
+/// Relative RMS noise that the pilot predicts for the end, below which denoising does not pay: the time of the denoiser
+/// adds more noise than its result removes. Measured: docs/measurements/denoising.md.
+const MIN_NOISE: f64 = 0.02;
+
+/// Maximum side of the image with which the time of the denoiser is measured, pixels.
+const TIMED_SIDE: u32 = 128;
+
+/// Factor by which the time of a run may exceed that of the small image per pixel.
+const TIME_MARGIN: f64 = 1.3;
 
 /// Minimum number of iterations per fold before the error of a denoised image is estimated during the render.
 const MIN_ITERATIONS_PER_FOLD: u64 = 2;
 
-/// Share of the time that estimating the error during the render may take.
-const CHECK_SHARE: f64 = 0.2;
+/// Share of the time that estimating the error for a target may take during the render.
+const CHECK_SHARE: f64 = 0.04;
+
+/// Minimum of the time that rendering without the denoiser would still take to a target, as a factor of the time of a
+/// check.
+const MIN_SAVING: f64 = 3.0;
 
 /// Range of the ratio between the rendering times of two estimates of the error, within which it follows the
 /// expected decrease of the error.
 const CHECK_GROWTH: Range<f64> = 1.1..2.0;
+
+/// Maximum share of the raw image's squared error at the end that the denoised image is expected to have. Denoising is
+/// given up above it.
+const MAX_EXPECTED_SHARE: f64 = 0.85;
 
 /// Assumed power of the time with which the squared error of denoised images decreases. It is below 1, the power of
 /// noise, since the denoiser's bias decreases later. Only the next check and promises depend on it.
@@ -34,22 +51,53 @@ const DENOISED_DECAY: f64 = 0.7;
 /// Share of the given time after which the error at its end is promised.
 const PROMISE_AFTER: f64 = 0.25;
 
-/// Maximum share of the time that this estimate may take.
-const PROMISE_SHARE: f64 = 0.1;
+/// Effort of denoising an image with its error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Effort {
+    quality: Quality,
+    /// Whether noisy guides are denoised first. Otherwise, the denoiser uses noisy guides.
+    prefilter: bool,
+    /// Number of folds that are left out in turn; 0 leaves the error unknown.
+    folds: usize,
+}
 
-/// Factor by which denoising the guides prolongs a run of the denoiser.
-const NOISY_GUIDES: usize = 3;
+/// Effort without a limit of time.
+const FULL: Effort = Effort { quality: Quality::High, prefilter: true, folds: DENOISE_FOLDS };
+
+/// Effort for the checks of a target.
+const CHECK: Effort = Effort { quality: Quality::Fast, prefilter: false, folds: 4 };
+
+/// Efforts for a given time, the best first. In short renders, higher qualities and denoised guides take several times
+/// as long and do not reduce the error: docs/measurements/denoising.md.
+const EFFORTS: [Effort; 4] = [
+    Effort { quality: Quality::Fast, prefilter: false, folds: DENOISE_FOLDS },
+    CHECK,
+    Effort { quality: Quality::Fast, prefilter: false, folds: 2 },
+    Effort { quality: Quality::Fast, prefilter: false, folds: 0 },
+];
+
+impl Effort {
+    /// Time as a factor of a run of [`Quality::Fast`]. Measured: docs/measurements/denoising.md.
+    fn runs(self) -> f64 {
+        let run = match self.quality {
+            Quality::Fast => 1.0,
+            Quality::High => 4.7,
+        };
+        let prefilter = if self.prefilter { 2.0 * run } else { 0.0 };
+        prefilter + run * (self.folds as f64 + 1.0)
+    }
+}
 
 /// The denoiser and its latest result.
 pub struct Denoising {
     /// Locked by one thread at a time. Pages read the other fields from several threads.
     oidn: Mutex<Oidn>,
     size: (u32, u32),
-    /// Number of folds that are left out in turn; 0 if the time is too short for that.
-    folds: usize,
-    is_timed: bool,
-    /// Time of a run with clean guides. Noisy guides multiply it by [`NOISY_GUIDES`].
-    run_time: Duration,
+    effort: Effort,
+    /// Time of the runs at the end, which is reserved from the given time.
+    reserve: Duration,
+    /// True if the estimate at a part of the time showed that denoising does not pay.
+    is_given_up: bool,
     /// Time of all runs.
     pub time: Duration,
     /// Rendering time at which the error is estimated next.
@@ -84,57 +132,83 @@ pub struct DenoisedReport {
     pub error: Option<ErrorSummary>,
     /// The promised error, if one was made.
     pub promise: Option<DenoisedPromise>,
+    /// True if the raw image is the result: it has the smaller error, or denoising was given up.
+    pub is_raw: bool,
     /// Time of all runs of the denoiser, seconds.
     pub seconds: f64,
 }
 
 impl Denoising {
-    /// Loads the denoiser and measures the time of a run. If `time` is given, the number of folds is chosen such
-    /// that the final denoising fits in its share of it.
-    pub fn new(threads: usize, size: (u32, u32), time: Option<Duration>) -> Result<Self> {
+    /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the effort: the best one
+    /// whose time is at most [`DENOISE_SHARE`] of a given time. `None` if there is none.
+    pub fn new(threads: usize, size: (u32, u32), stop: &Stop) -> Result<Option<Self>> {
+        let start = Instant::now();
         let mut oidn = Oidn::new(threads)?;
-        let pixels = size.0 as usize * size.1 as usize;
-        let gray = vec![Rgb::splat(0.5); pixels];
+        oidn.set_quality(Quality::Fast);
+        let small = (size.0.min(TIMED_SIDE), size.1.min(TIMED_SIDE));
+        let [pixels, small_pixels] =
+            [size, small].map(|(width, height)| f64::from(width) * f64::from(height));
+        let gray = vec![Rgb::splat(0.5); small_pixels as usize];
         let guides = Guides { albedo: gray.clone(), normal: gray.clone(), clean: true };
         let mut timed_run = || {
             let start = Instant::now();
-            oidn.denoise(size, &gray, &guides).map(|_| start.elapsed())
+            oidn.denoise(small, &gray, &guides).map(|_| start.elapsed())
         };
         // The first run also reads the library's weights.
-        let (first, run_time) = (timed_run()?, timed_run()?);
-        let max_runs =
-            |time: Duration| time.mul_f64(DENOISE_SHARE).div_duration_f64(run_time) as usize;
-        let folds =
-            time.map_or(DENOISE_FOLDS, |time| largest_split(max_runs(time).saturating_sub(1)));
-        Ok(Self {
+        timed_run()?;
+        let run_time = timed_run()?.min(timed_run()?).mul_f64(TIME_MARGIN * pixels / small_pixels);
+        let time = start.elapsed();
+        let effort = match stop.time {
+            Some(limit) => {
+                let allowed = limit.mul_f64(DENOISE_SHARE).saturating_sub(time);
+                let fits = |effort: &Effort| run_time.mul_f64(effort.runs()) <= allowed;
+                let Some(effort) = EFFORTS.into_iter().find(fits) else { return Ok(None) };
+                effort
+            }
+            None if stop.error.is_some() => CHECK,
+            None => FULL,
+        };
+        oidn.set_quality(effort.quality);
+        Ok(Some(Self {
             oidn: Mutex::new(oidn),
             size,
-            folds,
-            is_timed: time.is_some(),
-            run_time,
-            time: first + run_time,
+            effort,
+            reserve: run_time.mul_f64(effort.runs()),
+            is_given_up: false,
+            time,
             next_check: Duration::ZERO,
             latest: None,
             iterations: 0,
             promise: None,
             failure: None,
-        })
+        }))
     }
 
-    /// Approximate time of denoising the final image with its error.
+    /// Returns true if denoising can pay at this relative RMS noise, which is predicted for the end of a given time.
+    pub fn can_pay(noise: f64) -> bool {
+        noise >= MIN_NOISE
+    }
+
+    /// Approximate time of denoising the final image with its error; 0 once denoising is given up.
     pub fn reserve(&self) -> Duration {
-        self.run_time * (self.folds as u32 + 1)
+        if self.is_given_up { Duration::ZERO } else { self.reserve }
     }
 
     /// Denoises the image, with its error if there is time for that. Keeps the latest result if the image has no
-    /// new iterations.
+    /// new iterations. Does nothing once denoising is given up.
     pub fn denoise(&mut self, renderer: &Renderer, image: &CombinedImage) -> Result<()> {
         let iterations = image.iterations();
-        if self.latest.is_none() || iterations != self.iterations {
-            self.latest = Some(self.run(renderer, image, self.folds)?);
+        if !self.is_given_up && (self.latest.is_none() || iterations != self.iterations) {
+            self.latest = Some(self.run(renderer, image, self.effort.folds)?);
             self.iterations = iterations;
         }
         Ok(())
+    }
+
+    /// Gives up denoising: the raw image is the result.
+    pub fn give_up(&mut self) {
+        self.is_given_up = true;
+        self.latest = None;
     }
 
     /// Denoises the image without its error.
@@ -149,13 +223,13 @@ impl Denoising {
         folds: usize,
     ) -> Result<Denoised> {
         let start = Instant::now();
-        let size = self.size;
+        let (size, effort) = (self.size, self.effort);
         let oidn = self.oidn.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let run = |radiance: &[Rgb], guides: &Guides| oidn.denoise(size, radiance, guides);
-        // Noisy guides have to be denoised as well: a timed job then leaves out fewer folds in the same time.
-        let fewer = if self.is_timed { largest_split(folds / NOISY_GUIDES) } else { folds };
-        let folds = |clean: bool| if clean { folds } else { fewer };
-        let denoised = denoise(image, renderer.shared().features.as_ref(), folds, run);
+        let mut guides = guides(image, renderer.shared().features.as_ref());
+        if effort.prefilter {
+            guides = oidn.prefilter(size, guides)?;
+        }
+        let denoised = denoise(image, folds, |radiance| oidn.denoise(size, radiance, &guides));
         self.time += start.elapsed();
         denoised
     }
@@ -174,46 +248,107 @@ impl Denoising {
             total_error: error.map(with_bias),
             error,
             promise: self.promise,
+            is_raw: self.is_given_up || self.latest.as_ref().is_some_and(|latest| latest.is_raw),
             seconds: self.time.as_secs_f64(),
         }
     }
 
     /// Returns true if the error should be estimated after this rendering time: repeatedly for a target, once for
-    /// the promise of a given time.
-    pub fn is_due(&self, elapsed: Duration, iterations: u64, stop: &Stop) -> bool {
-        if self.folds == 0 || iterations < MIN_ITERATIONS_PER_FOLD * self.folds as u64 {
+    /// the promise of a given time. `remaining` is the forecast of the time to the target without the denoiser, if it
+    /// is known.
+    pub fn is_due(
+        &self,
+        elapsed: Duration,
+        iterations: u64,
+        stop: &Stop,
+        remaining: Option<Duration>,
+    ) -> bool {
+        let folds = self.effort.folds as u64;
+        if self.is_given_up || folds == 0 || iterations < MIN_ITERATIONS_PER_FOLD * folds {
             return false;
         }
         let is_promise_due = stop.time.is_some_and(|time| {
             self.promise.is_none()
                 && elapsed >= time.mul_f64(PROMISE_AFTER)
-                && self.reserve() <= time.mul_f64(PROMISE_SHARE)
+                && self.time + 2 * self.reserve <= time.mul_f64(DENOISE_SHARE)
         });
-        let cost = self.reserve().div_f64(CHECK_SHARE);
-        is_promise_due || stop.error.is_some() && elapsed >= self.next_check.max(cost)
+        let is_check_due = stop.error.is_some()
+            && elapsed >= self.next_check.max(self.reserve.div_f64(CHECK_SHARE))
+            && remaining.is_some_and(|remaining| remaining > self.reserve.mul_f64(MIN_SAVING));
+        is_promise_due || is_check_due
     }
 
     /// Uses an error that was just estimated: makes the promise, plans the next estimate, and returns true if the
-    /// error is small enough to stop.
+    /// error is small enough to stop. Gives up denoising if it is not expected to pay at the end of a given time.
     pub fn check_target(&mut self, elapsed: Duration, stop: &Stop) -> bool {
         let Some(error) = self.error().copied() else { return false };
         if let (Some(time), None) = (stop.time, self.promise) {
             let left = elapsed.as_secs_f64() / time.as_secs_f64().max(elapsed.as_secs_f64());
-            let squared = error.squared.max(0.0) * left.powf(DENOISED_DECAY) + stop.bias2;
+            let squared = error.squared.max(0.0) * left.powf(DENOISED_DECAY);
             let said_after = elapsed.as_secs_f64();
-            self.promise = Some(DenoisedPromise { error: squared.sqrt(), said_after });
+            if squared > MAX_EXPECTED_SHARE * error.raw * left {
+                self.give_up();
+                return false;
+            }
+            self.promise =
+                Some(DenoisedPromise { error: (squared + stop.bias2).sqrt(), said_after });
         }
         let Some(target) = stop.error else { return false };
         let excess = error.bound(UPPER_BOUND) / stop.noise2(target);
         let growth =
             excess.powf(DENOISED_DECAY.recip()).clamp(CHECK_GROWTH.start, CHECK_GROWTH.end);
-        let pause = self.reserve().div_f64(CHECK_SHARE);
+        let pause = self.reserve.div_f64(CHECK_SHARE);
         self.next_check = (elapsed + pause).max(elapsed.mul_f64(growth));
         excess <= 1.0
     }
 }
 
-/// The largest usable number of folds that is at most `max_folds`; 0 if there is none.
-fn largest_split(max_folds: usize) -> usize {
-    [DENOISE_FOLDS, DENOISE_FOLDS / 2].into_iter().find(|n| *n <= max_folds).unwrap_or(0)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::denoise::DenoisedError;
+
+    fn timed(time: Duration) -> Option<Denoising> {
+        Denoising::new(2, (40, 30), &Stop::time(time)).unwrap()
+    }
+
+    #[test]
+    fn efforts_for_a_given_time_get_cheaper() {
+        let runs: Vec<f64> = EFFORTS.iter().map(|effort| effort.runs()).collect();
+        assert!(runs.is_sorted_by(|one, other| one > other), "{runs:?}");
+        assert!(FULL.runs() > runs[0]);
+    }
+
+    #[test]
+    fn denoising_is_left_out_of_a_time_that_it_would_exceed() {
+        assert!(timed(Duration::from_millis(1)).is_none());
+        let denoising = timed(Duration::from_secs(3600)).unwrap();
+        assert_eq!(denoising.effort, EFFORTS[0]);
+        assert!(denoising.time + denoising.reserve() <= Duration::from_secs(432));
+    }
+
+    #[test]
+    fn denoising_is_given_up_if_the_raw_image_will_be_about_as_good() {
+        for (squared, is_given_up) in [(0.9e-3, true), (0.2e-3, false)] {
+            let mut denoising = timed(Duration::from_secs(100)).unwrap();
+            let whole = ErrorSummary {
+                squared,
+                standard_error: 1e-5,
+                unmixed: squared,
+                unmixed_error: 1e-5,
+                raw: 1e-3,
+                raw_share: 0.0,
+                worse: 0.0,
+                folds: 8,
+            };
+            let error = DenoisedError { whole, map: Vec::new(), raw_share: Vec::new() };
+            let image = Vec::new();
+            denoising.latest = Some(Denoised { image, error: Some(error), is_raw: false });
+            let stop = Stop::time(Duration::from_secs(100));
+            assert!(!denoising.check_target(Duration::from_secs(25), &stop));
+            assert_eq!(denoising.promise.is_none(), is_given_up);
+            assert_eq!(denoising.latest.is_none(), is_given_up);
+            assert_eq!(denoising.reserve().is_zero(), is_given_up);
+        }
+    }
 }

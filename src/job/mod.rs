@@ -331,11 +331,14 @@ impl RenderJob {
         if let Some(iterations) = &iterations {
             stop.iterations = Some(iterations.assigned.count());
         }
-        let denoising = self.denoise.then(|| {
+        let mut denoising = None;
+        if self.denoise {
             let Settings { width, height, .. } = provenance.settings;
-            Denoising::new(threads.current_num_threads(), (width, height), stop.time)
-        });
-        let denoising = denoising.transpose()?;
+            denoising = Denoising::new(threads.current_num_threads(), (width, height), &stop)?;
+            if denoising.is_none() {
+                self.leave_out_denoising("it would take too much of the time", &mut observer);
+            }
+        }
         if let (Some(time), Some(denoising)) = (&mut stop.time, &denoising) {
             *time = time.saturating_sub(denoising.reserve());
         }
@@ -362,6 +365,15 @@ impl RenderJob {
             revision = (free.any() && leader.is_none()).then_some(may_revise);
             provenance.settings = chosen.apply(&provenance.settings);
             stop = stop.with_pilot_bias2(chosen.best().bias.powi(2));
+            let noise = chosen.best().noise;
+            if let (Some(time), Some(unused)) = (&mut stop.time, &denoising)
+                && !Denoising::can_pay(noise)
+            {
+                *time += unused.reserve();
+                denoising = None;
+                let reason = format!("the noise will be {:.1} % without it", 100.0 * noise);
+                self.leave_out_denoising(&reason, &mut observer);
+            }
             let settings = provenance.settings.clone();
             renderer = threads.install(|| renderer.with_settings(settings))?;
             selection = Some(chosen);
@@ -417,6 +429,16 @@ impl RenderJob {
             clock: RunClock::new(start, self.min_iterations, reserve),
         };
         iterate::run(state, leader, &mut observer)
+    }
+
+    /// Renders the raw image, since denoising does not pay.
+    fn leave_out_denoising(
+        &mut self,
+        reason: &str,
+        observer: &mut impl FnMut(Event) -> ControlFlow<()>,
+    ) {
+        self.denoise = false;
+        let _ = observer(Event::Warning(format!("the image will not be denoised: {reason}")));
     }
 
     /// Renders as a rank other than 0 of several processes, until rank 0 has no more work for it.
@@ -511,9 +533,8 @@ impl RenderJob {
             guide: any && fixed.guide.is_none(),
             sobol_set: any && fixed.sobol_set.is_none(),
             splitting: any && fixed.splitting.is_none(),
-            // At radii that the user chose, the image keeps its bias. The denoiser needs the uncorrected image of
-            // each fold.
-            bias: (radius || caustic_radius) && fixed.bias.is_none() && !self.denoise,
+            // At radii that the user chose, the image keeps its bias.
+            bias: (radius || caustic_radius) && fixed.bias.is_none(),
         }
     }
 

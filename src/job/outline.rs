@@ -85,7 +85,7 @@ impl RenderJob {
         self.batch_grain(&provenance.settings, self.is_automatic())?;
         if self.denoise {
             let size = provenance.settings.resolution();
-            Denoising::new(threads.current_num_threads(), size, self.stop.time)?;
+            Denoising::new(threads.current_num_threads(), size, &self.stop_with_default())?;
         }
         let (Some(time), Some(counts)) = (self.stop.time, self.fixed_counts(provenance)) else {
             return Ok(None);

@@ -403,19 +403,35 @@ impl RenderState {
     pub(super) fn denoised_error(&mut self) -> Result<Option<(ErrorSummary, bool)>> {
         let (elapsed, stop) = (self.elapsed(), self.stop);
         let iterations = self.renderer.iterations();
-        if !self.denoising.as_ref().is_some_and(|d| d.is_due(elapsed, iterations, &stop)) {
+        let remaining = self.status.forecast.map(|forecast| forecast.seconds);
+        let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        let is_due = |d: &Denoising| d.is_due(elapsed, iterations, &stop, remaining);
+        if !self.denoising.as_ref().is_some_and(is_due) {
             return Ok(None);
         }
+        let reserved = self.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
         let suffices = self.with_denoiser(|denoising, renderer, image| {
             denoising.denoise(renderer, image)?;
             Ok(denoising.check_target(elapsed, &stop))
         })?;
+        // If denoising was given up, its time is for samples.
+        let kept = self.denoising.as_ref().map_or(Duration::ZERO, Denoising::reserve);
+        if let Some(time) = &mut self.stop.time {
+            *time += reserved.saturating_sub(kept);
+        }
         let error = self.denoising.as_ref().and_then(|denoising| denoising.error().copied());
         Ok(error.zip(suffices))
     }
 
-    /// Denoises the final image, with its error.
+    /// Denoises the final image, with its error. A raw image that reached the target is the result as it is.
     pub(super) fn denoise(&mut self) -> Result<()> {
+        let convergence = self.status.convergence.as_ref();
+        if self.stop.time.is_none()
+            && convergence.is_some_and(|now| now.is_good_enough(&self.stop))
+            && let Some(denoising) = &mut self.denoising
+        {
+            denoising.give_up();
+        }
         self.with_denoiser(|denoising, renderer, image| denoising.denoise(renderer, image))?;
         Ok(())
     }

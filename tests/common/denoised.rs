@@ -6,7 +6,7 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, importance};
+use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, guides, importance};
 use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
@@ -82,14 +82,13 @@ pub fn compare(
         Renderer::new(scene, accel, settings.clone()).unwrap().configure(config).unwrap();
     (0..iterations).for_each(|_| drop(renderer.iterate(Measure::Off)));
     let image = CombinedImage::new(renderer.blocks(), vec![1.0]);
-    let parts =
-        FoldedImage::new(&image, renderer.shared().features.as_ref(), DENOISE_FOLDS).unwrap();
+    let parts = FoldedImage::new(&image, DENOISE_FOLDS).unwrap();
     let size = image.resolution();
+    let guides = guides(&image, renderer.shared().features.as_ref());
+    let guides = oidn.prefilter(size, guides).unwrap();
     let folds =
-        CrossValidation::new(&parts, |radiance, guides| oidn.denoise(size, radiance, guides))
-            .unwrap();
+        CrossValidation::new(&parts, |radiance| oidn.denoise(size, radiance, &guides)).unwrap();
     let raw = image.mean();
-    let guides = parts.guides();
     let denoised = oidn.denoise(size, &raw, &guides).unwrap();
     let weights = importance(&denoised);
     let mix = Mix::new(&folds, &weights, size);

@@ -1,7 +1,12 @@
 //! `bdpm render --layers`, `--denoise`, and `bdpm denoise`.
 
 use crate::common::program_output::{assert_refused, json, succeed};
+use bdpm::base::math::Rgb;
+use bdpm::film::aov::AovSelection;
 use bdpm::image_io::{Image, read_exr};
+use bdpm::output::denoise::denoise;
+use bdpm::settings::PartialSettings;
+use bdpm::{RenderJob, Stop};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -97,6 +102,33 @@ fn a_denoised_image_is_a_layer_with_its_error_and_a_resumed_one_is_the_same() {
     json(&render(&resumed, &go_on));
     let image = (image, read_exr(&resumed).unwrap());
     assert_eq!(image.0.layers, image.1.layers);
+}
+
+#[test]
+fn denoiser_that_destroys_the_image_leaves_the_raw_image() {
+    let loaded = bdpm::load(Path::new(SCENE)).unwrap();
+    let settings = PartialSettings {
+        resolution: Some([40, 30]),
+        light_paths: Some(2000),
+        camera_paths: Some(4),
+        ..PartialSettings::default()
+    };
+    let stop = Stop::iterations(16);
+    let aovs = AovSelection { folds: true, ..AovSelection::default() };
+    let result = RenderJob::new(&loaded).settings(settings).stop(stop).aovs(aovs).render().unwrap();
+    let image = result.state.image();
+    for folds in [8, 4, 2] {
+        let black = |radiance: &[Rgb]| Ok(vec![Rgb::splat(1e-3); radiance.len()]);
+        let delivered = denoise(&image, folds, black).unwrap();
+        let error = delivered.error.unwrap().whole;
+        assert_eq!(error.folds, folds);
+        assert!(error.unmixed > 4.0 * error.raw && error.squared <= error.raw, "{error:?}");
+        assert!(error.raw_share > 0.9, "{error:?}");
+        let perfect = |_: &[Rgb]| Ok(result.image.clone());
+        assert!(!denoise(&image, folds, perfect).unwrap().is_raw);
+    }
+    let unknown = denoise(&image, 0, |radiance| Ok(radiance.to_vec())).unwrap();
+    assert!(unknown.error.is_none());
 }
 
 #[test]

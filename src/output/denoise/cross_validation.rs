@@ -1,6 +1,6 @@
 //! The error of a denoised image, by leaving folds of the iterations out (docs/explanation/denoising.md).
 
-use super::{BOX_RADIUS, FoldedImage, Guides, Mix};
+use super::{BOX_RADIUS, FoldedImage, Mix};
 use crate::base::error::Result;
 use crate::base::math::{Rgb, luminance};
 use crate::film::folds::DENOISE_FOLDS;
@@ -15,6 +15,9 @@ pub struct CrossValidation {
     pub(super) raw: Vec<Vec<f32>>,
     /// `D_-i`, denoised from the other folds.
     pub(super) denoised: Vec<Vec<f32>>,
+    /// Independent parts of each fold. Their differences give the noise of the fold where there are two folds only;
+    /// empty for more folds.
+    pub(super) parts: Vec<Vec<Vec<f32>>>,
 }
 
 /// Estimate of a squared error.
@@ -33,15 +36,19 @@ impl CrossValidation {
     /// Those of the denoiser.
     pub fn new(
         image: &FoldedImage,
-        mut denoiser: impl FnMut(&[Rgb], &Guides) -> Result<Vec<Rgb>>,
+        mut denoiser: impl FnMut(&[Rgb]) -> Result<Vec<Rgb>>,
     ) -> Result<Self> {
         let luminances = |image: &[Rgb]| image.iter().map(|value| luminance(*value)).collect();
-        let mut validation = Self { fold: Vec::new(), raw: Vec::new(), denoised: Vec::new() };
+        let [fold, raw, denoised] = [const { Vec::new() }; 3];
+        let mut validation = Self { fold, raw, denoised, parts: Vec::new() };
         for fold in 0..image.fold_count() {
-            let (others, guides) = image.without(fold);
+            let others = image.without(fold);
             validation.fold.push(image.luminance_of(fold));
             validation.raw.push(luminances(&others));
-            validation.denoised.push(luminances(&denoiser(&others, &guides)?));
+            validation.denoised.push(luminances(&denoiser(&others)?));
+            if image.fold_count() == 2 {
+                validation.parts.push(image.parts_of(fold));
+            }
         }
         Ok(validation)
     }
@@ -66,9 +73,27 @@ impl CrossValidation {
         Self { denoised: pairs.map(fold).collect(), ..self.clone() }
     }
 
+    /// Cross-validation of the raw images.
+    pub fn of_raw(&self) -> Self {
+        Self { denoised: self.raw.clone(), ..self.clone() }
+    }
+
     /// `mean_i (D_-i - B_i)^2 - s^2` of a pixel: an unbiased estimate of the squared error of an image from `(n-1)/n`
-    /// of the samples.
+    /// of the samples. With two folds it is the mean product of `D_-i - B_ij` and `D_-i - B_ik`, over pairs of
+    /// different parts `B_ij` and `B_ik` of a fold.
     pub fn squared(&self, pixel: usize) -> f64 {
+        if !self.parts.is_empty() {
+            let of_fold = |fold: usize| {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for part in &self.parts[fold] {
+                    let distance = f64::from(self.denoised[fold][pixel] - part[pixel]);
+                    (sum, squares) = (sum + distance, squares + distance * distance);
+                }
+                let parts = self.parts[fold].len() as f64;
+                (sum * sum - squares) / (parts * (parts - 1.0))
+            };
+            return (0..self.fold_count()).map(of_fold).sum::<f64>() / self.fold_count() as f64;
+        }
         let n = self.fold_count() as f64;
         let fold = |i: usize| f64::from(self.fold[i][pixel]);
         let mean = (0..self.fold_count()).map(fold).sum::<f64>() / n;
@@ -92,6 +117,9 @@ impl CrossValidation {
     /// This variance is too small for noise that is rarer than the folds can show, and too large for normal noise. The
     /// standard error is the geometric mean of this and the one for normal noise (docs/explanation/denoising.md).
     pub fn estimate(&self, weights: &[f64]) -> SquaredError {
+        if !self.parts.is_empty() {
+            return self.estimate_from_parts(weights);
+        }
         let n = self.fold_count();
         // Chunks do not depend on the number of threads, so that the sums do not either.
         let chunk = |(chunk, weights): (usize, &[f64])| {
@@ -106,6 +134,43 @@ impl CrossValidation {
         let mut all = ProductSums::new(n);
         sums.iter().for_each(|sums| all.append(sums));
         all.estimate(count as f64)
+    }
+
+    /// The estimate from the products of `D_-i - B_ij` and `D_-i - B_ik` over pairs of parts, with the jackknife's
+    /// standard error over the parts of a fold (Efron and Stein 1981). The errors of both folds count as equal, not as
+    /// independent, since the denoised image of each holds the noise of the other.
+    fn estimate_from_parts(&self, weights: &[f64]) -> SquaredError {
+        let count = weights.iter().filter(|weight| **weight > 0.0).count().max(1) as f64;
+        let of_fold = |fold: usize| {
+            let parts = self.parts[fold].len();
+            let pairs: Vec<(usize, usize)> =
+                (0..parts).flat_map(|j| (0..j).map(move |k| (j, k))).collect();
+            let product = |(j, k): &(usize, usize)| {
+                let value = |pixel: usize| {
+                    let distance = |part: usize| {
+                        f64::from(self.denoised[fold][pixel] - self.parts[fold][part][pixel])
+                    };
+                    weights[pixel] * distance(*j) * distance(*k)
+                };
+                (0..weights.len()).map(value).sum::<f64>() / count
+            };
+            let products: Vec<f64> = pairs.par_iter().map(product).collect();
+            let mean_without = |left_out: Option<usize>| {
+                let taken = pairs.iter().zip(&products);
+                let taken = taken.filter(|((j, k), _)| ![Some(*j), Some(*k)].contains(&left_out));
+                let (sum, n) = taken.fold((0.0, 0.0), |(sum, n), (_, p)| (sum + p, n + 1.0));
+                sum / n
+            };
+            let without: Vec<f64> = (0..parts).map(|part| mean_without(Some(part))).collect();
+            let mean = without.iter().sum::<f64>() / parts as f64;
+            let spread: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
+            (mean_without(None), (spread * (parts as f64 - 1.0) / parts as f64).sqrt())
+        };
+        let n = self.fold_count() as f64;
+        let (squared, error) = (0..self.fold_count())
+            .map(of_fold)
+            .fold((0.0, 0.0), |(sum, errors), (squared, error)| (sum + squared, errors + error));
+        SquaredError { squared: squared / n, standard_error: error / n }
     }
 
     /// Squared error of the raw image from as many samples, which is its variance.
@@ -310,6 +375,7 @@ pub(super) mod tests {
             raw: (0..N).map(|i| single(without(i))).collect(),
             denoised: (0..N).map(|i| single(boxes(&without(i), (SIDE, SIDE), 2))).collect(),
             fold: noisy.into_iter().map(single).collect(),
+            parts: Vec::new(),
         }
     }
 
@@ -360,6 +426,50 @@ pub(super) mod tests {
         }
     }
 
+    /// Two folds from the even and the odd ones of eight, with these as parts.
+    fn two_folds(eight: &CrossValidation) -> CrossValidation {
+        let parts: Vec<Vec<Vec<f32>>> =
+            (0..2).map(|fold| eight.fold.iter().skip(fold).step_by(2).cloned().collect()).collect();
+        let mean = |parts: &Vec<Vec<f32>>| -> Vec<f64> {
+            let sum = |pixel: usize| parts.iter().map(|part| f64::from(part[pixel])).sum::<f64>();
+            (0..SIDE * SIDE).map(|pixel| sum(pixel) / parts.len() as f64).collect()
+        };
+        let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|v| *v as f32).collect() };
+        let means = [0, 1].map(|fold| mean(&parts[fold]));
+        CrossValidation {
+            fold: means.iter().map(|mean| single(mean)).collect(),
+            raw: means.iter().rev().map(|mean| single(mean)).collect(),
+            denoised: means.iter().rev().map(|m| single(&boxes(m, (SIDE, SIDE), 2))).collect(),
+            parts,
+        }
+    }
+
+    #[test]
+    fn two_folds_estimate_the_error_and_do_not_understate_its_standard_error() {
+        let truth = truth(0.4);
+        let weights: Vec<f64> = truth.iter().map(|l| 1.0 / (l * l + 0.04)).collect();
+        for (case, noise) in [(0.5, 0.0), (0.05, 0.1), (0.3, 0.05)].into_iter().enumerate() {
+            let mut rng = StreamKey::new(10, Stream::Test, case as u64).rng(0);
+            let trials = 150;
+            let (mut difference, mut difference2, mut z2) = (0.0, 0.0, 0.0);
+            for _ in 0..trials {
+                let folds = two_folds(&folds(&truth, noise, &mut rng));
+                let estimate = folds.estimate(&weights);
+                let of_pixels: f64 = (0..truth.len()).map(|p| weights[p] * folds.squared(p)).sum();
+                let of_pixels = of_pixels / truth.len() as f64;
+                assert!((of_pixels - estimate.squared).abs() < 1e-5 * of_pixels.abs().max(0.01));
+                let off = estimate.squared - error(&folds.denoised, &truth, &weights);
+                (difference, difference2) = (difference + off, difference2 + off * off);
+                z2 += (off / estimate.standard_error).powi(2);
+            }
+            let trials = f64::from(trials);
+            let deviation = difference / difference2.sqrt();
+            assert!(deviation.abs() < 4.0, "{case}: {deviation} standard errors off");
+            // Standard errors of four parts scatter, and they count the errors of both folds as equal.
+            assert!((0.2..2.0).contains(&(z2 / trials)), "{case}: {}", z2 / trials);
+        }
+    }
+
     #[test]
     fn rare_bright_noise_does_not_inflate_the_standard_error() {
         // Spikes in one pixel of a thousand, a hundred times as bright, each in one fold only.
@@ -383,6 +493,7 @@ pub(super) mod tests {
                 raw: (0..N).map(|i| single(without(i))).collect(),
                 denoised: (0..N).map(|i| single(boxes(&without(i), (SIDE, SIDE), 4))).collect(),
                 fold: noisy.iter().cloned().map(single).collect(),
+                parts: Vec::new(),
             };
             let estimate = folds.estimate(&weights);
             let error = error(&folds.denoised, &truth, &weights);

@@ -1,4 +1,4 @@
-//! The image of each fold of the iterations, and of all other folds, with the guides of the denoiser.
+//! The image of each fold of the iterations, and of all other folds. The guides of the denoiser.
 
 use crate::base::math::Rgb;
 use crate::film::features::FeatureFolds;
@@ -21,31 +21,25 @@ pub struct Guides {
     pub clean: bool,
 }
 
-/// Guides from the folds for which `takes` returns true.
-pub(super) fn guides(
-    image: &CombinedImage,
-    features: Option<&FeatureFolds>,
-    takes: impl Fn(usize) -> bool + Sync,
-) -> Guides {
+/// Guides from all iterations. Each pixel has its albedo and normal, however the iterations are dealt to folds.
+pub fn guides(image: &CombinedImage, features: Option<&FeatureFolds>) -> Guides {
     let Some(features) = features else { return Guides::default() };
     let film = &image.blocks()[0].film;
     let mut both = vec![(Rgb::ZERO, Vec3::ZERO); film.pixels()];
     film.sums.zip_pixels(&mut both, |both, at| {
-        let guide = features.mean(at, &takes);
+        let guide = features.mean(at, |_| true);
         *both = (guide.albedo, guide.normal);
     });
     let (albedo, normal) = both.into_iter().unzip();
-    Guides { albedo, normal, clean: false }
-}
-
-/// Returns true if the guides from all folds have hardly any noise.
-pub(super) fn are_clean(image: &CombinedImage, features: Option<&FeatureFolds>) -> bool {
-    guide_noise(image, features).is_some_and(|noise| noise < MAX_CLEAN_NOISE)
+    let clean = guide_noise(image, features).is_some_and(|noise| noise < MAX_CLEAN_NOISE);
+    Guides { albedo, normal, clean }
 }
 
 /// RMS noise per channel of the guides from all folds; `None` unless the features are kept in folds.
-fn guide_noise(image: &CombinedImage, features: Option<&FeatureFolds>) -> Option<f64> {
-    let features = features.filter(|features| features.is_folded())?;
+fn guide_noise(image: &CombinedImage, features: &FeatureFolds) -> Option<f64> {
+    if !features.is_folded() {
+        return None;
+    }
     let film = &image.blocks()[0].film;
     let mut variance = vec![0.0; film.pixels()];
     film.sums.zip_pixels(&mut variance, |variance, at| {
@@ -64,27 +58,21 @@ fn guide_noise(image: &CombinedImage, features: Option<&FeatureFolds>) -> Option
 /// An image whose iterations are dealt out to `n` folds.
 pub struct FoldedImage<'a> {
     image: &'a CombinedImage<'a>,
-    features: Option<&'a FeatureFolds>,
     n: usize,
-    /// True if the guides from all folds are clean.
-    clean: bool,
 }
 
 impl<'a> FoldedImage<'a> {
-    /// `None` unless all blocks keep folds, and each of `n` folds has at least one iteration.
-    pub fn new(
-        image: &'a CombinedImage<'a>,
-        features: Option<&'a FeatureFolds>,
-        n: usize,
-    ) -> Option<Self> {
-        let divides = n >= 4 && DENOISE_FOLDS.is_multiple_of(n);
+    /// `None` unless all blocks keep folds, and each of `n` folds has at least one iteration. Two folds need an
+    /// iteration in each of the [`DENOISE_FOLDS`] folds, since the parts of a fold give its noise.
+    pub fn new(image: &'a CombinedImage<'a>, n: usize) -> Option<Self> {
+        let divides = n >= 2 && DENOISE_FOLDS.is_multiple_of(n);
         let kept = image.blocks().iter().all(|block| block.statistics.folds.is_some());
-        let features = features.filter(|features| features.is_folded());
         if !(divides && kept) {
             return None;
         }
-        let folded = Self { image, features, n, clean: are_clean(image, features) };
-        (0..n).all(|fold| folded.weight(|f| f % n == fold) > 0.0).then_some(folded)
+        let folded = Self { image, n };
+        let needed = if n == 2 { DENOISE_FOLDS } else { n };
+        (0..needed).all(|fold| folded.weight(|f| f % needed == fold) > 0.0).then_some(folded)
     }
 
     /// Number of folds, `n`.
@@ -117,20 +105,23 @@ impl<'a> FoldedImage<'a> {
         sums
     }
 
-    /// Guides from all folds.
-    pub fn guides(&self) -> Guides {
-        Guides { clean: self.clean, ..guides(self.image, self.features, |_| true) }
-    }
-
     /// Luminance of a fold, row by row.
     pub fn luminance_of(&self, fold: usize) -> Vec<f32> {
-        self.mean(|f| f % self.n == fold).iter().map(|value| luminance(*value) as f32).collect()
+        self.luminance(|f| f % self.n == fold)
     }
 
-    /// Radiance of all other folds, row by row, and the guides from these folds.
-    pub fn without(&self, fold: usize) -> (Vec<Rgb>, Guides) {
-        let others = |f: usize| f % self.n != fold;
-        let radiance = self.mean(others).iter().map(|value| value.as_vec3()).collect();
-        (radiance, Guides { clean: self.clean, ..guides(self.image, self.features, others) })
+    /// Luminance of each of the [`DENOISE_FOLDS`] folds that make up one of `n` folds, row by row.
+    pub fn parts_of(&self, fold: usize) -> Vec<Vec<f32>> {
+        let parts = (0..DENOISE_FOLDS).filter(|f| f % self.n == fold);
+        parts.map(|part| self.luminance(|f| f == part)).collect()
+    }
+
+    /// Radiance of all other folds, row by row.
+    pub fn without(&self, fold: usize) -> Vec<Rgb> {
+        self.mean(|f| f % self.n != fold).iter().map(|value| value.as_vec3()).collect()
+    }
+
+    fn luminance(&self, takes: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+        self.mean(takes).iter().map(|value| luminance(*value) as f32).collect()
     }
 }

@@ -75,7 +75,11 @@ fn best_share(moments: impl Iterator<Item = [f64; 2]> + Clone) -> f32 {
     }
     let share = uv / uu;
     let deviation2 = |[fold_uv, fold_uu]: [f64; 2]| (fold_uv - share * fold_uu).powi(2);
-    let error2 = n / (n - 1.0) * moments.map(deviation2).sum::<f64>() / (uu * uu);
+    // One fold shows no standard error.
+    let error2 = match n {
+        1.0 => 0.0,
+        n => n / (n - 1.0) * moments.map(deviation2).sum::<f64>() / (uu * uu),
+    };
     (share * (1.0 - error2 / (share * share)).max(0.0)).min(1.0) as f32
 }
 

@@ -11,13 +11,13 @@ mod mix;
 mod oidn;
 
 pub use cross_validation::{CrossValidation, SquaredError};
-pub use folded_image::{FoldedImage, Guides};
+pub use folded_image::{FoldedImage, Guides, guides};
 pub use mix::Mix;
-pub use oidn::Oidn;
+pub use oidn::{Oidn, Quality};
 
 use crate::base::error::Result;
 use crate::base::math::Rgb;
-use crate::film::features::FeatureFolds;
+use crate::film::folds::DENOISE_FOLDS;
 use crate::film::radiance::{luminance_weights, total};
 use crate::image_io::Layer;
 use crate::render::block::CombinedImage;
@@ -26,6 +26,10 @@ use serde::Serialize;
 /// Errors and mixing weights are pooled over this many pixels to each side: squares of 33 by 33.
 pub const BOX_RADIUS: u32 = 16;
 
+/// Relative RMS noise of a raw image above which it is denoised even if the error is unknown. Denoised images of raw
+/// images with this noise usually have an error of about half of it (docs/measurements/denoising.md).
+const UNKNOWN_ERROR: f64 = 0.1;
+
 /// A denoised image.
 #[derive(Clone, Debug)]
 pub struct Denoised {
@@ -33,6 +37,8 @@ pub struct Denoised {
     pub image: Vec<Rgb>,
     /// The estimated error; `None` if no fold was left out.
     pub error: Option<DenoisedError>,
+    /// True if `image` is the raw image, since that has the smaller error.
+    pub is_raw: bool,
 }
 
 /// The error of a denoised image from `(n-1)/n` of the samples, estimated by leaving out each of `n` folds.
@@ -81,48 +87,68 @@ impl ErrorSummary {
     }
 }
 
-/// Denoises an image, and estimates its error by leaving out each of `n` folds. `n` is a function of whether the guides
-/// are clean; 0 leaves the error unknown.
+/// Denoises an image, and estimates its error by leaving out each of `n` folds, or fewer if there are not enough
+/// iterations; 0 leaves the error unknown. The result is never knowingly worse than the raw image: it is the mix with
+/// the smallest estimated error, or the raw image if that has a smaller one. If the error is unknown, it is the raw
+/// image if its noise is below [`UNKNOWN_ERROR`].
 ///
 /// # Errors
 /// Those of the denoiser.
 pub fn denoise(
     image: &CombinedImage,
-    features: Option<&FeatureFolds>,
-    n: impl FnOnce(bool) -> usize,
-    mut denoiser: impl FnMut(&[Rgb], &Guides) -> Result<Vec<Rgb>>,
+    n: usize,
+    mut denoiser: impl FnMut(&[Rgb]) -> Result<Vec<Rgb>>,
 ) -> Result<Denoised> {
     let raw = image.mean();
-    let clean = folded_image::are_clean(image, features);
-    let whole = Guides { clean, ..folded_image::guides(image, features, |_| true) };
-    let denoised = denoiser(&raw, &whole)?;
-    let n = n(clean);
-    let Some(folded) = FoldedImage::new(image, features, n) else {
-        return Ok(Denoised { image: denoised, error: None });
+    let denoised = denoiser(&raw)?;
+    let weights = importance(&denoised);
+    let noise2 = |variance: Vec<f64>| {
+        let terms: Vec<f64> = variance.iter().zip(&weights).map(|(v, w)| v * w).collect();
+        total(&terms, |term| *term) / terms.len() as f64
+    };
+    let splits = [DENOISE_FOLDS, DENOISE_FOLDS / 2, 2].into_iter().filter(|split| *split <= n);
+    let Some(folded) = splits.filter_map(|split| FoldedImage::new(image, split)).next() else {
+        let is_raw = image.variance_of_mean().is_some_and(|v| noise2(v) < UNKNOWN_ERROR.powi(2));
+        let image = if is_raw { raw } else { denoised };
+        return Ok(Denoised { image, error: None, is_raw });
+    };
+    // The folds hold the merge bias. Its correction adds noise, which enlarges all errors.
+    let growth = match image.bias_correction() {
+        Some(_) => {
+            let both = image.variance_of_mean().zip(image.uncorrected_variance());
+            both.map_or(1.0, |(corrected, sampled)| (noise2(corrected) / noise2(sampled)).max(1.0))
+        }
+        None => 1.0,
     };
     let resolution = image.resolution();
-    let weights = importance(&denoised);
     let validation = CrossValidation::new(&folded, &mut denoiser)?;
     let mix = Mix::new(&validation, &weights, resolution);
-    let mixed = validation.mixed(&mix);
-    let estimate = mixed.estimate(&weights);
     let unmixed = validation.estimate(&weights);
-    let pixels = raw.len() as f64;
+    let raw_squared = validation.raw(&weights);
+    let mut delivered = validation.mixed(&mix);
+    let mut estimate = delivered.estimate(&weights);
+    let is_raw = raw_squared <= estimate.squared;
+    if is_raw {
+        delivered = validation.of_raw();
+        estimate = SquaredError { squared: raw_squared, ..delivered.estimate(&weights) };
+    }
+    let raw_share = if is_raw { vec![1.0; raw.len()] } else { mix.shares.clone() };
     let error = DenoisedError {
         whole: ErrorSummary {
-            squared: estimate.squared,
-            standard_error: estimate.standard_error,
-            unmixed: unmixed.squared,
-            unmixed_error: unmixed.standard_error,
-            raw: validation.raw(&weights),
-            raw_share: total(&mix.shares, |share| f64::from(*share)) / pixels,
+            squared: growth * estimate.squared,
+            standard_error: growth * estimate.standard_error,
+            unmixed: growth * unmixed.squared,
+            unmixed_error: growth * unmixed.standard_error,
+            raw: growth * raw_squared,
+            raw_share: total(&raw_share, |share| f64::from(*share)) / raw.len() as f64,
             worse: mix.worse,
-            folds: n,
+            folds: folded.fold_count(),
         },
-        map: mixed.map(resolution),
-        raw_share: mix.shares.clone(),
+        map: delivered.map(resolution).iter().map(|rms| rms * growth.sqrt() as f32).collect(),
+        raw_share,
     };
-    Ok(Denoised { image: mix.apply(&raw, &denoised), error: Some(error) })
+    let image = if is_raw { raw } else { mix.apply(&raw, &denoised) };
+    Ok(Denoised { image, error: Some(error), is_raw })
 }
 
 /// Weights of squared errors from the luminance of an image: `1/(L_p^2 + 0.01 mean(L)^2)`.

@@ -52,6 +52,7 @@ functions! {
     set_shared_filter_image = b"oidnSetSharedFilterImage\0":
         fn(Handle, *const c_char, *mut c_void, c_int, usize, usize, usize, usize, usize);
     set_filter_bool = b"oidnSetFilterBool\0": fn(Handle, *const c_char, bool);
+    set_filter_int = b"oidnSetFilterInt\0": fn(Handle, *const c_char, c_int);
     commit_filter = b"oidnCommitFilter\0": fn(Handle);
     execute_filter = b"oidnExecuteFilter\0": fn(Handle);
     release_filter = b"oidnReleaseFilter\0": fn(Handle);
