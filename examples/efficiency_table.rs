@@ -8,6 +8,7 @@
 //! After the seconds may stand `only=area,half`, some of its rows. Counts are chosen for each (docs/measurements/optimum.md), camera paths by pixel as well. What was done is kept in
 //! `target/measured`. References: `examples/references`.
 
+#[allow(dead_code)] // reads some of what it offers
 mod references;
 
 use bdpm::adaptive::technique::FreeParameters;
@@ -88,7 +89,7 @@ fn main() -> Result<()> {
                             noise2: image.noise2,
                             parts: image.parts,
                             cost: image.cost,
-                            promised: image.promised,
+                            promised: image.promised.map(|promised| promised.error),
                             light_paths: image.chosen.light_paths,
                             camera_paths: image.chosen.camera_paths,
                         })

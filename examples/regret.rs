@@ -17,6 +17,7 @@
 //!
 //! What was done is kept in `target/measured`, so that it can be stopped and goes on where it was.
 
+#[allow(dead_code)] // reads some of what it offers
 mod references;
 
 use bdpm::Settings;
@@ -197,6 +198,7 @@ fn run(
     seconds: f64,
 ) -> Result<Run> {
     let Image { luminance, chosen, promised, .. } = subject.render(settings, open, seconds)?;
+    let promised = promised.map(|promised| promised.error);
     let Candidate { technique, radius, caustic_radius, .. } = chosen;
     let what = Place { technique, radius, caustic_radius };
     Ok(Run { square: reference.square(&luminance), promised, what })

@@ -1,6 +1,7 @@
 //! Scenes at a size with long renders of them, kept from one run to the next; the error of other renders.
 
 use bdpm::accel::Intersect;
+use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::adaptive::stopping::{importance, without_noise};
 use bdpm::adaptive::technique::{Candidate, FreeParameters, Technique};
 use bdpm::film::radiance::{luminance, luminance_weights};
@@ -38,10 +39,25 @@ pub struct Image {
     /// Squared noise that a second more of rendering would leave, alone: time times variance of an iteration; `None`
     /// after too few iterations.
     pub cost: Option<f64>,
-    /// Relative RMS error that was promised.
-    pub promised: Option<f64>,
+    /// Relative error that was promised.
+    pub promised: Option<Stated>,
+    /// Relative error that is reported.
+    pub reported: Option<Stated>,
     /// Means of `a`, `b` and `f` over the pixels, relative.
     pub parts: [f64; 3],
+}
+
+/// A relative error as the program states it.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Stated {
+    pub error: f64,
+    pub interval: ErrorInterval,
+}
+
+impl Stated {
+    fn new(error: Option<f64>, interval: Option<ErrorInterval>) -> Option<Self> {
+        Some(Self { error: error?, interval: interval? })
+    }
 }
 
 /// A technique at its radii.
@@ -95,7 +111,7 @@ impl Subject {
             .settings((&settings).into())
             .free_parameters(open)
             .stop(Stop::time(Duration::from_secs_f64(seconds)));
-        let RenderResult { mut state, .. } = job.render()?;
+        let RenderResult { mut state, error, .. } = job.render()?;
         state.estimate();
         let elapsed = state.elapsed().as_secs_f64();
         let pace = state.policy.iteration_time(&state.renderer, state.totals.iterations, elapsed);
@@ -117,7 +133,10 @@ impl Subject {
             chosen: *state.selection.as_ref().ok_or("the pilot did not run")?.best(),
             cost: cost.filter(|c| *c > 0.0),
             noise2: convergence.weighted_variance.unwrap_or(f64::NAN),
-            promised: state.promise().and_then(|promise| promise.error),
+            promised: state
+                .promise()
+                .and_then(|promise| Stated::new(promise.error, promise.interval)),
+            reported: error.and_then(|error| Stated::new(Some(error.total), error.interval)),
             parts,
         })
     }

@@ -3,7 +3,8 @@
 use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::optimize::Objective;
 use crate::base::error::{Error, Result};
-use crate::film::radiance::{box_filtered, luminance, luminance_weights, total};
+use crate::base::math::Rgb;
+use crate::film::radiance::{box_filter, box_filtered, luminance, luminance_weights, total};
 use crate::film::windows::sum_of_squared_sums;
 use crate::noise::bias::UPPER_BOUND;
 use crate::render::block::{Block, CombinedImage};
@@ -111,12 +112,23 @@ pub fn luminances(image: &CombinedImage) -> Vec<f64> {
             None => rms,
         };
     }
-    let mean: Vec<f64> =
-        image.mean().into_par_iter().map(|value| luminance(value.as_dvec3())).collect();
-    match image.variance_of_mean() {
-        Some(variance) => without_noise(&mean, &variance, image.resolution()),
-        None => mean,
+    let of = |image: Vec<Rgb>| -> Vec<f64> {
+        image.into_par_iter().map(|value| luminance(value.as_dvec3())).collect()
+    };
+    let merged = of(image.uncorrected_mean());
+    let mut clean = match image.uncorrected_variance() {
+        Some(variance) => without_noise(&merged, &variance, image.resolution()),
+        None => merged,
+    };
+    if image.bias_correction().is_some() {
+        let (width, height) = image.resolution();
+        let corrected: Vec<_> = of(image.mean()).into_iter().map(|own| [own]).collect();
+        let around = box_filter(&corrected, width, height);
+        // The noise of the correction must not darken single pixels: the neighborhood bounds it.
+        let pixels = clean.par_iter_mut().zip(&corrected).zip(&around);
+        pixels.for_each(|((clean, [own]), [around])| *clean = clean.min(own.max(*around)).max(0.0));
     }
+    clean
 }
 
 /// Roots of the squared means minus their variances, since noise adds its variance to the square. The neighborhood is
@@ -259,14 +271,17 @@ impl Convergence {
             }
             _ => 0.0,
         };
+        let uncorrected = combined.uncorrected_cell_variance().as_deref().map(mean_of);
+        // The change by the correction is an estimate, too. If it exceeds the variance, it tells nothing.
+        let weighted_variance = image_variance.as_deref().map(mean_of);
+        let weighted_variance =
+            weighted_variance.filter(|variance| *variance > 0.0).or(uncorrected);
         // Bias correction scales the variance of the image. Scale that of one iteration by the same factor.
-        let noise_factor = match (combined.bias_correction(), combined.uncorrected_cell_variance())
-        {
-            (Some(_), Some(uncorrected)) => {
-                let uncorrected = mean_of(&uncorrected);
-                image_variance
-                    .as_deref()
-                    .map_or(1.0, |image_variance| mean_of(image_variance) / uncorrected)
+        let noise_factor = match (weighted_variance, uncorrected) {
+            (Some(corrected), Some(uncorrected))
+                if uncorrected > 0.0 && combined.bias_correction().is_some() =>
+            {
+                corrected / uncorrected
             }
             _ => 1.0,
         };
@@ -274,7 +289,7 @@ impl Convergence {
             iterations: combined.iterations(),
             mean_luminance: combined.mean_luminance(),
             variance: combined.pooled_variance(),
-            weighted_variance: image_variance.as_deref().map(mean_of),
+            weighted_variance,
             bias2,
             noise_spread,
             per_iteration: block_variance

@@ -75,14 +75,22 @@ impl CameraChange<'_> {
 
 impl LookAt {
     fn apply(&self, camera: &Camera) -> Result<Camera> {
-        let up = self.up.unwrap_or_else(|| nearest_axis(camera.up()));
         let direction = self.target - self.position;
+        let up = self.up.unwrap_or_else(|| upright_axis(camera, direction));
         let mut optics = camera.optics();
         if let Optics::ThinLens { focus_distance, .. } = &mut optics {
             *focus_distance = direction.length();
         }
         Camera::with_optics(self.position, direction, up, optics)?.shifted(camera.shift())
     }
+}
+
+/// The axis nearest to the camera's own up vector; if `direction` is along it, that nearest to what the camera saw, so
+/// that a view straight down has it above.
+fn upright_axis(camera: &Camera, direction: Vec3) -> Vec3 {
+    let axis = nearest_axis(camera.up());
+    let is_along = direction.cross(axis).length() <= 1e-3 * direction.length();
+    if is_along { nearest_axis(camera.direction().reject_from(axis)) } else { axis }
 }
 
 /// The unit vector along an axis, in either direction, nearest to `vector`.
@@ -141,5 +149,7 @@ mod tests {
             assert!(bad.parse::<LookAt>().is_err(), "{bad}");
         }
         assert_eq!(nearest_axis(Vec3::new(0.1, -0.9, 0.3)), -Vec3::Y);
+        let down: LookAt = "0,9,0,0,0,0".parse().unwrap();
+        assert_eq!(down.apply(&own).unwrap().up(), Vec3::X);
     }
 }

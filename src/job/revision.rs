@@ -45,6 +45,9 @@ impl RenderState {
             **autopilot = autopilot.restarted(self.stop, selection.best().times);
         }
         self.status = Status::default();
+        if let Some(denoising) = &mut self.denoising {
+            denoising.latest = None; // It is of the image that was discarded.
+        }
         self.history.clear();
         self.selection = Some(selection);
         Ok(())

@@ -23,7 +23,7 @@ fn look_at_and_fov_change_the_camera_of_any_scene() {
         let loaded = changed(scene, change).unwrap_or_else(|e| panic!("{e}"));
         let camera = &loaded.scene.camera;
         assert_eq!((camera.position(), camera.direction()), (Vec3::new(1.0, 2.0, 30.0), -Vec3::Z));
-        assert_eq!(camera.up(), Vec3::Y);
+        assert_eq!(camera.up(), Vec3::Y, "{scene}");
         let Optics::Pinhole(FieldOfView::X(degrees) | FieldOfView::Y(degrees)) = camera.optics()
         else {
             panic!("{:?}", camera.optics())

@@ -33,10 +33,10 @@ const MIN_ITERATIONS: u64 = 12;
 const WORTHWHILE: f64 = 0.75;
 
 /// Factor on the predicted squared error of a technique that was tried on a sample of the pixels only.
-const SAMPLED: f64 = 1.25;
+const SAMPLED: f64 = 2.0;
 
 /// Factor for one that was never tried at its radii.
-const UNTRIED: f64 = 2.0;
+const UNTRIED: f64 = 4.0;
 
 /// Part of the mean luminance that may be missing from a trial because of its merge bias.
 const BIAS_TOLERANCE: f64 = 0.05;
@@ -112,7 +112,10 @@ impl Revision {
         // The pilot missed light if the image has more noise than it predicted; others may have missed it as well.
         let surprise = (going_on.rank(&same) / present.best.rank(&self.demand)).max(1.0).sqrt();
         let own = model.best(&again);
-        let mut best = (own.rank(&again), 0, own);
+        // The bias at larger radii is not known: light may leak through walls there.
+        let grows =
+            own.radii.iter().zip(measured.image.radii).any(|(own, present)| *own > 1.001 * present);
+        let mut best = (if grows { f64::INFINITY } else { own.rank(&again) }, 0, own);
         for (index, finalist) in self.finalists.iter().enumerate().skip(1) {
             if finalist.luminance < (1.0 - BIAS_TOLERANCE) * measured.least_luminance {
                 continue; // Its trials missed light that the image has found.

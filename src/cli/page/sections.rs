@@ -5,6 +5,7 @@ use super::convergence::error;
 use crate::cli::human_time;
 use crate::cli::render_report::text;
 use crate::cli::scene_input::SceneInput;
+use bdpm::adaptive::error_interval::ErrorInterval;
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
 use bdpm::noise::bias::UPPER_BOUND;
@@ -103,10 +104,16 @@ fn tiles(snapshot: &Snapshot) -> Markup {
             div { dt { (name) } dd { (value) @if let Some(more) = more { span .minor { (more) } } } }
         }
     };
+    let range = |interval: &ErrorInterval| {
+        format!("{} to {} with 90\u{202f}%", percent(interval.low), percent(interval.high))
+    };
     let split = (bias > 0.0).then(|| {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
         format!("noise {noise}, merge bias {}", percent(bias))
     });
+    let interval = convergence.and_then(|now| now.error_interval(&state.stop, 1.0));
+    let parts: Vec<String> = split.into_iter().chain(interval.as_ref().map(range)).collect();
+    let more = (!parts.is_empty()).then(|| parts.join("; "));
     let elapsed = human_time(state.elapsed().as_secs_f64());
     let iterations = count(snapshot.image.iterations() as f64);
     let speed = state.totals.rays_per_second() / 1e6;
@@ -119,11 +126,14 @@ fn tiles(snapshot: &Snapshot) -> Markup {
                     format!("at most {}", percent(error.bound(UPPER_BOUND).sqrt()))
                 })))
             }
-            (tile("error", now.map_or("–".into(), percent), split))
+            (tile("error", now.map_or("–".into(), percent), more))
             @if let Some(error) = final_error { (tile("expected at the end", percent(error), None)) }
             @if let Some((promise, error)) = snapshot.state.promise().zip(promised) {
                 (tile("promised", percent(error), Some(format!(
-                    "after {} for {}", human_time(promise.said_after), human_time(promise.seconds)
+                    "after {} for {}{}",
+                    human_time(promise.said_after),
+                    human_time(promise.seconds),
+                    promise.interval.as_ref().map_or(String::new(), |own| format!("; {}", range(own))),
                 ))))
             }
             (tile("time", elapsed, (snapshot.state.earlier > 0.0).then(|| {
