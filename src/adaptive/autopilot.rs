@@ -26,11 +26,11 @@ const MEASURE_FIRST_EVERY: u64 = 2;
 /// known within a few percent.
 pub const FIRST_ITERATIONS: u64 = 12;
 
-/// Iterations of a large image, whose pixels share statistics, before the first choice or promise, if
-/// [`FIRST_ITERATIONS`] take too long. Its millions of pixels replace iterations.
-const FIRST_LARGE_ITERATIONS: u64 = 3;
+/// Iterations before the first choice or promise if [`FIRST_ITERATIONS`] take too long: in large images, whose millions
+/// of pixels replace iterations, and where the pilot was wrong about the times.
+const FEWEST_FIRST_ITERATIONS: u64 = 3;
 
-/// Share of the time after which the first counts of a large image are chosen after [`FIRST_LARGE_ITERATIONS`].
+/// Share of the time after which the first counts are chosen after [`FEWEST_FIRST_ITERATIONS`].
 const FIRST_CHOICE_SHARE: f64 = 0.2;
 
 /// If fewer iterations of a large image fit in the rest of the time, their counts are chosen such that a whole number of
@@ -387,8 +387,7 @@ impl Autopilot {
     fn update_promise_and_check_choice(&mut self, renderer: &Renderer, now: f64) -> bool {
         let late = self.stop.time.map(|time| FIRST_CHOICE_SHARE * time.as_secs_f64());
         let is_late = late.is_some_and(|late| now - self.earlier > late);
-        let few = is_large(renderer) && is_late;
-        let first = if few { FIRST_LARGE_ITERATIONS } else { FIRST_ITERATIONS };
+        let first = if is_late { FEWEST_FIRST_ITERATIONS } else { FIRST_ITERATIONS };
         if renderer.film().iterations < first {
             return false;
         }

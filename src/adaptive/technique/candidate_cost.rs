@@ -228,6 +228,11 @@ impl Best {
         }
     }
 
+    /// Times of an iteration of the image.
+    pub fn times(&self) -> TimeModel {
+        self.times
+    }
+
     /// Settings of a trial at these radii.
     pub fn settings(&self, settings: &Settings, technique: Technique) -> Settings {
         self.scored(technique).apply(settings)

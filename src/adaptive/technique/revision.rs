@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 const CHECKS: [f64; 2] = [0.125, 0.25];
 
 /// Minimum iterations of the image, so that half of the folds of the bias hold several.
-const MIN_ITERATIONS: u64 = 12;
+const MIN_ITERATIONS: u64 = 8;
 
 /// The image starts again if that leaves less than this share of the squared error, or of the time.
 const WORTHWHILE: f64 = 0.75;
