@@ -187,10 +187,10 @@ mod tests {
         let coarse = limit_surface(&positions, &triangles, 0).unwrap();
         for levels in 1..4 {
             let fine = limit_surface(&positions, &triangles, levels).unwrap();
-            for vertex in 0..6 {
+            for (vertex, position) in positions.iter().enumerate() {
                 let off = fine.positions[vertex] - coarse.positions[vertex];
                 assert!(off.length() < 1e-5, "{levels}: {off}");
-                let outward = fine.normals[vertex].dot(positions[vertex]);
+                let outward = fine.normals[vertex].dot(*position);
                 assert!((outward - 1.0).abs() < 1e-5, "{outward}");
             }
         }
