@@ -140,7 +140,7 @@ pub struct DenoisedReport {
 
 impl Denoising {
     /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the effort: the best one
-    /// whose time is at most [`DENOISE_SHARE`] of a given time. `None` if there is none.
+    /// whose time is at most 12 % of a given time. `None` if there is none.
     pub fn new(threads: usize, size: (u32, u32), stop: &Stop) -> Result<Option<Self>> {
         let start = Instant::now();
         let mut oidn = Oidn::new(threads)?;
