@@ -90,7 +90,7 @@ impl ErrorSummary {
 /// Denoises an image, and estimates its error by leaving out each of `n` folds, or fewer if there are not enough
 /// iterations; 0 leaves the error unknown. The result is never knowingly worse than the raw image: it is the mix with
 /// the smallest estimated error, or the raw image if that has a smaller one. If the error is unknown, it is the raw
-/// image if its noise is below [`UNKNOWN_ERROR`].
+/// image if its noise is below 10 %.
 ///
 /// # Errors
 /// Those of the denoiser.

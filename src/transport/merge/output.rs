@@ -11,10 +11,10 @@ use std::ops;
 pub struct MergeOutput {
     /// `sum_i I_ij` of each camera path, W/(m^2 sr).
     pub sums: Vec<Rgb>,
-    /// The terms of these sums, from [`Merge::gather_pairs`].
+    /// The terms of these sums, from [`Merge::gather_pairs`](super::Merge::gather_pairs).
     pub pairs: PairList,
     /// Part of the sums from caustic photons at first vertices, if recorded. It is complete if
-    /// [`Merge::separates_caustics`].
+    /// [`Merge::separates_caustics`](super::Merge::separates_caustics).
     pub caustics: Vec<Rgb>,
     /// The sums less the sums at half the merge radii, by photon class, if recorded.
     pub annulus: Vec<ByClass<Rgb>>,
