@@ -58,7 +58,7 @@ impl Default for Stop {
 }
 
 impl Stop {
-    /// The same conditions for settings of which the pilot expects this squared relative bias.
+    /// These conditions with the squared relative bias that the pilot expects.
     #[must_use]
     pub fn with_pilot_bias2(self, bias2: f64) -> Self {
         Self { bias2, pilot_bias2: bias2, ..self }
@@ -272,7 +272,7 @@ impl Convergence {
             _ => 0.0,
         };
         let uncorrected = combined.uncorrected_cell_variance().as_deref().map(mean_of);
-        // The change by the correction is an estimate, too. If it exceeds the variance, it tells nothing.
+        // The change by the correction is an estimate, too. If it exceeds the variance, it is not used.
         let weighted_variance = image_variance.as_deref().map(mean_of);
         let weighted_variance =
             weighted_variance.filter(|variance| *variance > 0.0).or(uncorrected);

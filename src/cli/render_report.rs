@@ -9,7 +9,7 @@ use super::run_report::{RunReport, Seconds};
 use super::scene_input::SceneInput;
 use bdpm::RenderResult;
 use bdpm::adaptive::autopilot::Promise;
-use bdpm::adaptive::error_interval::ErrorInterval;
+use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
@@ -203,7 +203,8 @@ fn error(report: &RenderReport) -> String {
 
 /// The interval of an error in words.
 fn interval_text(interval: &ErrorInterval) -> String {
-    format!(" ({:.2} to {:.2} %)", 100.0 * interval.low, 100.0 * interval.high)
+    let ErrorInterval { low, high } = interval;
+    format!(" ({:.0} %: {:.2} to {:.2} %)", 100.0 * COVERAGE, 100.0 * low, 100.0 * high)
 }
 
 /// Number of processes, and the share of the time that they spent on exchanging sums.

@@ -8,6 +8,7 @@
 use super::candidate_cost::CandidateCost;
 use super::model::{ImageMeasurement, ImageScale};
 use super::pilot::Finalist;
+use super::trial::BIAS_TOLERANCE;
 use super::{Candidate, End, Selection};
 use crate::adaptive::autopilot::fitted_times;
 use crate::adaptive::optimize::Objective;
@@ -38,9 +39,6 @@ const SAMPLED: f64 = 2.0;
 /// Factor for one that was never tried at its radii.
 const UNTRIED: f64 = 4.0;
 
-/// Part of the mean luminance that may be missing from a trial because of its merge bias.
-const BIAS_TOLERANCE: f64 = 0.05;
-
 /// A revised choice.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Revised {
@@ -50,7 +48,7 @@ pub struct Revised {
     pub instead_of: Candidate,
 }
 
-/// What the pilot found, until the image has shown whether that holds.
+/// Results of the pilot that the first iterations of the image check.
 pub struct Revision {
     finalists: Vec<Finalist>,
     demand: CandidateCost,
@@ -143,7 +141,7 @@ impl Revision {
     }
 }
 
-/// What the image has measured.
+/// Measurements of the image so far.
 struct Measured {
     image: ImageMeasurement,
     /// Mean luminance less two standard errors, as if all pixels saw the same photons, W/(m^2 sr).

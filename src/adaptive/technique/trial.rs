@@ -80,7 +80,7 @@ const LEARNING_PATIENCE: f64 = 2.0;
 const WORTHWHILE_GUIDE: f64 = 0.9;
 
 /// Part of the mean luminance that may be missing from a trial because of its merge bias.
-const BIAS_TOLERANCE: f64 = 0.05;
+pub const BIAS_TOLERANCE: f64 = 0.05;
 
 /// Runs trials on a sample of the pixels of an image.
 pub struct TrialRunner<'a> {

@@ -5,7 +5,7 @@ use super::convergence::error;
 use crate::cli::human_time;
 use crate::cli::render_report::text;
 use crate::cli::scene_input::SceneInput;
-use bdpm::adaptive::error_interval::ErrorInterval;
+use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::{Stop, StoppedBy, Target};
 use bdpm::image_io::number;
 use bdpm::noise::bias::UPPER_BOUND;
@@ -105,7 +105,8 @@ fn tiles(snapshot: &Snapshot) -> Markup {
         }
     };
     let range = |interval: &ErrorInterval| {
-        format!("{} to {} with 90\u{202f}%", percent(interval.low), percent(interval.high))
+        let ErrorInterval { low, high } = interval;
+        format!("{}: {} to {}", percent(COVERAGE), percent(*low), percent(*high))
     };
     let split = (bias > 0.0).then(|| {
         let noise = noise2.map_or("–".into(), |noise2| percent(noise2.sqrt()));
