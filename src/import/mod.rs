@@ -19,6 +19,7 @@ mod load;
 mod mitsuba;
 mod mtl;
 mod obj;
+mod paint;
 mod pbrt;
 mod ply;
 mod scene_file;

@@ -17,7 +17,7 @@ mod sensor;
 mod serialized;
 mod shape;
 mod sky;
-pub(super) mod texture;
+mod texture;
 
 use super::builder::{Builder, SceneExtras};
 use super::instancing::MaterialMesh;

@@ -4,69 +4,15 @@ use super::color::{self, ColorUse};
 use super::object::Object;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::import::environment;
 use crate::import::load::extension;
-use crate::import::texture_file::linear_color;
+use crate::import::paint::{Paint, picture, picture_of};
 use crate::import::warnings::GroupedWarnings;
-use crate::import::{environment, srgb};
 use crate::scene::{Sampling, Texture, Wrap};
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// A color, or one that varies over a surface.
-#[derive(Clone, Debug)]
-pub(super) struct Paint {
-    /// The color, or the factor of the texture.
-    pub color: Rgb,
-    pub texture: Option<Arc<Texture>>,
-    /// Map from the texture coordinates of shapes to those of the texture, whose v points down.
-    pub to_uv: Affine2,
-}
-
-impl Paint {
-    pub fn plain(color: Rgb) -> Self {
-        Self { color, texture: None, to_uv: Affine2::IDENTITY }
-    }
-
-    /// The mean color, for textures over the whole picture.
-    pub fn mean(&self) -> Rgb {
-        self.color * self.texture.as_ref().map_or(Rgb::ONE, |texture| texture.mean_color())
-    }
-
-    /// The paint with another color at each point.
-    pub fn mapped(&self, change: impl Fn(Rgb) -> Rgb) -> Self {
-        let Some(texture) = &self.texture else {
-            return Self { color: change(self.color), ..self.clone() };
-        };
-        let (color, texture) =
-            picture_of(texture, |texel| change(self.color * linear_color(texel)));
-        Self { color, texture: Some(Arc::new(texture)), to_uv: self.to_uv }
-    }
-}
-
-/// Encodes linear colors as a picture, and returns its factor as well: the largest value of each
-/// channel is exact.
-pub(in crate::import) fn picture([width, height]: [u32; 2], colors: &[Rgb]) -> (Rgb, Texture) {
-    let largest = colors.iter().copied().fold(Rgb::ZERO, Rgb::max);
-    let scale = Rgb::select(largest.cmpgt(Rgb::ZERO), largest, Rgb::ONE);
-    let texel = |color: &Rgb| {
-        let [r, g, b] = srgb::encode(*color / scale);
-        let code = |value: f64| (255.0 * value).round() as u8;
-        [code(r), code(g), code(b), 255]
-    };
-    (largest, Texture::new(width, height, colors.iter().map(texel).collect()))
-}
-
-/// Encodes the linear colors of texels as [`picture`] does, with the sampling of `texture`.
-pub(in crate::import) fn picture_of(
-    texture: &Texture,
-    color: impl Fn([u8; 4]) -> Rgb,
-) -> (Rgb, Texture) {
-    let colors: Vec<Rgb> = texture.texels().iter().map(|texel| color(*texel)).collect();
-    let (factor, picture) = picture(texture.size(), &colors);
-    (factor, picture.sampled(texture.sampling()))
-}
 
 const UNSUPPORTED_TEXTURE: &str = "used gray instead of textures that are not supported:";
 

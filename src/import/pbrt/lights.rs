@@ -2,10 +2,11 @@
 
 use super::params::Params;
 use super::spectra::{self, ColorSpace};
-use super::textures::{Paint, Textures};
+use super::textures::Textures;
 use crate::base::error::Result;
 use crate::base::math::{Rgb, luminance};
 use crate::import::mitsuba::color::ColorUse;
+use crate::import::paint::Paint;
 use crate::import::scene_file::light::LEAST_FALLOFF;
 use crate::scene::transform::MAX_COORDINATE;
 use crate::scene::{Directional, Emitter, Mesh, Spot};

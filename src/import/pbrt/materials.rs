@@ -2,10 +2,11 @@
 
 use super::params::Params;
 use super::spectra::{self, ColorSpace};
-use super::textures::{Paint, Textures};
+use super::textures::Textures;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::import::mitsuba::color::ColorUse;
+use crate::import::paint::Paint;
 use crate::import::scene_file::material::interface;
 use crate::scene::Texture;
 use crate::scene::bsdf::{

@@ -24,6 +24,7 @@ use super::text::{list, placed_at};
 use super::warnings::replaced_environment;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
+use crate::import::paint::Paint;
 use crate::scene::transform::Transform;
 use crate::scene::{Emitter, Material, Mesh, NormalMap};
 use crate::settings::PartialSettings;
@@ -271,12 +272,7 @@ impl SceneReader<'_> {
         Ok(vec![Part { mesh, material }])
     }
 
-    fn material(
-        &self,
-        look: &Look,
-        emission: Option<textures::Paint>,
-        alpha: Option<textures::Paint>,
-    ) -> Material {
+    fn material(&self, look: &Look, emission: Option<Paint>, alpha: Option<Paint>) -> Material {
         let scale = self.film.scale;
         let opacity_texture = alpha.as_ref().and_then(stored_shares);
         let opacity = alpha.map(|alpha| match opacity_texture {

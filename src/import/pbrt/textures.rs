@@ -8,7 +8,7 @@ use crate::base::math::Rgb;
 use crate::import::environment;
 use crate::import::load::extension;
 use crate::import::mitsuba::color::ColorUse;
-use crate::import::mitsuba::texture::{picture, picture_of};
+use crate::import::paint::{Paint, picture, picture_of};
 use crate::import::text::{RELATIVE_NAME, find};
 use crate::import::texture_file::linear_color;
 use crate::import::warnings::GroupedWarnings;
@@ -17,73 +17,6 @@ use glam::{Affine2, Mat2, Vec2};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// A color, or one that varies over a surface.
-#[derive(Clone, Debug)]
-pub(super) struct Paint {
-    /// The color, or the factor of the texture.
-    pub color: Rgb,
-    pub texture: Option<Arc<Texture>>,
-    /// Map from the texture coordinates of shapes to those of the texture. Both have v up.
-    pub to_uv: Affine2,
-}
-
-impl Paint {
-    pub fn plain(color: Rgb) -> Self {
-        Self { color, texture: None, to_uv: Affine2::IDENTITY }
-    }
-
-    /// The mean color over the whole picture.
-    pub fn mean(&self) -> Rgb {
-        self.color * self.texture.as_ref().map_or(Rgb::ONE, |texture| texture.mean_color())
-    }
-
-    fn at(&self, uv: Vec2) -> Rgb {
-        self.color * self.texture.as_ref().map_or(Rgb::ONE, |texture| texture.color(uv))
-    }
-
-    /// The paint with another color at each point.
-    pub fn mapped(&self, change: impl Fn(Rgb) -> Rgb) -> Self {
-        let Some(texture) = &self.texture else { return Self::plain(change(self.color)) };
-        let (color, texture) =
-            picture_of(texture, |texel| change(self.color * linear_color(texel)));
-        Self { color, texture: Some(Arc::new(texture)), to_uv: self.to_uv }
-    }
-
-    /// A function of several paints at each point, and whether the pictures of some became their means, because their
-    /// texture coordinates differ from those of the first picture.
-    pub fn combined(paints: &[&Self], color: impl Fn(&[Rgb]) -> Rgb) -> (Self, bool) {
-        let pictured = |paint: &&&Self| paint.texture.is_some();
-        let Some(first) = paints.iter().find(pictured) else {
-            let colors: Vec<Rgb> = paints.iter().map(|paint| paint.color).collect();
-            return (Self::plain(color(&colors)), false);
-        };
-        let mut is_averaged = false;
-        let own: Vec<Self> = paints
-            .iter()
-            .map(|paint| {
-                let fits = paint.texture.is_none() || paint.to_uv == first.to_uv;
-                is_averaged |= !fits;
-                if fits { (*paint).clone() } else { Self::plain(paint.mean()) }
-            })
-            .collect();
-        let textures = own.iter().filter_map(|paint| paint.texture.as_ref());
-        let Some(largest) = textures.max_by_key(|texture| texture.size()[0]) else {
-            unreachable!("the first picture fits itself")
-        };
-        let [width, height] = largest.size();
-        let texel = |index: u32| {
-            let (x, y) = (index % width, index / width);
-            let uv =
-                Vec2::new((x as f32 + 0.5) / width as f32, 1.0 - (y as f32 + 0.5) / height as f32);
-            color(&own.iter().map(|paint| paint.at(uv)).collect::<Vec<_>>())
-        };
-        let colors: Vec<Rgb> = (0..width * height).map(texel).collect();
-        let (color, made) = picture([width, height], &colors);
-        let texture = Some(Arc::new(made.sampled(largest.sampling())));
-        (Self { color, texture, to_uv: first.to_uv }, is_averaged)
-    }
-}
 
 /// Encoding of the numbers of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
