@@ -22,6 +22,8 @@ pub enum Stream {
     Visibility = 7,
     /// One stream per set of light paths, which scrambles the Sobol points that they start from.
     LightPathSet = 8,
+    /// For the tiles in which the error of a denoised image is estimated.
+    Denoiser = 9,
 }
 
 /// Index of camera path `path` of `pixel` in the stream [`Stream::CameraPath`].

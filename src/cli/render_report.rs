@@ -234,12 +234,10 @@ fn denoised(report: &DenoisedReport) -> String {
             .into();
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
-    let (n, bound) = (error.folds, error.bound(UPPER_BOUND));
     let mut text = format!(
-        "denoised: relative error {:.2} %, at most {:.2} %, with {}/{n} of the samples; {:.2} % before denoising\n",
+        "denoised: relative error {:.2} %, at most {:.2} %; {:.2} % before denoising\n",
         percent(error.squared),
-        percent(bound),
-        n - 1,
+        percent(error.bound(UPPER_BOUND)),
         percent(error.raw),
     );
     if report.is_raw {

@@ -5,7 +5,9 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
 use crate::film::folds::DENOISE_FOLDS;
 use crate::noise::bias::UPPER_BOUND;
-use crate::output::denoise::{Denoised, ErrorSummary, Guides, Oidn, Quality, denoise, guides};
+use crate::output::denoise::{
+    Denoised, ErrorSummary, Guides, Oidn, Quality, TILE, Validation, Window, denoise, guides,
+};
 use crate::render::Renderer;
 use crate::render::block::CombinedImage;
 use serde::Serialize;
@@ -51,6 +53,17 @@ const DENOISED_DECAY: f64 = 0.7;
 /// Share of the given time after which the error at its end is promised.
 const PROMISE_AFTER: f64 = 0.25;
 
+/// Maximum share of the given time for a single run that leaves the error unknown, where nothing else fits: short
+/// renders of large images.
+const SINGLE_RUN_SHARE: f64 = 0.25;
+
+/// Minimum relative RMS noise that the pilot predicts for the end, above which a denoised image of unknown error pays.
+/// A less noisy raw image would be the result anyway.
+const MIN_NOISE_FOR_UNKNOWN_ERROR: f64 = 0.1;
+
+/// Minimum number of tiles in which the error is estimated, if it is not estimated in the whole image.
+const MIN_TILES: usize = 4;
+
 /// Effort of denoising an image with its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Effort {
@@ -59,32 +72,51 @@ struct Effort {
     prefilter: bool,
     /// Number of folds that are left out in turn; 0 leaves the error unknown.
     folds: usize,
+    /// Number of tiles in which the error is estimated; `None` for the whole image.
+    tiles: Option<usize>,
 }
 
 /// Effort without a limit of time.
-const FULL: Effort = Effort { quality: Quality::High, prefilter: true, folds: DENOISE_FOLDS };
+const FULL: Effort =
+    Effort { quality: Quality::High, prefilter: true, folds: DENOISE_FOLDS, tiles: None };
 
-/// Effort for the checks of a target.
-const CHECK: Effort = Effort { quality: Quality::Fast, prefilter: false, folds: 4 };
-
-/// Efforts for a given time, the best first. In short renders, higher qualities and denoised guides take several times
-/// as long and do not reduce the error: docs/measurements/denoising.md.
-const EFFORTS: [Effort; 4] = [
-    Effort { quality: Quality::Fast, prefilter: false, folds: DENOISE_FOLDS },
-    CHECK,
-    Effort { quality: Quality::Fast, prefilter: false, folds: 2 },
-    Effort { quality: Quality::Fast, prefilter: false, folds: 0 },
-];
+/// Effort for a given time that is long enough, and for the checks of a target with fewer folds. In short renders,
+/// higher qualities and denoised guides take several times as long and do not reduce the error:
+/// docs/measurements/denoising.md.
+const FAST: Effort =
+    Effort { quality: Quality::Fast, prefilter: false, folds: DENOISE_FOLDS, tiles: None };
 
 impl Effort {
-    /// Time as a factor of a run of [`Quality::Fast`]. Measured: docs/measurements/denoising.md.
-    fn runs(self) -> f64 {
+    /// The best effort for an image of this number of pixels whose time is at most `runs` times that of a run of
+    /// [`Quality::Fast`] on the whole image; `None` if not even one run fits.
+    fn within(runs: f64, pixels: f64) -> Option<Self> {
+        let folds = |folds| Self { folds, ..FAST };
+        // As many tiles as fit, for half of the image at most.
+        let tile = f64::from(TILE * TILE);
+        let fitting =
+            ((runs - 1.0) * pixels / (DENOISE_FOLDS as f64 * tile)).min(0.5 * pixels / tile);
+        let tiles = fitting.max(0.0) as usize;
+        let tiled = (tiles >= MIN_TILES).then_some(Self { tiles: Some(tiles), ..FAST });
+        [Some(FAST), Some(folds(DENOISE_FOLDS / 2)), tiled, Some(folds(2)), Some(folds(0))]
+            .into_iter()
+            .flatten()
+            .find(|effort| effort.runs(pixels) <= runs)
+    }
+
+    /// Effort for the checks of a target: four folds of a small image, or tiles of a large one.
+    fn of_check(pixels: f64) -> Self {
+        Self::within((DENOISE_FOLDS / 2 + 1) as f64, pixels).expect("several runs fit")
+    }
+
+    /// Time as a factor of a run of [`Quality::Fast`] on the whole image. Measured: docs/measurements/denoising.md.
+    fn runs(self, pixels: f64) -> f64 {
         let run = match self.quality {
             Quality::Fast => 1.0,
             Quality::High => 4.7,
         };
         let prefilter = if self.prefilter { 2.0 * run } else { 0.0 };
-        prefilter + run * (self.folds as f64 + 1.0)
+        let share = self.tiles.map_or(1.0, |tiles| tiles as f64 * f64::from(TILE * TILE) / pixels);
+        prefilter + run * (self.folds as f64 * share + 1.0)
     }
 }
 
@@ -124,7 +156,7 @@ pub struct DenoisedPromise {
 /// Error and time of denoising, for reports.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct DenoisedReport {
-    /// Relative RMS error, including the denoiser's bias, of an image of `(n - 1)/n` of the samples.
+    /// Relative RMS error, including the denoiser's bias.
     pub relative_error: Option<f64>,
     /// Relative RMS error including the merge bias as well.
     pub total_error: Option<f64>,
@@ -140,7 +172,7 @@ pub struct DenoisedReport {
 
 impl Denoising {
     /// Loads the denoiser and measures the time of a run on a small image. `stop` decides the effort: the best one
-    /// whose time is at most 12 % of a given time. `None` if there is none.
+    /// whose time is at most 12 % of a given time, or a single run in at most 25 %. `None` if there is none.
     pub fn new(threads: usize, size: (u32, u32), stop: &Stop) -> Result<Option<Self>> {
         let start = Instant::now();
         let mut oidn = Oidn::new(threads)?;
@@ -160,12 +192,15 @@ impl Denoising {
         let time = start.elapsed();
         let effort = match stop.time {
             Some(limit) => {
-                let allowed = limit.mul_f64(DENOISE_SHARE).saturating_sub(time);
-                let fits = |effort: &Effort| run_time.mul_f64(effort.runs()) <= allowed;
-                let Some(effort) = EFFORTS.into_iter().find(fits) else { return Ok(None) };
+                let within = |share: f64| {
+                    let allowed = limit.mul_f64(share).saturating_sub(time);
+                    Effort::within(allowed.div_duration_f64(run_time), pixels)
+                };
+                let single = || within(SINGLE_RUN_SHARE).map(|_| Effort { folds: 0, ..FAST });
+                let Some(effort) = within(DENOISE_SHARE).or_else(single) else { return Ok(None) };
                 effort
             }
-            None if stop.error.is_some() => CHECK,
+            None if stop.error.is_some() => Effort::of_check(pixels),
             None => FULL,
         };
         oidn.set_quality(effort.quality);
@@ -173,7 +208,7 @@ impl Denoising {
             oidn: Mutex::new(oidn),
             size,
             effort,
-            reserve: run_time.mul_f64(effort.runs()),
+            reserve: run_time.mul_f64(effort.runs(pixels)),
             is_given_up: false,
             time,
             next_check: Duration::ZERO,
@@ -185,8 +220,9 @@ impl Denoising {
     }
 
     /// Returns true if denoising can pay at this relative RMS noise, which is predicted for the end of a given time.
-    pub fn can_pay(noise: f64) -> bool {
-        noise >= MIN_NOISE
+    pub fn can_pay(&self, noise: f64) -> bool {
+        let is_error_known = self.effort.folds > 0;
+        noise >= if is_error_known { MIN_NOISE } else { MIN_NOISE_FOR_UNKNOWN_ERROR }
     }
 
     /// Approximate time of denoising the final image with its error; 0 once denoising is given up.
@@ -229,7 +265,14 @@ impl Denoising {
         if effort.prefilter {
             guides = oidn.prefilter(size, guides)?;
         }
-        let denoised = denoise(image, folds, |radiance| oidn.denoise(size, radiance, &guides));
+        let validation = Validation { folds, tiles: effort.tiles, seed: renderer.settings().seed };
+        let whole = Window::whole(size);
+        let denoised = denoise(image, validation, |window, radiance| {
+            if window == whole {
+                return oidn.denoise(size, radiance, &guides);
+            }
+            oidn.denoise(window.size(), radiance, &guides.crop(window, size.0))
+        });
         self.time += start.elapsed();
         denoised
     }
@@ -313,17 +356,28 @@ mod tests {
     }
 
     #[test]
-    fn efforts_for_a_given_time_get_cheaper() {
-        let runs: Vec<f64> = EFFORTS.iter().map(|effort| effort.runs()).collect();
-        assert!(runs.is_sorted_by(|one, other| one > other), "{runs:?}");
-        assert!(FULL.runs() > runs[0]);
+    fn effort_is_the_best_one_that_fits() {
+        let (small, large) = (128.0 * 128.0, 1024.0 * 1024.0);
+        let within = |runs: f64, pixels: f64| {
+            let effort = Effort::within(runs, pixels)?;
+            assert!(effort.runs(pixels) <= runs);
+            Some((effort.folds, effort.tiles))
+        };
+        assert_eq!(within(9.0, small), Some((8, None)));
+        assert_eq!(within(5.0, small), Some((4, None)));
+        assert_eq!(within(3.0, small), Some((2, None)));
+        assert_eq!(within(4.9, large), Some((8, Some(31))));
+        assert_eq!(within(1.6, large), Some((8, Some(4))));
+        assert_eq!(within(1.4, large), Some((0, None)));
+        assert_eq!(within(0.9, large), None);
+        assert!(FULL.runs(small) > FAST.runs(small));
     }
 
     #[test]
     fn denoising_is_left_out_of_a_time_that_it_would_exceed() {
         assert!(timed(Duration::from_millis(1)).is_none());
         let denoising = timed(Duration::from_secs(3600)).unwrap();
-        assert_eq!(denoising.effort, EFFORTS[0]);
+        assert_eq!(denoising.effort, FAST);
         assert!(denoising.time + denoising.reserve() <= Duration::from_secs(432));
     }
 
@@ -340,6 +394,7 @@ mod tests {
                 raw_share: 0.0,
                 worse: 0.0,
                 folds: 8,
+                tiles: None,
             };
             let error = DenoisedError { whole, map: Vec::new(), raw_share: Vec::new() };
             let image = Vec::new();

@@ -367,7 +367,7 @@ impl RenderJob {
             stop = stop.with_pilot_bias2(chosen.best().bias.powi(2));
             let noise = chosen.best().noise;
             if let (Some(time), Some(unused)) = (&mut stop.time, &denoising)
-                && !Denoising::can_pay(noise)
+                && !unused.can_pay(noise)
             {
                 *time += unused.reserve();
                 denoising = None;

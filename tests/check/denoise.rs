@@ -31,12 +31,12 @@ fn check(name: &str, light_paths: u32, camera_paths: u32, seeds: RangeInclusive<
         let to = (reference.as_ref().unwrap(), &mut oidn);
         let found = compare(&scene, &accel, &settings, iterations, to);
         eprintln!("{name} {iterations}: {found:?}");
-        let Found { raw, unmixed, mixed, measured, reported, error, z2, blocks, share } = found;
+        let Found { raw, unmixed, mixed, reported, error, z2, blocks, share } = found;
         // From few samples the estimate may say no more than that.
-        let says = iterations < most || error < measured;
+        let says = iterations < most || error < mixed;
         assert!(says, "{name} {iterations}: says nothing, {found:?}");
         assert!(
-            (reported - measured).abs() < 0.05 * measured + 3.0 * error,
+            (reported - mixed).abs() < 0.05 * mixed + 3.0 * error,
             "{name} {iterations}: {found:?}"
         );
         assert!((0.0..=1.0).contains(&share) && unmixed > 0.0, "{name} {iterations}: {found:?}");

@@ -6,7 +6,7 @@ use bdpm::film::aov::AovSelection;
 use bdpm::film::folds::DENOISE_FOLDS;
 use bdpm::film::radiance::Film;
 use bdpm::noise::Measure;
-use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, guides, importance};
+use bdpm::output::denoise::{CrossValidation, FoldedImage, Mix, Oidn, guides, importance, mixed};
 use bdpm::render::RenderConfig;
 use bdpm::render::block::CombinedImage;
 use bdpm::{Renderer, Scene, Settings};
@@ -52,12 +52,11 @@ impl Reference {
 /// Measured and reported error of a denoised image.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// Squared relative error of the raw image, of what the denoiser made of it, and of their mix: as measured.
+    /// Measured squared relative errors of the raw image, the denoised image, and their mix.
     pub raw: f64,
     pub unmixed: f64,
     pub mixed: f64,
-    /// Error of the mixes of `(n-1)/n` of the samples: measured, and reported with its standard error.
-    pub measured: f64,
+    /// Reported squared error of the mix, and its standard error.
     pub reported: f64,
     pub error: f64,
     /// Deviation of the reported from the measured error in blocks of 16 by 16 pixels, in standard errors: mean
@@ -87,21 +86,16 @@ pub fn compare(
     let guides = guides(&image, renderer.shared().features.as_ref());
     let guides = oidn.prefilter(size, guides).unwrap();
     let folds =
-        CrossValidation::new(&parts, |radiance| oidn.denoise(size, radiance, &guides)).unwrap();
+        CrossValidation::new(&parts, |_, radiance| oidn.denoise(size, radiance, &guides)).unwrap();
     let raw = image.mean();
     let denoised = oidn.denoise(size, &raw, &guides).unwrap();
     let weights = importance(&denoised);
-    let mix = Mix::new(&folds, &weights, size);
-    let (mixed, delivered) = (folds.mixed(&mix), mix.apply(&raw, &denoised));
+    let mix = Mix::new(&folds, &weights, Some(size));
+    let (of_folds, delivered) = (folds.mixed(&mix), mixed(&raw, &denoised, &mix.shares));
     let rgb = |image: &[glam::Vec3], weights: &[f64]| {
         reference.error(image.iter().map(|value| f64::from(luminance(*value))), weights)
     };
-    let of_folds = |weights: &[f64]| {
-        let each = mixed.images().iter();
-        let each = each.map(|image| reference.error(image.iter().map(|l| f64::from(*l)), weights));
-        each.sum::<f64>() / mixed.fold_count() as f64
-    };
-    let estimate = mixed.estimate(&weights);
+    let estimate = of_folds.estimate(&weights);
     let (mut z2, mut blocks) = (0.0, 0);
     for block in 0..size.0.div_ceil(16) * size.1.div_ceil(16) {
         let (left, top) = (block % size.0.div_ceil(16), block / size.0.div_ceil(16));
@@ -111,9 +105,9 @@ pub fn compare(
         };
         let own = weights.iter().enumerate();
         let own: Vec<f64> = own.map(|(p, w)| if inside(p) { *w } else { 0.0 }).collect();
-        let reported = mixed.estimate(&own);
+        let reported = of_folds.estimate(&own);
         if reported.standard_error > 0.0 {
-            z2 += ((reported.squared - of_folds(&own)) / reported.standard_error).powi(2);
+            z2 += ((reported.squared - rgb(&delivered, &own)) / reported.standard_error).powi(2);
             blocks += 1;
         }
     }
@@ -122,7 +116,6 @@ pub fn compare(
         raw: rgb(&raw, &weights),
         unmixed: rgb(&denoised, &weights),
         mixed: rgb(&delivered, &weights),
-        measured: of_folds(&weights),
         reported: estimate.squared,
         error: estimate.standard_error,
         z2: z2 / f64::from(blocks.max(1) as u32),

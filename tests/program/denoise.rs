@@ -4,7 +4,7 @@ use crate::common::program_output::{assert_refused, json, succeed};
 use bdpm::base::math::Rgb;
 use bdpm::film::aov::AovSelection;
 use bdpm::image_io::{Image, read_exr};
-use bdpm::output::denoise::denoise;
+use bdpm::output::denoise::{Validation, Window, denoise};
 use bdpm::settings::PartialSettings;
 use bdpm::{RenderJob, Stop};
 use serde_json::Value;
@@ -118,17 +118,63 @@ fn denoiser_that_destroys_the_image_leaves_the_raw_image() {
     let result = RenderJob::new(&loaded).settings(settings).stop(stop).aovs(aovs).render().unwrap();
     let image = result.state.image();
     for folds in [8, 4, 2] {
-        let black = |radiance: &[Rgb]| Ok(vec![Rgb::splat(1e-3); radiance.len()]);
-        let delivered = denoise(&image, folds, black).unwrap();
+        let black = |_: Window, radiance: &[Rgb]| Ok(vec![Rgb::splat(1e-3); radiance.len()]);
+        let delivered = denoise(&image, Validation::folds(folds), black).unwrap();
         let error = delivered.error.unwrap().whole;
         assert_eq!(error.folds, folds);
         assert!(error.unmixed > 4.0 * error.raw && error.squared <= error.raw, "{error:?}");
         assert!(error.raw_share > 0.9, "{error:?}");
-        let perfect = |_: &[Rgb]| Ok(result.image.clone());
-        assert!(!denoise(&image, folds, perfect).unwrap().is_raw);
+        let perfect = |_: Window, _: &[Rgb]| Ok(result.image.clone());
+        assert!(!denoise(&image, Validation::folds(folds), perfect).unwrap().is_raw);
     }
-    let unknown = denoise(&image, 0, |radiance| Ok(radiance.to_vec())).unwrap();
+    let unknown =
+        denoise(&image, Validation::folds(0), |_, radiance| Ok(radiance.to_vec())).unwrap();
     assert!(unknown.error.is_none());
+}
+
+#[test]
+fn error_in_sampled_tiles_matches_the_error_of_the_whole_image() {
+    let loaded = bdpm::load(Path::new(SCENE)).unwrap();
+    let (width, height) = (400, 300);
+    let settings = PartialSettings {
+        resolution: Some([width, height]),
+        light_paths: Some(500),
+        camera_paths: Some(1),
+        ..PartialSettings::default()
+    };
+    let aovs = AovSelection { folds: true, ..AovSelection::default() };
+    let job = RenderJob::new(&loaded).settings(settings).stop(Stop::iterations(8));
+    let result = job.aovs(aovs).render().unwrap();
+    let image = result.state.image();
+    // A blur along rows that is narrower than the margin of a tile stands in for the denoiser.
+    let blur = |window: Window, radiance: &[Rgb]| {
+        let columns = window.width as usize;
+        let mean = |row: &[Rgb], x: usize| {
+            let near = &row[x.saturating_sub(3)..(x + 4).min(columns)];
+            near.iter().copied().sum::<Rgb>() / near.len() as f32
+        };
+        let row = |row: &[Rgb]| (0..columns).map(|x| mean(row, x)).collect::<Vec<_>>();
+        Ok(radiance.chunks(columns).flat_map(row).collect())
+    };
+    let error = |validation| denoise(&image, validation, blur).unwrap().error.unwrap();
+    for folds in [8, 2] {
+        let whole = error(Validation::folds(folds)).whole;
+        assert_eq!(whole.tiles, None);
+        let seeds = 60;
+        let (mut sum, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
+        for seed in 0..seeds {
+            let sampled = error(Validation { folds, tiles: Some(5), seed });
+            assert!(sampled.map.is_empty() && sampled.whole.tiles.unwrap() >= 4);
+            let ratio = sampled.whole.unmixed / whole.unmixed;
+            (sum, squares) = (sum + ratio, squares + ratio * ratio);
+            largest =
+                largest.max((ratio - 1.0).abs() * whole.unmixed / sampled.whole.unmixed_error);
+        }
+        let mean = sum / seeds as f64;
+        let standard_error = ((squares / seeds as f64 - mean * mean) / seeds as f64).sqrt();
+        assert!((mean - 1.0).abs() < 4.0 * standard_error, "{mean} +- {standard_error}");
+        assert!(largest < 4.0, "{largest} standard errors");
+    }
 }
 
 #[test]

@@ -1,5 +1,8 @@
 //! The error of a denoised image, by leaving folds of the iterations out (docs/explanation/denoising.md).
 
+use super::pooling::boxes;
+use super::standard_error::ProductSums;
+use super::window::{SampledTile, Window};
 use super::{BOX_RADIUS, FoldedImage, Mix};
 use crate::base::error::Result;
 use crate::base::math::{Rgb, luminance};
@@ -36,21 +39,46 @@ impl CrossValidation {
     /// Those of the denoiser.
     pub fn new(
         image: &FoldedImage,
-        mut denoiser: impl FnMut(&[Rgb]) -> Result<Vec<Rgb>>,
+        denoiser: impl FnMut(Window, &[Rgb]) -> Result<Vec<Rgb>>,
     ) -> Result<Self> {
-        let luminances = |image: &[Rgb]| image.iter().map(|value| luminance(*value)).collect();
-        let [fold, raw, denoised] = [const { Vec::new() }; 3];
-        let mut validation = Self { fold, raw, denoised, parts: Vec::new() };
-        for fold in 0..image.fold_count() {
-            let others = image.without(fold);
-            validation.fold.push(image.luminance_of(fold));
-            validation.raw.push(luminances(&others));
-            validation.denoised.push(luminances(&denoiser(&others)?));
-            if image.fold_count() == 2 {
-                validation.parts.push(image.parts_of(fold));
+        let whole = Window::whole(image.resolution());
+        Self::of_tiles(image, &[SampledTile { window: whole, core: whole, factor: 1.0 }], denoiser)
+    }
+
+    /// Denoises, for each fold, these tiles of the image of the other folds. Pixels of the cores follow one another,
+    /// tile by tile, row by row.
+    ///
+    /// # Errors
+    /// Those of the denoiser.
+    pub fn of_tiles(
+        image: &FoldedImage,
+        tiles: &[SampledTile],
+        mut denoiser: impl FnMut(Window, &[Rgb]) -> Result<Vec<Rgb>>,
+    ) -> Result<Self> {
+        let n = image.fold_count();
+        let empty = || vec![Vec::new(); n];
+        let mut all = Self { fold: empty(), raw: empty(), denoised: empty(), parts: Vec::new() };
+        if n == 2 {
+            all.parts = vec![vec![Vec::new(); DENOISE_FOLDS / n]; n];
+        }
+        for SampledTile { window, core, .. } in tiles {
+            let inner = Window { x: core.x - window.x, y: core.y - window.y, ..*core };
+            let luminances = |image: &[Rgb]| {
+                let pixels = inner.indices(window.width);
+                pixels.map(|index| luminance(image[index])).collect::<Vec<f32>>()
+            };
+            for fold in 0..n {
+                let others = image.without(*window, fold);
+                all.fold[fold].extend(image.luminance_of(*core, fold));
+                all.raw[fold].extend(luminances(&others));
+                all.denoised[fold].extend(luminances(&denoiser(*window, &others)?));
+                if let Some(parts) = all.parts.get_mut(fold) {
+                    let of_tile = image.parts_of(*core, fold);
+                    parts.iter_mut().zip(of_tile).for_each(|(all, part)| all.extend(part));
+                }
             }
         }
-        Ok(validation)
+        Ok(all)
     }
 
     /// Number of folds.
@@ -78,10 +106,25 @@ impl CrossValidation {
         Self { denoised: self.raw.clone(), ..self.clone() }
     }
 
+    /// Estimate of the squared error of a pixel of the image that is denoised from all samples: the error from
+    /// `(n-1)/n` of them, minus [`Self::excess_noise`].
+    pub fn squared(&self, pixel: usize) -> f64 {
+        self.squared_without_one_fold(pixel) - self.excess_noise(pixel)
+    }
+
+    /// Noise that the images `D_-i` have in excess of the image from all samples: `mean_i (D_-i - mean D)^2`, as of the
+    /// jackknife. It is exact for a linear denoiser, where the variance is inverse to the number of samples.
+    fn excess_noise(&self, pixel: usize) -> f64 {
+        let n = self.fold_count() as f64;
+        let denoised = |i: usize| f64::from(self.denoised[i][pixel]);
+        let mean = (0..self.fold_count()).map(denoised).sum::<f64>() / n;
+        (0..self.fold_count()).map(|i| (denoised(i) - mean).powi(2)).sum::<f64>() / n
+    }
+
     /// `mean_i (D_-i - B_i)^2 - s^2` of a pixel: an unbiased estimate of the squared error of an image from `(n-1)/n`
     /// of the samples. With two folds it is the mean product of `D_-i - B_ij` and `D_-i - B_ik`, over pairs of
     /// different parts `B_ij` and `B_ik` of a fold.
-    pub fn squared(&self, pixel: usize) -> f64 {
+    fn squared_without_one_fold(&self, pixel: usize) -> f64 {
         if !self.parts.is_empty() {
             let of_fold = |fold: usize| {
                 let (mut sum, mut squares) = (0.0, 0.0);
@@ -136,44 +179,14 @@ impl CrossValidation {
         all.estimate(count as f64)
     }
 
-    /// The estimate from the products of `D_-i - B_ij` and `D_-i - B_ik` over pairs of parts, with the jackknife's
-    /// standard error over the parts of a fold (Efron and Stein 1981). The errors of both folds count as equal, not as
-    /// independent, since the denoised image of each holds the noise of the other.
-    fn estimate_from_parts(&self, weights: &[f64]) -> SquaredError {
-        let count = weights.iter().filter(|weight| **weight > 0.0).count().max(1) as f64;
-        let of_fold = |fold: usize| {
-            let parts = self.parts[fold].len();
-            let pairs: Vec<(usize, usize)> =
-                (0..parts).flat_map(|j| (0..j).map(move |k| (j, k))).collect();
-            let product = |(j, k): &(usize, usize)| {
-                let value = |pixel: usize| {
-                    let distance = |part: usize| {
-                        f64::from(self.denoised[fold][pixel] - self.parts[fold][part][pixel])
-                    };
-                    weights[pixel] * distance(*j) * distance(*k)
-                };
-                (0..weights.len()).map(value).sum::<f64>() / count
-            };
-            let products: Vec<f64> = pairs.par_iter().map(product).collect();
-            let mean_without = |left_out: Option<usize>| {
-                let taken = pairs.iter().zip(&products);
-                let taken = taken.filter(|((j, k), _)| ![Some(*j), Some(*k)].contains(&left_out));
-                let (sum, n) = taken.fold((0.0, 0.0), |(sum, n), (_, p)| (sum + p, n + 1.0));
-                sum / n
-            };
-            let without: Vec<f64> = (0..parts).map(|part| mean_without(Some(part))).collect();
-            let mean = without.iter().sum::<f64>() / parts as f64;
-            let spread: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
-            (mean_without(None), (spread * (parts as f64 - 1.0) / parts as f64).sqrt())
-        };
-        let n = self.fold_count() as f64;
-        let (squared, error) = (0..self.fold_count())
-            .map(of_fold)
-            .fold((0.0, 0.0), |(sum, errors), (squared, error)| (sum + squared, errors + error));
-        SquaredError { squared: squared / n, standard_error: error / n }
+    /// Weighted mean of [`Self::excess_noise`] over the pixels whose weight is not 0.
+    pub(super) fn mean_excess_noise(&self, weights: &[f64]) -> f64 {
+        let term = |pixel: usize| weights[pixel] * self.excess_noise(pixel);
+        let count = weights.iter().filter(|weight| **weight > 0.0).count().max(1);
+        (0..weights.len()).map(term).sum::<f64>() / count as f64
     }
 
-    /// Squared error of the raw image from as many samples, which is its variance.
+    /// Squared error of the raw image, which is its variance.
     pub fn raw(&self, weights: &[f64]) -> f64 {
         let n = self.fold_count() as f64;
         let variance = |pixel: usize| {
@@ -182,7 +195,7 @@ impl CrossValidation {
             (0..self.fold_count()).map(|i| (fold(i) - mean).powi(2)).sum::<f64>() / (n - 1.0)
         };
         let sum: f64 = (0..weights.len()).map(|pixel| weights[pixel] * variance(pixel)).sum();
-        sum / weights.len() as f64 / (n - 1.0)
+        sum / weights.len() as f64 / n
     }
 
     /// RMS errors pooled over squares of `2 BOX_RADIUS + 1` pixels.
@@ -196,129 +209,6 @@ impl CrossValidation {
 
 /// Pixels of a parallel task.
 const CHUNK: usize = 4096;
-
-/// Weighted sums over pixels, `n` by `n`.
-struct ProductSums {
-    squared: f64,
-    /// Products of the folds' residuals `r_i = B_i - mean B`.
-    gram: Vec<f64>,
-    /// Products of `D_-i - mean B` with `r_j`.
-    cross: Vec<f64>,
-}
-
-impl ProductSums {
-    fn new(n: usize) -> Self {
-        Self { squared: 0.0, gram: vec![0.0; n * n], cross: vec![0.0; n * n] }
-    }
-
-    fn add(&mut self, validation: &CrossValidation, pixel: usize, weight: f64) {
-        let n = validation.fold_count();
-        let [mut residual, mut distance] = [[0.0; DENOISE_FOLDS]; 2];
-        let fold = |i: usize| f64::from(validation.fold[i][pixel]);
-        let mean = (0..n).map(fold).sum::<f64>() / n as f64;
-        for i in 0..n {
-            residual[i] = fold(i) - mean;
-            distance[i] = weight * (f64::from(validation.denoised[i][pixel]) - mean);
-        }
-        self.squared += weight * validation.squared(pixel);
-        for i in 0..n {
-            for j in 0..n {
-                self.gram[i * n + j] += weight * residual[i] * residual[j];
-                self.cross[i * n + j] += distance[i] * residual[j];
-            }
-        }
-    }
-
-    fn append(&mut self, other: &Self) {
-        self.squared += other.squared;
-        self.gram.iter_mut().zip(&other.gram).for_each(|(a, b)| *a += b);
-        self.cross.iter_mut().zip(&other.cross).for_each(|(a, b)| *a += b);
-    }
-
-    fn estimate(&self, pixels: f64) -> SquaredError {
-        let count = self.gram.len().isqrt();
-        let n = count as f64;
-        let product = |sums: &[f64], i: usize, j: usize| sums[i * count + j] / pixels;
-        // Product of factor `i`, minus the mean of the residuals `a`, with residual `j`, minus the mean of the
-        // residuals `b`.
-        let centered = |first: &[f64], (i, a): (usize, &[usize]), (j, b): (usize, &[usize])| {
-            let mean = |of: &dyn Fn(usize) -> f64, folds: &[usize]| {
-                folds.iter().map(|&fold| of(fold)).sum::<f64>() / folds.len() as f64
-            };
-            product(first, i, j)
-                - mean(&|b| product(first, i, b), b)
-                - mean(&|a| product(&self.gram, a, j) - mean(&|b| product(&self.gram, a, b), b), a)
-        };
-        let (mut t, mut middle) = (0.0, Vec::new());
-        for i in 0..count {
-            for j in (0..count).filter(|&j| j != i) {
-                let [a, b] = halves(count, |fold| fold != i && fold != j);
-                t += centered(&self.gram, (i, &a), (j, &b)).powi(2) / (n * (n - 1.0));
-            }
-            let [a, b] = halves(count, |fold| fold != i);
-            let both = [(&a, &b), (&b, &a)];
-            let product = |(a, b): (&Vec<_>, &Vec<_>)| centered(&self.cross, (i, a), (i, b));
-            middle.push(both.map(product).iter().sum::<f64>() / 2.0);
-        }
-        // Subtract their mean: the denoised images hold noise of the folds in `b`.
-        let mean = middle.iter().sum::<f64>() / n;
-        let mut c = middle.iter().map(|w| (w - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        // Number of folds in a mean.
-        let m = ((count - 2) / 2) as f64;
-        t /= (1.0 + 1.0 / m).powi(2);
-        c = (c / (1.0 + 1.0 / m) - t / m).max(0.0);
-        let variance = 2.0 * t / (n * (n - 1.0)) + 4.0 * c / n;
-        let both = (variance * self.variance_if_normal(pixels)).sqrt();
-        SquaredError { squared: self.squared / pixels, standard_error: both.sqrt() }
-    }
-
-    /// The variance of the estimate if noise is normal: `T` from all products of residuals (Bai and Saranadasa 1996),
-    /// `C` from those of `mean D - mean B`.
-    fn variance_if_normal(&self, pixels: f64) -> f64 {
-        let count = self.gram.len().isqrt();
-        let n = count as f64;
-        let trace =
-            (0..count).map(|i| self.gram[i * count + i]).sum::<f64>() / (pixels * (n - 1.0));
-        let norm2: f64 = self.gram.iter().map(|product| (product / pixels).powi(2)).sum();
-        let norm2 = norm2 / (n - 1.0).powi(2);
-        let factor = (n - 1.0).powi(2) / ((n - 2.0) * (n + 1.0));
-        let t = (factor * (norm2 - trace * trace / (n - 1.0))).max(0.0);
-        let column_mean = |j: usize| (0..count).map(|i| self.cross[i * count + j]).sum::<f64>() / n;
-        let cross2: f64 = (0..count).map(|j| (column_mean(j) / pixels).powi(2)).sum();
-        let c = (cross2 / (n - 1.0) - t / n).max(0.0);
-        2.0 * t / (n * (n - 1.0)) + 4.0 * c / n
-    }
-}
-
-/// The folds for which `wanted` returns true, in two equal halves. An odd one is left out.
-fn halves(count: usize, wanted: impl Fn(usize) -> bool) -> [Vec<usize>; 2] {
-    let all: Vec<usize> = (0..count).filter(|&fold| wanted(fold)).collect();
-    let half = all.len() / 2;
-    let of = |first: usize| all.iter().copied().skip(first).step_by(2).take(half).collect();
-    [of(0), of(1)]
-}
-
-/// Means over the pixels at most `radius` away along either axis.
-pub(super) fn boxes(values: &[f64], (width, height): (usize, usize), radius: usize) -> Vec<f64> {
-    // Sums over rectangles from the corner, one column and row larger.
-    let mut corner = vec![0.0; (width + 1) * (height + 1)];
-    for y in 0..height {
-        let mut row = 0.0;
-        for x in 0..width {
-            row += values[y * width + x];
-            corner[(y + 1) * (width + 1) + x + 1] = corner[y * (width + 1) + x + 1] + row;
-        }
-    }
-    let at = |x: usize, y: usize| corner[y * (width + 1) + x];
-    let mean = |index: usize| {
-        let (x, y) = (index % width, index / width);
-        let (left, right) = (x.saturating_sub(radius), (x + radius + 1).min(width));
-        let (top, bottom) = (y.saturating_sub(radius), (y + radius + 1).min(height));
-        let sum = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top);
-        sum / ((right - left) * (bottom - top)) as f64
-    };
-    (0..width * height).into_par_iter().map(mean).collect()
-}
 
 #[cfg(test)]
 pub(super) mod tests {
@@ -389,6 +279,21 @@ pub(super) mod tests {
         images.iter().map(of).sum::<f64>() / (images.len() * count) as f64
     }
 
+    /// The mean of all folds, and its blur.
+    pub fn of_all_samples(folds: &CrossValidation, radius: usize) -> [Vec<f32>; 2] {
+        let n = folds.fold_count() as f64;
+        let sum = |pixel: usize| folds.fold.iter().map(|fold| f64::from(fold[pixel])).sum::<f64>();
+        let mean: Vec<f64> = (0..SIDE * SIDE).map(|pixel| sum(pixel) / n).collect();
+        let blurred = boxes(&mean, (SIDE, SIDE), radius);
+        [mean, blurred].map(|values| values.into_iter().map(|value| value as f32).collect())
+    }
+
+    /// Weighted squared error of the blurred mean of all folds.
+    fn error_of_all(folds: &CrossValidation, radius: usize, truth: &[f64], weights: &[f64]) -> f64 {
+        let [_, blurred] = of_all_samples(folds, radius);
+        error(&[blurred], truth, weights)
+    }
+
     #[test]
     fn squared_errors_and_their_standard_errors_are_estimated_without_a_reference() {
         let truth = truth(0.4);
@@ -408,7 +313,7 @@ pub(super) mod tests {
             for _ in 0..trials {
                 let folds = folds(&truth, noise, &mut rng);
                 let estimate = folds.estimate(&weights);
-                let error = error(&folds.denoised, &truth, &weights);
+                let error = error_of_all(&folds, 2, &truth, &weights);
                 estimated += estimate.squared;
                 true_error += error;
                 let deviation = (estimate.squared - error) / estimate.standard_error;
@@ -458,7 +363,7 @@ pub(super) mod tests {
                 let of_pixels: f64 = (0..truth.len()).map(|p| weights[p] * folds.squared(p)).sum();
                 let of_pixels = of_pixels / truth.len() as f64;
                 assert!((of_pixels - estimate.squared).abs() < 1e-5 * of_pixels.abs().max(0.01));
-                let off = estimate.squared - error(&folds.denoised, &truth, &weights);
+                let off = estimate.squared - error_of_all(&folds, 2, &truth, &weights);
                 (difference, difference2) = (difference + off, difference2 + off * off);
                 z2 += (off / estimate.standard_error).powi(2);
             }
@@ -496,27 +401,12 @@ pub(super) mod tests {
                 parts: Vec::new(),
             };
             let estimate = folds.estimate(&weights);
-            let error = error(&folds.denoised, &truth, &weights);
+            let error = error_of_all(&folds, 4, &truth, &weights);
             z2 += ((estimate.squared - error) / estimate.standard_error).powi(2);
             ratio += estimate.standard_error / folds.raw(&weights);
         }
         let [z2, ratio] = [z2, ratio].map(|sum| sum / f64::from(trials));
         assert!((0.01..2.0).contains(&z2), "{z2}");
         assert!(ratio < 0.5, "{ratio}");
-    }
-
-    #[test]
-    fn boxes_at_the_border_are_means_over_the_inside() {
-        let values: Vec<f64> = (0..35).map(|i| f64::from(i * i % 11)).collect();
-        for radius in [0, 1, 3, 40] {
-            for (index, mean) in boxes(&values, (7, 5), radius).into_iter().enumerate() {
-                let near = |i: &usize| {
-                    (i % 7).abs_diff(index % 7) <= radius && (i / 7).abs_diff(index / 7) <= radius
-                };
-                let own: Vec<f64> = (0..35).filter(near).map(|i| values[i]).collect();
-                let expected = own.iter().sum::<f64>() / own.len() as f64;
-                assert!((mean - expected).abs() < 1e-9, "{radius} {index}");
-            }
-        }
     }
 }

@@ -1,11 +1,13 @@
 //! The image of each fold of the iterations, and of all other folds. The guides of the denoiser.
 
+use super::window::Window;
 use crate::base::math::Rgb;
 use crate::film::features::FeatureFolds;
 use crate::film::folds::DENOISE_FOLDS;
 use crate::film::radiance::{luminance, total};
 use crate::render::block::{Block, CombinedImage};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// Maximum RMS noise of guides that need no denoising of their own: a step of 8-bit colors.
 const MAX_CLEAN_NOISE: f64 = 1.0 / 256.0;
@@ -19,6 +21,18 @@ pub struct Guides {
     pub normal: Vec<Vec3>,
     /// True if they have hardly any noise. Noisy guides have to be denoised as well.
     pub clean: bool,
+}
+
+impl Guides {
+    /// The guides of a window of an image of this many columns.
+    #[must_use]
+    pub fn crop(&self, window: Window, image_width: u32) -> Self {
+        if self.albedo.is_empty() {
+            return self.clone();
+        }
+        let albedo = window.crop(&self.albedo, image_width);
+        Self { albedo, normal: window.crop(&self.normal, image_width), clean: self.clean }
+    }
 }
 
 /// Guides from all iterations. Each pixel has its albedo and normal, however the iterations are dealt to folds.
@@ -75,6 +89,11 @@ impl<'a> FoldedImage<'a> {
         (0..needed).all(|fold| folded.weight(|f| f % needed == fold) > 0.0).then_some(folded)
     }
 
+    /// Width and height, pixels.
+    pub fn resolution(&self) -> (u32, u32) {
+        self.image.resolution()
+    }
+
     /// Number of folds, `n`.
     pub fn fold_count(&self) -> usize {
         self.n
@@ -90,38 +109,44 @@ impl<'a> FoldedImage<'a> {
         self.image.blocks().iter().zip(self.image.weights()).map(block_weight).sum()
     }
 
-    fn mean(&self, takes: impl Fn(usize) -> bool + Sync) -> Vec<DVec3> {
+    /// Mean radiance in a window over the iterations of the [`DENOISE_FOLDS`] folds for which `takes` returns true.
+    fn mean(&self, window: Window, takes: impl Fn(usize) -> bool + Sync) -> Vec<DVec3> {
         let blocks = self.image.blocks();
         let scale = self.weight(&takes).recip();
-        let mut sums = vec![DVec3::ZERO; blocks[0].film.pixels()];
-        for (block, weight) in blocks.iter().zip(self.image.weights()) {
-            let folds = block.statistics.folds.as_ref().expect("kept");
-            block.film.sums.zip_pixels(&mut sums, |sum, at| {
-                let taken = folds.at(at).enumerate().filter(|(fold, _)| takes(*fold));
-                *sum += taken.map(|(_, radiance)| radiance.as_dvec3()).sum::<DVec3>()
-                    * (weight * scale);
-            });
-        }
+        let mut sums = vec![DVec3::ZERO; window.len()];
+        let rows =
+            sums.par_chunks_mut(window.width as usize).zip(window.y..window.y + window.height);
+        rows.for_each(|(row, y)| {
+            let indices = blocks[0].film.sums.row(y).skip(window.x as usize);
+            for (sum, at) in row.iter_mut().zip(indices) {
+                for (block, weight) in blocks.iter().zip(self.image.weights()) {
+                    let folds = block.statistics.folds.as_ref().expect("kept");
+                    let taken = folds.at(at).enumerate().filter(|(fold, _)| takes(*fold));
+                    *sum += taken.map(|(_, radiance)| radiance.as_dvec3()).sum::<DVec3>()
+                        * (weight * scale);
+                }
+            }
+        });
         sums
     }
 
-    /// Luminance of a fold, row by row.
-    pub fn luminance_of(&self, fold: usize) -> Vec<f32> {
-        self.luminance(|f| f % self.n == fold)
+    /// Luminance of a fold in a window, row by row.
+    pub fn luminance_of(&self, window: Window, fold: usize) -> Vec<f32> {
+        self.luminance(window, |f| f % self.n == fold)
     }
 
-    /// Luminance of each of the [`DENOISE_FOLDS`] folds that make up one of `n` folds, row by row.
-    pub fn parts_of(&self, fold: usize) -> Vec<Vec<f32>> {
+    /// Luminance in a window of each of the [`DENOISE_FOLDS`] folds that make up one of `n` folds, row by row.
+    pub fn parts_of(&self, window: Window, fold: usize) -> Vec<Vec<f32>> {
         let parts = (0..DENOISE_FOLDS).filter(|f| f % self.n == fold);
-        parts.map(|part| self.luminance(|f| f == part)).collect()
+        parts.map(|part| self.luminance(window, |f| f == part)).collect()
     }
 
-    /// Radiance of all other folds, row by row.
-    pub fn without(&self, fold: usize) -> Vec<Rgb> {
-        self.mean(|f| f % self.n != fold).iter().map(|value| value.as_vec3()).collect()
+    /// Radiance of all other folds in a window, row by row.
+    pub fn without(&self, window: Window, fold: usize) -> Vec<Rgb> {
+        self.mean(window, |f| f % self.n != fold).iter().map(|value| value.as_vec3()).collect()
     }
 
-    fn luminance(&self, takes: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
-        self.mean(takes).iter().map(|value| luminance(*value) as f32).collect()
+    fn luminance(&self, window: Window, takes: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+        self.mean(window, takes).iter().map(|value| luminance(*value) as f32).collect()
     }
 }

@@ -1,7 +1,8 @@
 //! The mix of the denoised and the raw image with the smallest estimated error in each neighborhood.
 
 use super::BOX_RADIUS;
-use super::cross_validation::{CrossValidation, boxes};
+use super::cross_validation::CrossValidation;
+use super::pooling::boxes;
 use crate::base::math::Rgb;
 use rayon::prelude::*;
 
@@ -17,13 +18,13 @@ pub struct Mix {
 }
 
 impl Mix {
-    /// Pools over squares of `2 BOX_RADIUS + 1` pixels, with these weights of squared errors.
+    /// Pools over squares of `2 BOX_RADIUS + 1` pixels of an image of this size, or over all pixels if they do not form
+    /// an image. `weights` are those of squared errors.
     ///
     /// Let `u = R_-i - D_-i` and `v = B_i - D_-i`. The squared error of a mix with the share `a` is `(a u - v)^2` plus
     /// terms without `a`, so `a = mean uv / mean u^2` minimizes it. The share is reduced by the part of `a^2` that its
     /// standard error over the folds explains.
-    pub fn new(validation: &CrossValidation, weights: &[f64], (width, height): (u32, u32)) -> Self {
-        let size = (width as usize, height as usize);
+    pub fn new(validation: &CrossValidation, weights: &[f64], size: Option<(u32, u32)>) -> Self {
         let pooled = |index: usize| {
             let value = |pixel: usize| {
                 let [fold, raw, denoised] =
@@ -33,7 +34,14 @@ impl Mix {
                 (weights[pixel] * u * v, weights[pixel] * u * u)
             };
             let (uv, uu): (Vec<f64>, Vec<f64>) = (0..weights.len()).map(value).unzip();
-            [uv, uu].map(|values| boxes(&values, size, BOX_RADIUS as usize))
+            [uv, uu].map(|values| match size {
+                Some((width, height)) => {
+                    boxes(&values, (width as usize, height as usize), BOX_RADIUS as usize)
+                }
+                None => {
+                    vec![values.iter().sum::<f64>() / values.len() as f64; values.len()]
+                }
+            })
         };
         let moments: Vec<[Vec<f64>; 2]> =
             (0..validation.fold_count()).into_par_iter().map(pooled).collect();
@@ -56,12 +64,12 @@ impl Mix {
             worse: worse as f64 / weights.len() as f64,
         }
     }
+}
 
-    /// Mixes two images.
-    pub fn apply(&self, raw: &[Rgb], denoised: &[Rgb]) -> Vec<Rgb> {
-        let pixels = raw.iter().zip(denoised).zip(&self.shares);
-        pixels.map(|((raw, denoised), share)| denoised.lerp(*raw, *share)).collect()
-    }
+/// Mixes two images by the share of the raw one in each pixel.
+pub fn mixed(raw: &[Rgb], denoised: &[Rgb], raw_shares: &[f32]) -> Vec<Rgb> {
+    let pixels = raw.iter().zip(denoised).zip(raw_shares);
+    pixels.map(|((raw, denoised), share)| denoised.lerp(*raw, *share)).collect()
 }
 
 /// The share from the moments `[mean uv, mean u^2]` of some folds.
@@ -85,11 +93,11 @@ fn best_share(moments: impl Iterator<Item = [f64; 2]> + Clone) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cross_validation::tests::{error, folds, truth};
+    use super::super::cross_validation::tests::{error, folds, of_all_samples, truth};
     use super::*;
     use crate::base::rng::{Stream, StreamKey};
 
-    /// Squared errors of the raw image, the denoised image and the mix, and the estimate for the mix.
+    /// Squared errors of the raw image, the denoised image and the mix, from all samples, and the estimate for the mix.
     fn errors(contrast: f64, noise: (f64, f64), stream: u64) -> [f64; 4] {
         let truth = truth(contrast);
         let weights: Vec<f64> = truth.iter().map(|l| 1.0 / (l * l + 0.04)).collect();
@@ -97,13 +105,15 @@ mod tests {
         let mut sums = [0.0; 4];
         for _ in 0..40 {
             let folds = folds(&truth, noise, &mut rng);
-            let mix = Mix::new(&folds, &weights, (64, 64));
-            let mixed = folds.mixed(&mix);
-            let true_error = |images: &[Vec<f32>]| error(images, &truth, &weights);
-            sums[0] += true_error(&folds.raw);
-            sums[1] += true_error(&folds.denoised);
-            sums[2] += true_error(&mixed.denoised);
-            sums[3] += mixed.estimate(&weights).squared;
+            let mix = Mix::new(&folds, &weights, Some((64, 64)));
+            let [raw, denoised] = of_all_samples(&folds, 2);
+            let pixels = raw.iter().zip(&denoised).zip(&mix.shares);
+            let mixed = pixels.map(|((raw, denoised), share)| denoised + share * (raw - denoised));
+            let images = [raw.clone(), denoised.clone(), mixed.collect()];
+            for (sum, image) in sums.iter_mut().zip(images) {
+                *sum += error(&[image], &truth, &weights);
+            }
+            sums[3] += folds.mixed(&mix).estimate(&weights).squared;
         }
         sums.map(|sum| sum / 40.0)
     }

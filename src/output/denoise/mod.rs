@@ -7,13 +7,17 @@
 mod cross_validation;
 mod folded_image;
 mod mix;
+mod pooling;
+mod standard_error;
+mod window;
 #[allow(unsafe_code)] // with a SAFETY argument for each block, as in Embree's layer
 mod oidn;
 
 pub use cross_validation::{CrossValidation, SquaredError};
 pub use folded_image::{FoldedImage, Guides, guides};
-pub use mix::Mix;
+pub use mix::{Mix, mixed};
 pub use oidn::{Oidn, Quality};
+pub use window::{SampledTile, TILE, Window, sample_tiles};
 
 use crate::base::error::Result;
 use crate::base::math::Rgb;
@@ -41,12 +45,13 @@ pub struct Denoised {
     pub is_raw: bool,
 }
 
-/// The error of a denoised image from `(n-1)/n` of the samples, estimated by leaving out each of `n` folds.
+/// The error of a denoised image, estimated by leaving out each of `n` folds.
 #[derive(Clone, Debug)]
 pub struct DenoisedError {
     /// Error of the whole image.
     pub whole: ErrorSummary,
-    /// RMS error as luminance, W/(m^2 sr), row by row, pooled over squares of `2 BOX_RADIUS + 1` pixels.
+    /// RMS error as luminance, W/(m^2 sr), row by row, pooled over squares of `2 BOX_RADIUS + 1` pixels; empty if the
+    /// error was estimated in a sample of tiles.
     pub map: Vec<f32>,
     /// Share of the raw image in each pixel.
     pub raw_share: Vec<f32>,
@@ -64,7 +69,7 @@ pub struct ErrorSummary {
     pub unmixed: f64,
     /// Standard error of `unmixed`.
     pub unmixed_error: f64,
-    /// Squared error of the raw image from as many samples.
+    /// Squared error of the raw image.
     pub raw: f64,
     /// Mean share of the raw image in the mix.
     pub raw_share: f64,
@@ -73,6 +78,27 @@ pub struct ErrorSummary {
     /// Number of folds `n`. Each of them was left out in turn.
     #[serde(rename = "parts")]
     pub folds: usize,
+    /// Number of tiles in which the error was estimated; `None` if it was estimated in all pixels.
+    pub tiles: Option<usize>,
+}
+
+/// How the error of a denoised image is estimated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Validation {
+    /// Number of folds that are left out in turn, or fewer if there are not enough iterations; 0 leaves the error
+    /// unknown.
+    pub folds: usize,
+    /// Approximate number of [tiles](sample_tiles) in which the error is estimated; `None` for the whole image.
+    pub tiles: Option<usize>,
+    /// Seed of the sample of tiles.
+    pub seed: u64,
+}
+
+impl Validation {
+    /// The error is estimated in the whole image, by leaving out this number of folds in turn.
+    pub fn folds(folds: usize) -> Self {
+        Self { folds, tiles: None, seed: 0 }
+    }
 }
 
 impl ErrorSummary {
@@ -87,68 +113,121 @@ impl ErrorSummary {
     }
 }
 
-/// Denoises an image, and estimates its error by leaving out each of `n` folds, or fewer if there are not enough
-/// iterations; 0 leaves the error unknown. The result is never knowingly worse than the raw image: it is the mix with
-/// the smallest estimated error, or the raw image if that has a smaller one. If the error is unknown, it is the raw
-/// image if its noise is below 10 %.
+/// Denoises an image, and estimates its error by leaving out folds in turn. The result is never knowingly worse than
+/// the raw image: it is the mix with the smallest estimated error, or the raw image if that has a smaller one. If the
+/// error is unknown, it is the raw image if its noise is below 10 %. `denoiser` denoises the radiance of a window of
+/// the image.
 ///
 /// # Errors
 /// Those of the denoiser.
 pub fn denoise(
     image: &CombinedImage,
-    n: usize,
-    mut denoiser: impl FnMut(&[Rgb]) -> Result<Vec<Rgb>>,
+    validation: Validation,
+    mut denoiser: impl FnMut(Window, &[Rgb]) -> Result<Vec<Rgb>>,
 ) -> Result<Denoised> {
-    let raw = image.mean();
-    let denoised = denoiser(&raw)?;
+    let (raw, size) = (image.mean(), image.resolution());
+    let denoised = denoiser(Window::whole(size), &raw)?;
     let weights = importance(&denoised);
-    let noise2 = |variance: Vec<f64>| {
-        let terms: Vec<f64> = variance.iter().zip(&weights).map(|(v, w)| v * w).collect();
-        total(&terms, |term| *term) / terms.len() as f64
+    let squared_noise = |variance: Vec<f64>| -> Vec<f64> {
+        variance.iter().zip(&weights).map(|(v, w)| v * w).collect()
     };
-    let splits = [DENOISE_FOLDS, DENOISE_FOLDS / 2, 2].into_iter().filter(|split| *split <= n);
-    let Some(folded) = splits.filter_map(|split| FoldedImage::new(image, split)).next() else {
-        let is_raw = image.variance_of_mean().is_some_and(|v| noise2(v) < UNKNOWN_ERROR.powi(2));
+    let mean = |terms: &Vec<f64>| total(terms, |term| *term) / terms.len() as f64;
+    let noise = image.variance_of_mean().map(squared_noise);
+    let splits = [DENOISE_FOLDS, DENOISE_FOLDS / 2, 2];
+    let splits = splits.into_iter().filter(|split| *split <= validation.folds);
+    let folded = splits.filter_map(|split| FoldedImage::new(image, split)).next();
+    let (Some(folded), Some(noise)) = (folded, &noise) else {
+        let is_raw = noise.is_some_and(|noise| mean(&noise) < UNKNOWN_ERROR.powi(2));
         let image = if is_raw { raw } else { denoised };
         return Ok(Denoised { image, error: None, is_raw });
     };
     // The folds hold the merge bias. Its correction adds noise, which enlarges all errors.
     let growth = match image.bias_correction() {
-        Some(_) => {
-            let both = image.variance_of_mean().zip(image.uncorrected_variance());
-            both.map_or(1.0, |(corrected, sampled)| (noise2(corrected) / noise2(sampled)).max(1.0))
-        }
+        Some(_) => image
+            .uncorrected_variance()
+            .map_or(1.0, |uncorrected| (mean(noise) / mean(&squared_noise(uncorrected))).max(1.0)),
         None => 1.0,
     };
-    let resolution = image.resolution();
-    let validation = CrossValidation::new(&folded, &mut denoiser)?;
-    let mix = Mix::new(&validation, &weights, resolution);
-    let unmixed = validation.estimate(&weights);
-    let raw_squared = validation.raw(&weights);
-    let mut delivered = validation.mixed(&mix);
-    let mut estimate = delivered.estimate(&weights);
-    let is_raw = raw_squared <= estimate.squared;
+    let tiles = validation.tiles.map(|n| sample_tiles(size, noise, n, validation.seed));
+    let of_folds = match &tiles {
+        Some(tiles) => CrossValidation::of_tiles(&folded, tiles, &mut denoiser)?,
+        None => CrossValidation::new(&folded, &mut denoiser)?,
+    };
+    let sampled_weights = tiles
+        .as_ref()
+        .map_or_else(|| weights.clone(), |tiles| weights_of_tiles(tiles, &weights, size.0));
+    let mix = Mix::new(&of_folds, &sampled_weights, tiles.is_none().then_some(size));
+    let estimate = |of_folds: &CrossValidation| {
+        let mut estimate = of_folds.estimate(&sampled_weights);
+        if let Some(tiles) = &tiles {
+            let between = variance_between_tiles(of_folds, tiles, &sampled_weights);
+            estimate.standard_error = estimate.standard_error.hypot(between.sqrt());
+        }
+        estimate
+    };
+    let unmixed = estimate(&of_folds);
+    let raw_squared = of_folds.raw(&sampled_weights);
+    let mut delivered = of_folds.mixed(&mix);
+    let mut error = estimate(&delivered);
+    let is_raw = raw_squared <= error.squared;
     if is_raw {
-        delivered = validation.of_raw();
-        estimate = SquaredError { squared: raw_squared, ..delivered.estimate(&weights) };
+        delivered = of_folds.of_raw();
+        error = SquaredError { squared: raw_squared, ..estimate(&delivered) };
     }
-    let raw_share = if is_raw { vec![1.0; raw.len()] } else { mix.shares.clone() };
+    let raw_share = match (is_raw, &tiles) {
+        (true, _) => vec![1.0; raw.len()],
+        (false, Some(_)) => vec![mix.shares[0]; raw.len()],
+        (false, None) => mix.shares.clone(),
+    };
+    let map = if tiles.is_none() { delivered.map(size) } else { Vec::new() };
+    let image = if is_raw { raw } else { mixed(&raw, &denoised, &raw_share) };
     let error = DenoisedError {
         whole: ErrorSummary {
-            squared: growth * estimate.squared,
-            standard_error: growth * estimate.standard_error,
+            squared: growth * error.squared,
+            standard_error: growth * error.standard_error,
             unmixed: growth * unmixed.squared,
             unmixed_error: growth * unmixed.standard_error,
             raw: growth * raw_squared,
-            raw_share: total(&raw_share, |share| f64::from(*share)) / raw.len() as f64,
+            raw_share: total(&raw_share, |share| f64::from(*share)) / raw_share.len() as f64,
             worse: mix.worse,
             folds: folded.fold_count(),
+            tiles: tiles.map(|tiles| tiles.len()),
         },
-        map: delivered.map(resolution).iter().map(|rms| rms * growth.sqrt() as f32).collect(),
+        map: map.iter().map(|rms| rms * growth.sqrt() as f32).collect(),
         raw_share,
     };
-    let image = if is_raw { raw } else { mix.apply(&raw, &denoised) };
     Ok(Denoised { image, error: Some(error), is_raw })
+}
+
+/// Weights of the pixels of the cores, so that weighted means over them are estimates of those over the whole image.
+fn weights_of_tiles(tiles: &[SampledTile], weights: &[f64], image_width: u32) -> Vec<f64> {
+    let sampled = tiles.iter().map(|tile| tile.core.len()).sum::<usize>();
+    let scale = sampled as f64 / weights.len() as f64;
+    let of_tile = |tile: &SampledTile| {
+        let factor = scale * tile.factor;
+        let pixels = tile.core.indices(image_width);
+        pixels.map(move |index| factor * weights[index]).collect::<Vec<f64>>()
+    };
+    tiles.iter().flat_map(of_tile).collect()
+}
+
+/// Variance of the mean over sampled tiles, by the spread of their terms as if they were drawn independently. It is too
+/// large for a systematic sample.
+fn variance_between_tiles(
+    of_folds: &CrossValidation,
+    tiles: &[SampledTile],
+    weights: &[f64],
+) -> f64 {
+    let (mut start, mut terms) = (0, Vec::new());
+    for tile in tiles {
+        let pixels = start..start + tile.core.len();
+        start = pixels.end;
+        terms.push(pixels.map(|pixel| weights[pixel] * of_folds.squared(pixel)).sum::<f64>());
+    }
+    let n = terms.len() as f64;
+    let mean = terms.iter().sum::<f64>() / n;
+    let spread: f64 = terms.iter().map(|term| (term - mean).powi(2)).sum();
+    if n > 1.0 { spread * n / (n - 1.0) / (weights.len() as f64).powi(2) } else { f64::INFINITY }
 }
 
 /// Weights of squared errors from the luminance of an image: `1/(L_p^2 + 0.01 mean(L)^2)`.
@@ -166,7 +245,9 @@ pub fn layers(denoised: &Denoised) -> Vec<Layer> {
             name: name.into(),
             channels: vec![("Y".into(), values.to_vec())],
         };
-        layers.push(one("denoised_error", &error.map));
+        if !error.map.is_empty() {
+            layers.push(one("denoised_error", &error.map));
+        }
         layers.push(one("denoised_mix", &error.raw_share));
     }
     layers

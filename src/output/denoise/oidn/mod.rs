@@ -19,6 +19,9 @@ const CPU: c_int = 1;
 const FLOAT3: c_int = 3;
 const _: () = assert!(size_of::<Vec3>() == 12 && align_of::<Vec3>() == 4);
 
+/// Number of filters that are kept: one for the whole image, and one for its tiles. Each holds copies of its images.
+const MAX_FILTERS: usize = 2;
+
 /// Size of the neural network. On a processor, a run of `High` with clean guides takes about five times as long as a run
 /// of `Fast`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +38,8 @@ pub struct Oidn {
     device: Handle,
     functions: Functions,
     quality: Quality,
-    /// The latest filter. Another run with the same parameters uses it again.
-    filter: Option<Filter>,
+    /// The latest filters, at most [`MAX_FILTERS`]. A run with the parameters of one of them uses it again.
+    filters: Vec<Filter>,
 }
 
 // SAFETY: the handle is not bound to a thread, and `&mut self` keeps all of its functions from running twice at a time.
@@ -44,8 +47,8 @@ unsafe impl Send for Oidn {}
 
 impl Drop for Oidn {
     fn drop(&mut self) {
-        self.filter = None;
-        // SAFETY: the handle is that of `oidnNewDevice`, released once; its filter was released in the line above.
+        self.filters.clear();
+        // SAFETY: the handle is that of `oidnNewDevice`, released once; its filters were released in the line above.
         unsafe { (self.functions.release_device)(self.device) };
     }
 }
@@ -63,7 +66,7 @@ impl Oidn {
             let problem = "Open Image Denoise does not run on this processor";
             return Err(Error::new(problem, "render without denoising"));
         }
-        let oidn = Self { device, functions, quality: Quality::High, filter: None };
+        let oidn = Self { device, functions, quality: Quality::High, filters: Vec::new() };
         let threads = c_int::try_from(threads).unwrap_or(0);
         // SAFETY: the device lives, names end in a zero byte, and types are those that the reference gives.
         unsafe {
@@ -135,8 +138,8 @@ impl Oidn {
     ) -> Result<Vec<Rgb>> {
         let names = inputs.iter().map(|(name, _)| *name).collect();
         let key = FilterKey { size, names, switches: switches.to_vec(), quality: self.quality };
-        let mut filter = match self.filter.take().filter(|filter| filter.key == key) {
-            Some(filter) => filter,
+        let mut filter = match self.filters.iter().position(|filter| filter.key == key) {
+            Some(index) => self.filters.remove(index),
             None => self.new_filter(key)?,
         };
         for (own, (_, image)) in filter.inputs.iter_mut().zip(inputs) {
@@ -147,7 +150,9 @@ impl Oidn {
         unsafe { (self.functions.execute_filter)(filter.handle) };
         self.check()?;
         let output = filter.output.clone();
-        self.filter = Some(filter);
+        self.filters.push(filter);
+        let surplus = self.filters.len().saturating_sub(MAX_FILTERS);
+        self.filters.drain(..surplus);
         Ok(output)
     }
 
