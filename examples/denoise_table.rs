@@ -27,10 +27,14 @@ use bdpm::settings::provenance::Provenance;
 use bdpm::{Renderer, Settings};
 use clap::Parser;
 use denoised::{Found, Reference, compare};
+use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
+
+/// Standard deviations of the normal distribution to either side that hold 90 %.
+const NORMAL_90: f64 = 1.6449;
 
 /// Compares the reported error of denoised images with the measured one.
 #[derive(Parser)]
@@ -182,7 +186,7 @@ fn errors(args: &Args, path: &Path) -> Result<()> {
 }
 
 /// A render by the program: its report, which is kept beside the image.
-fn run(args: &Args, path: &Path, exr: &Path, options: &[&str]) -> Result<serde_json::Value> {
+fn run(args: &Args, path: &Path, exr: &Path, options: &[&str]) -> Result<Value> {
     let kept = exr.with_extension("json");
     if !(exr.exists() && kept.exists()) {
         let mut command = Command::new(&args.program);
@@ -215,12 +219,7 @@ struct LongRenders {
 
 impl LongRenders {
     /// Reads the renders, or makes them at a third of the radii of `chosen`. Their merge bias is then a ninth.
-    fn of(
-        args: &Args,
-        path: &Path,
-        (name, size): (&str, &str),
-        chosen: &serde_json::Value,
-    ) -> Result<Self> {
+    fn of(args: &Args, path: &Path, (name, size): (&str, &str), chosen: &Value) -> Result<Self> {
         let mut images = Vec::new();
         for seed in ["1000003", "1000004"] {
             let exr = args.folder.join(format!("{name}-{size}-reference-{seed}.exr"));
@@ -287,13 +286,17 @@ fn by_program(args: &Args, path: &Path) -> Result<Vec<(f64, String)>> {
             };
             let of_denoised = &report["denoised"];
             let reported = of_denoised["total_error"].as_f64();
-            let deviation = reported.zip(of_denoised["error"]["standard_error"].as_f64()).map_or(
-                String::new(),
-                |(reported, standard_error)| {
-                    format!("{:+.1}", (reported.powi(2) - error * error) / standard_error)
-                },
-            );
             let reported = reported.or(report["error"]["total"].as_f64());
+            let interval = match &of_denoised["interval"] {
+                Value::Null => &report["error"]["interval"],
+                interval => interval,
+            };
+            let ends = interval["low"].as_f64().zip(interval["high"].as_f64());
+            // The logarithm of the error is normal: theory.md (93h).
+            let deviation = ends.zip(reported).map_or(String::new(), |((low, high), reported)| {
+                let deviation = (high / low).ln() / (2.0 * NORMAL_90);
+                format!("{:+.1}", (reported / error).ln() / deviation)
+            });
             let percent = |error: f64| format!("{:.2} %", 100.0 * error);
             let is_raw = of_denoised.is_null() || of_denoised["is_raw"] == true;
             Ok(format!(

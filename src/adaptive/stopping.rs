@@ -299,7 +299,7 @@ impl Convergence {
     }
 
     /// The squared bias by the image and by the pilot. The image measures it better and better: theory.md (93d).
-    fn squared_bias(&self, stop: &Stop) -> SquaredPart {
+    pub fn squared_bias(&self, stop: &Stop) -> SquaredPart {
         let prior = PILOT_SPREAD * stop.pilot_bias2;
         let Some(SquaredPart { value, deviation }) = self.bias2 else {
             return SquaredPart { value: stop.bias2, deviation: prior };

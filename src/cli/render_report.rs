@@ -13,7 +13,6 @@ use bdpm::adaptive::error_interval::{COVERAGE, ErrorInterval};
 use bdpm::adaptive::stopping::StoppedBy;
 use bdpm::adaptive::technique::Selection;
 use bdpm::job::{DenoisedReport, RelativeError, RenderState, TimeForecast};
-use bdpm::noise::bias::UPPER_BOUND;
 use bdpm::render::bias::MergeBias;
 use bdpm::render::block::{Block, CombinedImage};
 use bdpm::settings::Settings;
@@ -67,7 +66,7 @@ impl<'a> RenderReport<'a> {
             relative_rms: rms.map(|rms| rms / luminance).filter(|share| share.is_finite()),
             promise: state.promise().copied(),
             error: result.error,
-            denoised: state.denoising.as_ref().map(|denoising| denoising.report(&state.stop)),
+            denoised: result.denoised,
             technique: result.selection(),
             half_way: state.half_way(),
             merge_bias: result.merge_bias.as_ref(),
@@ -235,9 +234,9 @@ fn denoised(report: &DenoisedReport) -> String {
     };
     let percent = |squared: f64| 100.0 * squared.max(0.0).sqrt();
     let mut text = format!(
-        "denoised: relative error {:.2} %, at most {:.2} %; {:.2} % before denoising\n",
-        percent(error.squared),
-        percent(error.bound(UPPER_BOUND)),
+        "denoised: relative error {:.2} %{}; {:.2} % of noise before denoising\n",
+        100.0 * report.total_error.unwrap_or(error.relative()),
+        report.interval.as_ref().map_or(String::new(), interval_text),
         percent(error.raw),
     );
     if report.is_raw {

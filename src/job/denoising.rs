@@ -1,5 +1,6 @@
 //! Denoising in a job: when the denoiser runs, the time that is reserved for it, and the error of its result.
 
+use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::stopping::Stop;
 use crate::base::error::{Error, Result};
 use crate::base::math::Rgb;
@@ -160,6 +161,8 @@ pub struct DenoisedReport {
     pub relative_error: Option<f64>,
     /// Relative RMS error including the merge bias as well.
     pub total_error: Option<f64>,
+    /// Range in which the true relative error should lie.
+    pub interval: Option<ErrorInterval>,
     /// Squared errors and their components.
     pub error: Option<ErrorSummary>,
     /// The promised error, if one was made.
@@ -282,13 +285,19 @@ impl Denoising {
         self.latest.as_ref()?.error.as_ref().map(|error| &error.whole)
     }
 
-    /// The error of the latest denoised image, for reports.
-    pub fn report(&self, stop: &Stop) -> DenoisedReport {
+    /// The error of the latest denoised image, for reports. `bias` is the squared merge bias.
+    pub fn report(&self, bias: SquaredPart) -> DenoisedReport {
         let error = self.error().copied();
-        let with_bias = |error: ErrorSummary| (error.squared.max(0.0) + stop.bias2).sqrt();
+        let interval = error.map(|error| {
+            let value = error.squared.max(0.0);
+            let noise = SquaredPart { value, deviation: error.standard_error };
+            ErrorInterval::new(noise, bias, false)
+        });
+        let total = |error: ErrorSummary| (error.squared.max(0.0) + bias.value).sqrt();
         DenoisedReport {
             relative_error: error.map(|error| error.relative()),
-            total_error: error.map(with_bias),
+            total_error: error.map(total),
+            interval,
             error,
             promise: self.promise,
             is_raw: self.is_given_up || self.latest.as_ref().is_some_and(|latest| latest.is_raw),

@@ -1,7 +1,8 @@
 //! The result of a job.
 
+use super::denoising::DenoisedReport;
 use super::state::RenderState;
-use crate::adaptive::error_interval::ErrorInterval;
+use crate::adaptive::error_interval::{ErrorInterval, SquaredPart};
 use crate::adaptive::plan::Plan;
 use crate::adaptive::stopping::{Convergence, StoppedBy, importance};
 use crate::adaptive::technique::Selection;
@@ -27,6 +28,8 @@ pub struct RenderResult {
     /// Error of the image relative to each pixel's luminance; `None` for a pooled objective, before the noise is
     /// known, or if the merge bias is not known.
     pub error: Option<RelativeError>,
+    /// Error of the denoised image, if the job denoises.
+    pub denoised: Option<DenoisedReport>,
     /// RMS of the noise as luminance, W/(m^2 sr), pooled over all pixels, and its standard error.
     pub rms: Option<(f64, f64)>,
     /// Merge bias, estimated from nested radii; `None` if the image is corrected.
@@ -56,7 +59,7 @@ pub struct RelativeError {
 
 impl RenderResult {
     pub(super) fn new(mut state: RenderState, stopped_by: StoppedBy) -> Result<Self> {
-        let denoised = state.denoise();
+        let outcome = state.denoise();
         let image = state.image();
         let blocks = state.renderer.blocks();
         let variance = image.pooled_variance();
@@ -72,13 +75,14 @@ impl RenderResult {
         let resolution = image.resolution();
         let plan = Plan::of_blocks(blocks, image.weights());
         let error = state.is_automatic.then(|| relative_error(&state)).flatten();
+        let denoised = denoised_report(&state);
         let pixels = match state.denoised() {
             Some(denoised) => denoised.image.clone(),
             None => image.mean(),
         };
         drop(image);
         // If the denoiser fails, the image and its layers are still returned.
-        if let (Err(error), Some(denoising)) = (denoised, &mut state.denoising) {
+        if let (Err(error), Some(denoising)) = (outcome, &mut state.denoising) {
             denoising.failure = Some(error);
         }
         let time = state.elapsed();
@@ -86,6 +90,7 @@ impl RenderResult {
             resolution,
             image: pixels,
             error,
+            denoised,
             rms,
             merge_bias,
             plan,
@@ -161,11 +166,22 @@ impl RenderResult {
     }
 }
 
+fn convergence(state: &RenderState) -> Convergence {
+    let (blocks, weights) = (state.renderer.blocks(), state.image().weights().to_vec());
+    Convergence::new(blocks, weights, &importance(blocks, state.stop.objective))
+}
+
+fn denoised_report(state: &RenderState) -> Option<DenoisedReport> {
+    let denoising = state.denoising.as_ref()?;
+    let bias = match denoising.error() {
+        Some(_) => convergence(state).squared_bias(&state.stop),
+        None => SquaredPart::default(),
+    };
+    Some(denoising.report(bias))
+}
+
 fn relative_error(state: &RenderState) -> Option<RelativeError> {
-    let image = state.image();
-    let (blocks, weights) = (state.renderer.blocks(), image.weights().to_vec());
-    let importance = importance(blocks, state.stop.objective);
-    let convergence = Convergence::new(blocks, weights, &importance);
+    let convergence = convergence(state);
     // An image without photons has no merge bias. Otherwise, no estimate means that it is unknown.
     let has_photons = state.provenance.settings.has_photons();
     if has_photons && state.stop.bias2 <= 0.0 && convergence.bias2.is_none() {
