@@ -286,10 +286,14 @@ fn by_program(args: &Args, path: &Path) -> Result<Vec<(f64, String)>> {
             };
             let of_denoised = &report["denoised"];
             let reported = of_denoised["total_error"].as_f64();
-            let reported = reported.or(report["error"]["total"].as_f64());
-            let interval = match &of_denoised["interval"] {
-                Value::Null => &report["error"]["interval"],
-                interval => interval,
+            let is_raw = of_denoised.is_null() || of_denoised["is_raw"] == true;
+            let reported = match is_raw {
+                true => reported.or(report["error"]["total"].as_f64()),
+                false => reported,
+            };
+            let interval = match (&of_denoised["interval"], is_raw) {
+                (Value::Null, true) => &report["error"]["interval"],
+                (interval, _) => interval,
             };
             let ends = interval["low"].as_f64().zip(interval["high"].as_f64());
             // The logarithm of the error is normal: theory.md (93h).
@@ -298,7 +302,6 @@ fn by_program(args: &Args, path: &Path) -> Result<Vec<(f64, String)>> {
                 format!("{:+.1}", (reported / error).ln() / deviation)
             });
             let percent = |error: f64| format!("{:.2} %", 100.0 * error);
-            let is_raw = of_denoised.is_null() || of_denoised["is_raw"] == true;
             Ok(format!(
                 "| {} | {size} | {value} | {} | {} | {:.2} | {} | {deviation} | {:.2} s{} | {raw_seconds:.1} s | {seconds:.1} s |",
                 scene.name,

@@ -20,6 +20,7 @@ pub mod output;
 #[doc(hidden)] // public for the program
 pub mod mpi;
 pub mod job;
+pub mod measurement;
 #[cfg(feature = "cli")]
 #[doc(hidden)] // public for the program
 pub mod paper;
@@ -28,6 +29,7 @@ pub use adaptive::stopping::Stop;
 pub use base::error::{Error, Result};
 pub use import::load;
 pub use job::{Event, RenderJob, RenderResult};
+pub use measurement::{MeasureJob, Measurement};
 pub use render::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;

@@ -14,6 +14,7 @@ mod image_file_args;
 mod info;
 mod interrupts;
 mod layers;
+mod measure;
 mod merge;
 mod optimize;
 mod option_groups;
@@ -66,6 +67,8 @@ struct Cli {
 enum Command {
     /// Render a scene to an EXR image and a PNG preview beside it
     Render(Box<render::Args>),
+    /// Measure illuminance and luminance at meters, with their uncertainty
+    Measure(Box<measure::Args>),
     /// Merge the parts that `render --part` rendered on several machines
     Merge(merge::Args),
     /// Measure noise coefficients of a scene, which predict it at any path counts
@@ -110,6 +113,7 @@ pub fn run() -> ExitCode {
     };
     let output = match command {
         Command::Render(args) => render::run(*args),
+        Command::Measure(args) => measure::run(&args),
         Command::Merge(args) => merge::run(&args),
         Command::Analyze(args) => analyze::run(&args),
         Command::Predict(args) => predict::run(&args),

@@ -30,6 +30,7 @@ const OPTIONS: &[(&str, &str)] = &[
     ("denoising", "denoise"),
     ("checkpoint", "resume"),
     ("memory limit", "max-memory"),
+    ("table of meters", "meters"),
 ];
 
 /// Appends a line with the options of `command` that change the quantities in the advice of a shown error. An error

@@ -282,7 +282,7 @@ fn parse_crop(text: &str) -> std::result::Result<[u32; 4], &'static str> {
 }
 
 /// Reads a share such as 2%.
-fn share(text: &str) -> Result<f64> {
+pub(super) fn share(text: &str) -> Result<f64> {
     match text.parse::<Target>() {
         Ok(Target::Share(share)) => Ok(share),
         _ => {

@@ -14,7 +14,9 @@ use crate::base::error::{Error, Result};
 use crate::base::math::Bounds;
 use crate::base::memory::available_memory;
 use crate::scene::transform::Transform;
-use crate::scene::{Arrangement, Camera, Emitter, Environment, Material, Placement, Region, Scene};
+use crate::scene::{
+    Arrangement, Camera, Emitter, Environment, Material, MeterSet, Placement, Region, Scene,
+};
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -54,6 +56,8 @@ pub(super) struct SceneExtras<'a> {
     pub default_light: bool,
     /// Distance off surfaces at which rays start, scene units, if it is given.
     pub ray_offset: Option<f32>,
+    /// Meters of the scene.
+    pub meters: Vec<MeterSet>,
     /// Changes of the camera.
     pub camera: CameraChange<'a>,
 }
@@ -212,6 +216,7 @@ impl Builder {
             mut defaults,
             default_light,
             ray_offset,
+            meters,
             camera: change,
         } = extras;
         let (camera, resolution) = change.apply(camera)?;
@@ -244,7 +249,7 @@ impl Builder {
             return Err(Error::new(problem, "lower their intensity or emission").at(path));
         }
         let summary = SceneSummary::new(&scene);
-        Ok(Loaded { scene: Arc::new(scene), defaults, warnings, summary, assembly })
+        Ok(Loaded { scene: Arc::new(scene), defaults, meters, warnings, summary, assembly })
     }
 }
 

@@ -19,7 +19,7 @@ use super::text::{self, RELATIVE_NAME, list};
 use super::warnings::{self, Warning};
 use crate::base::error::{Error, Result};
 use crate::scene::transform::{MAX_COORDINATE, Transform};
-use crate::scene::{Material, Mesh, Region, Scene, check_mesh};
+use crate::scene::{Material, Mesh, MeterSet, Region, Scene, check_mesh};
 use crate::settings::PartialSettings;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -33,6 +33,8 @@ pub struct Loaded {
     pub scene: Arc<Scene>,
     /// The file's `[render]` table.
     pub defaults: PartialSettings,
+    /// Meters of the file's `[[meter]]` tables.
+    pub meters: Vec<MeterSet>,
     /// Omissions and defaults.
     pub warnings: Vec<Warning>,
     /// Contents of the file.
@@ -327,6 +329,7 @@ fn build_toml(
         default_light: false,
         ray_offset,
         camera: extras.camera,
+        meters: scene_file::meter_sets(path, text, &file.meter)?,
     };
     builder.finish(path, lights, camera, extras)
 }

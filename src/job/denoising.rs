@@ -21,7 +21,7 @@ const DENOISE_SHARE: f64 = 0.12;
 
 /// Relative RMS noise that the pilot predicts for the end, below which denoising does not pay: the time of the denoiser
 /// adds more noise than its result removes. Measured: docs/measurements/denoising.md.
-const MIN_NOISE: f64 = 0.02;
+const MIN_NOISE: f64 = 0.025;
 
 /// Maximum side of the image with which the time of the denoiser is measured, pixels.
 const TIMED_SIDE: u32 = 128;

@@ -338,7 +338,7 @@ impl View {
 
     /// A point of the image in the view of all pixels; bit by bit the same point at a stride of 1.
     #[inline(always)]
-    fn full_image_point(&self, x: f32, y: f32) -> [f32; 2] {
+    pub(super) fn full_image_point(&self, x: f32, y: f32) -> [f32; 2] {
         let stride = self.stride;
         if stride == 1.0 {
             return [x, y];

@@ -3,7 +3,7 @@
 use super::texture::{Sampling, Texture};
 use super::{
     Camera, Directional, Emitter, Environment, Extent, FieldOfView, InsetGrid, Material, Mesh,
-    NormalMap, Optics, Placement, Scene,
+    Meter, MeterKind, Meters, NormalMap, Optics, Placement, Scene,
 };
 use crate::base::math::Rgb;
 use crate::scene::bsdf::{Bsdf, FacetModel, Facets, Reflectance};
@@ -40,6 +40,9 @@ impl Scene {
             hash.f32(distance);
         }
         hash.camera(&self.camera);
+        if let Some(meters) = self.meters() {
+            hash.meters(meters);
+        }
         hash.0.digest()
     }
 }
@@ -249,6 +252,15 @@ impl Hash {
             Optics::Fisheye { projection, field_of_view } => {
                 self.record(8 + projection as u32, &[], &[field_of_view]);
             }
+        }
+    }
+
+    fn meters(&mut self, meters: &Meters) {
+        self.text("meters");
+        self.u32(u32::from(meters.kind == MeterKind::Irradiance));
+        self.count(meters.list.len());
+        for Meter { position, normal, half_angle } in &meters.list {
+            self.record(0, &[*position, *normal], &[*half_angle]);
         }
     }
 

@@ -8,9 +8,11 @@ pub mod diffuse;
 mod fingerprint;
 mod camera_visibility;
 mod hit;
+mod light_source;
 pub mod lights;
 pub mod material;
 mod mesh;
+mod meter;
 mod normal_map;
 pub mod path_walker;
 mod placement;
@@ -26,6 +28,7 @@ mod validate;
 pub use alpha_mask::AlphaMask;
 pub use camera::{Camera, Extent, FieldOfView, Optics, View};
 pub use hit::HitScratch;
+pub use light_source::LightSource;
 pub use lights::emitter::{Directional, Emitter, Spot};
 pub use lights::environment::{Environment, Inset, InsetGrid};
 pub use lights::packets::{Emissions, LightSamples, PrimarySamples};
@@ -33,6 +36,7 @@ pub use lights::textured_emitter::TexturedTriangle;
 pub use lights::{Emission, LightSample, Lights, Receiver};
 pub use material::Material;
 pub use mesh::Mesh;
+pub use meter::{MAX_METERS, Meter, MeterKind, MeterSet, Meters};
 pub use normal_map::NormalMap;
 pub use placement::{Arrangement, Placement};
 pub use projection::FisheyeProjection;
@@ -64,6 +68,8 @@ pub struct Scene {
     pub camera: Camera,
     /// Named parts of the image.
     pub regions: Vec<Region>,
+    /// Meters that take the place of the camera, if there are any.
+    meters: Option<Arc<Meters>>,
     // The following fields depend on each other: to change one, build another scene.
     meshes: Arc<[Mesh]>,
     placements: Arc<[Placement]>,
@@ -184,6 +190,7 @@ impl Scene {
             name,
             camera,
             regions,
+            meters: None,
             meshes: meshes.into(),
             placements: placements.into(),
             lambertian: materials.iter().map(Lambertian::of).collect(),
@@ -222,6 +229,11 @@ impl Scene {
     /// Distance off surfaces at which rays start besides rounding errors, scene units, if it was given.
     pub fn own_ray_offset(&self) -> Option<f32> {
         self.has_own_ray_offset.then_some(self.ray_offset)
+    }
+
+    /// Distance off a surface at this position at which rays start, scene units.
+    pub(crate) fn offset_at(&self, position: glam::Vec3) -> f32 {
+        Triangle::offset(position.abs().max_element()) + self.ray_offset
     }
 
     /// Box around all meshes.

@@ -53,7 +53,8 @@ impl<'a> PathTracer<'a> {
                 let mut rng = key.rng(u64::from(y) * u64::from(width) + u64::from(x));
                 let path = |_| {
                     let [dx, dy] = rng.next_2d();
-                    let (ray, weight) = view.ray(x as f32 + dx, y as f32 + dy, rng.next_2d());
+                    let (x, y) = (x as f32 + dx, y as f32 + dy);
+                    let (ray, weight) = scene.camera_ray(view, x, y, rng.next_2d());
                     let radiance = radiance(scene, accel, ray, &mut rng, &mut Visitor(scene));
                     (weight * radiance).as_dvec3()
                 };

@@ -17,8 +17,9 @@ const SMALL_BDPM: &str = include_str!("small-bdpm.sh");
 /// Stands for `make`, `cargo`, scripts and others in the blocks: checks that targets and files exist.
 const CHECK_NAMES: &str = include_str!("check-names.sh");
 
-const SUBCOMMANDS: [&str; 13] = [
+const SUBCOMMANDS: [&str; 14] = [
     "render",
+    "measure",
     "merge",
     "denoise",
     "compare",

@@ -8,7 +8,7 @@ previous=
 # The lesser of the number $1 and $2.
 at_most() { if [ "$1" -gt "$2" ]; then echo "$2"; else echo "$1"; fi; }
 
-renders() { case $subcommand in render | analyze | calibrate) true ;; *) false ;; esac; }
+renders() { case $subcommand in render | measure | analyze | calibrate) true ;; *) false ;; esac; }
 
 for argument; do
     if renders; then
@@ -43,6 +43,9 @@ case $subcommand in
         else
             add --time 0.5s unless --time --target-error --plan
         fi
+        ;;
+    measure)
+        add --time 1s unless --time --target-error
         ;;
     analyze)
         add --resolution 16x16 unless --resolution

@@ -4,6 +4,7 @@ mod automatic;
 mod denoise;
 mod interrupts;
 mod limits;
+mod measure;
 mod merge;
 mod noise;
 mod optimize;

@@ -20,6 +20,7 @@ mod light_visibility;
 mod lights;
 mod materials_furnace;
 mod materials_light;
+mod meters;
 mod mis;
 mod normal_maps;
 mod reference;

@@ -65,6 +65,9 @@ const RADIUS_RATIO: f32 = 0.999;
 /// Pixels across and down at which the size of a pixel's footprint is computed.
 const FOOTPRINTS: u32 = 16;
 
+/// Side of the pixel of a meter at distance 1: its rays spread over a wide cone, so that details of this size do not show.
+const METER_PIXEL: f64 = 0.01;
+
 /// Minimum number of iterations of learning: the first half learns and the second half tests the
 /// guide.
 const MIN_LEARNING: u32 = 2 * LEARNING_ROUND;
@@ -422,10 +425,14 @@ fn footprint(scene: &Scene, accel: &dyn Intersect, settings: &Settings) -> f64 {
         for column in 0..FOOTPRINTS {
             let [x, y] = [(column, w), (row, h)]
                 .map(|(i, pixels)| (i as f32 + 0.5) / FOOTPRINTS as f32 * pixels);
-            let (ray, weight) = view.ray(x, y, [0.5; 2]);
-            let (next, _) = view.ray(x + PART, y, [0.5; 2]);
+            let (ray, weight) = scene.camera_ray(&view, x, y, [0.5; 2]);
+            let (next, _) = scene.camera_ray(&view, x + PART, y, [0.5; 2]);
             let hit = accel.closest_hit(&ray);
             if weight > 0.0 && !hit.is_miss() {
+                if scene.meters().is_some() {
+                    sides.push(METER_PIXEL * f64::from(hit.t));
+                    continue;
+                }
                 // Rays of an orthographic camera differ by their origins alone.
                 let offset = (next.origin - ray.origin).cross(ray.direction);
                 let across = offset + hit.t * next.direction.cross(ray.direction);

@@ -4,6 +4,7 @@ pub(super) mod camera;
 pub(super) mod environment;
 pub(super) mod light;
 pub(super) mod material;
+pub(super) mod meter;
 pub(super) mod numbers;
 pub(super) mod sky;
 pub(super) mod texture;
@@ -11,14 +12,15 @@ pub(super) mod texture;
 use super::load::extension;
 use super::text::RELATIVE_NAME;
 use crate::base::error::{Error, Result};
-use crate::scene::Camera;
 use crate::scene::transform::{MAX_COORDINATE, Transform};
+use crate::scene::{Camera, MeterSet};
 use crate::settings::{ADVICE, FixedArray, PartialSettings, as_serde};
 use camera::CameraTable;
 use environment::EnvironmentTable;
 use glam::{DVec3, Vec3};
 use light::LightTable;
 use material::MaterialTable;
+use meter::MeterTable;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, de};
 use sky::SkyTable;
@@ -44,6 +46,8 @@ pub(in crate::import) struct SceneFile {
     pub sky: Option<Spanned<SkyTable>>,
     #[serde(default)]
     pub regions: BTreeMap<String, Rectangles>,
+    #[serde(default)]
+    pub meter: Vec<Spanned<MeterTable>>,
     #[serde(default)]
     pub render: PartialSettings,
 }
@@ -237,6 +241,34 @@ pub(in crate::import) fn camera_alone(
     let start = camera.span().start;
     let camera = camera.get_ref().camera().map_err(|e| e.at(path).at_offset(text, start))?;
     Ok((camera, render.resolution))
+}
+
+/// A file that has only `[[meter]]` tables.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MeterFile {
+    meter: Vec<Spanned<MeterTable>>,
+}
+
+/// Reads a file of `[[meter]]` tables.
+///
+/// # Errors
+/// Names the line of a table that is not valid.
+pub(in crate::import) fn meters_alone(path: &Path, text: &str) -> Result<Vec<MeterSet>> {
+    meter_sets(path, text, &parse_table::<MeterFile>(path, text)?.meter)
+}
+
+/// The meters of the tables of a file.
+pub(in crate::import) fn meter_sets(
+    path: &Path,
+    text: &str,
+    tables: &[Spanned<MeterTable>],
+) -> Result<Vec<MeterSet>> {
+    let set = |(number, table): (usize, &Spanned<MeterTable>)| {
+        let place = |error: Error| error.at(path).at_offset(text, table.span().start);
+        table.get_ref().set(number).map_err(place)
+    };
+    (1..).zip(tables).map(set).collect()
 }
 
 /// Reads settings from the keys of a `[render]` table, one per line of `text`. Errors name `origin` as their file.

@@ -1,6 +1,7 @@
 //! Camera phase: traces camera paths breadth-first, connects them to the lights and stores their gather points.
 
 mod aov;
+mod meter;
 mod mis;
 mod non_diffuse;
 
@@ -86,7 +87,7 @@ struct Connections {
     origin: Vec3s,
     /// Vectors to the vertices.
     direction: Vec3s,
-    /// Paths, and [`Connections::CAUSTIC`].
+    /// Paths, and [`Connections::CAUSTIC`] or [`Connections::METER`].
     path: [u32; LANES],
     contribution: Vec3s,
 }
@@ -94,6 +95,8 @@ struct Connections {
 impl Connections {
     /// Marks connections from rough lobes after the first diffuse vertex: they are part of caustics.
     const CAUSTIC: u32 = 1 << 31;
+    /// Marks connections from meters.
+    const METER: u32 = 1 << 30;
 }
 
 impl Columns<10> for Connections {
@@ -148,8 +151,11 @@ impl CameraPaths {
         if self.records_aovs {
             self.start_aovs();
         }
-        // Neighboring camera paths stay close up to their first vertex.
-        let mut coherence = Coherence::Coherent;
+        // Neighboring camera paths stay close up to their first vertex. Those of a meter do not.
+        let mut coherence = match pass.scene.meters() {
+            None => Coherence::Coherent,
+            Some(_) => Coherence::Incoherent,
+        };
         while self.segments.len() > 0 {
             self.rays += self.segments.len() as u64;
             let count = self.segments.len();
@@ -205,15 +211,19 @@ impl CameraPaths {
                 y[lane] += offsets[1][lane];
                 states.path[lane] = (first + lane) as u32;
             }
-            if !pass.view.is_pinhole() {
+            if !pass.view.is_pinhole() || pass.scene.meters().is_some() {
                 for lane in 0..count {
                     let (_, mut state) = states.get(lane);
-                    let (ray, weight) = pass.view.ray(x[lane], y[lane], state.rng.next_2d());
+                    let lens = state.rng.next_2d();
+                    let (ray, weight) = pass.scene.camera_ray(&pass.view, x[lane], y[lane], lens);
                     state.weight = Rgb::splat(weight);
                     state.inverse_start = weight.recip();
                     states.set(lane, &ray, &state);
                     // Nothing is visible outside the image circle of a fisheye.
                     is_used[lane] = weight > 0.0;
+                    if pass.scene.measures_irradiance() {
+                        self.connect_meter(pass, [x[lane], y[lane]], &mut states, lane);
+                    }
                 }
             } else {
                 states.direction = pass.view.pinhole_directions(&x, &y);
@@ -264,7 +274,7 @@ impl CameraPaths {
         states: &mut PathStates,
     ) {
         if at.any_emits {
-            self.add_emission(pass.scene, at, states);
+            self.add_emission(pass, at, states);
         }
         let mis = self.mis;
         let earlier = if mis.is_some() { self.earlier_merges(at, states) } else { [0.0; LANES] };
@@ -322,20 +332,24 @@ impl CameraPaths {
         self.next.append(simd, &goes_on, states);
     }
 
-    /// Adds the emission of diffuse surfaces. Without MIS, connections and photons contribute the emission that paths
-    /// hit after their first diffuse vertex.
+    /// Adds the emission of diffuse surfaces.
     #[inline(never)] // keeps the common case short
-    fn add_emission(&mut self, scene: &Scene, at: &DiffuseVertices, states: &PathStates) {
+    fn add_emission(&mut self, pass: &CameraPass, at: &DiffuseVertices, states: &PathStates) {
         for lane in 0..LANES {
             let diffuse = states.depth[lane].diffuse();
-            let counts = diffuse == 0 || self.mis.is_some();
+            let counts = self.counts_hit(pass, states.depth[lane]);
             if at.active[lane] && at.front[lane] && counts {
                 let mut emission = at.emission.get(lane);
                 if self.mis.is_some() && emission != Rgb::ZERO {
                     let facet = TriangleSide { mesh: at.mesh[lane], side: at.side[lane] };
                     let segment = [at.position.get(lane), states.direction.get(lane)];
-                    emission *=
-                        self.emission_weight(scene, states.path[lane], diffuse, facet, segment);
+                    emission *= self.emission_weight(
+                        pass.scene,
+                        states.path[lane],
+                        diffuse,
+                        facet,
+                        segment,
+                    );
                 }
                 self.add_hit(
                     states.path[lane],
@@ -344,6 +358,13 @@ impl CameraPaths {
                 );
             }
         }
+    }
+
+    /// Returns true if light sources that paths of this depth hit contribute. Those that meters see straight are
+    /// connected. Without MIS, connections and photons contribute those that are hit after the first diffuse vertex.
+    fn counts_hit(&self, pass: &CameraPass, depth: Depth) -> bool {
+        let is_connected = depth.is_start() && pass.scene.measures_irradiance();
+        (depth.diffuse() == 0 || self.mis.is_some()) && !is_connected
     }
 
     /// Adds the light source that a path of this depth hits.
@@ -398,10 +419,14 @@ impl CameraPaths {
                 let contribution = connections.contribution.get(lane);
                 let visible = if *occluded { Rgb::ZERO } else { contribution };
                 let path = connections.path[lane];
-                let index = (path & !Connections::CAUSTIC) as usize;
+                let index = (path & !(Connections::CAUSTIC | Connections::METER)) as usize;
                 self.direct[index] += visible;
                 if self.records_aovs {
-                    self.aovs[index].add_connection(visible, path & Connections::CAUSTIC != 0);
+                    let aov = &mut self.aovs[index];
+                    match path & Connections::METER {
+                        0 => aov.add_connection(visible, path & Connections::CAUSTIC != 0),
+                        _ => aov.emission += visible,
+                    }
                 }
             }
         }

@@ -21,14 +21,13 @@ pub(super) struct PathVertex<'a> {
 }
 
 impl CameraPaths {
-    /// Adds environment radiance to the paths that left the scene. Without MIS, connections and photons contribute the
-    /// environment that paths hit after their first diffuse vertex.
+    /// Adds environment radiance to the paths that left the scene.
     #[inline(never)] // keeps the loop over Lambertian vertices short
     pub(super) fn add_environment(&mut self, pass: &CameraPass, states: &PathStates, missed: u32) {
         let lights = pass.scene.lights();
         for lane in lanes_of(missed) {
             let (path, depth) = (states.path[lane], states.depth[lane]);
-            if depth.diffuse() > 0 && self.mis.is_none() {
+            if !self.counts_hit(pass, depth) {
                 continue;
             }
             let direction = states.direction.get(lane);
@@ -45,8 +44,7 @@ impl CameraPaths {
         mut state: PathState,
     ) -> Option<(Ray, PathState)> {
         let diffuse = state.depth.diffuse();
-        // Without MIS, connections and photons contribute the emission that is hit later.
-        if surface.front && (diffuse == 0 || self.mis.is_some()) {
+        if surface.front && self.counts_hit(pass, state.depth) {
             let mut emission = surface.emission();
             if emission != Rgb::ZERO {
                 let segment = [surface.position, -surface.wo];
@@ -163,7 +161,13 @@ impl CameraPaths {
     }
 
     /// Queues one shadow ray as [`Self::queue_shadow_rays`] does.
-    fn queue_shadow_ray(&mut self, path: u32, contribution: Rgb, target: Vec3, off_surface: Vec3) {
+    pub(super) fn queue_shadow_ray(
+        &mut self,
+        path: u32,
+        contribution: Rgb,
+        target: Vec3,
+        off_surface: Vec3,
+    ) {
         self.shadow_rays.push(&Connections {
             origin: Vec3s::splat(target),
             direction: Vec3s::splat(off_surface - target),

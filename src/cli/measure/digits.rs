@@ -1,0 +1,26 @@
+//! Decimal places of readings.
+
+use bdpm::measurement::Reading;
+
+/// Decimal places that show two digits of the uncertainty.
+pub fn digits(reading: &Reading) -> usize {
+    let size = reading.expanded.abs();
+    if !(size > 0.0 && size.is_finite()) {
+        return 1;
+    }
+    (1.0 - size.log10().floor()).clamp(0.0, 6.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_show_two_digits_of_the_uncertainty() {
+        for (expanded, expected) in [(0.0, 1), (0.1, 2), (0.099, 3), (1.3, 1), (14.0, 0), (1e9, 0)]
+        {
+            let reading = Reading { expanded, ..Reading::default() };
+            assert_eq!(digits(&reading), expected, "{expanded}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! A measurement as an HTML page without external resources.
+
+use super::digits::digits;
+use crate::cli::human_time;
+use bdpm::Measurement;
+use bdpm::base::atomic::write_atomically;
+use bdpm::base::error::Result;
+use bdpm::measurement::{Reading, SetReadings, quantity};
+use bdpm::output::page::number::fixed;
+use bdpm::output::page::picture::{Colors, Picture};
+use bdpm::output::page::{document, header, table};
+use maud::{Markup, html};
+use std::path::Path;
+
+/// Grids are drawn with cells of at least one pixel; the page scales them up without smoothing.
+const STYLE: &str = "img{image-rendering:pixelated}";
+
+/// Writes the page.
+pub fn write(path: &Path, scene: &str, measurement: &Measurement) -> Result<()> {
+    let page = page(scene, measurement).into_string();
+    write_atomically(path, |file| file.write_all(page.as_bytes()))
+}
+
+fn page(scene: &str, measurement: &Measurement) -> Markup {
+    let body = html! {
+        main {
+            h1 { "Light in " (scene) }
+            p {
+                "The true value is within the uncertainty of the value with a probability of 95 %. "
+                "The noise is one standard deviation. The bias is a bound."
+            }
+            (readings(measurement))
+            @for set in measurement.sets.iter().filter(|set| set.readings.len() > 1) {
+                (maps(set))
+            }
+            h2 { "Computation" }
+            ul { @for technique in &measurement.techniques { li { (technique) } } }
+            p {
+                (human_time(measurement.time.as_secs_f64())) " by bdpm " (env!("CARGO_PKG_VERSION")) "."
+                @if !measurement.reached { " The target was not reached." }
+            }
+        }
+    };
+    document(&format!("Light in {scene}"), STYLE, &html! {}, &body)
+}
+
+/// One row per single meter, rows for mean, minimum and maximum of grids, and rows for groups of lights.
+fn readings(measurement: &Measurement) -> Markup {
+    let names =
+        ["*meter", "*lights", "value", "uncertainty", "noise", "bias", "direct", "indirect"];
+    let rows = html! {
+        (header(&names))
+        tbody {
+            @for set in &measurement.sets {
+                @let single = set.readings.len() == 1;
+                @let label = if single { set.name.clone() } else { format!("{}: mean", set.name) };
+                (row(&label, "all", set, &set.mean))
+                @for (group, _, mean) in &set.groups { (row("", group, set, mean)) }
+                @if !single { (extremes(set)) }
+            }
+        }
+    };
+    table("readings", &html! { "Readings with their uncertainty (95 %)" }, &rows)
+}
+
+fn extremes(set: &SetReadings) -> Markup {
+    let by_value = |a: &&Reading, b: &&Reading| a.value.total_cmp(&b.value);
+    let minimum = set.readings.iter().min_by(by_value).expect("a grid has meters");
+    let maximum = set.readings.iter().max_by(by_value).expect("a grid has meters");
+    html! {
+        (row("minimum", "all", set, minimum))
+        (row("maximum", "all", set, maximum))
+        tr { td .text { "uniformity U0" } td .text {} td { (format!("{:.3}", set.uniformity())) } }
+    }
+}
+
+fn row(label: &str, lights: &str, set: &SetReadings, reading: &Reading) -> Markup {
+    let Reading { value, noise, bias, expanded, direct } = *reading;
+    let shown = |value: f64| fixed(value, digits(reading));
+    html! {
+        tr {
+            td .text { (label) }
+            td .text { (lights) }
+            td { (shown(value)) " " (set.unit()) }
+            td { "±" (shown(expanded)) }
+            @for number in [noise, bias, direct, reading.indirect()] { td { (shown(number)) } }
+        }
+    }
+}
+
+/// Maps of the values and of their relative uncertainty.
+fn maps(set: &SetReadings) -> Markup {
+    let size = (set.grid[0], set.grid[1]);
+    let map = |name, alt: &str, values: &[f64], unit| {
+        let names = (name, alt);
+        Picture::values(names, size, values, (Colors::Sequential, unit))
+    };
+    let values: Vec<f64> = set.readings.iter().map(|reading| reading.value).collect();
+    let relative: Vec<f64> = set
+        .readings
+        .iter()
+        .map(|reading| 100.0 * reading.expanded / reading.value.max(1e-30))
+        .collect();
+    let quantity = quantity(set.kind);
+    let alt = format!("{quantity} of {}", set.name);
+    html! {
+        h2 { (set.name) }
+        (map("values", &alt, &values, set.unit()).figure(&[], &html! {
+            "The " (quantity) " of the grid. The first row is at the top."
+        }))
+        (map("uncertainty", "uncertainty of each meter", &relative, "%").figure(&[], &html! {
+            "Uncertainty (95 %), relative."
+        }))
+    }
+}

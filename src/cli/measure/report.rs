@@ -1,0 +1,99 @@
+//! A measurement as JSON.
+
+use bdpm::Measurement;
+use bdpm::measurement::{Reading, SetReadings, quantity};
+use serde::Serialize;
+
+/// A measurement. All uncertainties are in the units of the values.
+#[derive(Serialize)]
+pub struct MeasureReport<'a> {
+    scene: &'a str,
+    /// Probability of the intervals `value +- expanded`.
+    probability: f64,
+    /// Largest allowed expanded uncertainty over the value.
+    target_error: Option<f64>,
+    /// True if all meters reached the target.
+    reached: bool,
+    seconds: f64,
+    /// Technique and counts of each render job.
+    techniques: &'a [String],
+    meters: Vec<SetReport<'a>>,
+}
+
+#[derive(Serialize)]
+struct SetReport<'a> {
+    name: &'a str,
+    quantity: &'static str,
+    unit: &'static str,
+    columns: u32,
+    rows: u32,
+    mean: ReadingReport,
+    minimum: f64,
+    maximum: f64,
+    /// Smallest value over the mean.
+    uniformity: f64,
+    /// Row by row.
+    readings: Vec<ReadingReport>,
+    /// Readings under each group of lights alone. Their errors are independent.
+    groups: Vec<GroupReport<'a>>,
+}
+
+#[derive(Serialize)]
+struct GroupReport<'a> {
+    name: &'a str,
+    mean: ReadingReport,
+    readings: Vec<ReadingReport>,
+}
+
+#[derive(Serialize)]
+struct ReadingReport {
+    #[serde(flatten)]
+    reading: Reading,
+    indirect: f64,
+}
+
+impl From<&Reading> for ReadingReport {
+    fn from(reading: &Reading) -> Self {
+        Self { reading: *reading, indirect: reading.indirect() }
+    }
+}
+
+impl<'a> MeasureReport<'a> {
+    /// The report of a measurement in the scene of this name.
+    pub fn new(scene: &'a str, target_error: Option<f64>, measurement: &'a Measurement) -> Self {
+        Self {
+            scene,
+            probability: 0.95,
+            target_error,
+            reached: measurement.reached,
+            seconds: measurement.time.as_secs_f64(),
+            techniques: &measurement.techniques,
+            meters: measurement.sets.iter().map(SetReport::new).collect(),
+        }
+    }
+}
+
+impl<'a> SetReport<'a> {
+    fn new(set: &'a SetReadings) -> Self {
+        let [minimum, maximum] = set.range();
+        let readings = |own: &[Reading]| own.iter().map(ReadingReport::from).collect();
+        let group = |(name, own, mean): &'a (String, Vec<Reading>, Reading)| GroupReport {
+            name,
+            mean: mean.into(),
+            readings: readings(own),
+        };
+        Self {
+            name: &set.name,
+            quantity: quantity(set.kind),
+            unit: set.unit(),
+            columns: set.grid[0],
+            rows: set.grid[1],
+            mean: (&set.mean).into(),
+            minimum,
+            maximum,
+            uniformity: set.uniformity(),
+            readings: readings(&set.readings),
+            groups: set.groups.iter().map(group).collect(),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Light sources by name, and scenes that have only some of them.
+
+use super::{Arrangement, Material, Scene};
+use crate::base::error::Result;
+use crate::base::math::Rgb;
+
+/// A light source that can be switched on its own.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LightSource {
+    /// A light without a surface, by its number among those with power.
+    Light(usize),
+    /// All surfaces of an emissive material, by its number.
+    Material(usize),
+    /// The environment.
+    Environment,
+}
+
+impl Scene {
+    /// All light sources with their names: `light 1` and so on, names of materials, and `environment`.
+    pub fn light_sources(&self) -> Vec<(LightSource, String)> {
+        let lights = self.lights.emitters().len() - self.emitting.len();
+        let lights =
+            (0..lights).map(|index| (LightSource::Light(index), format!("light {}", index + 1)));
+        let is_used = |index: usize| {
+            self.placements.iter().any(|placement| placement.material as usize == index)
+        };
+        let emits = |(index, material): &(usize, &Material)| {
+            material.emission != Rgb::ZERO && is_used(*index)
+        };
+        let materials = self
+            .materials
+            .iter()
+            .enumerate()
+            .filter(emits)
+            .map(|(index, material)| (LightSource::Material(index), material.name.clone()));
+        let environment = self.lights.has_environment();
+        let environment = environment.then(|| (LightSource::Environment, "environment".to_owned()));
+        lights.chain(materials).chain(environment).collect()
+    }
+
+    /// The scene with only these of its light sources. Geometry, and acceleration structures of it, are the same.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_only(&self, sources: &[LightSource]) -> Result<Self> {
+        let lights =
+            self.lights.emitters().iter().take(self.lights.emitters().len() - self.emitting.len());
+        let lights = lights
+            .enumerate()
+            .filter(|(index, _)| sources.contains(&LightSource::Light(*index)))
+            .map(|(_, light)| light.clone())
+            .collect();
+        let material = |(index, material): (usize, &Material)| {
+            if sources.contains(&LightSource::Material(index)) {
+                return material.clone();
+            }
+            Material { emission: Rgb::ZERO, emission_texture: None, ..material.clone() }
+        };
+        let arrangement =
+            Arrangement { meshes: self.meshes.to_vec(), placements: self.placements.to_vec() };
+        let environment = self.lights.environment().cloned();
+        let scene = Self::with_ray_offset(
+            self.name.clone(),
+            arrangement,
+            self.materials.iter().enumerate().map(material).collect(),
+            lights,
+            self.camera,
+            self.regions.clone(),
+            self.own_ray_offset(),
+        )?;
+        let scene = Self { meters: self.meters.clone(), ..scene };
+        let keeps_environment = sources.contains(&LightSource::Environment);
+        Ok(scene.with_environment(environment.filter(|_| keeps_environment)))
+    }
+}
